@@ -1,0 +1,1 @@
+"""Trocar's processes and libraries: a folder with a ``__main__.py`` is a process, one without is a library."""
