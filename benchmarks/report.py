@@ -47,7 +47,8 @@ class Timing:
     @classmethod
     def from_samples(cls, seconds: np.ndarray) -> Timing:
         low, median, high, p99 = np.percentile(seconds, [25, 50, 75, 99])
-        return cls(float(median), float(p99), float(seconds.min()), float((high - low) / median), len(seconds))
+        noise = float((high - low) / median)
+        return cls(float(median), float(p99), float(seconds.min()), noise, len(seconds))
 
 
 @dataclass(frozen=True)
