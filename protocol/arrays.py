@@ -1,0 +1,62 @@
+"""Numeric arrays on the wire: ``[dtype, shape, bin]``, checked against what the body declares.
+
+A body declares an array field as ``Annotated[Array, Spec("<f8", ("particles", 3), "m")]``: the numpy dtype string, a
+shape whose entries are a number or the name of a dimension, and the unit. One name is one length in all arrays of a
+body, so a body whose arrays disagree is refused before anyone indexes with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+MAX_DIMENSION = 1 << 20
+
+
+class Array(msgspec.Struct, array_like=True, frozen=True, gc=False):
+    """A numeric array as it travels: little-endian, C order."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    data: bytes
+
+    def view(self) -> NDArray[Any]:
+        """Return the array, read-only, without a copy. Call only on a checked body: the bytes are trusted here."""
+        return np.frombuffer(self.data, dtype=self.dtype).reshape(self.shape)
+
+
+def pack(values: ArrayLike, dtype: str = "<f8") -> Array:
+    """Return `values` as a wire array of `dtype`; copies once into bytes."""
+    array = np.ascontiguousarray(values, dtype=dtype)
+    return Array(dtype, array.shape, array.tobytes())
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """What a body declares of an array field: dtype, shape, unit, and whether it must be finite."""
+
+    dtype: str
+    shape: tuple[int | str, ...]
+    unit: str
+    finite: bool = True
+
+    def fault(self, array: Array, lengths: dict[str, int]) -> tuple[str, str] | None:
+        """Return ``(reason, detail)`` if `array` breaks the declaration, else None; binds names in `lengths`."""
+        if array.dtype != self.dtype:
+            return "array_dtype", f"dtype {array.dtype[:8]!r}, declared {self.dtype!r}"
+        if len(array.shape) != len(self.shape):
+            return "array_shape", f"{len(array.shape)} dimensions, declared {len(self.shape)}"
+        for length, declared in zip(array.shape, self.shape, strict=True):
+            expected = lengths.setdefault(declared, length) if isinstance(declared, str) else declared
+            if length != expected or not 0 <= length <= MAX_DIMENSION:
+                return "array_shape", f"shape {array.shape}, declared {self.shape}"
+        if prod(array.shape) * int(self.dtype[2:]) != len(array.data):
+            return "array_shape", f"{len(array.data)} bytes for shape {array.shape} of {self.dtype}"
+        if self.finite and self.dtype[1] == "f" and not np.isfinite(array.view()).all():
+            return "not_finite", "an array holds NaN or infinity"
+        return None

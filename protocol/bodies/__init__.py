@@ -1,0 +1,38 @@
+"""Every body that travels, one module per publisher."""
+
+from protocol.bodies.gateway import GatewayState, InstrumentState
+from protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState
+from protocol.bodies.health import (
+    Health,
+    Histogram,
+    LoopReport,
+    PathLatency,
+    RealtimeFact,
+    StageCost,
+    TopicReport,
+)
+from protocol.bodies.physics import Catheter, Duct, PhysicsContacts, ToolReaction
+from protocol.bodies.supervisor import ProcessReport, SupervisorState
+
+__all__ = [
+    "Catheter",
+    "ContactModel",
+    "Duct",
+    "GatewayState",
+    "GraspHold",
+    "Health",
+    "Histogram",
+    "InstrumentState",
+    "LocalModel",
+    "LoopReport",
+    "PathLatency",
+    "PhysicsContacts",
+    "ProcessReport",
+    "RealtimeFact",
+    "StageCost",
+    "SupervisorState",
+    "ToolContacts",
+    "ToolReaction",
+    "ToolState",
+    "TopicReport",
+]

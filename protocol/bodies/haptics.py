@@ -1,0 +1,75 @@
+"""What haptics says: a local model of force for the servo, and contact pairs for physics."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from protocol.arrays import Array, Spec
+from protocol.vectors import IDENTITY_QUAT, ZERO3, ZERO9, Mat3, Quat, Vec3
+
+
+class LocalModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Force on one instrument near a state: ``f = f0 - K (x - x0) - B (v - v0)``; the same for the grasp torque."""
+
+    force_n: Annotated[Vec3, Meta(description="f0")] = ZERO3
+    stiffness_n_m: Annotated[Mat3, Meta(description="K, positive semi-definite")] = ZERO9
+    damping_n_s_m: Annotated[Mat3, Meta(description="B, positive semi-definite")] = ZERO9
+    reference_position_m: Annotated[Vec3, Meta(description="x0: the HIP that the model was made for")] = ZERO3
+    reference_velocity_m_s: Annotated[Vec3, Meta(description="v0")] = ZERO3
+    grasp_torque_nm: Annotated[float, Meta(description="torque on the handle at the reference angle")] = 0.0
+    grasp_stiffness_nm_rad: Annotated[float, Meta(ge=0.0)] = 0.0
+    grasp_damping_nm_s_rad: Annotated[float, Meta(ge=0.0)] = 0.0
+    reference_angle_rad: float = 0.0
+    reference_rate_rad_s: float = 0.0
+    port_moment_nm: Annotated[Vec3, Meta(description="coupling moment about the trocar, for the record")] = ZERO3
+    in_contact: Annotated[bool, Meta(description="false: free space, every force above is zero")] = False
+
+
+class ContactModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """A fresh local model per instrument, in the order of the device frame that it answers."""
+
+    tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered")]
+    ttl_s: Annotated[float, Meta(gt=0.0, le=0.1, description="force is zero once the model is older than this")]
+    instruments: Annotated[tuple[LocalModel, ...], Meta(max_length=8)] = ()
+
+
+class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """One forceps as physics needs it."""
+
+    position_m: Annotated[Vec3, Meta(description="HIP: the junction J")]
+    orientation_wxyz: Quat = IDENTITY_QUAT
+    velocity_m_s: Vec3 = ZERO3
+    port_m: Annotated[Vec3, Meta(description="the trocar's fixed point")] = ZERO3
+    jaw_angle_rad: Annotated[float, Meta(description="opening of each jaw from the shaft axis")] = 0.0
+    jaw_rate_rad_s: float = 0.0
+    closing_torque_nm: Annotated[float, Meta(description="what the hand squeezes with, at the handle")] = 0.0
+
+
+class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """A grasp: the jaws of a tool hold a point of the duct wall or of the catheter."""
+
+    tool: Annotated[int, Meta(ge=0, lt=8)]
+    target_kind: Annotated[int, Meta(ge=0, le=1, description="0 duct triangle, 1 catheter segment")]
+    target: Annotated[int, Meta(ge=0, description="triangle or segment index")]
+    target_weights: Annotated[Vec3, Meta(description="barycentric; catheter segment: (1-s, s, 0)")]
+    offset_tool_m: Annotated[Vec3, Meta(description="held point in the tool frame, from J")]
+    grip_force_n: Annotated[float, Meta(ge=0.0, description="normal force of the jaws on what they hold")]
+
+
+class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Tools and what they touch: one row per contact pair in the arrays."""
+
+    tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered: physics' clock")]
+    tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
+    tool: Annotated[Array, Spec("|i1", ("pairs",), "1")]
+    tool_segment: Annotated[Array, Spec("|i1", ("pairs",), "0 shaft, 1 jaw A, 2 jaw B")]
+    target_kind: Annotated[Array, Spec("|i1", ("pairs",), "0 duct triangle, 1 catheter segment")]
+    target: Annotated[Array, Spec("<i4", ("pairs",), "index")]
+    tool_parameter: Annotated[Array, Spec("<f8", ("pairs",), "1")]
+    target_weights: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
+    normal: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
+    gap_m: Annotated[Array, Spec("<f8", ("pairs",), "m")]
+    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()

@@ -1,0 +1,87 @@
+"""What every process says of itself ten times a second. All counts are cumulative: a lost frame loses nothing."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from protocol.arrays import Array, Spec
+
+
+class Histogram(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Counts in log buckets anchored at `deadline_ns`; services.runtime.histogram has the edges."""
+
+    deadline_ns: Annotated[int, Meta(gt=0, description="itself a bucket edge, so that miss ratios are exact")]
+    counts: Annotated[Array, Spec("<i8", ("buckets",), "1")]
+    total: Annotated[int, Meta(ge=0)] = 0
+    sum_ns: int = 0
+    max_ns: int = 0
+
+
+class LoopReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """A deadline loop since its start."""
+
+    rate_hz: Annotated[float, Meta(gt=0.0)]
+    ticks: Annotated[int, Meta(ge=0)]
+    misses: Annotated[int, Meta(ge=0, description="finished after the deadline, or never ran")]
+    skipped: Annotated[int, Meta(ge=0, description="never ran; part of misses")]
+    lateness: Histogram
+    work: Histogram
+    period: Histogram
+
+
+class TopicReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """One topic as this process sees it."""
+
+    topic: Annotated[str, Meta(max_length=64)]
+    sent: Annotated[int, Meta(ge=0)] = 0
+    received: Annotated[int, Meta(ge=0)] = 0
+    superseded: Annotated[int, Meta(ge=0, description="replaced by a newer frame before they were read")] = 0
+    dropped: Annotated[int, Meta(ge=0, description="lost although every frame was wanted")] = 0
+    refused: Annotated[dict[str, int], Meta(max_length=32, description="by reason")] = {}
+    age: Histogram | None = None
+
+
+class PathLatency(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """A named path from the device sample to somewhere."""
+
+    name: Annotated[str, Meta(max_length=64)]
+    latency: Histogram
+    answered: Annotated[int, Meta(ge=0)] = 0
+    asked: Annotated[int, Meta(ge=0)] = 0
+
+
+class StageCost(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """What one stage of the step cost since the last report."""
+
+    name: Annotated[str, Meta(max_length=64)]
+    mean_us: float
+    max_us: float
+
+
+class RealtimeFact(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """One real-time property: asked for, and had."""
+
+    name: Annotated[str, Meta(max_length=64)]
+    asked: Annotated[str, Meta(max_length=128)]
+    had: Annotated[str, Meta(max_length=256)]
+    ok: bool
+
+
+class Health(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Heartbeat and figures of one process."""
+
+    process: Annotated[str, Meta(max_length=32)]
+    pid: Annotated[int, Meta(ge=0)]
+    state: Annotated[str, Meta(max_length=16, description="starting, ready, running, degraded, stopping or failed")]
+    detail: Annotated[str, Meta(max_length=512)] = ""
+    uptime_s: float = 0.0
+    loop: LoopReport | None = None
+    topics: Annotated[tuple[TopicReport, ...], Meta(max_length=64)] = ()
+    paths: Annotated[tuple[PathLatency, ...], Meta(max_length=16)] = ()
+    stages: Annotated[tuple[StageCost, ...], Meta(max_length=64)] = ()
+    realtime: Annotated[tuple[RealtimeFact, ...], Meta(max_length=32)] = ()
+    quality_level: Annotated[int, Meta(ge=0, lt=16)] = 0
+    gauges: Annotated[dict[str, float], Meta(max_length=64, description="anything else worth a line")] = {}

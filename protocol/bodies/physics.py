@@ -1,0 +1,64 @@
+"""What physics says: duct in modal coordinates, catheter particles, solved contacts."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from protocol.arrays import Array, Spec
+from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
+
+
+class Duct(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """The duct: modal coordinates and the loads whose residual compliance shapes it near contacts.
+
+    Node i is at ``X_i + Phi_i q + sum_j R_ij f_j`` over the loaded nodes j; `basis_hash` names Phi and R.
+    """
+
+    tick: Annotated[int, Meta(ge=0)]
+    basis_hash: Annotated[str, Meta(max_length=64, description="content hash of the modal basis")]
+    q: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)")]
+    q_rate: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)/s")]
+    load_node: Annotated[Array, Spec("<i4", ("loads",), "index")]
+    load_force_n: Annotated[Array, Spec("<f8", ("loads", 3), "N")]
+    quality_level: Annotated[int, Meta(ge=0, lt=16)] = 0
+
+
+class Catheter(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """The catheter's particles along its centreline, tip last."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    position_m: Annotated[Array, Spec("<f8", ("particles", 3), "m")]
+    velocity_m_s: Annotated[Array, Spec("<f8", ("particles", 3), "m/s")]
+    radius_m: Annotated[float, Meta(gt=0.0)]
+    twist_rad: Annotated[Array, Spec("<f8", ("twists",), "rad")]
+    inserted_length_m: Annotated[float, Meta(description="arc length inside the lumen")] = 0.0
+
+
+class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Solved force on one tool, and the stiffness that it meets."""
+
+    force_n: Annotated[Vec3, Meta(description="on the tool, at J")] = ZERO3
+    torque_nm: Annotated[Vec3, Meta(description="about J")] = ZERO3
+    port_moment_nm: Annotated[Vec3, Meta(description="coupling moment about the trocar")] = ZERO3
+    grasp_torque_nm: Annotated[float, Meta(description="on the handle, opens it where positive")] = 0.0
+    grasp_stiffness_nm_rad: float = 0.0
+    stiffness_n_m: Annotated[Mat3, Meta(description="local stiffness felt at J, virtual coupling included")] = ZERO9
+    position_m: Annotated[Vec3, Meta(description="the HIP that the force was solved for")] = ZERO3
+    proxy_position_m: Annotated[Vec3, Meta(description="where the tool is held by what it touches")] = ZERO3
+    contacts: Annotated[int, Meta(ge=0)] = 0
+    holds: Annotated[int, Meta(ge=0, description="grasps in force")] = 0
+
+
+class PhysicsContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Contact forces of one step."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    tools: Annotated[tuple[ToolReaction, ...], Meta(max_length=8)]
+    kind: Annotated[Array, Spec("|i1", ("contacts",), "0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other")]
+    point_m: Annotated[Array, Spec("<f8", ("contacts", 3), "m")]
+    force_n: Annotated[Array, Spec("<f8", ("contacts", 3), "N")]
+    max_penetration_m: float = 0.0
+    iterations: Annotated[int, Meta(ge=0)] = 0

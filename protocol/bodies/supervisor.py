@@ -1,0 +1,32 @@
+"""What the supervisor says to everyone."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+
+class ProcessReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """One process of the rig as the supervisor judges it."""
+
+    name: Annotated[str, Meta(max_length=32)]
+    state: Annotated[str, Meta(max_length=16)]
+    pid: Annotated[int, Meta(ge=0)] = 0
+    restarts: Annotated[int, Meta(ge=0)] = 0
+    reason: Annotated[str, Meta(max_length=256)] = ""
+
+
+class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """State of the rig, and what everyone is asked to do."""
+
+    state: Annotated[str, Meta(max_length=16, description="off, starting, ready, running, degraded or safe_stop")]
+    quality_level: Annotated[int, Meta(ge=0, lt=16, description="0 is the best")] = 0
+    safe_stop: Annotated[
+        bool, Meta(description="true: the gateway lets the arms go limp until the rig is armed anew")
+    ] = False
+    reason: Annotated[
+        str, Meta(max_length=512, description="what is wrong: names topic or process, value and limit")
+    ] = ""
+    processes: Annotated[tuple[ProcessReport, ...], Meta(max_length=16)] = ()

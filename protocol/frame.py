@@ -1,0 +1,144 @@
+"""The envelope: bytes to frames and back. Everything that arrives is checked here; what fails has a named reason."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from protocol import declared, upgrades
+from protocol.topics import TOPICS, Topic
+
+#: Major version of the envelope itself. A frame with another one is refused unread.
+PROTOCOL_VERSION = 1
+#: No frame of the rig comes near this; what is larger is refused before it is parsed.
+MAX_FRAME_BYTES = 1 << 20
+
+
+class Reason(StrEnum):
+    """Why a frame was refused. The bus counts them by name."""
+
+    TOO_LARGE = "too_large"
+    MALFORMED = "malformed"
+    PROTOCOL_VERSION = "protocol_version"
+    UNKNOWN_TOPIC = "unknown_topic"
+    WRONG_TOPIC = "wrong_topic"
+    NEWER_VERSION = "newer_version"
+    UNKNOWN_VERSION = "unknown_version"
+    BODY = "body"
+    ARRAY_DTYPE = "array_dtype"
+    ARRAY_SHAPE = "array_shape"
+    NOT_FINITE = "not_finite"
+    OUT_OF_ORDER = "out_of_order"
+    OLD_INCARNATION = "old_incarnation"
+    FLOOD = "flood"
+
+
+class FrameError(ValueError):
+    """A frame that is refused: `reason` for counting, the message for a person."""
+
+    def __init__(self, reason: Reason, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
+
+
+class Header(msgspec.Struct, array_like=True, frozen=True, gc=False):
+    """What every frame begins with; the body follows, unread."""
+
+    protocol: Annotated[int, Meta(description="PROTOCOL_VERSION of the sender")]
+    topic: Annotated[str, Meta(max_length=64)]
+    version: Annotated[int, Meta(ge=1, lt=1 << 16, description="version of the body")]
+    incarnation: Annotated[int, Meta(ge=0, description="random per start of the publisher")]
+    sequence: Annotated[int, Meta(ge=0, description="per topic and incarnation, from 0")]
+    sent_ns: Annotated[int, Meta(ge=0, description="monotonic clock of the sender's host")]
+    origin_ns: Annotated[int, Meta(ge=0, description="monotonic time of the device sample answered, 0 none")]
+    valid: Annotated[bool, Meta(description="false: some input of the sender was stale")]
+    body: msgspec.Raw
+
+
+class Frame(msgspec.Struct, array_like=True, frozen=True):
+    """A frame as its reader gets it: the envelope and a checked body of the current version."""
+
+    protocol: int
+    topic: str
+    version: int
+    incarnation: int
+    sequence: int
+    sent_ns: int
+    origin_ns: int
+    valid: bool
+    body: Any
+
+
+_encoder = msgspec.msgpack.Encoder()
+_header = msgspec.msgpack.Decoder(Header)
+
+
+def encode(frame: Frame) -> bytes:
+    """Return the bytes of `frame`: one msgpack array, envelope first, body last."""
+    return _encoder.encode(frame)
+
+
+def peek(data: bytes) -> Header:
+    """Return the envelope of `data` with the body unread: for recorders and sniffers.
+
+    Raises
+    ------
+    FrameError
+        if `data` is too large, is not a frame, or has another protocol version.
+    """
+    if len(data) > MAX_FRAME_BYTES:
+        raise FrameError(Reason.TOO_LARGE, f"{len(data)} bytes, at most {MAX_FRAME_BYTES}")
+    try:
+        header = _header.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError) as error:
+        raise FrameError(Reason.MALFORMED, str(error)) from None
+    if header.protocol != PROTOCOL_VERSION:
+        raise FrameError(Reason.PROTOCOL_VERSION, f"protocol {header.protocol}, this is {PROTOCOL_VERSION}")
+    return header
+
+
+def decode(data: bytes, expected: str | None = None) -> Frame:
+    """Return the frame in `data`, its body checked and lifted to the current version.
+
+    Parameters
+    ----------
+    data
+        One message of the bus.
+    expected
+        The topic of the socket that it came from; any known topic where None.
+
+    Raises
+    ------
+    FrameError
+        with the named reason, for anything that is not exactly a valid frame.
+    """
+    header = peek(data)
+    row = TOPICS.get(header.topic)
+    if row is None:
+        raise FrameError(Reason.UNKNOWN_TOPIC, f"no topic {header.topic!r}")
+    if expected is not None and header.topic != expected:
+        raise FrameError(Reason.WRONG_TOPIC, f"{header.topic!r} on the socket of {expected!r}")
+    body = _decode_body(row, header)
+    return Frame(
+        header.protocol, header.topic, row.version, header.incarnation, header.sequence,
+        header.sent_ns, header.origin_ns, header.valid, body,
+    )  # fmt: skip
+
+
+def _decode_body(row: Topic, header: Header) -> Any:
+    if header.version > row.version:
+        raise FrameError(Reason.NEWER_VERSION, f"{row.name} version {header.version}, this knows {row.version}")
+    kind = upgrades.body_type(row, header.version)
+    if kind is None:
+        raise FrameError(Reason.UNKNOWN_VERSION, f"{row.name} version {header.version} is no longer known")
+    try:
+        body = declared.decoder(kind).decode(header.body)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError) as error:
+        raise FrameError(Reason.BODY, f"{row.name}: {error}") from None
+    fault = declared.fault(body, finite_scalars=row.command)
+    if fault is not None:
+        raise FrameError(Reason(fault[0]), f"{row.name}: {fault[1]}")
+    return upgrades.lift(row, header.version, body)

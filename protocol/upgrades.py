@@ -1,0 +1,33 @@
+"""Old body versions: what they looked like, and how each becomes the next.
+
+A row ``UPGRADES[(topic, version)] = (old body type, lift)`` says how a body of `version` becomes one of the next
+version. A field is never reused. A field added at the end with a default keeps the version; anything else is a new
+version and a row here, and the old version's golden bytes stay in ``tests/protocol/golden``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from protocol.topics import Topic
+
+UPGRADES: dict[tuple[str, int], tuple[type[msgspec.Struct], Callable[[Any], Any]]] = {}
+
+
+def body_type(row: Topic, version: int) -> type[msgspec.Struct] | None:
+    """Return the body type of `version` of a topic, or None if it is not (or no longer) known."""
+    if version == row.version:
+        return row.body
+    old = UPGRADES.get((row.name, version))
+    return old[0] if old else None
+
+
+def lift(row: Topic, version: int, body: Any) -> Any:
+    """Return `body` of `version` as one of the row's current version, one upgrade at a time."""
+    while version < row.version:
+        body = UPGRADES[(row.name, version)][1](body)
+        version += 1
+    return body
