@@ -1,0 +1,127 @@
+"""What a scene is made of, in SI units: geometry, materials, contact, effects and the quality ladder.
+
+Plain data without validation: the configuration layer checks what a person wrote and names the key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DuctScene:
+    """The cystic duct: a parametric tube along +x, or the name of a surface file read elsewhere.
+
+    The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``.
+    """
+
+    radius_m: float = 4e-3
+    length_m: float = 40e-3
+    n_around: int = 24
+    n_along: int = 30
+    taper: float = 0.0
+    curvature_1_m: float = 0.0
+    mesh_file: str | None = None
+    mesh_unit: str = "mm"
+    thickness_m: float = 0.5e-3
+    youngs_modulus_pa: float = 100e3
+    poisson_ratio: float = 0.45
+    density_kg_m3: float = 1060.0
+    element: str = "cst+dkt"
+    n_modes: int = 100
+    damping_ratio: float = 0.1
+    integrator: Literal["newmark", "exact"] = "newmark"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CatheterScene:
+    """The catheter: particle 0 is the proximal end, the last particle is the tip.
+
+    It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``.
+    ``anchor`` "clamped" fixes the two proximal particles, "introducer" lets them slide along ``direction``.
+    """
+
+    n_segments: int = 50
+    length_m: float = 0.1
+    outer_diameter_m: float = 1.67e-3
+    inner_diameter_m: float = 0.9e-3
+    youngs_modulus_pa: float = 70e6
+    poisson_ratio: float = 0.45
+    density_kg_m3: float = 1100.0
+    damping_1_s: float = 5.0
+    bending_damping_s: float = 1e-3
+    rest_curvature_1_m: tuple[Vector3, ...] = ()
+    tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
+    direction: Vector3 = (-1.0, 0.0, 0.0)
+    anchor: Literal["free", "clamped", "introducer"] = "free"
+    integrator: Literal["implicit", "semi_implicit"] = "implicit"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForcepsScene:
+    """One laparoscopic forceps: a shaft through a fixed port and two jaws, coupled to the hand by springs.
+
+    The jaw angle is the opening between both jaws; it is ``jaw_ratio`` times the angle of the handle.
+    """
+
+    port_position_m: Vector3 = (0.08, -0.05, 0.15)
+    shaft_radius_m: float = 2.5e-3
+    jaw_radius_m: float = 1.0e-3
+    jaw_length_m: float = 15e-3
+    jaw_ratio: float = 1.0
+    jaw_max_angle_rad: float = 1.0
+    coupling_stiffness_n_m: float = 500.0
+    coupling_damping_n_s_m: float = 1.0
+    jaw_stiffness_nm_rad: float = 0.2
+    jaw_damping_nm_s_rad: float = 2e-4
+    grip_friction: float = 0.5
+    grasp_torque_nm: float = 2e-3
+    release_angle_rad: float = 0.03
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactSettings:
+    """How contacts are answered.
+
+    "implicit" solves them in contact space; "penalty" is the paper's spring on the depth of penetration.
+    Friction exists only when the effect ``friction`` is named in the scene.
+    """
+
+    model: Literal["implicit", "penalty"] = "implicit"
+    iterations: int = 30
+    tolerance_n: float = 1e-6
+    margin_m: float = 0.5e-3
+    capacity: int = 96
+    recovery: float = 0.2
+    penalty_stiffness_n_m: float = 200.0
+    penalty_damping_n_s_m: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QualityLevel:
+    """One rung of the quality ladder; rung 0 is the best and every switch costs nothing but the tick."""
+
+    name: str = "full"
+    n_modes: int | None = None
+    iterations: int = 30
+    collision_every: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneModel:
+    """Everything a simulation is built from. ``effects`` maps the name of each present effect to its settings."""
+
+    duct: DuctScene = field(default_factory=DuctScene)
+    catheter: CatheterScene = field(default_factory=CatheterScene)
+    forceps: tuple[ForcepsScene, ...] = (
+        ForcepsScene(),
+        ForcepsScene(port_position_m=(0.02, 0.06, 0.15)),
+    )
+    contact: ContactSettings = field(default_factory=ContactSettings)
+    effects: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    quality: tuple[QualityLevel, ...] = (QualityLevel(),)
+    sleeping: bool = True
