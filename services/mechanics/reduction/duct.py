@@ -1,0 +1,63 @@
+"""The reduced duct that every process holds: read-only, a function of modal coordinates and contact loads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.mesh import TriangleMesh
+from services.mechanics.reduction.basis import ModalBasis, node_displacements
+from services.mechanics.reduction.residual import Residual
+from services.mechanics.reduction.state import FloatArray, IntArray, ModalState
+
+
+@dataclass(frozen=True, slots=True)
+class ReducedDuct:
+    """Mesh, modes, residual compliance and damping of one duct.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh
+        The undeformed mid-surface.
+    basis : ModalBasis
+        r modes.
+    residual : Residual
+        Static response of the modes left out.
+    damping_ratio : (r,) float64
+        Fraction of critical damping of each mode.
+    """
+
+    mesh: TriangleMesh
+    basis: ModalBasis
+    residual: Residual
+    damping_ratio: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.basis.n_nodes != self.mesh.n_vertices:
+            raise ValueError(f"the basis has {self.basis.n_nodes} nodes and the mesh {self.mesh.n_vertices} vertices")
+        if self.damping_ratio.shape != (self.basis.n_modes,):
+            raise ValueError(f"{self.damping_ratio.size} damping ratios do not fit {self.basis.n_modes} modes")
+
+    def node_displacements(
+        self, state: ModalState, load_nodes: IntArray, load_forces_n: FloatArray, nodes: IntArray, out: FloatArray
+    ) -> None:
+        """Write the displacement of ``nodes`` (k,) into ``out`` (k, 3), in m, without allocating.
+
+        ``load_nodes`` (l,) and ``load_forces_n`` (l, 3) are the nodal loads of the same tick; their residual
+        response is added to the modes'.
+        """
+        node_displacements(nodes, self.basis.Phi, state.q, out)
+        self.residual.apply(load_nodes, load_forces_n, nodes, out)
+
+    def displacements(self, state: ModalState, load_nodes: IntArray, load_forces_n: FloatArray) -> FloatArray:
+        """Return the displacement of every node (n, 3) in m: for the viewer, not for the 1 kHz step."""
+        field = self.basis.displacements(state.q)
+        every_node = np.arange(self.basis.n_nodes, dtype=np.int32)
+        self.residual.apply(load_nodes, load_forces_n, every_node, field)
+        return field
+
+
+def rayleigh_damping_ratio(omega_rad_s: FloatArray, alpha_1_s: float, beta_s: float) -> FloatArray:
+    """Return the damping ratios (r,) of B = alpha M + beta K; the paper has beta = 0."""
+    return 0.5 * (alpha_1_s / omega_rad_s + beta_s * omega_rad_s)

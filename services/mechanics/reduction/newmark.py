@@ -1,0 +1,103 @@
+"""Newmark average acceleration, as in Appendix B of Basdogan, Ho and Srinivasan (2001)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from services.mechanics.reduction.state import FloatArray, ModalGains, ModalState
+
+if TYPE_CHECKING:
+    from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class NewmarkConstants:
+    """The paper's a0 ... a10 for one step length; a0, a1 and a2 follow the damping alpha and may be arrays.
+
+    ``alpha`` is the damping over mass in 1/s: a scalar for B = alpha M, or 2 omega zeta per mode.
+    """
+
+    a0: Any
+    a1: Any
+    a2: Any
+    a3: float
+    a4: float
+    a5: float
+    a6: float
+    a7: float
+    a8: float
+    a9: float
+    a10: float
+
+    @classmethod
+    def from_step(cls, dt_s: float, alpha_1_s: Any) -> NewmarkConstants:
+        """Evaluate the constants of Appendix B.A for the step ``dt_s`` in s (eta = 1/4, delta = 1/2)."""
+        a0 = (4.0 + 2.0 * alpha_1_s * dt_s) / dt_s**2
+        a4 = 4.0 / dt_s**2
+        a9 = dt_s**2 / 4.0
+        return cls(a0, a0, 4.0 / dt_s + alpha_1_s, 1.0, a4, -a4, -a4 * dt_s, -1.0, dt_s / 2.0, a9, a9)
+
+
+class Newmark:
+    """Average acceleration for decoupled modes (the paper's NIRMS).
+
+    Unconditionally stable, second order; without damping and load it conserves the energy of each mode.
+    The period comes out too long by (omega dt)^2 / 12: 0.5 % at 40 Hz and 7 % at 150 Hz for 1 ms.
+    A force given to a step acts at its end, t + dt.
+
+    Parameters
+    ----------
+    omega_rad_s : (r,) float64
+        Circular frequencies of the modes.
+    damping_ratio : (r,) float64
+        Fraction of critical damping of each mode, >= 0.
+    """
+
+    def __init__(self, omega_rad_s: FloatArray, damping_ratio: FloatArray) -> None:
+        self._stiffness = omega_rad_s**2
+        self._alpha = 2.0 * omega_rad_s * damping_ratio
+        self._dt_s = float("nan")
+
+    def predict(self, state: ModalState, modal_force: FloatArray, dt_s: float) -> None:
+        """Step ``state`` in place by ``dt_s`` under ``modal_force`` (r,), which acts at the end of the step."""
+        if dt_s != self._dt_s:
+            self._prepare(dt_s)
+        newmark_step(state.q, state.qdot, state.qddot, modal_force, self._kernel_constants, dt_s)
+
+    def gains(self, dt_s: float) -> ModalGains:
+        """Return the change of the end state per unit modal force: 1/K_hat, a8 a4/K_hat and a4/K_hat."""
+        if dt_s != self._dt_s:
+            self._prepare(dt_s)
+        return self._gains
+
+    def _prepare(self, dt_s: float) -> None:
+        if not dt_s > 0.0:
+            raise ValueError(f"the time step must be positive, not {dt_s} s")
+        a = NewmarkConstants.from_step(dt_s, self._alpha)
+        position = 1.0 / (self._stiffness + a.a0)
+        self._gains = ModalGains(position, a.a8 * a.a4 * position, a.a4 * position)
+        self._kernel_constants = np.ascontiguousarray(np.stack([a.a1, a.a2, position]))
+        self._dt_s = dt_s
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def newmark_step(
+    q: FloatArray, qdot: FloatArray, qddot: FloatArray, force: FloatArray, constants: FloatArray, dt: float
+) -> None:
+    """Advance q, qdot and qddot (r,) in place by steps 1 to 3 of Appendix B; constants = (a1, a2, 1/K_hat)."""
+    a1, a2, inverse = constants[0], constants[1], constants[2]
+    a4 = 4.0 / dt**2
+    a6 = -4.0 / dt
+    a8 = 0.5 * dt
+    a9 = 0.25 * dt**2
+    for i in range(q.shape[0]):
+        x, v, a = q[i], qdot[i], qddot[i]
+        x_hat = (force[i] + a1[i] * x + a2[i] * v + a) * inverse[i]
+        a_end = a4 * (x_hat - x) + a6 * v - a
+        qddot[i] = a_end
+        qdot[i] = v + a8 * (a + a_end)
+        q[i] = x + dt * v + a9 * (a + a_end)

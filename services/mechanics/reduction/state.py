@@ -1,0 +1,68 @@
+"""Modal coordinates of the reduced duct and what their integrators promise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+
+@dataclass(slots=True)
+class ModalState:
+    """Modal coordinates q (r,), their rates qdot (r,) and accelerations qddot (r,), mass normalised (m kg^1/2)."""
+
+    q: FloatArray
+    qdot: FloatArray
+    qddot: FloatArray
+
+    @classmethod
+    def at_rest(cls, n_modes: int) -> ModalState:
+        """Return the undeformed state of ``n_modes`` modes."""
+        return cls(np.zeros(n_modes), np.zeros(n_modes), np.zeros(n_modes))
+
+    def copy(self) -> ModalState:
+        """Return an independent copy."""
+        return ModalState(self.q.copy(), self.qdot.copy(), self.qddot.copy())
+
+    def kinetic_energy_j(self) -> float:
+        """Kinetic energy in J: mass normalised modes carry unit mass."""
+        return 0.5 * float(self.qdot @ self.qdot)
+
+    def strain_energy_j(self, omega_rad_s: FloatArray) -> float:
+        """Elastic energy in J of the linear modes."""
+        return 0.5 * float(np.sum((omega_rad_s * self.q) ** 2))
+
+
+@dataclass(frozen=True, slots=True)
+class ModalGains:
+    """What a modal force f (r,), applied over one step, adds at its end: dq = position f, and so on.
+
+    All three are (r,) and linear in f, so the contact compliance of the duct at the end of a step is
+    ``Phi_c diag(position) Phi_c^T``, plus the residual compliance.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+class ModalIntegrator(Protocol):
+    """One step of r decoupled oscillators, first without and then with the contact forces."""
+
+    def predict(self, state: ModalState, modal_force: FloatArray, dt_s: float) -> None:
+        """Step ``state`` in place under ``modal_force`` (r,), contacts left out."""
+
+    def gains(self, dt_s: float) -> ModalGains:
+        """Return the linear effect of a modal force on the state at the end of a step."""
+
+
+def correct(state: ModalState, modal_force: FloatArray, gains: ModalGains) -> None:
+    """Add to ``state``, in place, what ``modal_force`` (r,) changes at the end of the predicted step."""
+    state.q += gains.position * modal_force
+    state.qdot += gains.velocity * modal_force
+    state.qddot += gains.acceleration * modal_force
