@@ -1,0 +1,163 @@
+"""A supported shell: stiffness and mass over its free degrees of freedom, factorised once and solved often."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
+from services.mechanics.fem.section import ShellSection
+from services.mechanics.fem.supports import Support, check_supported, held_dofs
+from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+
+__all__ = ["ElementChoice", "ShellModel", "StaticSolution"]
+
+PENALTY = 1e8
+"""The paper's "large number" on the held diagonal entries; larger loses digits in the factorisation."""
+
+
+@dataclass(frozen=True)
+class StaticSolution:
+    """Equilibrium under one load case."""
+
+    displacement_m: FloatArray
+    """(n, 3)."""
+    rotation_rad: FloatArray
+    """(n, 3) small rotation vectors."""
+    reaction: FloatArray
+    """(n, 6) force (N) and moment (N m) that the supports exert on the shell, zero at free dofs."""
+    residual: float
+    """Norm of the unbalanced free forces over the norm of the load."""
+
+
+class ShellModel:
+    """Thin shell with supports; dof 6 * node + component, components (ux, uy, uz, rx, ry, rz) in global axes.
+
+    Parameters
+    ----------
+    mesh, section, elements
+        Geometry, material and the triangles that carry it.
+    supports
+        Held degrees of freedom; every connected piece must be kept from moving rigidly.
+    constraints
+        ``elimination`` removes held dofs; ``penalty`` keeps them and multiplies their diagonal (paper, II-C.1 d).
+
+    Raises
+    ------
+    ValueError
+        The mesh is degenerate or not supported; the message says where.
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        section: ShellSection,
+        supports: Sequence[Support],
+        elements: ElementChoice | None = None,
+        constraints: Literal["elimination", "penalty"] = "elimination",
+    ) -> None:
+        self.mesh = mesh
+        self.section = section
+        self.elements = elements or ElementChoice()
+        self.constraints = constraints
+        self.held_dofs: IntArray = held_dofs(mesh, supports)
+        check_supported(mesh, self.held_dofs)
+        self.K_full = assemble_stiffness(mesh, section, self.elements)
+        self.mass_kg: FloatArray = assemble_lumped_mass(mesh, section)
+
+    @property
+    def n_dofs(self) -> int:
+        """All degrees of freedom, 6 n."""
+        return 6 * self.mesh.n_vertices
+
+    @cached_property
+    def free_dofs(self) -> IntArray:
+        """(f,) indices of the unknowns: not held, or all of them with the penalty method."""
+        if self.constraints == "penalty":
+            return np.arange(self.n_dofs, dtype=np.int32)
+        return np.setdiff1d(np.arange(self.n_dofs, dtype=np.int32), self.held_dofs, assume_unique=True)
+
+    @cached_property
+    def K_free(self) -> csc_array[np.float64]:
+        """(f, f) stiffness over the free dofs, symmetric positive definite."""
+        K = self.K_full.tocsr()
+        if self.constraints == "elimination":
+            K = K[self.free_dofs][:, self.free_dofs]
+        # Symmetric: the compressed rows are the compressed columns.
+        compressed = csc_array((K.data, K.indices, K.indptr), shape=K.shape)
+        if self.constraints == "penalty":
+            diagonal = compressed.diagonal()
+            diagonal[self.held_dofs] *= PENALTY
+            compressed.setdiag(diagonal)
+        return compressed
+
+    @cached_property
+    def free_translations(self) -> IntArray:
+        """Positions within ``free_dofs`` of the unknowns that are translations."""
+        return np.flatnonzero(self.free_dofs % 6 < 3).astype(np.int32)
+
+    @cached_property
+    def free_mass_kg(self) -> FloatArray:
+        """(f,) diagonal of the mass matrix over the free dofs; rotations carry none."""
+        mass = np.zeros((self.mesh.n_vertices, 6))
+        mass[:, :3] = self.mass_kg[:, None]
+        return mass.ravel()[self.free_dofs]
+
+    @cached_property
+    def factor(self) -> SuperLU:
+        """Sparse factors of ``K_free``, made at the first use; symmetric pivots keep the fill low."""
+        return splu(self.K_free, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def solve_free(self, load: FloatArray) -> FloatArray:
+        """K⁻¹ load for (f,) or (f, k) loads over the free dofs, with one step of iterative refinement."""
+        u = self.factor.solve(load)
+        u += self.factor.solve(load - self.K_free @ u)
+        return u
+
+    def solve_static(self, load: FloatArray, imposed: FloatArray | None = None) -> StaticSolution:
+        """Equilibrium under nodal loads and displacements imposed on the held dofs.
+
+        Parameters
+        ----------
+        load
+            (n, 3) forces in N or (n, 6) with moments in N m.
+        imposed
+            (n, 6) values of which those at held dofs are used; none means zero.
+        """
+        force = self._full_vector(load, "load")
+        u = np.zeros(self.n_dofs)
+        if imposed is not None:
+            u[self.held_dofs] = self._full_vector(imposed, "imposed")[self.held_dofs]
+        free = self.free_dofs
+        if self.constraints == "penalty":
+            target = force.copy()
+            target[self.held_dofs] = self.K_free.diagonal()[self.held_dofs] * u[self.held_dofs]
+            u = self.solve_free(target)
+        else:
+            u[free] = self.solve_free((force - np.asarray(self.K_full @ u))[free])
+        unbalanced = force - np.asarray(self.K_full @ u)
+        reaction = np.zeros(self.n_dofs)
+        reaction[self.held_dofs] = -unbalanced[self.held_dofs]
+        unbalanced[self.held_dofs] = 0.0
+        scale = float(np.linalg.norm(force) + np.linalg.norm(reaction))
+        nodal = u.reshape(-1, 6)
+        return StaticSolution(
+            nodal[:, :3].copy(),
+            nodal[:, 3:].copy(),
+            reaction.reshape(-1, 6),
+            float(np.linalg.norm(unbalanced)) / scale if scale else 0.0,
+        )
+
+    def _full_vector(self, nodal: FloatArray, name: str) -> FloatArray:
+        n = self.mesh.n_vertices
+        if nodal.shape not in ((n, 3), (n, 6)):
+            raise ValueError(f"{name} has shape {nodal.shape}, expected ({n}, 3) or ({n}, 6)")
+        full = np.zeros((n, 6))
+        full[:, : nodal.shape[1]] = nodal
+        return full.ravel()
