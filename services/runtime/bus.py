@@ -1,0 +1,167 @@
+"""The bus as a process sees it, and the bookkeeping of every kind of bus: order, incarnations, ages, refusals."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections import Counter, deque
+from typing import Protocol
+
+import msgspec
+
+import protocol
+import protocol.bodies as bodies
+from protocol import Frame, FrameError, Reason, Topic
+from services.runtime.histogram import LatencyHistogram
+
+#: A reader accepts up to this many times the topic's rate; what comes faster is refused undecoded.
+FLOOD_FACTOR = 3.0
+#: The burst that a reader forgives: a stopped publisher that is continued sends what its queues held.
+FLOOD_BURST = 100.0
+#: Frames taken by one `drain`: what is beyond waits for the next, so that a loop's time stays bounded.
+DRAIN_LIMIT = 256
+
+
+class Bus(Protocol):
+    """What a process may do with the bus. One thread uses it."""
+
+    def publish(self, topic: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
+        """Send `body` to whoever reads `topic`; return the sequence number. Never blocks."""
+        ...
+
+    def latest(self, topic: str) -> Frame | None:
+        """Return the newest frame of a "latest" topic that was not returned before, or None. Never blocks."""
+        ...
+
+    def drain(self, topic: str) -> list[Frame]:
+        """Return the frames of a topic read with ``every`` since the last call, oldest first. Never blocks."""
+        ...
+
+    def wait(self, topic: str, until_ns: int) -> bool:
+        """Sleep until `topic` may have a frame (True) or the monotonic clock reaches `until_ns` (False)."""
+        ...
+
+    def is_fresh(self, *topics: str) -> bool:
+        """Return whether the last frame of each topic is younger than its ``stale_after_s`` and was sent as valid."""
+        ...
+
+    def has_reader(self, topic: str) -> bool:
+        """Return whether a reader of `topic`, which this process publishes, has subscribed."""
+        ...
+
+    def reports(self) -> tuple[bodies.TopicReport, ...]:
+        """Return the counts of every topic of this process."""
+        ...
+
+    def close(self) -> None:
+        """Give up all sockets and locks."""
+        ...
+
+
+class Outbox:
+    """Numbers and seals the frames of one published topic."""
+
+    def __init__(self, row: Topic, incarnation: int) -> None:
+        self.row = row
+        self.incarnation = incarnation
+        self.sent = 0
+
+    def seal(self, body: msgspec.Struct, origin_ns: int, valid: bool) -> bytes:
+        """Return the bytes of the next frame."""
+        row = self.row
+        frame = Frame(
+            protocol.PROTOCOL_VERSION, row.name, row.version, self.incarnation, self.sent,
+            time.monotonic_ns(), origin_ns, valid, body,
+        )  # fmt: skip
+        self.sent += 1
+        return protocol.encode(frame)
+
+    def report(self) -> bodies.TopicReport:
+        """Return the counts as they travel."""
+        return bodies.TopicReport(topic=self.row.name, sent=self.sent)
+
+
+class Inbox:
+    """Checks the frames of one read topic: who sent them, in which order, how old, and whether they may be used."""
+
+    def __init__(self, row: Topic, *, every: bool = False) -> None:
+        self.row = row
+        self.every = every or row.delivery == "every"
+        self.received = 0
+        self.superseded = 0
+        self.dropped = 0
+        self.refused: Counter[str] = Counter()
+        self.age = LatencyHistogram(round(1e9 / row.rate_hz))
+        self.last: Frame | None = None
+        self._retired: deque[int] = deque(maxlen=16)
+        self._tokens = FLOOD_BURST
+        self._refilled_ns = time.monotonic_ns()
+
+    def accept(self, data: bytes) -> Frame | None:
+        """Return the frame in `data` if it may be used, else None with the reason counted."""
+        now = time.monotonic_ns()
+        if not self._within_rate(now):
+            self.refused[Reason.FLOOD] += 1
+            return None
+        try:
+            frame = protocol.decode(data, self.row.name)
+            self._order(frame)
+        except FrameError as error:
+            self.refused[error.reason] += 1
+            return None
+        self.received += 1
+        self.age.record(now - frame.sent_ns)
+        self.last = frame
+        return frame
+
+    def is_fresh(self, now_ns: int) -> bool:
+        """Return whether the last frame may still be acted on."""
+        last = self.last
+        return last is not None and last.valid and now_ns - last.sent_ns <= self.row.stale_after_s * 1e9
+
+    def report(self) -> bodies.TopicReport:
+        """Return the counts as they travel."""
+        return bodies.TopicReport(
+            topic=self.row.name,
+            received=self.received,
+            superseded=self.superseded,
+            dropped=self.dropped,
+            refused={str(reason): count for reason, count in self.refused.items()},
+            age=self.age.body(),
+        )
+
+    def _within_rate(self, now_ns: int) -> bool:
+        refill = (now_ns - self._refilled_ns) * 1e-9 * self.row.rate_hz * FLOOD_FACTOR
+        self._tokens = min(FLOOD_BURST, self._tokens + refill)
+        self._refilled_ns = now_ns
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
+
+    def _order(self, frame: Frame) -> None:
+        last = self.last
+        if last is None:
+            return
+        if frame.incarnation == last.incarnation:
+            gap = frame.sequence - last.sequence - 1
+            if gap < 0:
+                raise FrameError(Reason.OUT_OF_ORDER, f"sequence {frame.sequence} after {last.sequence}")
+            if self.every:
+                self.dropped += gap
+            else:
+                self.superseded += gap
+            return
+        if frame.incarnation in self._retired:
+            raise FrameError(Reason.OLD_INCARNATION, f"{frame.incarnation} was replaced")
+        self._retired.append(last.incarnation)
+
+
+def new_incarnation() -> int:
+    """Return the number that tells this start of a process from all others."""
+    return secrets.randbits(48)
+
+
+def summarise(outboxes: dict[str, Outbox], inboxes: dict[str, Inbox]) -> tuple[bodies.TopicReport, ...]:
+    """Return the reports of all topics of a process."""
+    return (*(box.report() for box in outboxes.values()), *(box.report() for box in inboxes.values()))

@@ -1,0 +1,186 @@
+"""Configuration from YAML files and ``--set`` options: typed, unknown keys refused, every value's origin known."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from services.runtime.errors import ConfigError
+from services.runtime.rig import Rig
+
+T = TypeVar("T")
+Origins = dict[str, str]
+
+_DEFAULT = Path(__file__).resolve().parents[2] / "configs"
+
+
+def config_directory() -> Path:
+    """Return the folder of rigs, scenes and devices: ``$TROCAR_CONFIG_DIR``, else the one beside the packages."""
+    return Path(os.environ.get("TROCAR_CONFIG_DIR") or _DEFAULT)
+
+
+def find(kind: str, name: str | Path) -> Path:
+    """Return the file of a rig, scene or device given its path or its bare name.
+
+    Raises
+    ------
+    ConfigError
+        naming the file and, for a bare name, the known ones.
+    """
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml"):
+        if path.is_file():
+            return path
+        raise ConfigError(f"{path}: there is no such {kind} file")
+    folder = config_directory() / f"{kind}s"
+    named = folder / f"{name}.yaml"
+    if not named.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml"))) or "none"
+        raise ConfigError(f"there is no {kind} {str(name)!r} in {folder}; known: {known}")
+    return named
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Return the mapping in a YAML file.
+
+    Raises
+    ------
+    ConfigError
+        naming file and line, if it cannot be read, is not YAML, or is not a mapping.
+    """
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
+        raise ConfigError(f"{path}:{where} {getattr(error, 'problem', None) or 'is not YAML'}") from None
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: the file must be a mapping of keys to values")
+    return data
+
+
+def apply_overrides(data: dict[str, Any], overrides: Iterable[str], origins: Origins) -> None:
+    """Put each ``a.b=c`` of `overrides` into `data`; values are YAML, list items are addressed by number.
+
+    Raises
+    ------
+    ConfigError
+        naming the option that cannot be applied.
+    """
+    for override in overrides:
+        key, equals, text = override.partition("=")
+        if not equals or not key:
+            raise ConfigError(f"--set {override}: expected key.path=value")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise ConfigError(f"--set {override}: {text!r} is not a YAML value") from None
+        _put(data, key.split("."), value, override)
+        origins[key] = "--set"
+
+
+def _put(data: Any, path: list[str], value: Any, override: str) -> None:
+    *parents, last = path
+    try:
+        for part in parents:
+            data = data[int(part)] if isinstance(data, list) else data.setdefault(part, {})
+        data[int(last) if isinstance(data, list) else last] = value
+    except (ValueError, IndexError, TypeError, AttributeError):
+        raise ConfigError(f"--set {override}: there is nothing to set at {'.'.join(path)}") from None
+
+
+def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
+    """Return `data` as a checked `kind` (a pydantic model or a dataclass).
+
+    Raises
+    ------
+    ConfigError
+        one sentence: file, path of the key, what is wrong, and for an unknown key the known ones.
+    """
+    adapter = TypeAdapter(kind)
+    try:
+        return adapter.validate_python(data)
+    except ValidationError as error:
+        raise ConfigError(f"{where}: {_sentence(error, kind)}") from None
+
+
+def _sentence(error: ValidationError, kind: type[Any]) -> str:
+    first = error.errors(include_url=False)[0]
+    path = ".".join(str(part) for part in first["loc"])
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        known = ", ".join(known_keys(kind, first["loc"][:-1]))
+        return f"{path}: unknown key {str(first['loc'][-1])!r}; known: {known}{more}"
+    if first["type"] in ("missing", "missing_argument"):
+        return f"{path}: this key is missing{more}"
+    message = first["msg"].removeprefix("Value error, ")
+    return f"{path or 'file'}: {message[:1].lower()}{message[1:]}{more}"
+
+
+def known_keys(kind: Any, location: tuple[int | str, ...]) -> list[str]:
+    """Return the keys that a configuration type knows at `location`."""
+    schema = TypeAdapter(kind).json_schema()
+    node: dict[str, Any] = schema
+    for part in location:
+        node = _descend(_resolve(node, schema), part, schema)
+    return sorted(_resolve(node, schema).get("properties", {}))
+
+
+def _descend(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> dict[str, Any]:
+    if isinstance(part, int):
+        child: dict[str, Any] = node.get("items", {}) or next(iter(node.get("prefixItems", [])), {})
+    else:
+        child = node.get("properties", {}).get(part) or node.get("additionalProperties", {})
+    return _resolve(child, schema)
+
+
+def _resolve(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
+    while True:
+        if "$ref" in node:
+            node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+        elif "anyOf" in node:
+            node = next((n for n in node["anyOf"] if n.get("type") != "null"), {})
+        else:
+            return node
+
+
+def origins_of(data: Mapping[str, Any], where: str, prefix: str = "") -> Origins:
+    """Return for every leaf of `data` that it came from `where`."""
+    found: Origins = {}
+    for key, value in data.items():
+        path = f"{prefix}{key}"
+        if isinstance(value, Mapping) and value:
+            found |= origins_of(value, where, f"{path}.")
+        else:
+            found[path] = where
+    return found
+
+
+def load(kind: type[T], path: Path, overrides: Iterable[str] = ()) -> tuple[T, Origins]:
+    """Return the configuration in `path` with `overrides` on top, and where each given value came from."""
+    data = read_yaml(path)
+    origins = origins_of(data, str(path))
+    apply_overrides(data, overrides, origins)
+    return build(kind, data, str(path)), origins
+
+
+def load_rig(name: str | Path, overrides: Iterable[str] = ()) -> Rig:
+    """Return the rig of a file or bare name, with ``key.path=value`` overrides on top."""
+    return load(Rig, find("rig", name), overrides)[0]
+
+
+def dump(model: BaseModel) -> str:
+    """Return `model` as YAML, defaults included."""
+    text: str = yaml.safe_dump(model.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    return text

@@ -1,0 +1,86 @@
+"""A bus in one process: for tests and for runs without sockets. Frames are encoded and checked as on the real one."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict, deque
+from collections.abc import Iterable
+
+import msgspec
+
+import protocol.bodies as bodies
+from protocol import Frame, topic
+from services.runtime import bus
+
+
+class MemoryHub:
+    """Where the memory buses of a test meet."""
+
+    def __init__(self) -> None:
+        self.queues: defaultdict[str, list[deque[bytes]]] = defaultdict(list)
+
+    def send(self, name: str, data: bytes) -> None:
+        """Hand raw bytes to every reader of `name`: what a strange peer would do."""
+        for queue in self.queues[name]:
+            queue.append(data)
+
+
+class MemoryBus:
+    """Same behaviour as `services.runtime.zmq_bus.ZmqBus`, without sockets and without waiting."""
+
+    def __init__(
+        self,
+        hub: MemoryHub,
+        publishes: Iterable[str] = (),
+        reads: Iterable[str] = (),
+        reads_every: Iterable[str] = (),
+    ) -> None:
+        self._hub = hub
+        incarnation = bus.new_incarnation()
+        self._out = {name: bus.Outbox(topic(name), incarnation) for name in publishes}
+        self._in = {name: bus.Inbox(topic(name)) for name in reads}
+        self._in.update({name: bus.Inbox(topic(name), every=True) for name in reads_every})
+        self._queues: dict[str, deque[bytes]] = {}
+        for name, box in self._in.items():
+            self._queues[name] = deque(maxlen=None if box.every else 1)
+            hub.queues[name].append(self._queues[name])
+
+    def publish(self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
+        """Hand `body` to every reader at once."""
+        box = self._out[name]
+        self._hub.send(name, box.seal(body, origin_ns, valid))
+        return box.sent - 1
+
+    def latest(self, name: str) -> Frame | None:
+        """Return the newest unread frame of `name`, or None."""
+        queue = self._queues[name]
+        return self._in[name].accept(queue.pop()) if queue else None
+
+    def drain(self, name: str) -> list[Frame]:
+        """Return the unread frames of `name`, oldest first."""
+        queue, box = self._queues[name], self._in[name]
+        frames = [box.accept(queue.popleft()) for _ in range(min(len(queue), bus.DRAIN_LIMIT))]
+        return [frame for frame in frames if frame is not None]
+
+    def wait(self, name: str, until_ns: int) -> bool:
+        """Return at once whether `name` has a frame: nothing else runs while this process waits."""
+        return bool(self._queues[name])
+
+    def is_fresh(self, *names: str) -> bool:
+        """Return whether the last frame of every topic may still be acted on."""
+        now = time.monotonic_ns()
+        return all(self._in[name].is_fresh(now) for name in names)
+
+    def has_reader(self, name: str) -> bool:
+        """Return whether a bus of the hub reads `name`."""
+        return bool(self._hub.queues[name])
+
+    def reports(self) -> tuple[bodies.TopicReport, ...]:
+        """Return the counts of all topics."""
+        return bus.summarise(self._out, self._in)
+
+    def close(self) -> None:
+        """Stop reading."""
+        for name, queue in self._queues.items():
+            self._hub.queues[name].remove(queue)
+        self._queues.clear()

@@ -1,0 +1,53 @@
+"""A ring of recent states that is written to a file when a number stops being one."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class NanGuard:
+    """Watches named arrays; keeps their last `depth` values so that the moment before a NaN can be looked at.
+
+    Parameters
+    ----------
+    arrays
+        The live arrays by name. They must be changed in place, never replaced.
+    directory
+        Where a dump goes: ``nan-<name>-<monotonic ns>.npz``, one array (depth, ...) per name, oldest first.
+    depth
+        How many ticks back the dump reaches.
+    """
+
+    def __init__(self, name: str, arrays: dict[str, NDArray[np.float64]], directory: Path, depth: int = 100) -> None:
+        self._name = name
+        self._arrays = arrays
+        self._directory = directory
+        self._ring = {key: np.zeros((depth, *value.shape)) for key, value in arrays.items()}
+        self._depth = depth
+        self._next = 0
+        self.dumps: list[Path] = []
+
+    def watch(self) -> bool:
+        """Keep the present values; return False, after writing the dump, if one of them is NaN or infinite."""
+        row = self._next % self._depth
+        self._next += 1
+        finite = True
+        for key, value in self._arrays.items():
+            self._ring[key][row] = value
+            # A sum is finite only if every term is: far cheaper than a mask, and an overflow is as bad as a NaN.
+            finite = finite and bool(np.isfinite(value.sum()))
+        if not finite:
+            self._dump()
+        return finite
+
+    def _dump(self) -> None:
+        self._directory.mkdir(parents=True, exist_ok=True)
+        path = self._directory / f"nan-{self._name}-{time.monotonic_ns()}.npz"
+        kept = min(self._next, self._depth)
+        order = (np.arange(kept) + self._next - kept) % self._depth
+        np.savez(path, **{key: ring[order] for key, ring in self._ring.items()})  # type: ignore[arg-type]
+        self.dumps.append(path)

@@ -1,0 +1,135 @@
+"""Opening a process: options, configuration, real-time set-up, bus, signals; and one clear sentence when that fails."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from protocol.topics import published_by, read_by
+from services.runtime import config, log, realtime
+from services.runtime.errors import UserError
+from services.runtime.health import HealthReporter
+from services.runtime.loop import LoopMeter
+from services.runtime.rig import Rig
+from services.runtime.zmq_bus import ZmqBus
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What every process is told on its command line."""
+
+    rig: str
+    scene: str | None
+    overrides: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Process:
+    """An open process. Ends through `stop`, never by exit inside a loop."""
+
+    name: str
+    rig: Rig
+    scene_name: str
+    log: logging.Logger
+    facts: list[realtime.Fact]
+    bus: ZmqBus
+    health: HealthReporter
+    _stopping: list[bool] = field(default_factory=lambda: [False])
+
+    def stop(self) -> bool:
+        """Return whether the process was asked to end."""
+        return self._stopping[0]
+
+    def ready(self, meter: LoopMeter | None = None) -> None:
+        """Say that everything is built and warm; the loop begins now."""
+        self.health.meter = meter
+        self.facts.extend((realtime.settle(), realtime.read_back()))
+        self.health.realtime = self.facts
+        self.health.change("ready")
+        self.log.info("ready")
+
+
+def parse(process: str, arguments: Sequence[str] | None) -> Options:
+    """Return the options of a process' command line."""
+    parser = argparse.ArgumentParser(prog=f"python -m services.{process}")
+    parser.add_argument("--rig", default="stub", help="rig file, or the name of one in configs/rigs")
+    parser.add_argument("--scene", default=None, help="scene file, or the name of one in configs/scenes")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
+    parsed = parser.parse_args(arguments)
+    return Options(parsed.rig, parsed.scene, tuple(parsed.overrides))
+
+
+def open_process(
+    name: str,
+    options: Options,
+    *,
+    publishes: Iterable[str] | None = None,
+    reads: Iterable[str] | None = None,
+    reads_every: Iterable[str] = (),
+) -> Process:
+    """Return the open process: by default with all topics that the table gives it.
+
+    The order is the point: scheduling first, then the ZeroMQ context, whose thread inherits it.
+
+    Raises
+    ------
+    UserError
+        if the configuration or an endpoint cannot be used.
+    """
+    logger = log.set_up(name)
+    rig = config.load_rig(options.rig, options.overrides)
+    settings = rig.process(name)
+    facts = realtime.set_up(settings.core, settings.priority, settings.nice)
+    for fact in facts:
+        if not fact.ok:
+            logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)
+    bus = ZmqBus(
+        rig.transport,
+        publishes=[row.name for row in published_by(name)] if publishes is None else publishes,
+        reads=[row.name for row in read_by(name)] if reads is None else reads,
+        reads_every=reads_every,
+    )
+    process = Process(name, rig, options.scene or rig.scene, logger, facts, bus, HealthReporter(name, bus))
+    process.health.realtime = facts
+    _stop_on_signals(process)
+    process.health.change("starting", "building")
+    return process
+
+
+def _stop_on_signals(process: Process) -> None:
+    flag = process._stopping  # noqa: SLF001
+
+    def stop(_signal: int, _frame: FrameType | None) -> None:
+        flag[0] = True
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, stop)
+
+
+def main(
+    name: str, run: Callable[[Process], None], arguments: Sequence[str] | None = None, **topics: Iterable[str]
+) -> int:
+    """Run a process from its command line; return the exit code. What a person can mend is one sentence."""
+    try:
+        process = open_process(name, parse(name, arguments), **topics)
+        try:
+            run(process)
+            process.health.change("stopping")
+        finally:
+            process.bus.close()
+    except UserError as error:
+        print(f"{name}: {error}", file=sys.stderr)  # noqa: T201
+        return error.exit_code
+    return 0
+
+
+def cache_directory() -> Path:
+    """Return where bases and kernels are kept between runs: ``$TROCAR_CACHE_DIR``, else ``~/.cache/trocar``."""
+    return Path(os.environ.get("TROCAR_CACHE_DIR") or Path.home() / ".cache" / "trocar")

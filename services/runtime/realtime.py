@@ -1,0 +1,107 @@
+"""Real-time set-up of a process: what was asked for, what was had. To be called before the ZeroMQ context is made.
+
+The order matters: threads inherit scheduling when they start, so a context made first keeps its I/O thread in the
+ordinary class and the loaded p99 of a round trip goes from 86 to 1987 us.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import protocol.bodies as bodies
+
+_PR_SET_TIMERSLACK = 29
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """One property: asked for, and had."""
+
+    name: str
+    asked: str
+    had: str
+    ok: bool
+
+    def body(self) -> bodies.RealtimeFact:
+        """Return the fact as it travels."""
+        return bodies.RealtimeFact(name=self.name, asked=self.asked[:128], had=self.had[:256], ok=self.ok)
+
+
+def set_up(core: int | None, priority: int | None, nice: int | None = None) -> list[Fact]:
+    """Pin the process, raise its scheduling class, tighten its timers; return what was had.
+
+    Parameters
+    ----------
+    core
+        Processor to run on, None for any.
+    priority
+        SCHED_FIFO priority 1..89, None for the ordinary class.
+    nice
+        Niceness of an ordinary process.
+    """
+    facts = [_pin(core), _schedule(priority, nice), _timer_slack()]
+    if priority is not None:
+        facts.append(_lock_memory())
+    return facts
+
+
+def settle() -> Fact:
+    """Freeze what is alive and switch the collector off: to be called when a loop is warm and about to run."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return Fact("garbage collector", "off, start-up objects frozen", f"off, {gc.get_freeze_count()} frozen", True)
+
+
+def read_back() -> Fact:
+    """Return the scheduling class of every thread of this process, as the kernel has it now."""
+    threads = sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
+    names = {os.SCHED_FIFO: "FIFO", os.SCHED_OTHER: "OTHER", os.SCHED_RR: "RR"}
+    classes = [f"{names.get(os.sched_getscheduler(t), '?')} {os.sched_getparam(t).sched_priority}" for t in threads]
+    return Fact("threads", "one class for all", ", ".join(classes), len(set(classes)) == 1)
+
+
+def _pin(core: int | None) -> Fact:
+    if core is None:
+        return Fact("core", "any", f"{sorted(os.sched_getaffinity(0))}", True)
+    allowed = os.sched_getaffinity(0)
+    if core not in allowed:
+        return Fact("core", str(core), f"this process may use {sorted(allowed)} only", False)
+    os.sched_setaffinity(0, {core})
+    return Fact("core", str(core), f"{sorted(os.sched_getaffinity(0))}", True)
+
+
+def _schedule(priority: int | None, nice: int | None) -> Fact:
+    if priority is None:
+        if nice:
+            os.setpriority(os.PRIO_PROCESS, 0, nice)
+        return Fact("scheduling", f"OTHER, nice {nice or 0}", f"OTHER, nice {os.nice(0)}", True)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        had = "OTHER: the system refuses SCHED_FIFO (needs CAP_SYS_NICE or an rtprio limit; `trocar doctor` says more)"
+        return Fact("scheduling", f"FIFO {priority}", had, False)
+    return Fact("scheduling", f"FIFO {priority}", f"FIFO {os.sched_getparam(0).sched_priority}", True)
+
+
+def _timer_slack() -> Fact:
+    ok = _libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0) == 0
+    return Fact("timer slack", "1 ns", "1 ns" if ok else os.strerror(ctypes.get_errno()), ok)
+
+
+def _lock_memory() -> Fact:
+    # MCL_FUTURE under a small memlock limit makes later allocations fail, so it is asked for only where there is room.
+    import resource
+
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    asked = "all pages locked"
+    if limit != resource.RLIM_INFINITY and os.geteuid() != 0 and limit < 1 << 30:
+        return Fact("memory", asked, f"not locked: the memlock limit is {limit >> 20} MiB", False)
+    ok = _libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0
+    return Fact("memory", asked, "locked" if ok else f"not locked: {os.strerror(ctypes.get_errno())}", ok)

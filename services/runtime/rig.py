@@ -1,0 +1,145 @@
+"""The rig file: which processes run where, how they talk, which devices they drive, what they must keep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+class Settings(BaseModel):
+    """Base of every configuration model: unknown keys are refused, nothing changes after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Transport(Settings):
+    """How frames travel: ipc on one host, tcp across hosts or containers."""
+
+    kind: Literal["ipc", "tcp"] = "ipc"
+    directory: Path | None = Field(None, description="of the ipc sockets; by default private to the user")
+    base_port: Annotated[int, Field(ge=1024, le=57000)] = 21000
+    host: str = Field("127.0.0.1", description="tcp: where publishers are reached")
+    hosts: dict[str, str] = Field({}, description="tcp: by publisher, where it is not `host`")
+    bind_host: str = Field("127.0.0.1", description="tcp: address that publishers bind")
+    insecure: bool = Field(False, description="allow tcp beyond loopback without keys")
+
+    @model_validator(mode="after")
+    def _loopback_unless_insecure(self) -> Self:
+        beyond = [h for h in (self.host, self.bind_host, *self.hosts.values()) if h not in _LOOPBACK]
+        if self.kind == "tcp" and beyond and not self.insecure:
+            raise ValueError(f"tcp to {beyond[0]} leaves this host unprotected: set `insecure: true` to accept that")
+        return self
+
+
+class ProcessSettings(Settings):
+    """Where and how one process runs."""
+
+    enabled: bool = True
+    core: Annotated[int, Field(ge=0)] | None = None
+    priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
+    nice: Annotated[int, Field(ge=0, le=19)] | None = None
+    restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
+    critical: bool = Field(True, description="whether the rig cannot run without it")
+
+
+class DriverSettings(Settings):
+    """A driver by name (a file of services/gateway/drivers), the device file it uses, and settings of this rig."""
+
+    driver: str
+    device: str | None = Field(None, description="a file of configs/devices, without .yaml")
+    settings: dict[str, Any] = {}
+
+
+class Instrument(Settings):
+    """One laparoscopic instrument: a force-feedback arm, a handle, a port."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    arm: DriverSettings
+    grasp: DriverSettings | None = None
+
+
+class GatewaySettings(Settings):
+    """The devices and the servo's limits."""
+
+    instruments: Annotated[tuple[Instrument, ...], Field(max_length=8)] = ()
+    force_limit_n: Annotated[float, Field(gt=0, le=20)] = 3.0
+    force_rate_limit_n_s: Annotated[float, Field(gt=0)] = 200.0
+    grasp_torque_limit_nm: Annotated[float, Field(gt=0, le=5)] = 0.3
+    engage_ramp_s: Annotated[float, Field(ge=0)] = 0.5
+
+
+class ViewSettings(Settings):
+    """The picture."""
+
+    rate_hz: Annotated[float, Field(ge=1, le=120)] = 60.0
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8081
+
+
+class WebSettings(Settings):
+    """The page: view and dashboard."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8080
+
+
+class LoopContract(Settings):
+    """What a loop must keep, judged over the contract window."""
+
+    rate_hz: Annotated[float, Field(gt=0)]
+    miss_ratio: Annotated[float, Field(ge=0, le=1)] = 0.01
+
+
+class PathContract(Settings):
+    """What a path must keep, judged over the contract window."""
+
+    p99_us: Annotated[float, Field(gt=0)]
+
+
+class SupervisorSettings(Settings):
+    """How the rig is watched."""
+
+    mode: Literal["launch", "attach"] = "launch"
+    heartbeat_timeout_s: Annotated[float, Field(gt=0.02)] = 0.5
+    ready_timeout_s: Annotated[float, Field(gt=0)] = 120.0
+    window_s: Annotated[float, Field(gt=0)] = 2.0
+    backoff_s: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 5.0)
+    max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
+    web: WebSettings = WebSettings()
+
+
+class Contracts(Settings):
+    """Deadlines by loop and by path."""
+
+    loops: dict[str, LoopContract] = {}
+    paths: dict[str, PathContract] = {}
+
+
+class RecorderSettings(Settings):
+    """What is written to disk."""
+
+    directory: Path = Path("out/recordings")
+    topics: tuple[str, ...] = ()
+    chunk_s: Annotated[float, Field(gt=0)] = 1.0
+
+
+class Rig(Settings):
+    """A whole rig file."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    scene: str = "default"
+    transport: Transport = Transport()
+    processes: dict[str, ProcessSettings] = {}
+    gateway: GatewaySettings = GatewaySettings()
+    visualization: ViewSettings = ViewSettings()
+    recorder: RecorderSettings = RecorderSettings()
+    supervisor: SupervisorSettings = SupervisorSettings()
+    contracts: Contracts = Contracts()
+
+    def process(self, name: str) -> ProcessSettings:
+        """Return the settings of a process, defaults where the file names none."""
+        return self.processes.get(name, ProcessSettings())

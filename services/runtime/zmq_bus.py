@@ -1,0 +1,175 @@
+"""The bus over ZeroMQ: no broker, one PUB socket per topic, single-part frames."""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Iterable
+from typing import IO
+
+import msgspec
+import zmq
+
+import protocol.bodies as bodies
+from protocol import Frame, topic
+from services.runtime import bus, endpoints
+from services.runtime.errors import BusError
+from services.runtime.rig import Transport
+
+#: Frames that a reader of every frame may fall behind before frames are lost (and counted): a second of the fastest.
+_HIGH_WATER_MARK = 1000
+_RECONNECT_MS = 2
+_ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
+
+
+def _readable(socket: zmq.Socket[bytes]) -> bool:
+    return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+
+
+class ZmqBus:
+    """ZeroMQ sockets of one process. Make it after the real-time set-up: its I/O thread inherits core and priority.
+
+    Parameters
+    ----------
+    transport
+        Of the rig file.
+    publishes, reads
+        Topic names. State topics are read newest-only.
+    reads_every
+        Topics of which every frame is wanted, whatever the table says: for recorders and sniffers.
+
+    Raises
+    ------
+    BusError
+        if an endpoint is taken.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        publishes: Iterable[str] = (),
+        reads: Iterable[str] = (),
+        reads_every: Iterable[str] = (),
+    ) -> None:
+        self._context = zmq.Context()
+        self._context.linger = 0
+        self._locks: list[IO[str]] = []
+        self._senders: dict[str, zmq.Socket[bytes]] = {}
+        self._receivers: dict[str, zmq.Socket[bytes]] = {}
+        self._subscribed: dict[str, int] = {}
+        self._out: dict[str, bus.Outbox] = {}
+        self._in: dict[str, bus.Inbox] = {}
+        incarnation = bus.new_incarnation()
+        try:
+            for name in publishes:
+                self._bind(transport, name, incarnation)
+            for name in reads:
+                self._connect(transport, name, every=False)
+            for name in reads_every:
+                self._connect(transport, name, every=True)
+        except BaseException:
+            self.close()
+            raise
+
+    def _bind(self, transport: Transport, name: str, incarnation: int) -> None:
+        where = endpoints.endpoint(transport, name)
+        if transport.kind == "ipc":
+            self._locks.append(endpoints.claim(transport, name))
+        else:
+            where = endpoints.endpoint(transport, name, host=transport.bind_host)
+        socket = self._context.socket(zmq.XPUB)  # XPUB tells when a reader has subscribed: readiness without sleeping
+        socket.sndhwm = _HIGH_WATER_MARK
+        self._senders[name] = socket
+        self._subscribed[name] = 0
+        self._out[name] = bus.Outbox(topic(name), incarnation)
+        try:
+            socket.bind(where)
+        except zmq.ZMQError as error:
+            raise BusError(f"topic {name}: cannot bind {where}: {error.strerror}") from None
+
+    def _connect(self, transport: Transport, name: str, *, every: bool) -> None:
+        box = bus.Inbox(topic(name), every=every)
+        socket = self._context.socket(zmq.SUB)
+        if box.every:
+            socket.rcvhwm = _HIGH_WATER_MARK
+        else:
+            socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
+        socket.reconnect_ivl = _RECONNECT_MS
+        socket.setsockopt(zmq.SUBSCRIBE, b"")
+        socket.connect(endpoints.endpoint(transport, name))
+        self._receivers[name] = socket
+        self._in[name] = box
+
+    def publish(self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
+        """Send `body`; a reader that cannot keep up loses frames, the sender never waits."""
+        box = self._out[name]
+        self._senders[name].send(box.seal(body, origin_ns, valid), zmq.NOBLOCK)
+        return box.sent - 1
+
+    def latest(self, name: str) -> Frame | None:
+        """Return the newest unread frame of `name`, or None."""
+        socket, box = self._receivers[name], self._in[name]
+        if not _readable(socket):
+            return None
+        try:
+            return box.accept(socket.recv(zmq.NOBLOCK))
+        except zmq.Again:
+            return None
+
+    def drain(self, name: str) -> list[Frame]:
+        """Return the unread frames of `name`, oldest first, at most `bus.DRAIN_LIMIT`."""
+        socket, box = self._receivers[name], self._in[name]
+        frames = []
+        for _ in range(bus.DRAIN_LIMIT):
+            try:
+                frame = box.accept(socket.recv(zmq.NOBLOCK))
+            except zmq.Again:
+                break
+            if frame is not None:
+                frames.append(frame)
+        return frames
+
+    def wait(self, name: str, until_ns: int) -> bool:
+        """Sleep until `name` may have a frame or the clock reaches `until_ns`: finer than zmq_poll's milliseconds."""
+        socket = self._receivers[name]
+        descriptor = int(socket.getsockopt(zmq.FD))
+        while not _readable(socket):
+            remaining_ns = until_ns - time.monotonic_ns()
+            if remaining_ns <= 0:
+                return False
+            if remaining_ns < _ROUNDING_NS:
+                time.sleep(remaining_ns * 1e-9)
+                continue
+            # Edge triggered: EVENTS was read just before, so whatever comes from now on makes it readable.
+            select.select((descriptor,), (), (), remaining_ns * 1e-9)
+        return True
+
+    def is_fresh(self, *names: str) -> bool:
+        """Return whether the last frame of every topic may still be acted on."""
+        now = time.monotonic_ns()
+        return all(self._in[name].is_fresh(now) for name in names)
+
+    def has_reader(self, name: str) -> bool:
+        """Return whether somebody has subscribed to `name` and not gone since."""
+        socket = self._senders[name]
+        while True:
+            try:
+                message = socket.recv(zmq.NOBLOCK)
+            except zmq.Again:
+                return self._subscribed[name] > 0
+            self._subscribed[name] += 1 if message[:1] == b"\x01" else -1
+
+    def reports(self) -> tuple[bodies.TopicReport, ...]:
+        """Return the counts of all topics."""
+        return bus.summarise(self._out, self._in)
+
+    def inbox(self, name: str) -> bus.Inbox:
+        """Return the bookkeeping of a read topic."""
+        return self._in[name]
+
+    def close(self) -> None:
+        """Close everything at once: nothing lingers."""
+        self._context.destroy(linger=0)
+        for lock in self._locks:
+            lock.close()
+        self._locks.clear()
