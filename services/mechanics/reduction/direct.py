@@ -6,9 +6,10 @@ import numpy as np
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from services.mechanics.fem import ShellModel
+from services.mechanics.reduction.free_dofs import factorise, free_load, nodal_translations
 from services.mechanics.reduction.newmark import NewmarkConstants
 from services.mechanics.reduction.state import FloatArray
-from services.mechanics.reduction.system import FullSystem, factorise
 
 
 class DirectNewmark:
@@ -24,22 +25,24 @@ class DirectNewmark:
         and follow.
     """
 
-    def __init__(self, system: FullSystem, dt_s: float, alpha_1_s: float = 0.0, beta_s: float = 0.0) -> None:
-        self._system = system
+    def __init__(self, model: ShellModel, dt_s: float, alpha_1_s: float = 0.0, beta_s: float = 0.0) -> None:
+        self._model = model
         self._constants = NewmarkConstants.from_step(dt_s, alpha_1_s)
         self._dt_s = dt_s
         self._alpha = alpha_1_s
         self._beta = beta_s
         stiffening = 1.0 + 2.0 * beta_s / dt_s
-        self._factor = factorise(csc_array(stiffening * system.K + diags_array(self._constants.a0 * system.mass_kg)))
-        self.u, self.v, self.a = np.zeros((3, system.n_dofs))
+        self._factor = factorise(
+            csc_array(stiffening * model.K_free + diags_array(self._constants.a0 * model.free_mass_kg))
+        )
+        self.u, self.v, self.a = np.zeros((3, len(model.free_dofs)))
 
     def step(self, forces_n: FloatArray) -> None:
         """Advance by one step under nodal forces (n, 3) in N that act at its end (Appendix B, steps 1 to 3)."""
         c, u, v, a = self._constants, self.u, self.v, self.a
-        load = self._system.to_dofs(forces_n) + self._system.mass_kg * (c.a1 * u + c.a2 * v + c.a3 * a)
+        load = free_load(self._model, forces_n) + self._model.free_mass_kg * (c.a1 * u + c.a2 * v + c.a3 * a)
         if self._beta:
-            load += self._beta * (self._system.K @ (2.0 / self._dt_s * u + v))
+            load += self._beta * (self._model.K_free @ (2.0 / self._dt_s * u + v))
         u_hat = self._factor.solve(load)
         a_end = c.a4 * u_hat + c.a5 * u + c.a6 * v + c.a7 * a
         self.v = v + c.a8 * (a + a_end)
@@ -48,18 +51,18 @@ class DirectNewmark:
 
     def reaction_force(self) -> FloatArray:
         """Return M a + B v + K u as nodal forces (n, 3) in N: what the user feels (Appendix B, step 4)."""
-        system = self._system
-        force = system.mass_kg * (self.a + self._alpha * self.v) + system.K @ (self.u + self._beta * self.v)
-        return system.to_nodes(force)
+        model = self._model
+        force = model.free_mass_kg * (self.a + self._alpha * self.v) + model.K_free @ (self.u + self._beta * self.v)
+        return nodal_translations(model, force)
 
     def displacements(self) -> FloatArray:
         """Return the displacement of every node (n, 3) in m."""
-        return self._system.to_nodes(self.u)
+        return nodal_translations(self._model, self.u)
 
     def energy_j(self) -> float:
         """Return kinetic plus elastic energy in J."""
-        kinetic = 0.5 * float(self._system.mass_kg @ self.v**2)
-        return kinetic + 0.5 * float(self.u @ (self._system.K @ self.u))
+        kinetic = 0.5 * float(self._model.free_mass_kg @ self.v**2)
+        return kinetic + 0.5 * float(self.u @ np.asarray(self._model.K_free @ self.u))
 
 
 class CentralDifference:
@@ -74,49 +77,51 @@ class CentralDifference:
         The step is beyond the stability limit, which the message names.
     """
 
-    def __init__(self, system: FullSystem, dt_s: float, alpha_1_s: float = 0.0) -> None:
-        self._condensed = CondensedStiffness(system)
+    def __init__(self, model: ShellModel, dt_s: float, alpha_1_s: float = 0.0) -> None:
+        self._condensed = CondensedStiffness(model)
         limit_s = self._condensed.stable_step_s()
         if not 0.0 < dt_s <= limit_s:
             raise ValueError(f"central difference is stable up to {limit_s:.3g} s, not at {dt_s:.3g} s")
-        self._system = system
+        self._model = model
         self._dt_s = dt_s
-        self._mass = system.mass_kg[self._condensed.translations]
+        self._mass = model.free_mass_kg[self._condensed.translations]
         self._alpha = alpha_1_s
         self.u, self._previous = np.zeros((2, self._mass.size))
 
     def step(self, forces_n: FloatArray) -> None:
         """Advance by one step under nodal forces (n, 3) in N that act at its beginning."""
         dt, half_damping = self._dt_s, 0.5 * self._alpha * self._dt_s
-        force = self._system.to_dofs(forces_n)[self._condensed.translations]
+        force = free_load(self._model, forces_n)[self._condensed.translations]
         acceleration = (force - self._condensed.apply(self.u)) / self._mass
         following = dt**2 * acceleration + 2.0 * self.u - (1.0 - half_damping) * self._previous
         self.u, self._previous = following / (1.0 + half_damping), self.u
 
     def displacements(self) -> FloatArray:
         """Return the displacement of every node (n, 3) in m."""
-        vector = np.zeros(self._system.n_dofs)
+        vector = np.zeros(len(self._model.free_dofs))
         vector[self._condensed.translations] = self.u
-        return self._system.to_nodes(vector)
+        return nodal_translations(self._model, vector)
 
 
 class CondensedStiffness:
     """K_tt - K_tr K_rr^-1 K_rt (paper eq. 16) as an operator, never formed."""
 
-    def __init__(self, system: FullSystem) -> None:
-        self.translations = np.flatnonzero(system.mass_kg > 0.0)
-        rotations = np.flatnonzero(system.mass_kg == 0.0)
-        K = system.K.tocsr()
+    def __init__(self, model: ShellModel) -> None:
+        self.translations = np.flatnonzero(model.free_mass_kg > 0.0)
+        rotations = np.flatnonzero(model.free_mass_kg == 0.0)
+        K = model.K_free.tocsr()
         self._K_tt = K[self.translations][:, self.translations]
         self._K_tr = K[self.translations][:, rotations]
+        self._K_rt = K[rotations][:, self.translations]
         self._rotations = factorise(csc_array(K[rotations][:, rotations])) if rotations.size else None
-        self._mass = system.mass_kg[self.translations]
+        self._mass = model.free_mass_kg[self.translations]
 
     def apply(self, u: FloatArray) -> FloatArray:
         """Return the elastic force on the translations for displacements u of them."""
-        force: FloatArray = self._K_tt @ u
+        force: FloatArray = np.asarray(self._K_tt @ u)
         if self._rotations is not None:
-            force -= self._K_tr @ self._rotations.solve(self._K_tr.T @ u)
+            rotations = self._rotations.solve(np.asarray(self._K_rt @ u))
+            force -= np.asarray(self._K_tr @ rotations)
         return force
 
     def stable_step_s(self) -> float:
