@@ -1,0 +1,26 @@
+"""All forces of a rod without contacts, in the one order that both integrators use."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from .elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry
+from .model import RodModel, RodWork
+from .support_forces import add_sleeve, add_wall_joints
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_scale: float) -> None:
+    """Add to `work.force` the elastic, damping and support forces at `work.position`, `work.velocity`.
+
+    Where scale[0] is not zero, add their tangent to `work.band` as well: see `elasticity`; `damping_scale` multiplies
+    damping that has no stiffness of its own.
+    """
+    segment_geometry(work)
+    add_stretch(model, work)
+    if scale[0] > 0.0:
+        add_stretch_tangent(model, work, scale)
+    add_bending(model, work, scale)
+    add_wall_joints(model, work, scale)
+    if model.sleeve.shape[0] > 0:
+        add_sleeve(model, work, (scale[1], damping_scale))

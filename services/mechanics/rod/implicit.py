@@ -1,0 +1,94 @@
+"""The implicit integrator: one banded factorisation a step, stable at 1 ms for a real catheter's stiffness."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import implicit_kernels as kernels
+from .banded import HALF_BANDWIDTH, RHS_BLOCK
+from .model import RodModel, allocate_work, build_model
+from .properties import RodProperties
+from .state import RodState
+from .supports import Supports
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+class ImplicitIntegrator:
+    """Theta method on the particles, linearised: ``A dv = dt f``, ``dx = dt (v + theta dv)``.
+
+    ``A = M + theta dt C + (theta dt)^2 K`` with K the positive semidefinite tangent and f taken at the inertial
+    prediction ``x + theta dt v``: one Newton iteration of the nonlinear step, or `iterations` of them.
+
+    theta = 1 (default) is implicit Euler: first order; it damps a mode of angular frequency omega by the ratio
+    ``omega dt / 2`` of its own (a 100 mm, 25 N mm^2 catheter at 1 ms: 2 % in its first bending mode, 12 % in its
+    second), and brings a contact to rest without a rebound. theta = 0.5 is the implicit midpoint rule: second order, no
+    numerical damping, and contacts that rebound. In between the numerical damping ratio is (theta - 1/2) omega dt and
+    the rebound (1 - theta) / theta. Stable for every dt in linear motion; linear momentum is conserved exactly.
+
+    Call `predict`, then any number of `solve` or `compliance`, then `correct` once with the contact forces.
+    """
+
+    def __init__(
+        self, properties: RodProperties, supports: Supports | None = None, *, theta: float = 1.0, iterations: int = 1
+    ) -> None:
+        if not 0.5 <= theta <= 1.0:
+            raise ValueError(f"theta is {theta}; the theta method is stable from 0.5 to 1")
+        if iterations < 1:
+            raise ValueError(f"iterations is {iterations}; a step takes at least one Newton iteration")
+        self.properties = properties
+        self.model: RodModel = build_model(properties, supports or Supports())
+        self.theta = theta
+        self.iterations = iterations
+        n = properties.n_particles
+        self.work = allocate_work(n)
+        self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
+        self._columns = np.zeros((3 * n + HALF_BANDWIDTH, RHS_BLOCK))
+        self._dt_s = 0.0
+
+    @property
+    def held(self) -> IntArray:
+        """(h,) held particles; row k of `held_target_m` is where held[k] shall be at the end of a step (NaN: stay)."""
+        return self.model.held
+
+    @property
+    def position_gain_s2(self) -> float:
+        """What A^-1 f is multiplied with to give the position change of the step: theta dt^2."""
+        return self.theta * self._dt_s**2
+
+    @property
+    def velocity_gain_s(self) -> float:
+        """What A^-1 f is multiplied with to give the velocity change of the step: dt."""
+        return self._dt_s
+
+    def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
+        """Advance `state` in place by `dt_s` under external forces (n, 3) alone; keeps A factorised for the contacts.
+
+        Raises
+        ------
+        FloatingPointError
+            If the matrix is not positive definite, which takes a state or force that is not finite.
+        """
+        self._dt_s = dt_s
+        motion = (state.position_m, state.velocity_m_s)
+        step = (dt_s, self.theta, self.iterations)
+        if not kernels.predict(self.model, self.work, motion, external_force_n, self.held_target_m, step):
+            raise FloatingPointError("the rod's matrix is not positive definite: its state or a force is not finite")
+
+    def solve(self, force_n: FloatArray, out: FloatArray) -> None:
+        """Fill `out` (n, 3, m) with the end-of-step position changes of `force_n` (n, 3, m), m right-hand sides."""
+        kernels.solve_many(self.model, self.work.band, self.position_gain_s2, self._columns, force_n, out)
+
+    def compliance(self, particles: IntArray, out: FloatArray) -> None:
+        """Fill `out` (3k, 3k) with the end-of-step position change of k particles per unit force on each [m/N].
+
+        `particles` (k,) ascending and distinct. Symmetric positive semidefinite; zero rows for held particles.
+        """
+        kernels.compliance(self.model, self.work.band, self.position_gain_s2, self._columns, particles, out)
+
+    def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
+        """Add to `state` in place what contact forces (n, 3), constant over the step, change since `predict`."""
+        motion = (state.position_m, state.velocity_m_s)
+        kernels.correct(self.model, self.work, motion, contact_force_n, (self._dt_s, self.theta))

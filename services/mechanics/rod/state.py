@@ -1,0 +1,58 @@
+"""Where the particles of a rod are and how fast they move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .properties import RodProperties
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass
+class RodState:
+    """Particles of the centreline; integrators change the arrays in place.
+
+    Attributes
+    ----------
+    position_m, velocity_m_s
+        (n, 3), n = n_segments + 1.
+    """
+
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+
+    def copy(self) -> RodState:
+        """An independent state with the same values."""
+        return RodState(self.position_m.copy(), self.velocity_m_s.copy())
+
+
+def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: ArrayLike) -> RodState:
+    """An unstretched rod at rest from `start_m` along `direction` (any length); ValueError if that is zero."""
+    axis = np.asarray(direction, dtype=np.float64)
+    norm = float(np.linalg.norm(axis))
+    if not norm > 0.0:
+        raise ValueError("the direction of a straight rod must not be zero")
+    distance = np.linspace(0.0, properties.length_m, properties.n_particles)
+    position = np.asarray(start_m, dtype=np.float64) + distance[:, None] * (axis / norm)
+    return RodState(np.ascontiguousarray(position), np.zeros((properties.n_particles, 3)))
+
+
+def rod_along(properties: RodProperties, curve_m: ArrayLike) -> RodState:
+    """A rod at rest laid along a polyline (k, 3) from its first point, particles equally spaced by arc length.
+
+    Raises
+    ------
+    ValueError
+        If the polyline is shorter than the rod.
+    """
+    points = np.asarray(curve_m, dtype=np.float64)
+    arc = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
+    if arc[-1] < properties.length_m * (1.0 - 1e-9):
+        raise ValueError(f"the curve is {arc[-1]:.6g} m long, shorter than the rod of {properties.length_m:.6g} m")
+    at = np.minimum(np.linspace(0.0, properties.length_m, properties.n_particles), arc[-1])
+    position = np.stack([np.interp(at, arc, points[:, axis]) for axis in range(3)], axis=1)
+    return RodState(np.ascontiguousarray(position), np.zeros((properties.n_particles, 3)))

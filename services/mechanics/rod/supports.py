@@ -1,0 +1,97 @@
+"""What holds a rod: prescribed particles, clamped ends, and the introducer needle that it slides through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Sleeve:
+    """A straight rigid tube that lets the rod slide along its axis only: the introducer needle.
+
+    Every particle between entry and exit, and the points of the centreline at the entry and exit planes, are pulled
+    to the axis. Because those points move continuously along the rod, sliding it by a segment changes no force by a
+    jump.
+
+    Attributes
+    ----------
+    entry_m, exit_m
+        (3,) ends of the axis; the rod passes from entry to exit in the order of its particles.
+    lateral_stiffness_n_m
+        Per constrained point; solved implicitly, so that any value is stable in the implicit integrator.
+    friction
+        Coulomb coefficient against the wall, 0 for none. Regularised: full friction above `slip_speed_m_s`.
+    slip_speed_m_s
+        Below this sliding speed friction is viscous (a sleeve holds by creeping, not by sticking).
+    """
+
+    entry_m: ArrayLike
+    exit_m: ArrayLike
+    lateral_stiffness_n_m: float = 2000.0
+    friction: float = 0.0
+    slip_speed_m_s: float = 1e-3
+
+    def as_array(self) -> FloatArray:
+        """(10,) entry, unit axis, length, stiffness, friction, slip speed; ValueError where one makes no sense."""
+        entry = np.asarray(self.entry_m, dtype=np.float64)
+        axis = np.asarray(self.exit_m, dtype=np.float64) - entry
+        length = float(np.linalg.norm(axis))
+        if not length > 0.0:
+            raise ValueError("the entry and exit of a sleeve must be apart")
+        if not (self.lateral_stiffness_n_m > 0.0 and self.friction >= 0.0 and self.slip_speed_m_s > 0.0):
+            raise ValueError("a sleeve needs positive stiffness and slip speed, and friction of at least 0")
+        tail = [length, self.lateral_stiffness_n_m, self.friction, self.slip_speed_m_s]
+        return np.concatenate((entry, axis / length, tail))
+
+
+@dataclass(frozen=True)
+class Supports:
+    """Everything that holds a rod.
+
+    Attributes
+    ----------
+    held
+        Particles (negative counts from the end) whose position is prescribed each step; see `held_target_m` of
+        the integrator.
+    start_direction, end_direction
+        (3,) direction, in the order of the particles, that a wall gives the tangent at the first or last particle; None
+        lets it turn freely. A half joint of stiffness 2 EI/l0: with the particle held it is the clamped end of beam
+        theory, second order in l0.
+    sleeve
+        The introducer needle, or None.
+    """
+
+    held: tuple[int, ...] = ()
+    start_direction: ArrayLike | None = None
+    end_direction: ArrayLike | None = None
+    sleeve: Sleeve | None = field(default=None)
+
+    def held_indices(self, n_particles: int) -> IntArray:
+        """Sorted particle indices; ValueError for one outside the rod or named twice."""
+        indices = sorted(i + n_particles if i < 0 else i for i in self.held)
+        if any(not 0 <= i < n_particles for i in indices) or len(set(indices)) != len(indices):
+            raise ValueError(f"held particles {self.held} must be different and within the {n_particles} of the rod")
+        return np.array(indices, dtype=np.int32)
+
+    def wall_directions(self) -> FloatArray:
+        """(2, 3) unit directions at both ends; NaN rows where there is none."""
+        rows = np.full((2, 3), np.nan)
+        for row, direction in zip(rows, (self.start_direction, self.end_direction), strict=True):
+            if direction is not None:
+                row[:] = np.asarray(direction, dtype=np.float64)
+                norm = float(np.linalg.norm(row))
+                if not norm > 0.0:
+                    raise ValueError("the direction of a clamped end must not be zero")
+                row /= norm
+        return rows
+
+
+def clamped(direction: ArrayLike) -> Supports:
+    """The first particle held and its tangent kept: a cantilever."""
+    return Supports(held=(0,), start_direction=direction)
