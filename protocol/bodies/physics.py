@@ -50,6 +50,9 @@ class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     proxy_position_m: Annotated[Vec3, Meta(description="where the tool is held by what it touches")] = ZERO3
     contacts: Annotated[int, Meta(ge=0)] = 0
     holds: Annotated[int, Meta(ge=0, description="grasps in force")] = 0
+    proxy_jaw_angle_rad: Annotated[
+        float, Meta(description="opening at which what is between the jaws stops them, -1 not known")
+    ] = -1.0
 
 
 class PhysicsContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -73,8 +73,13 @@ class GatewaySettings(Settings):
 
 
 class ViewSettings(Settings):
-    """The picture."""
+    """The picture.
 
+    `viewer`: "web" draws in the browser, "native" in a window of this host, "auto" in a window where there is a
+    display, "none" not at all.
+    """
+
+    viewer: Literal["auto", "web", "native", "none"] = "web"
     rate_hz: Annotated[float, Field(ge=1, le=120)] = 60.0
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8081
