@@ -80,7 +80,7 @@ def _value_fault(value: Any, name: str, finite: bool) -> tuple[str, str] | None:
         return fault(value, finite_scalars=finite)
     if isinstance(value, tuple):
         if value and isinstance(value[0], float):  # a vector: one addition finds any NaN or infinity, and is quick
-            total = math.fsum(value) if finite else 0.0
+            total = sum(value) if finite else 0.0
             return None if math.isfinite(total) else ("not_finite", f"{name} is not finite")
         for item in value:
             found = _value_fault(item, name, finite)

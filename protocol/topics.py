@@ -44,7 +44,8 @@ def _row(name: str, readers: str, body: type[msgspec.Struct], version: int, *, c
 
 
 def _health(process: str) -> Topic:
-    return Topic(f"{process}.health", process, ("supervisor",), bodies.Health, 1, 10.0, "latest", 0.5)
+    reader = "recorder" if process == "supervisor" else "supervisor"
+    return Topic(f"{process}.health", process, (reader,), bodies.Health, 1, 10.0, "latest", 0.5)
 
 
 _EVERYONE = ("physics", "haptics", "gateway", "visualization", "recorder")

@@ -1,0 +1,107 @@
+"""One fixed frame per topic: for golden bytes, conformance and fuzzing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import protocol
+from protocol import TOPICS, Frame, bodies
+from protocol.arrays import pack
+
+INCARNATION = 0x1234_5678_9ABC
+
+
+def _histogram() -> bodies.Histogram:
+    return bodies.Histogram(deadline_ns=1_000_000, counts=pack([0, 2, 1], "<i8"), total=3, sum_ns=30, max_ns=20)
+
+
+def _health(process: str) -> bodies.Health:
+    loop = bodies.LoopReport(
+        rate_hz=1000.0, ticks=3, misses=1, skipped=0,
+        lateness=_histogram(), work=_histogram(), period=_histogram(),
+    )  # fmt: skip
+    return bodies.Health(
+        process=process,
+        pid=42,
+        state="running",
+        uptime_s=1.5,
+        loop=loop,
+        topics=(bodies.TopicReport(topic="gateway.state", sent=3, refused={"malformed": 1}, age=_histogram()),),
+        paths=(bodies.PathLatency(name="servo", latency=_histogram(), answered=2, asked=3),),
+        stages=(bodies.StageCost(name="contact", mean_us=12.5, max_us=40.0),),
+        realtime=(bodies.RealtimeFact(name="scheduling", asked="FIFO 80", had="FIFO 80", ok=True),),
+        gauges={"temperature": 0.25},
+    )
+
+
+def _contacts() -> bodies.ToolContacts:
+    return bodies.ToolContacts(
+        tick=5,
+        tools=(bodies.ToolState(position_m=(0.1, 0.2, 0.3), port_m=(0.0, 0.0, 0.1), jaw_angle_rad=0.5),),
+        tool=pack([0, 0], "|i1"),
+        tool_segment=pack([1, 2], "|i1"),
+        target_kind=pack([0, 1], "|i1"),
+        target=pack([17, 3], "<i4"),
+        tool_parameter=pack([0.25, 0.5]),
+        target_weights=pack([[0.2, 0.3, 0.5], [0.5, 0.5, 0.0]]),
+        normal=pack([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
+        gap_m=pack([-1e-4, 2e-4]),
+        holds=(
+            bodies.GraspHold(
+                tool=0, target_kind=1, target=3, target_weights=(0.5, 0.5, 0.0),
+                offset_tool_m=(0.01, 0.0, 0.0), grip_force_n=1.5,
+            ),
+        ),
+    )  # fmt: skip
+
+
+_BODIES = {
+    "gateway.state": bodies.GatewayState(
+        tick=5,
+        instruments=(
+            bodies.InstrumentState(
+                name="left", position_m=(0.1, 0.2, 0.3), velocity_m_s=(0.0, 0.5, 0.0), handle_angle_rad=0.4,
+                buttons=1, applied_force_n=(0.0, 0.0, 1.0), state="active", force_scale=1.0, model_sequence=9,
+                model_age_s=0.0005,
+            ),
+        ),
+    ),
+    "haptics.contact_model": bodies.ContactModel(
+        tick=5,
+        ttl_s=0.02,
+        instruments=(
+            bodies.LocalModel(
+                force_n=(0.0, 0.0, 1.0), stiffness_n_m=(1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0),
+                reference_position_m=(0.1, 0.2, 0.3), grasp_torque_nm=0.05, in_contact=True,
+            ),
+        ),
+    ),
+    "haptics.contacts": _contacts(),
+    "physics.duct": bodies.Duct(
+        tick=5, basis_hash="c0ffee", q=pack([1.0, 2.0]), q_rate=pack([0.0, -1.0]),
+        load_node=pack([4], "<i4"), load_force_n=pack([[0.0, 0.0, -1.0]]), quality_level=1,
+    ),
+    "physics.catheter": bodies.Catheter(
+        tick=5, position_m=pack(np.arange(6.0).reshape(2, 3)), velocity_m_s=pack(np.zeros((2, 3))),
+        radius_m=0.8e-3, twist_rad=pack([0.1]), inserted_length_m=0.02,
+    ),
+    "physics.contacts": bodies.PhysicsContacts(
+        tick=5, tools=(bodies.ToolReaction(force_n=(0.0, 0.0, 1.0), contacts=2, holds=1),),
+        kind=pack([0], "|i1"), point_m=pack([[0.1, 0.2, 0.3]]), force_n=pack([[0.0, 0.0, 1.0]]),
+        max_penetration_m=1e-5, iterations=12,
+    ),
+    "supervisor.state": bodies.SupervisorState(
+        state="degraded", quality_level=1, reason="physics: miss ratio 2 %, limit 0.1 %",
+        processes=(bodies.ProcessReport(name="physics", state="running", pid=42, restarts=1),),
+    ),
+}  # fmt: skip
+
+
+def body(name: str) -> object:
+    """Return the fixed body of a topic."""
+    return _BODIES.get(name) or _health(name.split(".")[0])
+
+
+def frame(name: str) -> Frame:
+    """Return the fixed frame of a topic."""
+    return Frame(protocol.PROTOCOL_VERSION, name, TOPICS[name].version, INCARNATION, 7, 2_000, 1_000, True, body(name))

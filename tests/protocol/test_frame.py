@@ -1,0 +1,140 @@
+"""The envelope and the check of bodies: what is sent arrives, and what is wrong has a named reason."""
+
+from __future__ import annotations
+
+import math
+
+import msgpack
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import protocol
+from protocol import TOPICS, Frame, FrameError, Reason, bodies, decode, encode, peek
+from protocol.arrays import Array, pack
+from protocol.frame import MAX_FRAME_BYTES
+from tests.protocol import samples, strategies
+
+numbers = st.integers(0, 2**48)
+
+
+@pytest.mark.parametrize("name", TOPICS)
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@given(data=st.data())
+def test_every_body_arrives_as_it_was_sent(name: str, data: st.DataObject) -> None:
+    row = TOPICS[name]
+    body = data.draw(strategies.bodies(row.body))
+    sent = Frame(protocol.PROTOCOL_VERSION, name, row.version, *data.draw(st.tuples(*[numbers] * 4)), True, body)
+    assert decode(encode(sent), name) == sent
+
+
+@pytest.mark.parametrize("name", TOPICS)
+def test_any_msgpack_reads_the_same_positions(name: str) -> None:
+    """The wire is plain msgpack: another language's library sees the fields where docs/wire.md says."""
+    frame = samples.frame(name)
+    plain = msgpack.unpackb(encode(frame), strict_map_key=False)
+    assert plain[:8] == [1, name, 1, samples.INCARNATION, 7, 2_000, 1_000, True]
+    body = frame.body
+    assert len(plain[8]) == len(body.__struct_fields__)
+    for value, field in zip(plain[8], body.__struct_fields__, strict=True):
+        if isinstance(getattr(body, field), Array):
+            dtype, shape, raw = value
+            np.testing.assert_array_equal(np.frombuffer(raw, dtype).reshape(shape), getattr(body, field).view())
+
+
+def test_other_packers_are_understood() -> None:
+    """A frame written by msgpack itself, from plain lists, decodes to the same body."""
+    frame = samples.frame("haptics.contact_model")
+    assert decode(msgpack.packb(msgpack.unpackb(encode(frame)))) == frame
+
+
+def _reason(data: bytes, expected: str | None = None) -> Reason:
+    with pytest.raises(FrameError) as caught:
+        decode(data, expected)
+    return caught.value.reason
+
+
+def _changed(name: str, **changes: object) -> bytes:
+    frame = samples.frame(name)
+    return encode(msgspec.structs.replace(frame, body=msgspec.structs.replace(frame.body, **changes)))
+
+
+def _enveloped(**changes: object) -> bytes:
+    return encode(msgspec.structs.replace(samples.frame("gateway.state"), **changes))
+
+
+def test_each_refusal_has_its_reason() -> None:
+    good = encode(samples.frame("gateway.state"))
+    assert _reason(b"\x00" * (MAX_FRAME_BYTES + 1)) is Reason.TOO_LARGE
+    assert _reason(b"") is Reason.MALFORMED
+    assert _reason(good[:-3]) is Reason.MALFORMED
+    assert _reason(b"\xdd\xff\xff\xff\xff") is Reason.MALFORMED
+    assert _reason(_enveloped(protocol=2)) is Reason.PROTOCOL_VERSION
+    assert _reason(_enveloped(topic="gateway.coffee")) is Reason.UNKNOWN_TOPIC
+    assert _reason(good, "physics.duct") is Reason.WRONG_TOPIC
+    assert _reason(_enveloped(version=2)) is Reason.NEWER_VERSION
+    assert _reason(_enveloped(body=["x"])) is Reason.BODY
+
+
+def test_a_body_that_is_too_short_is_refused() -> None:
+    frame = samples.frame("haptics.contact_model")
+    plain = msgpack.unpackb(encode(frame))
+    plain[8] = plain[8][:1]
+    assert _reason(msgpack.packb(plain)) is Reason.BODY
+
+
+def test_a_vector_of_the_wrong_length_is_refused() -> None:
+    plain = msgpack.unpackb(encode(samples.frame("gateway.state")))
+    plain[8][1][0][1] = [0.0, 0.0]
+    assert _reason(msgpack.packb(plain)) is Reason.BODY
+
+
+def test_fields_of_a_newer_minor_are_skipped() -> None:
+    """Additive fields keep the version: an older reader ignores what it does not know."""
+    frame = samples.frame("haptics.contact_model")
+    plain = msgpack.unpackb(encode(frame))
+    plain[8].append("from the future")
+    assert decode(msgpack.packb(plain)) == frame
+
+
+def test_arrays_that_lie_are_refused() -> None:
+    q = pack(np.zeros(4))
+    rate = pack(np.zeros(4))
+    duct = {"q": q, "q_rate": rate}
+    for field, lie, reason in [
+        ("q", Array("<f4", (4,), b"\0" * 16), Reason.ARRAY_DTYPE),
+        ("q", Array("|O8", (4,), b"\0" * 32), Reason.ARRAY_DTYPE),
+        ("q", Array("<f8", (4,), b"\0" * 24), Reason.ARRAY_SHAPE),
+        ("q", Array("<f8", (2, 2), b"\0" * 32), Reason.ARRAY_SHAPE),
+        ("q", Array("<f8", (5,), b"\0" * 40), Reason.ARRAY_SHAPE),
+        ("q", Array("<f8", (-1,), b""), Reason.ARRAY_SHAPE),
+        ("q", Array("<f8", (1 << 40,), b""), Reason.ARRAY_SHAPE),
+        ("q", pack(np.array([0, math.nan, 0, 0])), Reason.NOT_FINITE),
+    ]:
+        assert _reason(_changed("physics.duct", **(duct | {field: lie}))) is reason, lie
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_command_with_a_number_that_is_none_is_refused(bad: float) -> None:
+    model = bodies.LocalModel(force_n=(0.0, bad, 0.0))
+    assert _reason(_changed("haptics.contact_model", instruments=(model,))) is Reason.NOT_FINITE
+    model = bodies.LocalModel(grasp_torque_nm=bad)
+    assert _reason(_changed("haptics.contact_model", instruments=(model,))) is Reason.NOT_FINITE
+
+
+def test_opposite_infinities_do_not_cancel() -> None:
+    model = bodies.LocalModel(force_n=(math.inf, -math.inf, 0.0))
+    assert _reason(_changed("haptics.contact_model", instruments=(model,))) is Reason.NOT_FINITE
+
+
+def test_a_header_can_be_read_alone() -> None:
+    header = peek(encode(samples.frame("physics.duct")))
+    assert (header.topic, header.sequence, header.origin_ns) == ("physics.duct", 7, 1_000)
+
+
+def test_decoded_arrays_cannot_be_written() -> None:
+    frame = decode(encode(samples.frame("physics.duct")))
+    with pytest.raises(ValueError, match="read-only"):
+        frame.body.q.view()[0] = 1.0

@@ -1,0 +1,41 @@
+"""The topic table agrees with itself and with what sockets need."""
+
+from __future__ import annotations
+
+import pytest
+
+from protocol import PROCESSES, TOPICS, topic
+from protocol.declared import array_specs
+from protocol.topics import published_by, read_by
+from services.runtime.endpoints import endpoint
+from services.runtime.rig import Transport
+
+
+def test_names_say_who_publishes() -> None:
+    for name, row in TOPICS.items():
+        assert name.split(".")[0] == row.publisher
+        assert {row.publisher, *row.readers} <= set(PROCESSES)
+        assert row.publisher not in row.readers
+
+
+def test_every_process_is_heard_and_hears() -> None:
+    for process in PROCESSES:
+        assert f"{process}.health" in {row.name for row in published_by(process)}
+        assert read_by(process)
+
+
+def test_endpoints_differ_and_come_from_the_name_alone() -> None:
+    tcp = Transport(kind="tcp")
+    ports = {endpoint(tcp, name) for name in TOPICS}
+    assert len(ports) == len(TOPICS)
+    assert endpoint(tcp, "gateway.state") == "tcp://127.0.0.1:24783"
+
+
+def test_every_array_declares_itself() -> None:
+    for row in TOPICS.values():
+        array_specs(row.body)
+
+
+def test_an_unknown_topic_names_the_known() -> None:
+    with pytest.raises(KeyError, match=r"no topic 'gateway.coffee'; known: gateway.state"):
+        topic("gateway.coffee")
