@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from protocol.arrays import Array, Spec
-from protocol.vectors import IDENTITY_QUAT, ZERO3, ZERO9, Mat3, Quat, Vec3
+from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
 class LocalModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -40,10 +40,10 @@ class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """One forceps as physics needs it."""
 
     position_m: Annotated[Vec3, Meta(description="HIP: the junction J")]
-    orientation_wxyz: Quat = IDENTITY_QUAT
     velocity_m_s: Vec3 = ZERO3
     port_m: Annotated[Vec3, Meta(description="the trocar's fixed point")] = ZERO3
-    jaw_angle_rad: Annotated[float, Meta(description="opening of each jaw from the shaft axis")] = 0.0
+    roll_rad: Annotated[float, Meta(description="of the jaws about the shaft; pose = J, port and roll")] = 0.0
+    jaw_angle_rad: Annotated[float, Meta(description="opening between the jaws that the handle asks for")] = 0.0
     jaw_rate_rad_s: float = 0.0
     closing_torque_nm: Annotated[float, Meta(description="what the hand squeezes with, at the handle")] = 0.0
 
@@ -51,12 +51,12 @@ class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """A grasp: the jaws of a tool hold a point of the duct wall or of the catheter."""
 
+    hold_id: Annotated[int, Meta(ge=0, description="a new grasp takes a new number")]
     tool: Annotated[int, Meta(ge=0, lt=8)]
     target_kind: Annotated[int, Meta(ge=0, le=1, description="0 duct triangle, 1 catheter segment")]
     target: Annotated[int, Meta(ge=0, description="triangle or segment index")]
     target_weights: Annotated[Vec3, Meta(description="barycentric; catheter segment: (1-s, s, 0)")]
-    offset_tool_m: Annotated[Vec3, Meta(description="held point in the tool frame, from J")]
-    grip_force_n: Annotated[float, Meta(ge=0.0, description="normal force of the jaws on what they hold")]
+    limit_n: Annotated[float, Meta(ge=0.0, description="the hold slips above: grip friction times the squeeze")]
 
 
 class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

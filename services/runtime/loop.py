@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import protocol.bodies as bodies
+from protocol import Frame
+from services.runtime.bus import Bus
 from services.runtime.histogram import LatencyHistogram
 
 
@@ -52,6 +54,11 @@ class LoopMeter:
     def skip(self, ticks: int) -> None:
         """Count ticks that never ran."""
         self.skipped += ticks
+        self.misses += ticks
+
+    def catch_up(self, ticks: int) -> None:
+        """Count ticks that ran, but only now, together with a later one."""
+        self.ticks += ticks
         self.misses += ticks
 
     def body(self) -> bodies.LoopReport:
@@ -105,3 +112,56 @@ def ticks(
             meter.skip(behind)
         index += behind + 1
         scheduled += (behind + 1) * meter.period_ns
+
+
+#: A jump of the rig's clock by up to this many ticks is caught up; a larger one is skipped and counted.
+CATCH_UP = 3
+
+
+class TickClock:
+    """Turns tick indices of received frames into steps to take: the rig has one clock, the gateway's.
+
+    The same sequence of indices always gives the same steps, whatever the time between them was.
+    """
+
+    def __init__(self, meter: LoopMeter) -> None:
+        self._meter = meter
+        self._last: int | None = None
+
+    def steps(self, index: int) -> int:
+        """Return how many steps of one period bring this process to `index`: 0 for one that was seen.
+
+        An index that goes back means that the gateway has started anew: one step, and its count goes on from there.
+        """
+        last, self._last = self._last, index
+        if last is None or index < last:
+            return 1
+        jump = index - last
+        if jump > CATCH_UP:
+            self._meter.skip(jump - 1)
+            return 1
+        if jump > 1:
+            self._meter.catch_up(jump - 1)
+        return jump
+
+
+def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> Iterator[Frame | None]:
+    """Yield each new frame of `topic`, newest only; None when none came for two periods, so that health goes on.
+
+    The tick is due when its frame was sent and must be done one period later. Frames that come faster than the rate
+    (a publisher that floods) are answered at no more than four times the rate: the rest of the core stays free.
+    """
+    apart_ns = meter.period_ns // 4
+    last_ns = 0
+    while not stop():
+        if not bus.wait(topic, time.monotonic_ns() + 2 * meter.period_ns):
+            yield None
+            continue
+        sleep_until(last_ns + apart_ns)
+        frame = bus.latest(topic)
+        if frame is None:
+            continue
+        last_ns = time.monotonic_ns()
+        meter.start(frame.sent_ns, last_ns)
+        yield frame
+        meter.finish(time.monotonic_ns())

@@ -48,8 +48,7 @@ def _contacts() -> bodies.ToolContacts:
         gap_m=pack([-1e-4, 2e-4]),
         holds=(
             bodies.GraspHold(
-                tool=0, target_kind=1, target=3, target_weights=(0.5, 0.5, 0.0),
-                offset_tool_m=(0.01, 0.0, 0.0), grip_force_n=1.5,
+                hold_id=2, tool=0, target_kind=1, target=3, target_weights=(0.5, 0.5, 0.0), limit_n=1.5,
             ),
         ),
     )  # fmt: skip
