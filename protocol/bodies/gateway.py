@@ -15,7 +15,7 @@ class InstrumentState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
 
     name: Annotated[str, Meta(max_length=64, description="instrument name of the rig file")]
     position_m: Annotated[Vec3, Meta(description="HIP: the tool's junction point J")]
-    orientation_wxyz: Annotated[Quat, Meta(description="tool frame; +x along the shaft, from port to J")] = (
+    orientation_wxyz: Annotated[Quat, Meta(description="+x along the shaft, from port to J; +y where jaw A opens")] = (
         IDENTITY_QUAT
     )
     velocity_m_s: Annotated[Vec3, Meta(description="velocity of the HIP")] = ZERO3
@@ -34,6 +34,7 @@ class InstrumentState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
     motor_temperature: Annotated[float, Meta(description="hottest motor, 0 ambient to 1 limit")] = 0.0
     has_force: Annotated[bool, Meta(description="false: a device without force feedback")] = True
     fault: Annotated[str, Meta(max_length=256, description="empty, or one sentence")] = ""
+    roll_rad: Annotated[float, Meta(description="of the jaws about the shaft; pose = J, port and roll")] = 0.0
 
 
 class GatewayState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
