@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
+from services.mechanics.reduction.content_hash import hash_content
 from services.mechanics.reduction.state import FloatArray, IntArray
 
 
@@ -38,7 +38,7 @@ class ModalBasis:
         Phi = np.ascontiguousarray(Phi, np.float64)
         if Phi.ndim != 3 or Phi.shape[1] != 3 or omega_rad_s.shape != Phi.shape[2:]:
             raise ValueError(f"modes of shape {Phi.shape} do not fit {omega_rad_s.shape} frequencies")
-        return cls(omega_rad_s, Phi, hash_arrays(omega_rad_s, Phi))
+        return cls(omega_rad_s, Phi, hash_content(omega_rad_s, Phi))
 
     @property
     def n_nodes(self) -> int:
@@ -58,15 +58,6 @@ class ModalBasis:
         """Return the displacement of every node (n, 3) in m: eq. 22."""
         field: FloatArray = self.Phi @ q
         return field
-
-
-def hash_arrays(*arrays: FloatArray) -> str:
-    """Return 32 hexadecimal digits that name the shapes and bytes of the arrays."""
-    digest = hashlib.blake2b(digest_size=16)
-    for array in arrays:
-        digest.update(f"{array.dtype.str}{array.shape}".encode())
-        digest.update(np.ascontiguousarray(array).data.cast("B"))
-    return digest.hexdigest()
 
 
 @njit(cache=True, nogil=True, fastmath=False)

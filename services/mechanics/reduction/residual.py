@@ -2,13 +2,13 @@
 
 A truncated basis is too stiff exactly where a forceps pinches. The lost part of a static response,
 R = K^-1 - Phi Lambda^-1 Phi^T, restores it: u_i = Phi_i q + sum_j R_ij f_j over the loaded nodes j. The modes
-left out are faster than the tick, so their response is taken as immediate (static correction; Craig and
-Kurdila, "Fundamentals of Structural Dynamics", mode acceleration method).
+left out are faster than what the hand feels, so their response is taken as immediate (static correction, the
+mode acceleration method; Craig and Kurdila, "Fundamentals of Structural Dynamics").
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -19,78 +19,113 @@ from services.mechanics.reduction.state import FloatArray, IntArray
 BlockArray = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 
-class Residual(Protocol):
-    """Reads 3 x 3 blocks of R, in m/N, for a few nodes; nothing is allocated and nothing depends on n."""
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """R as 3 x 3 blocks between pairs of nodes, in m/N: all pairs, or those within a patch radius.
+
+    Reading blocks allocates nothing and costs the same whatever the size of the mesh.
+
+    Attributes
+    ----------
+    n_nodes : int
+        Nodes of the mesh, n.
+    blocks : (p, 3, 3) float32 or float64
+        With all pairs p = n^2, row after row. float32 rounds each entry by 1e-7.
+    starts : (n + 1,) int32
+        With patches, the blocks of node i are ``starts[i]`` to ``starts[i + 1]``; empty with all pairs.
+    neighbours : (p,) int32
+        With patches, the other node of each block, ascending in a row; empty with all pairs.
+    """
+
+    n_nodes: int
+    blocks: BlockArray
+    starts: IntArray
+    neighbours: IntArray
+
+    @classmethod
+    def full(cls, blocks: BlockArray) -> Residual:
+        """Wrap the blocks (n, n, 3, 3) between all pairs of nodes.
+
+        Raises
+        ------
+        ValueError
+            The array has another shape.
+        """
+        if blocks.ndim != 4 or blocks.shape[0] != blocks.shape[1] or blocks.shape[2:] != (3, 3):
+            raise ValueError(f"residual blocks have shape {blocks.shape}, expected (n, n, 3, 3)")
+        empty = np.zeros(0, np.int32)
+        return cls(blocks.shape[0], blocks.reshape(-1, 3, 3), empty, empty)
+
+    @classmethod
+    def patches(cls, starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> Residual:
+        """Wrap compressed rows of blocks; pairs without a block count as zero."""
+        if blocks.shape != (neighbours.size, 3, 3):
+            raise ValueError(f"residual blocks have shape {blocks.shape}, expected ({neighbours.size}, 3, 3)")
+        return cls(starts.size - 1, blocks, starts, neighbours)
+
+    @classmethod
+    def none(cls, n_nodes: int) -> Residual:
+        """Return the residual of a bare truncated basis, for comparison: every left-out mode is rigid."""
+        starts, neighbours = np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32)
+        return cls(n_nodes, np.zeros((0, 3, 3), np.float32), starts, neighbours)
 
     def gather(self, nodes: IntArray, out: FloatArray) -> None:
         """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
+        gather(self.blocks, self.starts, self.neighbours, self.n_nodes, nodes, out)
 
     def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
         """Write R between points of triangles into ``out`` (3 k, 3 k).
 
-        ``nodes`` (k, 3) are the corners, ``weights`` (k, 3) the barycentric coordinates of each point.
+        ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point.
         """
+        gather_points(self.blocks, self.starts, self.neighbours, self.n_nodes, nodes, weights, out)
 
     def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
         """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``."""
-
-
-class NoResidual:
-    """The bare truncated basis, for comparison: every left-out mode is rigid."""
-
-    def gather(self, nodes: IntArray, out: FloatArray) -> None:
-        """Write zeros."""
-        out[: 3 * len(nodes), : 3 * len(nodes)] = 0.0
-
-    def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
-        """Write zeros."""
-        self.gather(nodes[:, 0], out)
-
-    def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
-        """Add nothing."""
-
-
-class FullResidual:
-    """R between all nodes, one 3 x 3 block after the other.
-
-    Parameters
-    ----------
-    blocks : (n, n, 3, 3) float32 or float64
-        m/N; zero at fixed nodes. 36 n^2 bytes in float32, whose rounding is 1e-7 of each entry.
-    """
-
-    def __init__(self, blocks: BlockArray) -> None:
-        if blocks.ndim != 4 or blocks.shape[0] != blocks.shape[1] or blocks.shape[2:] != (3, 3):
-            raise ValueError(f"residual blocks have shape {blocks.shape}, expected (n, n, 3, 3)")
-        self.blocks = blocks
-
-    def gather(self, nodes: IntArray, out: FloatArray) -> None:
-        """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
-        gather_full(self.blocks, nodes, out)
-
-    def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
-        """Write R between points of triangles into ``out`` (3 k, 3 k)."""
-        gather_points_full(self.blocks, nodes, weights, out)
-
-    def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
-        """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``."""
-        apply_full(self.blocks, load_nodes, load_forces, nodes, out)
+        apply(self.blocks, self.starts, self.neighbours, self.n_nodes, load_nodes, load_forces, nodes, out)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def gather_full(blocks: BlockArray, nodes: IntArray, out: FloatArray) -> None:
+def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, column: int) -> int:
+    """Return where the block of two nodes lies, -1 where there is none."""
+    if starts.shape[0] == 0:
+        return int(row * n_nodes + column)
+    low, high = starts[row], starts[row + 1]
+    while low < high:
+        middle = (low + high) // 2
+        if neighbours[middle] < column:
+            low = middle + 1
+        else:
+            high = middle
+    if low < starts[row + 1] and neighbours[low] == column:
+        return int(low)
+    return -1
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def gather(
+    blocks: BlockArray, starts: IntArray, neighbours: IntArray, n_nodes: int, nodes: IntArray, out: FloatArray
+) -> None:
     """Copy the blocks between ``nodes`` (k,) into ``out`` (3 k, 3 k), using their symmetry."""
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
-            block = blocks[nodes[a], nodes[b]]
-            for i in range(3):
-                for j in range(3):
-                    out[3 * a + i, 3 * b + j] = block[i, j]
-                    out[3 * b + j, 3 * a + i] = block[i, j]
+            _clear_block(out, a, b)
+            place = block_index(starts, neighbours, n_nodes, nodes[a], nodes[b])
+            if place >= 0:
+                _add_block(out, a, b, 1.0, blocks[place])
+            _mirror_block(out, a, b)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def gather_points_full(blocks: BlockArray, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+def gather_points(
+    blocks: BlockArray,
+    starts: IntArray,
+    neighbours: IntArray,
+    n_nodes: int,
+    nodes: IntArray,
+    weights: FloatArray,
+    out: FloatArray,
+) -> None:
     """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
@@ -99,27 +134,42 @@ def gather_points_full(blocks: BlockArray, nodes: IntArray, weights: FloatArray,
                 for other in range(3):
                     weight = weights[a, corner] * weights[b, other]
                     if weight != 0.0:
-                        _add_block(out, a, b, weight, blocks[nodes[a, corner], nodes[b, other]])
+                        place = block_index(starts, neighbours, n_nodes, nodes[a, corner], nodes[b, other])
+                        if place >= 0:
+                            _add_block(out, a, b, weight, blocks[place])
             _mirror_block(out, a, b)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def apply_full(
-    blocks: BlockArray, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray
+def apply(
+    blocks: BlockArray,
+    starts: IntArray,
+    neighbours: IntArray,
+    n_nodes: int,
+    load_nodes: IntArray,
+    load_forces: FloatArray,
+    nodes: IntArray,
+    out: FloatArray,
 ) -> None:
     """Add R f of the loads (l, 3) to the displacements ``out`` (k, 3) of ``nodes``."""
     for a in range(nodes.shape[0]):
         for b in range(load_nodes.shape[0]):
-            _add_product(out[a], blocks[nodes[a], load_nodes[b]], load_forces[b])
+            place = block_index(starts, neighbours, n_nodes, nodes[a], load_nodes[b])
+            if place >= 0:
+                block, force = blocks[place], load_forces[b]
+                for i in range(3):
+                    out[a, i] += block[i, 0] * force[0] + block[i, 1] * force[1] + block[i, 2] * force[2]
 
 
 @njit(cache=True, nogil=True, fastmath=False)
 def _clear_block(out: FloatArray, a: int, b: int) -> None:
-    out[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] = 0.0
+    for i in range(3):
+        for j in range(3):
+            out[3 * a + i, 3 * b + j] = 0.0
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _add_block(out: FloatArray, a: int, b: int, weight: float, block: FloatArray) -> None:
+def _add_block(out: FloatArray, a: int, b: int, weight: float, block: BlockArray) -> None:
     for i in range(3):
         for j in range(3):
             out[3 * a + i, 3 * b + j] += weight * block[i, j]
@@ -130,9 +180,3 @@ def _mirror_block(out: FloatArray, a: int, b: int) -> None:
     for i in range(3):
         for j in range(3):
             out[3 * b + j, 3 * a + i] = out[3 * a + i, 3 * b + j]
-
-
-@njit(cache=True, nogil=True, fastmath=False)
-def _add_product(out: FloatArray, block: FloatArray, force: FloatArray) -> None:
-    for i in range(3):
-        out[i] += block[i, 0] * force[0] + block[i, 1] * force[1] + block[i, 2] * force[2]

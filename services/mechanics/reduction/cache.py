@@ -1,0 +1,116 @@
+"""Results kept on disk by name: numpy files, memory mapped, made once and never half visible.
+
+An entry is a folder of ``.npy`` arrays and a ``manifest.json``. It is written beside its place and renamed
+into it, so a reader sees all of it or nothing; a lock file keeps processes that start together from making
+the same entry twice. Nothing is pickled.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+MANIFEST = "manifest.json"
+
+
+class CacheError(RuntimeError):
+    """An entry on disk is damaged; the message names it."""
+
+
+def default_cache_dir() -> Path:
+    """Return where entries are kept unless the caller says otherwise: ~/.cache/trocar/bases."""
+    return Path.home() / ".cache" / "trocar" / "bases"
+
+
+class Entry:
+    """One folder of arrays; writable while it is being made, read-only afterwards."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def save(self, name: str, array: np.ndarray[Any, Any]) -> None:
+        """Write one array."""
+        np.save(self._file(name), array, allow_pickle=False)
+
+    def create(self, name: str, shape: tuple[int, ...], dtype: type[np.generic]) -> np.ndarray[Any, Any]:
+        """Return a new array on disk, to be filled piece by piece without ever being in memory as a whole."""
+        return np.lib.format.open_memmap(self._file(name), mode="w+", dtype=dtype, shape=shape)
+
+    def describe(self, **facts: Any) -> None:
+        """Write the manifest."""
+        (self.folder / MANIFEST).write_text(json.dumps(facts, indent=1), encoding="utf-8")
+
+    def load(self, name: str) -> np.ndarray[Any, Any]:
+        """Map one array into memory, copy on write, and touch its pages so that no later read waits for the disk.
+
+        Raises
+        ------
+        CacheError
+            The file is missing or damaged.
+        """
+        try:
+            array = np.load(self._file(name), mmap_mode="c", allow_pickle=False)
+        except (OSError, ValueError) as error:
+            raise CacheError(f"cache entry {self.folder} is damaged, remove it: {error}") from error
+        plain = np.asarray(array)
+        words_a_page = max(4096 // plain.itemsize, 1)
+        plain.reshape(-1)[::words_a_page].sum()
+        return plain
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The manifest.
+
+        Raises
+        ------
+        CacheError
+            It is missing or damaged.
+        """
+        try:
+            facts: dict[str, Any] = json.loads((self.folder / MANIFEST).read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise CacheError(f"cache entry {self.folder} is damaged, remove it: {error}") from error
+        return facts
+
+    def _file(self, name: str) -> Path:
+        return self.folder / f"{name}.npy"
+
+
+def fetch(cache_dir: Path, name: str, make: Callable[[Entry], None]) -> Entry:
+    """Return the entry ``name``, calling ``make`` to fill it if it does not exist yet.
+
+    Processes that ask for the same missing entry at the same time wait for the first of them.
+    """
+    folder = cache_dir / name
+    if not folder.exists():
+        cache_dir.mkdir(parents=True, exist_ok=True)
+        with _locked(cache_dir / f".{name}.lock"):
+            if not folder.exists():
+                _make_atomically(folder, make)
+    return Entry(folder)
+
+
+def _make_atomically(folder: Path, make: Callable[[Entry], None]) -> None:
+    unfinished = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        make(Entry(unfinished))
+        os.replace(unfinished, folder)
+    except BaseException:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        raise
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    with path.open("w", encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
