@@ -78,6 +78,7 @@ class ZmqBus:
         else:
             where = endpoints.endpoint(transport, name, host=transport.bind_host)
         socket = self._context.socket(zmq.XPUB)  # XPUB tells when a reader has subscribed: readiness without sleeping
+        socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # of every reader, not of the first and the last only
         socket.sndhwm = _HIGH_WATER_MARK
         self._senders[name] = socket
         self._subscribed[name] = 0

@@ -1,0 +1,30 @@
+"""Every test has its own bus namespace."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from services.runtime.rig import Transport
+
+
+@pytest.fixture
+def transport(tmp_path_factory: pytest.TempPathFactory) -> Transport:
+    directory: Path = tmp_path_factory.mktemp("bus")
+    return Transport(directory=directory)
+
+
+@pytest.fixture
+def eventually() -> Callable[[Callable[[], bool]], None]:
+    """Wait for a condition; fails after two seconds."""
+
+    def wait(condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 2.0
+        while not condition():
+            assert time.monotonic() < deadline, "it did not happen"
+            time.sleep(1e-3)
+
+    return wait

@@ -1,0 +1,269 @@
+"""The same behaviour on the bus in memory and on the real one, and what strange peers can and cannot do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import msgspec
+import pytest
+import zmq
+
+import protocol
+from protocol import Frame, bodies
+from services.runtime import bus as bus_module
+from services.runtime.endpoints import endpoint
+from services.runtime.errors import BusError
+from services.runtime.memory_bus import MemoryBus, MemoryHub
+from services.runtime.rig import Transport
+from services.runtime.zmq_bus import ZmqBus
+
+STATE = "gateway.state"
+Make = Callable[..., Any]
+Eventually = Callable[[Callable[[], bool]], None]
+
+
+@pytest.fixture(params=["memory", "ipc", "tcp"])
+def make(request: pytest.FixtureRequest, transport: Transport) -> Iterator[Make]:
+    """Return a maker of buses that meet: ``make(publishes=..., reads=..., reads_every=...)``."""
+    hub = MemoryHub()
+    tcp = Transport(kind="tcp", base_port=31_000)
+    with ExitStack() as stack:
+
+        def maker(**topics: Iterable[str]) -> Any:
+            if request.param == "memory":
+                made: Any = MemoryBus(hub, **topics)
+            else:
+                made = ZmqBus(transport if request.param == "ipc" else tcp, **topics)
+            stack.callback(made.close)
+            return made
+
+        yield maker
+
+
+def state(tick: int) -> bodies.GatewayState:
+    return bodies.GatewayState(tick=tick)
+
+
+def connected(sender: Any, eventually: Eventually) -> None:
+    eventually(lambda: sender.has_reader(STATE))
+
+
+def test_a_reader_of_state_gets_the_newest_frame_once(make: Make, eventually: Eventually) -> None:
+    reader, sender = make(reads=[STATE]), make(publishes=[STATE])
+    connected(sender, eventually)
+    for tick in range(100):
+        sender.publish(STATE, state(tick), origin_ns=tick)
+    got: list[Frame] = []
+    eventually(lambda: bool((frame := reader.latest(STATE)) and (got.append(frame) or frame.body.tick == 99)))
+    assert got[-1].origin_ns == 99
+    assert reader.latest(STATE) is None
+    assert reader.is_fresh(STATE)
+
+
+def test_a_reader_of_every_frame_gets_all_in_order(make: Make, eventually: Eventually) -> None:
+    sender, reader = make(publishes=[STATE]), make(reads_every=[STATE])
+    connected(sender, eventually)
+    ticks: list[int] = []
+    for tick in range(90):
+        sender.publish(STATE, state(tick))
+
+    def drained() -> bool:
+        ticks.extend(frame.body.tick for frame in reader.drain(STATE))
+        return len(ticks) == 90
+
+    eventually(drained)
+    assert ticks == list(range(90))
+    assert next(r for r in reader.reports() if r.topic == STATE).dropped == 0
+
+
+def test_a_late_joiner_gets_what_is_sent_from_then_on(make: Make, eventually: Eventually) -> None:
+    sender = make(publishes=[STATE])
+    sender.publish(STATE, state(1))
+    reader = make(reads=[STATE])
+    connected(sender, eventually)
+    assert reader.latest(STATE) is None
+    sender.publish(STATE, state(2))
+    got: list[Frame] = []
+    eventually(lambda: bool((frame := reader.latest(STATE)) and not got.append(frame)))
+    assert got[0].body.tick == 2
+
+
+def test_what_the_sender_calls_invalid_or_old_is_not_fresh(make: Make, eventually: Eventually) -> None:
+    sender, reader = make(publishes=[STATE]), make(reads=[STATE])
+    connected(sender, eventually)
+    assert not reader.is_fresh(STATE)
+    sender.publish(STATE, state(1), valid=False)
+    eventually(lambda: reader.latest(STATE) is not None)
+    assert not reader.is_fresh(STATE)
+    sender.publish(STATE, state(2))
+    eventually(lambda: reader.latest(STATE) is not None)
+    assert reader.is_fresh(STATE)
+    time.sleep(0.01)
+    assert not reader.is_fresh(STATE)
+
+
+def test_a_restarted_publisher_is_believed_and_its_ghost_is_not() -> None:
+    """Frames of the dead predecessor that arrive late are refused by their incarnation."""
+    hub = MemoryHub()
+    first, second = MemoryBus(hub, publishes=[STATE]), MemoryBus(hub, publishes=[STATE])
+    reader = MemoryBus(hub, reads=[STATE])
+    first.publish(STATE, state(7))
+    assert reader.latest(STATE) is not None
+    second.publish(STATE, state(0))
+    assert reader.latest(STATE).body.tick == 0  # type: ignore[union-attr]
+    first.publish(STATE, state(8))
+    assert reader.latest(STATE) is None
+    assert reader.reports()[0].refused == {"old_incarnation": 1}
+
+
+def test_a_repeated_frame_is_refused() -> None:
+    hub = MemoryHub()
+    reader = MemoryBus(hub, reads=[STATE])
+    data = protocol.encode(Frame(1, STATE, 1, 5, 9, time.monotonic_ns(), 0, True, state(1)))
+    for _ in range(2):
+        hub.send(STATE, data)
+        reader.latest(STATE)
+    assert reader.reports()[0].received == 1
+    assert reader.reports()[0].refused == {"out_of_order": 1}
+
+
+def test_a_peer_of_another_version_is_refused_by_name_and_the_next_frame_is_read() -> None:
+    hub = MemoryHub()
+    sender, reader = MemoryBus(hub, publishes=[STATE]), MemoryBus(hub, reads=[STATE])
+    frame = Frame(protocol.PROTOCOL_VERSION, STATE, 2, 5, 0, 0, 0, True, state(1))
+    for strange in (frame, msgspec.structs.replace(frame, protocol=9)):
+        hub.send(STATE, protocol.encode(strange))
+        assert reader.latest(STATE) is None
+    sender.publish(STATE, state(3))
+    assert reader.latest(STATE) is not None
+    assert reader.reports()[0].refused == {"newer_version": 1, "protocol_version": 1}
+
+
+def test_a_flood_is_refused_beyond_three_times_the_rate() -> None:
+    hub = MemoryHub()
+    sender, reader = MemoryBus(hub, publishes=[STATE]), MemoryBus(hub, reads=[STATE])
+    started = time.monotonic()
+    for tick in range(3000):
+        sender.publish(STATE, state(tick))
+        reader.latest(STATE)
+    elapsed = time.monotonic() - started
+    report = reader.reports()[0]
+    most = bus_module.FLOOD_BURST + 3000.0 * elapsed + 1
+    assert report.received <= most
+    assert report.refused["flood"] == 3000 - report.received
+
+
+def test_a_flood_on_the_real_bus_leaves_the_reader_with_the_newest(
+    transport: Transport, eventually: Eventually
+) -> None:
+    sender, reader = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, reads=[STATE])
+    try:
+        connected(sender, eventually)
+        for tick in range(20_000):
+            sender.publish(STATE, state(tick))
+        got: list[int] = []
+
+        def newest() -> bool:
+            frame = reader.latest(STATE)
+            if frame is not None:
+                got.append(frame.body.tick)
+            return bool(got) and got[-1] == 19_999
+
+        eventually(newest)
+        assert len(got) < 200
+    finally:
+        sender.close()
+        reader.close()
+
+
+def test_a_slow_reader_loses_frames_counts_them_and_delays_nobody(transport: Transport, eventually: Eventually) -> None:
+    """The reader of every frame sleeps; the sender and another reader do not notice."""
+    sender = ZmqBus(transport, publishes=[STATE])
+    slow, quick = ZmqBus(transport, reads_every=[STATE]), ZmqBus(transport, reads=[STATE])
+    try:
+        eventually(lambda: sender.has_reader(STATE) and sender._subscribed[STATE] == 2)
+        longest = 0.0
+        total = 10_000
+        for tick in range(total):
+            before = time.monotonic()
+            sender.publish(STATE, state(tick))
+            longest = max(longest, time.monotonic() - before)
+        newest: list[Frame] = []
+        eventually(lambda: bool((f := quick.latest(STATE)) and (newest.append(f) or f.body.tick == total - 1)))
+        time.sleep(0.05)
+        received = 0
+        for _ in range(50):
+            received += len(slow.drain(STATE))
+            time.sleep(0.004)
+        sender.publish(STATE, state(total))
+        time.sleep(0.05)
+        received += len(slow.drain(STATE))
+        report = slow.reports()[0]
+        assert report.received == received < total
+        assert received + report.dropped == total + 1, "each frame was either read or counted as lost"
+        assert longest < 0.5
+    finally:
+        for each in (sender, slow, quick):
+            each.close()
+
+
+def test_waiting_ends_at_its_time_or_with_a_frame(transport: Transport, eventually: Eventually) -> None:
+    sender, reader = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, reads=[STATE])
+    try:
+        connected(sender, eventually)
+        until = time.monotonic_ns() + 700_000
+        assert not reader.wait(STATE, until)
+        assert time.monotonic_ns() >= until
+        sender.publish(STATE, state(1))
+        assert reader.wait(STATE, time.monotonic_ns() + 10**9)
+        assert reader.latest(STATE) is not None
+    finally:
+        sender.close()
+        reader.close()
+
+
+def test_an_endpoint_has_one_owner(transport: Transport) -> None:
+    """A second bind on an ipc path would succeed and steal it: the lock refuses, and says who has it."""
+    first = ZmqBus(transport, publishes=[STATE])
+    with pytest.raises(BusError, match=r"topic gateway.state is already published by process \d+"):
+        ZmqBus(transport, publishes=[STATE])
+    first.close()
+    ZmqBus(transport, publishes=[STATE]).close()
+
+
+def test_a_taken_port_is_one_sentence() -> None:
+    transport = Transport(kind="tcp", base_port=32_000)
+    context = zmq.Context()
+    blocker = context.socket(zmq.PUB)
+    blocker.bind(endpoint(transport, STATE))
+    try:
+        with pytest.raises(BusError, match=r"topic gateway.state: cannot bind tcp://127.0.0.1:\d+: Address already"):
+            ZmqBus(transport, publishes=[STATE])
+    finally:
+        context.destroy(linger=0)
+
+
+def test_a_socket_path_that_is_too_long_is_one_sentence(transport: Transport) -> None:
+    assert transport.directory is not None
+    deep = Transport(directory=transport.directory / ("x" * 90))
+    with pytest.raises(BusError, match=r"transport.directory: the socket path .* the system allows 107"):
+        ZmqBus(deep, publishes=[STATE])
+
+
+def test_garbage_on_the_socket_is_counted_and_survived(transport: Transport, eventually: Eventually) -> None:
+    context = zmq.Context()
+    peer = context.socket(zmq.XPUB)
+    peer.bind(endpoint(transport, STATE))
+    reader = ZmqBus(transport, reads_every=[STATE])
+    try:
+        eventually(lambda: bool(peer.poll(10)))
+        for data in (b"", b"\xc1", b"\xdd\xff\xff\xff\xff", b"x" * (1 << 21)):
+            peer.send(data)
+        eventually(lambda: not reader.drain(STATE) and sum(reader.reports()[0].refused.values()) == 4)
+        assert reader.reports()[0].refused == {"malformed": 3, "too_large": 1}
+    finally:
+        reader.close()
+        context.destroy(linger=0)

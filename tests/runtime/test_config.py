@@ -1,0 +1,79 @@
+"""Configuration: typed, origins known, and every mistake one sentence that names file and key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.runtime.rig import Rig
+
+
+def write(path: Path, text: str) -> Path:
+    file = path / "rig.yaml"
+    file.write_text(text)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("name: [unclosed", r"rig.yaml: line 1, column \d+: "),
+        ("- a\n- b", r"rig.yaml: the file must be a mapping"),
+        ("{}", r"rig.yaml: name: this key is missing"),
+        ("name: a\ncolour: red", r"rig.yaml: colour: unknown key 'colour'; known: contracts, gateway, name, "),
+        (
+            "name: a\nprocesses: {physics: {coer: 1}}",
+            r"processes.physics.coer: unknown key 'coer'; known: core, critical, enabled, nice, priority, restart",
+        ),
+        ("name: a\nprocesses: {physics: {priority: 99}}", r"processes.physics.priority: input should be less"),
+        ("name: a\ntransport: {kind: pigeon}", r"transport.kind: input should be 'ipc' or 'tcp'"),
+        (
+            "name: a\ngateway: {instruments: [{name: left, arm: {drver: x}}]}",
+            r"gateway.instruments.0.arm.driver: this key is missing \(and 1 more\)",
+        ),
+        ("name: a\ntransport: {kind: tcp, bind_host: 0.0.0.0}", r"transport: tcp to 0.0.0.0 leaves this host"),
+    ],
+)
+def test_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        config.load(Rig, write(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_names_those_that_are() -> None:
+    with pytest.raises(ConfigError, match=r"there is no rig 'nonsense' in .*configs/rigs; known: .*stub"):
+        config.load_rig("nonsense")
+    with pytest.raises(ConfigError, match=r"nowhere.yaml: there is no such rig file"):
+        config.load_rig("nowhere.yaml")
+
+
+def test_options_win_over_the_file_and_origins_are_known(tmp_path: Path) -> None:
+    file = write(tmp_path, "name: a\nprocesses: {physics: {core: 1, priority: 60}}")
+    rig, origins = config.load(Rig, file, ["processes.physics.core=0", "visualization.port=9000"])
+    assert rig.process("physics").core == 0
+    assert rig.process("physics").priority == 60
+    assert rig.visualization.port == 9000
+    assert origins["processes.physics.core"] == "--set"
+    assert origins["processes.physics.priority"] == str(file)
+    assert "visualization.host" not in origins
+
+
+def test_an_option_reaches_into_lists(tmp_path: Path) -> None:
+    file = write(tmp_path, "name: a\ngateway: {instruments: [{name: left, arm: {driver: x}}]}")
+    rig, _ = config.load(Rig, file, ["gateway.instruments.0.arm.driver=phantom_simulated"])
+    assert rig.gateway.instruments[0].arm.driver == "phantom_simulated"
+
+
+@pytest.mark.parametrize("option", ["nonsense", "=3", "name.deeper=1", "gateway.instruments.7.name=x"])
+def test_an_option_that_fits_nowhere_says_so(tmp_path: Path, option: str) -> None:
+    file = write(tmp_path, "name: a\ngateway: {instruments: [{name: left, arm: {driver: x}}]}")
+    with pytest.raises(ConfigError, match=r"--set"):
+        config.load(Rig, file, [option])
+
+
+@pytest.mark.parametrize("path", sorted((config.config_directory() / "rigs").glob("*.yaml")), ids=lambda p: p.stem)
+def test_every_rig_file_of_the_repository_loads(path: Path) -> None:
+    assert config.load_rig(path).name

@@ -1,0 +1,117 @@
+"""The loop keeps to an absolute grid, counts what it loses, and never catches up in a burst."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from protocol import bodies
+from services.runtime import loop
+from services.runtime.loop import LoopMeter, TickClock, follow, ticks
+from services.runtime.memory_bus import MemoryBus, MemoryHub
+
+
+class Clock:
+    """A clock that moves only when it is told to."""
+
+    def __init__(self) -> None:
+        self.now = 1_000_000_000
+
+    def monotonic_ns(self) -> int:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += round(seconds * 1e9)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(loop, "time", clock)
+    return clock
+
+
+def after(turns: int) -> Iterator[bool]:
+    return itertools.chain([False] * turns, itertools.repeat(True))
+
+
+def test_a_tick_is_due_on_the_grid_whatever_the_work_took(clock: Clock) -> None:
+    meter, stop = LoopMeter(1000.0), after(50)
+    starts = []
+    for tick in ticks(meter, lambda: next(stop)):
+        starts.append(tick.started_ns)
+        clock.now += (tick.index * 37) % 900 * 1000  # work of 0 to 0.9 ms
+    assert {b - a for a, b in itertools.pairwise(starts)} == {1_000_000}
+    assert (meter.ticks, meter.misses, meter.skipped) == (50, 0, 0)
+
+
+def test_lost_ticks_are_counted_not_caught_up(clock: Clock) -> None:
+    meter, stop = LoopMeter(1000.0), after(10)
+    seen = []
+    for tick in ticks(meter, lambda: next(stop)):
+        seen.append((tick.index, tick.started_ns))
+        if len(seen) == 3:
+            clock.now += 5_300_000  # one tick of 5.3 ms: itself late, five that never ran
+    indices = [index for index, _ in seen]
+    assert indices == [0, 1, 2, 8, 9, 10, 11, 12, 13, 14]
+    assert min(b[1] - a[1] for a, b in itertools.pairwise(seen)) == 1_000_000
+    assert (meter.ticks, meter.skipped, meter.misses) == (10, 5, 6)
+
+
+def test_work_of_exactly_one_period_is_in_time(clock: Clock) -> None:
+    meter, stop = LoopMeter(1000.0), after(4)
+    for _ in ticks(meter, lambda: next(stop)):
+        clock.now += 1_000_000
+    assert meter.misses == meter.skipped == 4 - 4 + meter.skipped
+    assert meter.work.counts.sum() == 4
+
+
+def test_stepping_the_wall_clock_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the monotonic clock is ever asked: a wall clock that leaps cannot matter."""
+
+    def forbidden() -> float:
+        raise AssertionError("somebody asked the wall clock")
+
+    monkeypatch.setattr(time, "time", forbidden)
+    monkeypatch.setattr(time, "time_ns", forbidden)
+    hub = MemoryHub()
+    sender, reader = MemoryBus(hub, publishes=["gateway.state"]), MemoryBus(hub, reads=["gateway.state"])
+    meter, stop = LoopMeter(1000.0), after(5)
+    for tick in ticks(meter, lambda: next(stop)):
+        sender.publish("gateway.state", bodies.GatewayState(tick=tick.index))
+        assert reader.latest("gateway.state") is not None
+        assert reader.is_fresh("gateway.state")
+
+
+@pytest.mark.parametrize(
+    ("indices", "steps", "skipped"),
+    [
+        ([5, 6, 7], [1, 1, 1], 0),
+        ([5, 5, 6], [1, 0, 1], 0),
+        ([5, 7, 10], [1, 2, 3], 0),
+        ([5, 9, 10], [1, 1, 1], 3),
+        ([500, 0, 1], [1, 1, 1], 0),
+    ],
+    ids=["each", "seen twice", "caught up", "leap", "gateway restarted"],
+)
+def test_one_step_per_index_of_the_rigs_clock(indices: list[int], steps: list[int], skipped: int) -> None:
+    meter = LoopMeter(1000.0)
+    clock = TickClock(meter)
+    assert [clock.steps(index) for index in indices] == steps
+    assert meter.skipped == skipped
+
+
+def test_a_follower_answers_each_frame_and_breathes_without_any() -> None:
+    hub = MemoryHub()
+    sender, reader = MemoryBus(hub, publishes=["gateway.state"]), MemoryBus(hub, reads=["gateway.state"])
+    meter, stop = LoopMeter(1000.0), after(6)
+    answered = []
+    for index, frame in enumerate(follow(reader, "gateway.state", meter, lambda: next(stop))):
+        answered.append(frame.body.tick if frame else None)
+        if index % 2 == 0:
+            sender.publish("gateway.state", bodies.GatewayState(tick=index))
+    assert answered == [None, 0, None, 2, None, 4]
+    assert meter.ticks == 3

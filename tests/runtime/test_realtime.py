@@ -1,0 +1,51 @@
+"""What could not be had is said, not hidden."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from services.runtime import realtime
+
+
+def _in_child(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    return done.stdout.strip()
+
+
+def test_every_thread_of_the_bus_runs_as_the_process_does() -> None:
+    """Set up first, context second: the I/O threads inherit the class. (The other order is the classic mistake.)"""
+    code = (
+        "from services.runtime import realtime; facts = realtime.set_up(0, 10)\n"
+        "import zmq; context = zmq.Context(); socket = context.socket(zmq.PUB); socket.bind('inproc://x')\n"
+        "fact = realtime.read_back(); print(facts[1].ok, fact.ok, fact.had); context.destroy(linger=0)"
+    )
+    allowed, same, had = _in_child(code).split(" ", 2)
+    if allowed != "True":
+        pytest.skip("this machine refuses SCHED_FIFO")
+    assert same == "True"
+    assert had.count("FIFO 10") >= 3
+
+
+def test_a_core_that_is_not_there_is_reported() -> None:
+    fact = realtime.set_up(4095, None)[0]
+    assert not fact.ok
+    assert "may use" in fact.had
+
+
+def test_refused_priority_is_a_fact_not_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    fact = realtime._schedule(80, None)
+    assert (fact.asked, fact.ok) == ("FIFO 80", False)
+    assert "refuses SCHED_FIFO" in fact.had
+
+
+def test_numerics_libraries_get_one_thread() -> None:
+    out = _in_child("import services.runtime, os; print(os.environ['OPENBLAS_NUM_THREADS'])")
+    assert out == os.environ.get("OPENBLAS_NUM_THREADS", "1")
