@@ -49,8 +49,9 @@ class DuctGeometry:
             raise ValueError("duct: curvature_1_m * length_m exceeds a full turn")
         if not abs(self.cut_angle_rad) < 0.5 * math.pi or self._overhang_m >= self.length_m:
             raise ValueError("duct: cut_angle_rad is so steep that the cut reaches the clamped end")
-        if not 0.0 <= self.slit_length_m < self.length_m or (self.slit_length_m and self.n_along < 2):
-            raise ValueError("duct: slit_length_m must be shorter than length_m and needs n_along >= 2")
+        half_row_m = 0.5 * self.length_m / self.n_along
+        if self.slit_length_m and not half_row_m <= self.slit_length_m <= self.length_m - half_row_m:
+            raise ValueError("duct: slit_length_m must leave half a row of cells (length / 2 n_along) at both ends")
         if not 0.0 <= self.slit_width_m < math.pi * self.mouth_radius_m:
             raise ValueError("duct: slit_width_m must be below half the mouth's circumference")
 
@@ -132,6 +133,4 @@ def _ring(geometry: DuctGeometry, s_m: float, is_slit: bool) -> FloatArray:
     along = s * np.sinc(turn / math.pi)
     across = 0.5 * s * turn * np.sinc(0.5 * turn / math.pi) ** 2
     outward = radius * np.cos(angle)
-    return np.stack(
-        [along - outward * np.sin(turn), across + outward * np.cos(turn), radius * np.sin(angle)], axis=1
-    )
+    return np.stack([along - outward * np.sin(turn), across + outward * np.cos(turn), radius * np.sin(angle)], axis=1)
