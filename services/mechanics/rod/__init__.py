@@ -1,18 +1,27 @@
 """The catheter: a chain of particles with stretch, bending, twist and damping, and its integrators."""
 
 from .implicit import ImplicitIntegrator
+from .integrator import RodIntegrator, build_integrator
+from .material_frame import MaterialFrame, initial_frame, roll
 from .properties import RodProperties, RoundTube
+from .semi_implicit import SemiImplicitIntegrator
 from .state import RodState, rod_along, straight_rod
 from .supports import Sleeve, Supports, clamped
 
 __all__ = [
     "ImplicitIntegrator",
+    "MaterialFrame",
+    "RodIntegrator",
     "RodProperties",
     "RodState",
     "RoundTube",
+    "SemiImplicitIntegrator",
     "Sleeve",
     "Supports",
+    "build_integrator",
     "clamped",
+    "initial_frame",
     "rod_along",
+    "roll",
     "straight_rod",
 ]

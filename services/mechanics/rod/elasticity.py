@@ -93,12 +93,18 @@ def geometric_bending(theta: float) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def elastic_energy(model: RodModel, work: RodWork) -> float:
-    """Stretch and bending energy [J] of the configuration in `work.position`, inner joints only; fills the geometry."""
-    segment_geometry(work)
+def stretch_energy(model: RodModel, work: RodWork) -> float:
+    """Stretch energy [J] at the geometry in `work`."""
     total = 0.0
     for j in range(work.length.shape[0]):
         total += 0.5 * model.EA[j] / model.rest_length * (work.length[j] - model.rest_length) ** 2
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def bending_energy(model: RodModel, work: RodWork) -> float:
+    """Bending energy [J] of the inner joints at the geometry in `work`."""
+    total = 0.0
     for i in range(model.joint_stiffness.shape[0]):
         theta, _ = bending_angle(row(work.tangent, i), row(work.tangent, i + 1))
         total += 0.5 * model.joint_stiffness[i] * theta * theta

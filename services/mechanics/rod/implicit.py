@@ -11,6 +11,7 @@ from .model import RodModel, allocate_work, build_model
 from .properties import RodProperties
 from .state import RodState
 from .supports import Supports
+from .twist import TwistModel, add_frame_forces, build_twist_model
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -40,11 +41,13 @@ class ImplicitIntegrator:
             raise ValueError(f"iterations is {iterations}; a step takes at least one Newton iteration")
         self.properties = properties
         self.model: RodModel = build_model(properties, supports or Supports())
+        self.twist: TwistModel | None = build_twist_model(properties)
         self.theta = theta
         self.iterations = iterations
         n = properties.n_particles
         self.work = allocate_work(n)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
+        self._external = np.zeros((n, 3)) if self.twist is not None else np.zeros((0, 3))
         self._columns = np.zeros((3 * n + HALF_BANDWIDTH, RHS_BLOCK))
         self._dt_s = 0.0
 
@@ -74,6 +77,10 @@ class ImplicitIntegrator:
         self._dt_s = dt_s
         motion = (state.position_m, state.velocity_m_s)
         step = (dt_s, self.theta, self.iterations)
+        if self.twist is not None:
+            np.copyto(self._external, external_force_n)
+            add_frame_forces(self.twist, state, self._external)
+            external_force_n = self._external
         if not kernels.predict(self.model, self.work, motion, external_force_n, self.held_target_m, step):
             raise FloatingPointError("the rod's matrix is not positive definite: its state or a force is not finite")
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .material_frame import MaterialFrame
 from .properties import RodProperties
 
 FloatArray = NDArray[np.float64]
@@ -20,14 +21,19 @@ class RodState:
     ----------
     position_m, velocity_m_s
         (n, 3), n = n_segments + 1.
+    frame
+        The material frame of a rod with torsional stiffness; None for one without, and until the first step makes
+        an untwisted one.
     """
 
     position_m: FloatArray
     velocity_m_s: FloatArray
+    frame: MaterialFrame | None = None
 
     def copy(self) -> RodState:
         """An independent state with the same values."""
-        return RodState(self.position_m.copy(), self.velocity_m_s.copy())
+        frame = None if self.frame is None else self.frame.copy()
+        return RodState(self.position_m.copy(), self.velocity_m_s.copy(), frame)
 
 
 def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: ArrayLike) -> RodState:

@@ -64,12 +64,42 @@ def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
     for i in range(x.shape[0]):
         here = before
         if 0.0 <= here <= model.sleeve[6]:
-            _hold(model.sleeve, work, i, 0.0, scale)
+            _hold(model.sleeve, model.mass[i], work, (i, 0.0), scale)
         if i + 1 < x.shape[0]:
             before = _axial(model.sleeve, x, i + 1)
             for plane in (0.0, model.sleeve[6]):
                 if (here < plane) != (before < plane):
-                    _hold(model.sleeve, work, i, (plane - here) / (before - here), scale)
+                    _hold(model.sleeve, model.mass[i], work, (i, (plane - here) / (before - here)), scale)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def sleeve_energy(model: RodModel, work: RodWork) -> float:
+    """Energy [J] of the lateral springs that hold the rod to the axis of the sleeve."""
+    x = work.position
+    length = model.sleeve[6]
+    total = 0.0
+    for i in range(x.shape[0]):
+        here = _axial(model.sleeve, x, i)
+        if 0.0 <= here <= length:
+            total += _offset_squared(model.sleeve, x, i, 0.0)
+        if i + 1 < x.shape[0]:
+            after = _axial(model.sleeve, x, i + 1)
+            for plane in (0.0, length):
+                if (here < plane) != (after < plane):
+                    total += _offset_squared(model.sleeve, x, i, (plane - here) / (after - here))
+    return 0.5 * model.sleeve[7] * total
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _offset_squared(sleeve: FloatArray, x: FloatArray, i: int, s: float) -> float:
+    j = i + 1 if s > 0.0 else i
+    squared = 0.0
+    along = 0.0
+    for c in range(3):
+        offset = (1.0 - s) * x[i, c] + s * x[j, c] - sleeve[c]
+        squared += offset * offset
+        along += offset * sleeve[3 + c]
+    return max(squared - along * along, 0.0)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -81,8 +111,9 @@ def _axial(sleeve: FloatArray, x: FloatArray, i: int) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _hold(sleeve: FloatArray, work: RodWork, i: int, s: float, scale: Scale) -> None:
+def _hold(sleeve: FloatArray, mass: float, work: RodWork, at: tuple[int, float], scale: Scale) -> None:
     """Pull the point (1 - s) x_i + s x_{i+1} to the axis, and brake it along the axis by the friction of that pull."""
+    i, s = at
     x = work.position
     v = work.velocity
     j = i + 1 if s > 0.0 else i
@@ -99,6 +130,8 @@ def _hold(sleeve: FloatArray, work: RodWork, i: int, s: float, scale: Scale) -> 
         work.force[i, c] -= (1.0 - s) * pull
         work.force[j, c] -= s * pull
     drag = sleeve[8] * math.sqrt(push) / max(abs(speed), sleeve[9])
+    if scale[0] == 0.0:  # an explicit step: friction may stop the rod within it but not turn it round
+        drag = min(drag, mass / scale[1])
     for c in range(3):
         work.force[i, c] -= (1.0 - s) * drag * speed * sleeve[3 + c]
         work.force[j, c] -= s * drag * speed * sleeve[3 + c]

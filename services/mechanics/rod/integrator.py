@@ -1,0 +1,49 @@
+"""What every rod integrator offers, and the integrators by the name that a scene gives them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .implicit import ImplicitIntegrator
+from .properties import RodProperties
+from .semi_implicit import SemiImplicitIntegrator
+from .state import RodState
+from .supports import Supports
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+class RodIntegrator(Protocol):
+    """A step in two halves, with the contacts solved in between.
+
+    `predict` ends the step as if nothing were touched; `compliance` or `solve` say how far contact forces, constant
+    over the step, move its end: dx = position_gain_s2 A^-1 f, dv = velocity_gain_s A^-1 f; `correct` applies them,
+    once.
+    """
+
+    properties: RodProperties
+    held_target_m: FloatArray
+
+    @property
+    def held(self) -> IntArray: ...  # noqa: D102 - the implementations say it
+    @property
+    def position_gain_s2(self) -> float: ...  # noqa: D102
+    @property
+    def velocity_gain_s(self) -> float: ...  # noqa: D102
+    def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None: ...  # noqa: D102
+    def solve(self, force_n: FloatArray, out: FloatArray) -> None: ...  # noqa: D102
+    def compliance(self, particles: IntArray, out: FloatArray) -> None: ...  # noqa: D102
+    def correct(self, state: RodState, contact_force_n: FloatArray) -> None: ...  # noqa: D102
+
+
+def build_integrator(name: str, properties: RodProperties, supports: Supports | None = None) -> RodIntegrator:
+    """The integrator "implicit" or "semi_implicit" with its defaults; ValueError for any other name."""
+    if name == "implicit":
+        return ImplicitIntegrator(properties, supports)
+    if name == "semi_implicit":
+        return SemiImplicitIntegrator(properties, supports)
+    raise ValueError(f"unknown rod integrator {name!r}; known: implicit, semi_implicit")

@@ -1,0 +1,122 @@
+"""The material frame: one director per segment, carried along by parallel transport in time.
+
+Discrete elastic rods (Bergou, Wardetzky, Robinson, Audoly, Grinspun 2008; Bergou, Audoly, Vouga, Wardetzky, Grinspun
+2010): the twist of a joint is the angle from the director before it, transported along the rod, to the one behind it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .elasticity import Vector, any_normal, cross, dot, row
+
+FloatArray = NDArray[np.float64]
+Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
+
+
+@dataclass
+class MaterialFrame:
+    """How the material is rolled about the centreline: one director per segment, m = n - 1 of them.
+
+    Attributes
+    ----------
+    tangent, m1
+        (m, 3) unit vectors, m1 normal to the tangent; the third director is tangent x m1.
+    twist_rad
+        (m - 1,) angle of each joint, whole turns counted.
+    end_is_held
+        Whether the roll of the last segment is prescribed; that of the first always is.
+    """
+
+    tangent: FloatArray
+    m1: FloatArray
+    twist_rad: FloatArray
+    end_is_held: bool = False
+
+    def copy(self) -> MaterialFrame:
+        """An independent frame with the same values."""
+        return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held)
+
+
+def initial_frame(position_m: FloatArray, first_m1: Vector | None = None) -> MaterialFrame:
+    """Frames without twist along a centreline (n, 3), transported from `first_m1` (made normal; any normal if None)."""
+    edges = np.diff(position_m, axis=0)
+    tangent = edges / np.linalg.norm(edges, axis=1)[:, None]
+    m1 = np.zeros_like(tangent)
+    start = row(tangent, 0)
+    m1[0] = any_normal(start) if first_m1 is None else _normal_part(start, first_m1)
+    for j in range(1, len(m1)):
+        m1[j] = transport(row(m1, j - 1), row(tangent, j - 1), row(tangent, j))
+    return MaterialFrame(tangent, m1, np.zeros(len(m1) - 1))
+
+
+def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
+    """Turn the frame of the first (0) or last (-1) segment in place by an angle of any size about its tangent.
+
+    What a hand does that rolls the rod; a roll of the last segment lasts only where `frame.end_is_held`.
+    """
+    last = len(frame.m1) - 1
+    rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _normal_part(t: Vector, m: Vector) -> Vector:
+    along = dot(t, m)
+    n: Vector = (m[0] - along * t[0], m[1] - along * t[1], m[2] - along * t[2])
+    scale = 1.0 / math.sqrt(dot(n, n))
+    return (n[0] * scale, n[1] * scale, n[2] * scale)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def transport(m: Vector, t: Vector, u: Vector) -> Vector:
+    """Parallel transport of a director `m` from tangent `t` to tangent `u`: the least rotation that takes t to u."""
+    b = cross(t, u)
+    c = dot(t, u)
+    if 1.0 + c < 1e-12:
+        m = _normal_part(u, m)
+        return m
+    s = dot(b, m) / (1.0 + c)
+    w = cross(b, m)
+    m = _normal_part(u, (c * m[0] + w[0] + s * b[0], c * m[1] + w[1] + s * b[1], c * m[2] + w[2] + s * b[2]))
+    return m
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def rotate_frame(frame: Frame, j: int, angle: float) -> None:
+    """Turn segment j's director about its tangent and keep count of the twist of its joints."""
+    tangent, m1, twist = frame
+    t = row(tangent, j)
+    m = row(m1, j)
+    m2 = cross(t, m)
+    for c in range(3):
+        m1[j, c] = math.cos(angle) * m[c] + math.sin(angle) * m2[c]
+    if j > 0:
+        twist[j - 1] += angle
+    if j < twist.shape[0]:
+        twist[j] -= angle
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def follow(x: FloatArray, frame: Frame) -> None:
+    """Carry the directors to the tangents of positions `x`, and measure the twist of each joint (turns counted)."""
+    tangent, m1, twist = frame
+    for j in range(tangent.shape[0]):
+        e = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
+        length = math.sqrt(dot(e, e))
+        if length > 0.0:
+            u = (e[0] / length, e[1] / length, e[2] / length)
+            m = transport(row(m1, j), row(tangent, j), u)
+            for c in range(3):
+                tangent[j, c] = u[c]
+                m1[j, c] = m[c]
+    for i in range(twist.shape[0]):
+        u = row(tangent, i + 1)
+        m = row(m1, i + 1)
+        p = transport(row(m1, i), row(tangent, i), u)
+        angle = math.atan2(dot(cross(p, m), u), dot(p, m))
+        twist[i] = angle + 2.0 * math.pi * round((twist[i] - angle) / (2.0 * math.pi))

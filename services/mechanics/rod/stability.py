@@ -1,0 +1,41 @@
+"""The largest time step of the semi-implicit integrator, from the stiffest mode of the straight rod."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import eigvals_banded
+
+from .banded import HALF_BANDWIDTH
+from .forces import add_internal_forces
+from .model import RodModel, allocate_work
+
+
+def largest_frequency_rad_s(model: RodModel) -> float:
+    """Largest angular frequency [rad/s] of the unstretched straight rod, held particles taken out.
+
+    The largest eigenvalue of M^-1/2 K M^-1/2, K from the same kernels as the step. Bending adds to stretching only
+    where the rod is thick against its segments; a pull T adds about 4 T/(m l0).
+    """
+    n = model.mass.shape[0]
+    work = allocate_work(n)
+    work.position[:, 0] = model.rest_length * np.arange(n)
+    free = model._replace(walls=np.full((2, 3), np.nan), sleeve=np.zeros(0), beta=0.0)
+    add_internal_forces(free, work, (1.0, 1.0), 0.0)
+    scale = np.repeat(np.where(model.is_held, 0.0, 1.0 / np.sqrt(model.mass)), 3)
+    padded = np.concatenate((scale, np.zeros(HALF_BANDWIDTH)))
+    band = np.stack([work.band[: 3 * n, a] * scale * padded[a : a + 3 * n] for a in range(HALF_BANDWIDTH + 1)])
+    top = eigvals_banded(band, lower=True, select="i", select_range=(3 * n - 1, 3 * n - 1))
+    return math.sqrt(max(float(top[0]), 0.0))
+
+
+def stable_time_step(model: RodModel) -> float:
+    """Limit of semi-implicit Euler [s]: (omega h)^2 + 2 c h < 4 for every mode, c = b/m + beta omega^2.
+
+    From the Jury conditions of ``v += -h (omega^2 x + c v), x += h v``, taken at the largest frequency, where both
+    terms are largest, and the largest drag per mass.
+    """
+    omega = largest_frequency_rad_s(model)
+    c = float(np.max(model.drag / model.mass)) + model.beta * omega**2
+    return (math.sqrt(c * c + 4.0 * omega**2) - c) / omega**2

@@ -1,0 +1,223 @@
+"""Torsion and rest curvature of the material frame, in torsional equilibrium at every step.
+
+Torsional waves are some hundred times faster than bending, so the frames always take the angles of least energy (a
+tridiagonal Newton step) and carry no inertia; the roll of the first segment is prescribed, that of the last one may be.
+
+Torsion: ``kt/2 (m - m0)^2``, kt = GJ/l0, m the twist of a joint. Rest curvature changes the bending energy
+``k/2 |w|^2`` (w = theta b, the rotation vector of the joint) into ``k/2 |w - w0|^2``; w0 turns with the frames. At
+equilibrium angles the forces on the particles are the gradient at fixed angles. They sum to zero; their moment is
+balanced by what prescribes the roll.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .elasticity import Vector, bending_angle, cross, dot, row
+from .material_frame import Frame, follow, initial_frame, rotate_frame
+from .properties import RodProperties
+from .state import RodState
+
+FloatArray = NDArray[np.float64]
+
+_SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradient grows no further (a fold of 168 deg)
+
+
+class TwistModel(NamedTuple):
+    """Per joint (n-2,): torsional and bending stiffness [N m/rad], rest rotation (n-2, 3) [rad] in the material frame.
+
+    `work` (2, n-1) holds the tridiagonal system of the angles, so that a step allocates nothing.
+    """
+
+    torsion: FloatArray
+    bending: FloatArray
+    rest_rotation: FloatArray
+    is_curved: bool
+    work: FloatArray
+
+
+def build_twist_model(properties: RodProperties) -> TwistModel | None:
+    """The arrays of the material frame, or None for a rod without torsional stiffness."""
+    if properties.torsional_stiffness_n_m2 is None:
+        return None
+    rest = np.zeros((properties.n_segments - 1, 3))
+    if properties.rest_curvature_1_m is not None:
+        rest[:] = properties.segment_length_m * np.asarray(properties.rest_curvature_1_m)
+    return TwistModel(
+        torsion=properties.joint_stiffness_n_m("torsional_stiffness_n_m2"),
+        bending=properties.joint_stiffness_n_m(),
+        rest_rotation=rest,
+        is_curved=bool(np.any(rest[:, :2])),
+        work=np.zeros((2, properties.n_segments)),
+    )
+
+
+def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) -> None:
+    """Bring the frames of `state` to its positions and to torsional equilibrium, and add their forces to `force_n`.
+
+    The forces enter a step as they are at its beginning: no stiffness of theirs is in the implicit matrix. With the
+    frames in equilibrium it is small against bending's (by the ratio of a segment to the rod) and needs no bound on dt.
+    """
+    if state.frame is None:
+        state.frame = initial_frame(state.position_m)
+    frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
+    follow(state.position_m, frame)
+    relax(model, frame, state.frame.end_is_held)
+    add_forces(model, state.position_m, frame, force_n)
+
+
+def twist_energy(model: TwistModel, state: RodState) -> float:
+    """Torsion energy, and what rest curvature adds to the bending energy of a straight rod [J], at the frames as is."""
+    if state.frame is None:
+        return 0.0
+    frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
+    return float(_energy(model, frame))
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
+    """One Newton step of the angles towards least energy; exact for a rod without rest curvature.
+
+    The matrix is the torsion's tridiagonal one plus the positive part of what rest curvature adds to the diagonal.
+    """
+    diagonal, angle = model.work
+    n = angle.shape[0]
+    last = n - 1 if end_is_held else n
+    for j in range(n):
+        diagonal[j] = 0.0
+        angle[j] = 0.0
+    for i in range(n - 1):
+        moment = model.torsion[i] * (frame[2][i] - model.rest_rotation[i, 2])
+        angle[i] += moment
+        angle[i + 1] -= moment
+        diagonal[i] += model.torsion[i]
+        diagonal[i + 1] += model.torsion[i]
+        if model.is_curved:
+            _add_rest_curvature_moments(model, frame, i)
+    for j in range(2, last):
+        factor = model.torsion[j - 1] / diagonal[j - 1]
+        diagonal[j] -= factor * model.torsion[j - 1]
+        angle[j] += factor * angle[j - 1]
+    for j in range(last - 1, 0, -1):
+        carried = model.torsion[j] * angle[j + 1] if j + 1 < last else 0.0
+        angle[j] = (angle[j] + carried) / diagonal[j]
+        rotate_frame(frame, j, angle[j])
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _joint_rotation(frame: Frame, i: int) -> tuple[Vector, float]:
+    """Rotation vector w = theta b of a joint, and theta."""
+    theta, b = bending_angle(row(frame[0], i), row(frame[0], i + 1))
+    return (theta * b[0], theta * b[1], theta * b[2]), theta
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _rest_vector(model: TwistModel, frame: Frame, i: int, j: int) -> tuple[Vector, Vector]:
+    """Half the rest rotation of joint i as segment j's frame holds it, and its derivative by that frame's angle."""
+    m = row(frame[1], j)
+    m2 = cross(row(frame[0], j), m)
+    a = 0.5 * model.rest_rotation[i, 0]
+    b = 0.5 * model.rest_rotation[i, 1]
+    return (
+        (a * m[0] + b * m2[0], a * m[1] + b * m2[1], a * m[2] + b * m2[2]),
+        (a * m2[0] - b * m[0], a * m2[1] - b * m[1], a * m2[2] - b * m[2]),
+    )
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _add_rest_curvature_moments(model: TwistModel, frame: Frame, i: int) -> None:
+    diagonal, angle = model.work
+    w, _ = _joint_rotation(frame, i)
+    for j in (i, i + 1):
+        rest, turned = _rest_vector(model, frame, i, j)
+        angle[j] += model.bending[i] * dot(w, turned)
+        diagonal[j] += max(model.bending[i] * dot(w, rest), 0.0)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) -> None:
+    """Add to f (n, 3) minus the gradient of torsion and rest curvature at fixed angles.
+
+    The twist of a joint depends on the positions through the transport: its gradient by either edge is
+    (t x u)/(1 + t.u) over the edge's length.
+    """
+    for i in range(model.torsion.shape[0]):
+        t = row(frame[0], i)
+        u = row(frame[0], i + 1)
+        moment = model.torsion[i] * (frame[2][i] - model.rest_rotation[i, 2])
+        b = cross(t, u)
+        s = moment / max(1.0 + dot(t, u), _SHARPEST)
+        g = (s * b[0], s * b[1], s * b[2])
+        h = g
+        if model.is_curved:
+            g, h = _rest_curvature_gradient(model, frame, i, g)
+        before = 1.0 / _distance(x, i)
+        after = 1.0 / _distance(x, i + 1)
+        for c in range(3):
+            f[i, c] += g[c] * before
+            f[i + 1, c] += h[c] * after - g[c] * before
+            f[i + 2, c] -= h[c] * after
+
+
+@njit(cache=True, nogil=True, fastmath=False, inline="always")
+def _distance(x: FloatArray, j: int) -> float:
+    e = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
+    return math.sqrt(dot(e, e))
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _rest_curvature_gradient(model: TwistModel, frame: Frame, i: int, g: Vector) -> tuple[Vector, Vector]:
+    """Add to g the gradient of -k w.w0 by the directions of both edges: (by the edge before, by the edge behind)."""
+    t = row(frame[0], i)
+    u = row(frame[0], i + 1)
+    near, _ = _rest_vector(model, frame, i, i)
+    far, _ = _rest_vector(model, frame, i, i + 1)
+    rest = (near[0] + far[0], near[1] + far[1], near[2] + far[2])
+    stretch, slope = _angle_over_sine(bending_angle(t, u)[0])
+    overlap = slope * dot(cross(t, u), rest)
+    by_t = cross(u, rest)
+    by_u = cross(rest, t)
+    k = -model.bending[i]
+    return (
+        _projected(t, by_t, u, (k * stretch, k * overlap), g),
+        _projected(u, by_u, t, (k * stretch, k * overlap), g),
+    )
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _projected(t: Vector, a: Vector, b: Vector, factor: tuple[float, float], offset: Vector) -> Vector:
+    """Offset + the part normal to t of factor[0] a + factor[1] b."""
+    v = (
+        factor[0] * a[0] + factor[1] * b[0], factor[0] * a[1] + factor[1] * b[1], factor[0] * a[2] + factor[1] * b[2]
+    )
+    along = dot(t, v)
+    return (offset[0] + v[0] - along * t[0], offset[1] + v[1] - along * t[1], offset[2] + v[2] - along * t[2])
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _angle_over_sine(theta: float) -> tuple[float, float]:
+    """theta/sin(theta), which makes t x u the rotation vector, and its derivative by cos(theta)."""
+    if theta < 1e-3:
+        return 1.0 + theta * theta / 6.0, -1.0 / 3.0 - 2.0 / 15.0 * theta * theta
+    sine = max(math.sin(theta), 1e-3)
+    return theta / sine, -(sine - theta * math.cos(theta)) / sine**3
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _energy(model: TwistModel, frame: Frame) -> float:
+    total = 0.0
+    for i in range(model.torsion.shape[0]):
+        total += 0.5 * model.torsion[i] * (frame[2][i] - model.rest_rotation[i, 2]) ** 2
+        if model.is_curved:
+            w, _ = _joint_rotation(frame, i)
+            near, _ = _rest_vector(model, frame, i, i)
+            far, _ = _rest_vector(model, frame, i, i + 1)
+            a = model.rest_rotation[i, 0]
+            b = model.rest_rotation[i, 1]
+            total += model.bending[i] * (0.5 * (a * a + b * b) - dot(w, near) - dot(w, far))
+    return total
