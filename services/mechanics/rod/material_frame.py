@@ -49,7 +49,7 @@ def initial_frame(position_m: FloatArray, first_m1: Vector | None = None) -> Mat
     tangent = edges / np.linalg.norm(edges, axis=1)[:, None]
     m1 = np.zeros_like(tangent)
     start = row(tangent, 0)
-    m1[0] = any_normal(start) if first_m1 is None else _normal_part(start, first_m1)
+    m1[0] = any_normal(start) if first_m1 is None else _unit(_normal_part(start, first_m1))
     for j in range(1, len(m1)):
         m1[j] = transport(row(m1, j - 1), row(tangent, j - 1), row(tangent, j))
     return MaterialFrame(tangent, m1, np.zeros(len(m1) - 1))
@@ -64,12 +64,16 @@ def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
     rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@njit(cache=True, nogil=True, fastmath=False, inline="always")
 def _normal_part(t: Vector, m: Vector) -> Vector:
     along = dot(t, m)
-    n: Vector = (m[0] - along * t[0], m[1] - along * t[1], m[2] - along * t[2])
-    scale = 1.0 / math.sqrt(dot(n, n))
-    return (n[0] * scale, n[1] * scale, n[2] * scale)
+    return (m[0] - along * t[0], m[1] - along * t[1], m[2] - along * t[2])
+
+
+@njit(cache=True, nogil=True, fastmath=False, inline="always")
+def _unit(m: Vector) -> Vector:
+    scale = 1.0 / math.sqrt(dot(m, m))
+    return (m[0] * scale, m[1] * scale, m[2] * scale)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -77,13 +81,13 @@ def transport(m: Vector, t: Vector, u: Vector) -> Vector:
     """Parallel transport of a director `m` from tangent `t` to tangent `u`: the least rotation that takes t to u."""
     b = cross(t, u)
     c = dot(t, u)
-    if 1.0 + c < 1e-12:
-        m = _normal_part(u, m)
-        return m
-    s = dot(b, m) / (1.0 + c)
-    w = cross(b, m)
-    m = _normal_part(u, (c * m[0] + w[0] + s * b[0], c * m[1] + w[1] + s * b[1], c * m[2] + w[2] + s * b[2]))
-    return m
+    turned = m
+    if 1.0 + c > 1e-12:
+        s = dot(b, m) / (1.0 + c)
+        w = cross(b, m)
+        turned = (c * m[0] + w[0] + s * b[0], c * m[1] + w[1] + s * b[1], c * m[2] + w[2] + s * b[2])
+    normal: Vector = _unit(_normal_part(u, turned))
+    return normal
 
 
 @njit(cache=True, nogil=True, fastmath=False)

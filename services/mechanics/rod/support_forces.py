@@ -87,7 +87,7 @@ def sleeve_energy(model: RodModel, work: RodWork) -> float:
             for plane in (0.0, length):
                 if (here < plane) != (after < plane):
                     total += _offset_squared(model.sleeve, x, i, (plane - here) / (after - here))
-    return 0.5 * model.sleeve[7] * total
+    return 0.5 * float(model.sleeve[7]) * total
 
 
 @njit(cache=True, nogil=True, fastmath=False)
