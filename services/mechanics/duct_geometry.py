@@ -50,6 +50,8 @@ class DuctGeometry:
         if not abs(self.cut_angle_rad) < 0.5 * math.pi or self._overhang_m >= self.length_m:
             raise ValueError("duct: cut_angle_rad is so steep that the cut reaches the clamped end")
         half_row_m = 0.5 * self.length_m / self.n_along
+        if self.slit_length_m and self.n_along < 2:
+            raise ValueError("duct: slit_length_m needs n_along of at least 2")
         if self.slit_length_m and not half_row_m <= self.slit_length_m <= self.length_m - half_row_m:
             raise ValueError("duct: slit_length_m must leave half a row of cells (length / 2 n_along) at both ends")
         if not 0.0 <= self.slit_width_m < math.pi * self.mouth_radius_m:
