@@ -17,26 +17,46 @@ from services.mechanics.reduction.build import BATCH, Progress, ignore_progress,
 from services.mechanics.reduction.residual import BlockArray, Residual
 from services.mechanics.reduction.state import FloatArray, IntArray
 
+EXACT_NODES = 12_000
+"""Up to here every node is loaded on its own: a few minutes; beyond it nodes share solves."""
 PAIR_BYTES = 40
 """One float32 block and one index."""
 
 
 def build_patches(
-    model: ShellModel, basis: ModalBasis, radius_m: float, progress: Progress = ignore_progress
+    model: ShellModel,
+    basis: ModalBasis,
+    radius_m: float,
+    probing: bool | None = None,
+    progress: Progress = ignore_progress,
 ) -> Residual:
-    """Compute the patches by probing: nodes two radii apart are loaded in one solve.
+    """Compute the patches, node by node or by probing.
 
-    Their patches do not meet, so the number of solves is set by how many nodes lie within two radii, not by
-    the size of the mesh. What the far residual of one node spills into the patch of another is of the size of
-    what the cut drops anyway (probing for the diagonal of an inverse: Tang and Saad 2012).
+    Probing loads nodes two radii apart in one solve. Their patches do not meet, so the number of solves is set
+    by how many nodes lie within two radii, not by the size of the mesh; what the far residual of one node
+    spills into the patch of another is of the size of what the cut drops (Tang and Saad 2012, probing for the
+    diagonal of an inverse).
+
+    Parameters
+    ----------
+    model, basis
+        Full duct and its modes.
+    radius_m : float
+        Blocks are kept between nodes at most this far apart.
+    probing : bool, optional
+        By default above `EXACT_NODES` nodes.
+    progress : callable
+        Called as ``progress(stage, fraction)``.
     """
     vertices = model.mesh.vertices_m
     starts, neighbours = patch_pattern(vertices, radius_m)
     blocks = np.zeros((neighbours.size, 3, 3), np.float32)
-    colours = colour_apart(vertices, 2.0 * radius_m)
+    if probing is None:
+        probing = len(vertices) > EXACT_NODES
+    colours = colour_apart(vertices, 2.0 * radius_m) if probing else np.arange(len(vertices), dtype=np.int32)
     n_colours = int(colours.max()) + 1
     for first in range(0, n_colours, BATCH):
-        in_batch = colours - first
+        in_batch = colours - np.int32(first)
         loaded = np.flatnonzero((in_batch >= 0) & (in_batch < BATCH)).astype(np.int32)
         response = residual_response(model, basis, loaded, in_batch[loaded])
         _read_patches(starts, neighbours, in_batch, response, blocks)

@@ -170,7 +170,7 @@ class _Maker:
     def make_patches(self, basis: ModalBasis, entry: cache.Entry) -> None:
         choice = self.recipe.residual
         radius_m = choice.patch_radius_m or largest_radius_m(self.recipe.mesh.vertices_m, choice.budget_bytes)
-        residual = build_patches(self._model, basis, radius_m, self._progress)
+        residual = build_patches(self._model, basis, radius_m, progress=self._progress)
         entry.save("starts", residual.starts)
         entry.save("neighbours", residual.neighbours)
         entry.save("blocks", residual.blocks)

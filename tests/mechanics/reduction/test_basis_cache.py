@@ -1,0 +1,122 @@
+"""The cache of reduced ducts: found by content, made once, whole or absent, and checked when read."""
+
+import dataclasses
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.fem import ElementChoice, ShellSection, clamp
+from services.mechanics.reduction import CacheError, DuctRecipe, ResidualChoice, cache, find_basis, reduce_duct
+from services.mechanics.reduction.content_hash import hash_content
+
+
+def small_recipe(**changes) -> DuctRecipe:
+    mesh = parametric_duct(DuctGeometry(4e-3, 20e-3, 10, 8))
+    section = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
+    recipe = DuctRecipe(mesh, section, (clamp(mesh),), 12, ElementChoice("opt", "dkt"))
+    return dataclasses.replace(recipe, **changes)
+
+
+def test_second_start_computes_nothing_and_returns_the_same_bits(tmp_path):
+    stages = []
+    first = reduce_duct(small_recipe(), 0.05, tmp_path, lambda stage, fraction: stages.append((stage, fraction)))
+    names = [stage for stage, _ in stages]
+    assert {"assembly", "factorisation", "modes", "residual compliance"} == set(names)
+    assert stages[-1] == ("residual compliance", 1.0)
+    again = reduce_duct(small_recipe(), 0.05, tmp_path, lambda stage, _: pytest.fail(f"computed {stage} again"))
+    assert again.basis.content_hash == first.basis.content_hash
+    assert np.array_equal(again.basis.Phi, first.basis.Phi)
+    assert np.array_equal(again.residual.blocks, first.residual.blocks)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"n_modes": 13},
+        {"elements": ElementChoice("cst", "dkt")},
+        {"section": ShellSection(0.5e-3, 101e3, 0.45, 1060.0)},
+        {"mesh": parametric_duct(DuctGeometry(4e-3, 20.001e-3, 10, 8))},
+    ],
+)
+def test_any_change_of_the_recipe_changes_the_key(changes):
+    assert small_recipe(**changes).key() != small_recipe().key()
+
+
+def test_equal_recipes_share_a_key_and_residual_choices_share_a_basis(tmp_path):
+    assert small_recipe().key() == small_recipe().key()
+    for kind in ("full", "patches", "none"):
+        choice = ResidualChoice(kind, patch_radius_m=4e-3)
+        duct = reduce_duct(small_recipe(residual=choice), 0.05, tmp_path)
+        assert duct.residual.n_nodes == duct.basis.n_nodes
+    assert len(list(tmp_path.glob("basis-*"))) == 1
+    assert len(list(tmp_path.glob("residual-*"))) == 2
+
+
+def test_auto_takes_patches_beyond_the_budget(tmp_path):
+    duct = reduce_duct(small_recipe(residual=ResidualChoice(budget_bytes=100_000)), 0.05, tmp_path)
+    assert duct.residual.starts.size
+    assert duct.residual.blocks.nbytes < 100_000
+
+
+def test_a_basis_is_found_by_the_hash_a_frame_carries(tmp_path):
+    duct = reduce_duct(small_recipe(), 0.05, tmp_path)
+    assert np.array_equal(find_basis(duct.basis.content_hash, tmp_path).Phi, duct.basis.Phi)
+    with pytest.raises(CacheError, match="no modal basis 1234"):
+        find_basis("1234", tmp_path)
+
+
+def test_changed_bytes_are_refused_by_name(tmp_path):
+    reduce_duct(small_recipe(), 0.05, tmp_path)
+    file = next(tmp_path.glob("basis-*/phi.npy"))
+    content = bytearray(file.read_bytes())
+    content[-9] ^= 1
+    file.write_bytes(content)
+    with pytest.raises(CacheError, match=f"{file.parent} is damaged, remove it"):
+        reduce_duct(small_recipe(), 0.05, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["phi.npy", "manifest.json"])
+def test_a_truncated_file_is_refused_by_name(tmp_path, name):
+    reduce_duct(small_recipe(), 0.05, tmp_path)
+    file = next(tmp_path.glob(f"basis-*/{name}"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(CacheError, match="is damaged, remove it"):
+        reduce_duct(small_recipe(), 0.05, tmp_path)
+
+
+def test_a_build_that_fails_leaves_nothing_behind(tmp_path):
+    def fail(entry):
+        entry.save("half", np.ones(3))
+        raise RuntimeError("power cut")
+
+    with pytest.raises(RuntimeError, match="power cut"):
+        cache.fetch(tmp_path, "entry", fail)
+    assert [path.name for path in tmp_path.iterdir()] == [".entry.lock"]
+
+
+def test_those_who_ask_together_make_an_entry_once(tmp_path):
+    # The lock belongs to the open file, so threads exclude each other as processes do.
+    made, together = [], threading.Barrier(4)
+
+    def make(entry):
+        made.append(entry)
+        entry.save("data", np.arange(10))
+
+    def ask(_):
+        together.wait(10)
+        return cache.fetch(tmp_path, "entry", make).load("data")
+
+    with ThreadPoolExecutor(4) as pool:
+        results = list(pool.map(ask, range(4)))
+    assert len(made) == 1
+    assert all(np.array_equal(result, np.arange(10)) for result in results)
+
+
+def test_content_hash_tells_types_and_shapes_apart():
+    values = [1, 1.0, "1", True, None, np.ones(1), np.ones((1, 1)), np.ones(1, np.float32), (1,), [1, 1], {"a": 1}]
+    assert len({hash_content(value) for value in values}) == len(values)
+    with pytest.raises(TypeError, match="cannot name the content of a set"):
+        hash_content({1})

@@ -1,0 +1,115 @@
+"""Reduced dynamics against direct integration of the full duct."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.reduction import ExactOscillator, ModalState, rayleigh_damping_ratio
+from services.mechanics.reduction.direct import CentralDifference, CondensedStiffness, DirectNewmark
+
+DT_S, STEPS = 1e-3, 500
+# Tissue damps what is fast as well as what is slow: 10 % of critical in the first mode, loss factor 0.13 at 100 Hz.
+BETA_S = 2e-4
+
+
+def damping(basis):
+    first = basis.omega_rad_s[0]
+    return 2.0 * 0.1 * first - BETA_S * first**2, BETA_S
+
+
+def wall_node(mesh):
+    return int(np.argmin(np.linalg.norm(mesh.vertices_m - [20e-3, 4e-3, 0.0], axis=1)))
+
+
+def histories(model, duct, load_nodes, forces, observed):
+    """Displacement of ``observed`` under a load for 0.25 s and after its release, full and reduced."""
+    alpha, beta = damping(duct.basis)
+    substeps = 10
+    full = DirectNewmark(model, DT_S / substeps, alpha, beta)
+    reduced = ExactOscillator(duct.basis.omega_rad_s, rayleigh_damping_ratio(duct.basis.omega_rad_s, alpha, beta))
+    state = ModalState.at_rest(duct.basis.n_modes)
+    nodal = np.zeros((duct.basis.n_nodes, 3))
+    nodal[load_nodes] = forces
+    modal = np.einsum("nir,ni->r", duct.basis.Phi, nodal)
+    out = np.empty((3, STEPS, len(observed), 3))
+    for step in range(STEPS):
+        on = float(step < STEPS // 2)
+        for _ in range(substeps):
+            full.step(on * nodal)
+        reduced.predict(state, on * modal, DT_S)
+        out[0, step] = full.displacements()[observed]
+        out[1, step] = duct.basis.Phi[observed] @ state.q
+        duct.node_displacements(state, load_nodes, on * forces, observed, out[2, step])
+    return out
+
+
+def largest_error(history, reference):
+    scale = np.linalg.norm(reference, axis=2).max(axis=0)
+    return np.linalg.norm(history - reference, axis=2).max(axis=0) / scale
+
+
+def test_step_load_and_release_follow_the_full_model(model, duct):
+    mesh = model.mesh
+    observed = np.array([mesh.vertex_sets["mouth"][0], wall_node(mesh)], np.int32)
+    for name, loaded in (("wall", observed[1:]), ("tip", mesh.vertex_sets["mouth"])):
+        forces = np.tile([0.0, -2e-3 / len(loaded), 0.0], (len(loaded), 1))
+        full, bare, reduced = histories(model, duct, loaded, forces, observed)
+        errors, bare_errors = largest_error(reduced, full), largest_error(bare, full)
+        print(f"load on {name}: worst error over 0.5 s at tip and wall {errors}, without residual {bare_errors}")
+        assert errors.max() < 0.01
+        if name == "wall":
+            assert bare_errors[1] > 0.05
+
+
+def test_direct_newmark_conserves_energy_and_balances_forces(model):
+    nodal = np.zeros((model.mesh.n_vertices, 3))
+    nodal[wall_node(model.mesh)] = [0.0, 2e-3, 1e-3]
+    full = DirectNewmark(model, DT_S)
+    for _ in range(20):
+        full.step(nodal)
+    assert full.reaction_force() == pytest.approx(nodal, abs=1e-9 * 2e-3)
+    before = full.energy_j()
+    for _ in range(500):
+        full.step(0.0 * nodal)
+    after_first_free_step = full.energy_j()
+    for _ in range(500):
+        full.step(0.0 * nodal)
+    assert full.energy_j() == pytest.approx(after_first_free_step, rel=1e-9)
+    assert after_first_free_step > 0.01 * before
+
+
+def test_reaction_force_of_a_damped_step_balances_the_load(model):
+    nodal = np.zeros((model.mesh.n_vertices, 3))
+    nodal[wall_node(model.mesh)] = [0.0, 2e-3, 1e-3]
+    full = DirectNewmark(model, DT_S, alpha_1_s=12.0, beta_s=1e-4)
+    for _ in range(50):
+        full.step(nodal)
+    assert full.reaction_force() == pytest.approx(nodal, abs=1e-9 * 2e-3)
+
+
+def test_central_difference_agrees_with_newmark_below_its_limit(model):
+    limit_s = CondensedStiffness(model).stable_step_s()
+    dt_s = 1e-3 / int(np.ceil(1e-3 / limit_s))
+    nodal = np.zeros((model.mesh.n_vertices, 3))
+    nodal[model.mesh.vertex_sets["mouth"]] = [0.0, 1e-4, 0.0]
+    explicit, implicit = CentralDifference(model, dt_s, 10.0), DirectNewmark(model, dt_s, 10.0)
+    for _ in range(int(0.05 / dt_s)):
+        explicit.step(nodal)
+        implicit.step(nodal)
+    tip = model.mesh.vertex_sets["mouth"][0]
+    assert explicit.displacements()[tip] == pytest.approx(implicit.displacements()[tip], rel=5e-3, abs=1e-8)
+
+
+def test_central_difference_refuses_a_step_beyond_its_limit_and_diverges_there(model):
+    limit_s = CondensedStiffness(model).stable_step_s()
+    with pytest.raises(ValueError, match="central difference is stable up to"):
+        CentralDifference(model, 1.01 * limit_s)
+    nodal = np.zeros((model.mesh.n_vertices, 3))
+    nodal[wall_node(model.mesh)] = [0.0, 1e-3, 0.0]
+    bounded = CentralDifference(model, 0.99 * limit_s)
+    unbounded = CentralDifference(model, 0.99 * limit_s)
+    unbounded._dt_s = 1.02 * limit_s
+    for _ in range(400):
+        bounded.step(nodal)
+        unbounded.step(nodal)
+    assert np.abs(bounded.u).max() < 0.1
+    assert np.abs(unbounded.u).max() > 10.0
