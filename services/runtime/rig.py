@@ -54,10 +54,22 @@ class DriverSettings(Settings):
     settings: dict[str, Any] = {}
 
 
+Vector3 = tuple[float, float, float]
+
+
+class Mount(Settings):
+    """Where an arm stands in the world: upright, turned about z."""
+
+    centre_m: Vector3 = Field((0.0, 0.0, 0.0), description="world position of the middle of the arm's workspace")
+    yaw_rad: float = 0.0
+
+
 class Instrument(Settings):
     """One laparoscopic instrument: a force-feedback arm, a handle, a port."""
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
+    port_m: Vector3 = Field(description="the trocar's fixed point in the world")
+    mount: Mount = Mount()
     arm: DriverSettings
     grasp: DriverSettings | None = None
 
