@@ -175,9 +175,18 @@ def load(kind: type[T], path: Path, overrides: Iterable[str] = ()) -> tuple[T, O
     return build(kind, data, str(path)), origins
 
 
+def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the overrides of the rig file (told by their first key), and those of the scene: all others."""
+    rig: list[str] = []
+    scene: list[str] = []
+    for override in overrides:
+        (rig if override.split("=")[0].split(".")[0] in Rig.model_fields else scene).append(override)
+    return tuple(rig), tuple(scene)
+
+
 def load_rig(name: str | Path, overrides: Iterable[str] = ()) -> Rig:
-    """Return the rig of a file or bare name, with ``key.path=value`` overrides on top."""
-    return load(Rig, find("rig", name), overrides)[0]
+    """Return the rig of a file or bare name; of `overrides`, those that are the rig's are put on top."""
+    return load(Rig, find("rig", name), split_overrides(overrides)[0])[0]
 
 
 def dump(model: BaseModel) -> str:

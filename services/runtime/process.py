@@ -37,6 +37,7 @@ class Process:
     name: str
     rig: Rig
     scene_name: str
+    scene_overrides: tuple[str, ...]
     log: logging.Logger
     facts: list[realtime.Fact]
     bus: ZmqBus
@@ -96,7 +97,9 @@ def open_process(
         reads=[row.name for row in read_by(name)] if reads is None else reads,
         reads_every=reads_every,
     )
-    process = Process(name, rig, options.scene or rig.scene, logger, facts, bus, HealthReporter(name, bus))
+    scene_overrides = config.split_overrides(options.overrides)[1]
+    health = HealthReporter(name, bus)
+    process = Process(name, rig, options.scene or rig.scene, scene_overrides, logger, facts, bus, health)
     process.health.realtime = facts
     _stop_on_signals(process)
     process.health.change("starting", "building")

@@ -140,8 +140,10 @@ class RecorderSettings(Settings):
     """What is written to disk."""
 
     directory: Path = Path("out/recordings")
-    topics: tuple[str, ...] = ()
-    chunk_s: Annotated[float, Field(gt=0)] = 1.0
+    keep_one_in: dict[str, Annotated[int, Field(ge=1)]] = Field(
+        {"physics.duct": 10, "physics.catheter": 10, "physics.contacts": 10},
+        description="by topic; what the devices did is kept whole, and physics follows from it",
+    )
 
 
 class Rig(Settings):

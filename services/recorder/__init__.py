@@ -1,0 +1,1 @@
+"""Process: bus to MCAP file with protobuf payloads, which Foxglove, Rerun and PlotJuggler open."""
