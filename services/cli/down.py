@@ -1,0 +1,80 @@
+"""``trocar down``: end a rig of this host, whether its supervisor lives or not."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from services.runtime import config
+from services.runtime.errors import UserError
+from services.runtime.rig import Rig
+from services.supervisor.holders import holders
+
+_SUPERVISOR_S = 15.0  # it ends five processes, each of which may take five seconds
+_END_S = 5.0
+
+
+def run_down(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None:
+    """End every process that publishes for the rig: the supervisor first, which ends the others in order."""
+    rig = config.load_rig(rig_name, overrides)
+    found = holders(rig.transport)
+    ended = end_all(rig, found)
+    if as_json:
+        print(json.dumps({"ended": ended}))
+    elif ended:
+        print(f"ended {', '.join(ended)}", file=sys.stderr)
+    else:
+        print("no rig is running", file=sys.stderr)
+
+
+def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
+    """End the processes in `found`; return their names.
+
+    Raises
+    ------
+    UserError
+        naming the process that may not be ended.
+    """
+    supervisor = {name: pid for name, pid in found.items() if name == "supervisor"}
+    _end(supervisor, _SUPERVISOR_S)
+    left = holders(rig.transport)
+    _end({name: pid for name, pid in left.items() if name != "gateway"}, _END_S)
+    _end({name: pid for name, pid in left.items() if name == "gateway"}, _END_S)
+    return list(found)
+
+
+def _end(processes: dict[str, int], patience_s: float) -> None:
+    """Interrupt all, wait, kill who remains. A stopped process cannot hear an interrupt: it is continued first."""
+    for name, pid in processes.items():
+        _signal(name, pid, signal.SIGINT)
+        _signal(name, pid, signal.SIGCONT)
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline and any(_alive(processes.values())):
+        time.sleep(0.02)
+    for name, pid in processes.items():
+        if any(_alive([pid])):
+            _signal(name, pid, signal.SIGKILL)
+
+
+def _alive(pids: Iterable[int]) -> Iterable[bool]:
+    for pid in pids:
+        try:
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except (FileNotFoundError, ProcessLookupError):
+            yield False
+        else:
+            yield state != "Z"
+
+
+def _signal(name: str, pid: int, number: signal.Signals) -> None:
+    with suppress(ProcessLookupError):
+        try:
+            os.kill(pid, number)
+        except PermissionError:
+            raise UserError(f"{name} (process {pid}) belongs to another user and cannot be ended") from None

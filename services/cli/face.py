@@ -1,0 +1,78 @@
+"""What `trocar up` shows: progress while the rig starts, the address when it runs, warnings."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+
+from services.supervisor.state_machine import RigState
+from services.supervisor.supervisor import Event, Supervisor
+
+_STYLES = {"warning": "yellow", "error": "red"}
+
+
+class Face:
+    """Standard error for people, on a terminal with bars; elsewhere one line per change."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True, highlight=False, soft_wrap=True)
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.fields[process]:<14}"),
+            BarColumn(),
+            TextColumn("{task.description}"),
+        )
+        self._bars = Progress(*columns, TimeElapsedColumn(), console=self._console, transient=True)
+        self._tasks: dict[str, TaskID] = {}
+        self._state: RigState | None = None
+        self._shown = False
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._bars.start()
+            self._shown = True
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end_bars()
+
+    def event(self, event: Event) -> None:
+        """Show a line that is worth a person's eye."""
+        if event.level != "debug" and (event.level != "info" or self._console.is_terminal):
+            self._console.print(f"{event.t:7.2f} s  {event.text}", style=_STYLES.get(event.level), markup=False)
+
+    def turn(self, supervisor: Supervisor) -> None:
+        """Follow the rig."""
+        if self._shown:
+            self._show_progress(supervisor)
+        if supervisor.state is not self._state:
+            self._state = supervisor.state
+            if self._state is RigState.RUNNING:
+                self._end_bars()
+                self._announce(supervisor)
+
+    def _announce(self, supervisor: Supervisor) -> None:
+        page = supervisor.page_address
+        where = f"open {page}" if page else "the web page is off"
+        self._console.print(f"the rig {supervisor.rig.name!r} is running: {where} (Ctrl-C ends it)", markup=False)
+        sys.stderr.flush()
+
+    def _show_progress(self, supervisor: Supervisor) -> None:
+        for name, member in supervisor.crew.members.items():
+            if name not in self._tasks:
+                self._tasks[name] = self._bars.add_task("", process=name, total=1.0)
+            stage, fraction = member.progress or (str(member.state), None)
+            if member.up:
+                stage, fraction = "ready", 1.0
+            self._bars.update(self._tasks[name], description=stage, completed=fraction or 0.0)
+
+    def _end_bars(self) -> None:
+        if self._shown:
+            self._bars.stop()
+            self._shown = False

@@ -1,0 +1,76 @@
+"""``trocar up``: the supervisor with a face, and the report of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from services.cli.face import Face
+from services.runtime.errors import ConfigError, DeviceError
+from services.runtime.process import Options
+from services.supervisor import run_report, session
+from services.supervisor.supervisor import Supervisor
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a person asked for."""
+
+    rig: str
+    scene: str | None
+    seconds: float | None
+    json_file: Path | None
+    viewer: str | None
+    overrides: tuple[str, ...]
+
+
+class Run:
+    """Follows the supervisor: shows it, measures it, ends it when the time is over."""
+
+    def __init__(self, request: Request, face: Face) -> None:
+        self._request = request
+        self._face = face
+        self.report: run_report.RunReport | None = None
+
+    def turn(self, supervisor: Supervisor, now_s: float) -> bool:
+        """Take a turn; return whether the time is over."""
+        if self.report is None:
+            self.report = run_report.RunReport(supervisor)
+        self.report.turn(now_s)
+        self._face.turn(supervisor)
+        seconds = self._request.seconds
+        return seconds is not None and self.report.measured_s >= seconds
+
+
+def run_up(request: Request) -> None:
+    """Start the rig, stay until it ends, write the report whatever ended it."""
+    if request.json_file is not None and not request.json_file.absolute().parent.is_dir():
+        raise ConfigError(f"--json {request.json_file}: there is no folder {request.json_file.absolute().parent}")
+    options = Options(request.rig, request.scene, (*request.overrides, *_viewer(request.viewer)))
+    process = session.open_session(options)
+    face = Face()
+    run = Run(request, face)
+    try:
+        with face:
+            session.run_session(process, session.Plan(options, on_event=face.event, on_turn=run.turn))
+    finally:
+        process.bus.close()
+        if request.json_file is not None and run.report is not None:
+            run_report.write(request.json_file, run.report.result())
+
+
+def _viewer(viewer: str | None) -> tuple[str, ...]:
+    if viewer is None:
+        return ()
+    if viewer == "native":
+        _need_display()
+    if viewer == "none":
+        return ("visualization.viewer=none", "processes.visualization.enabled=false")
+    return (f"visualization.viewer={viewer}",)
+
+
+def _need_display() -> None:
+    import os
+
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise DeviceError("--viewer native: there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set)")

@@ -1,0 +1,270 @@
+"""All processes of the rig together: started in order, heard, watched, started again, ended in order."""
+
+from __future__ import annotations
+
+import select
+import signal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from services.runtime import log
+from services.runtime.bus import Bus
+from services.runtime.rig import Rig
+from services.supervisor import watch
+from services.supervisor.figures import Figures, Window
+from services.supervisor.launcher import Child
+from services.supervisor.member import Member, MemberState
+from services.supervisor.processes import ProcessSpec
+from services.supervisor.restarts import RestartPolicy
+
+#: How long a process may take to end by itself.
+END_S = 5.0
+#: A turn of the supervisor that came later than this was held up: the time does not count against anyone.
+_HELD_UP_S = 0.05
+#: Ends last: it holds the arms, and lets go of them by itself when the others fall silent.
+_LAST = "gateway"
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """How processes are started: their command line, and where they write what they have to say."""
+
+    arguments: tuple[str, ...]
+    log_directory: Path
+
+
+@dataclass(frozen=True, slots=True)
+class FatalStart:
+    """A process that could not even start: nothing is gained by trying again."""
+
+    sentence: str
+    exit_code: int
+
+
+@dataclass(slots=True)
+class Crew:
+    """The processes. `launch` None: they are somebody else's, to be watched only."""
+
+    members: dict[str, Member]
+    bus: Bus
+    limits: watch.Limits
+    launch: Launch | None
+    say: Callable[[str, str], None]
+    on_counts: Callable[[str, Figures], None] = lambda _name, _counts: None
+    fatal: FatalStart | None = None
+    stopping: bool = False
+    _last_step_s: float | None = None
+    _was_ready: set[str] = field(default_factory=set)
+
+    def step(self, now_s: float) -> None:
+        """Hear everyone, notice who ended or hangs, start whoever is due."""
+        self._forgive_own_delay(now_s)
+        for member in self.members.values():
+            self._hear(member, now_s)
+            if member.child is not None:
+                self._read_lines(member)
+                status = member.child.end()
+                if status is not None:
+                    self._ended(member, status, now_s)
+                    continue
+            if not self.stopping:
+                self._watch(member, now_s)
+                self._start_if_due(member, now_s)
+
+    def wait(self, timeout_s: float) -> None:
+        """Sleep until a process of ours ends or `timeout_s` has passed."""
+        poll = select.poll()
+        for member in self.members.values():
+            if member.child is not None:
+                poll.register(member.child.descriptor, select.POLLIN)
+        poll.poll(timeout_s * 1e3)
+
+    @property
+    def all_ready(self) -> bool:
+        """Whether every process is up, but for those given up that the rig can do without."""
+        return all(m.up or (m.state is MemberState.FAILED and not m.critical) for m in self.members.values())
+
+    def troubles(self) -> list[str]:
+        """Return what is wrong with processes that should be up, critical ones first."""
+        members = sorted(self.members.values(), key=lambda m: not m.critical)
+        return [m.reason or f"{m.name}: {m.state}" for m in members if not m.up]
+
+    def restart(self, name: str, reason: str) -> None:
+        """End a process of ours so that it is started again."""
+        member = self.members[name]
+        member.reason = reason
+        member.kill()
+
+    def rearm(self, now_s: float) -> None:
+        """Forgive what happened before a person armed the rig: those given up are tried again."""
+        for member in self.members.values():
+            member.restarts.forgive()
+            if member.state is MemberState.FAILED:
+                member.enter(MemberState.WAITING, now_s)
+                member.due_s = now_s
+
+    def stop_step(self, now_s: float) -> bool:
+        """Take one turn of ending the processes of ours; return whether all have ended."""
+        self.stopping = True
+        self.step(now_s)
+        others = [m for m in self.members.values() if m.child is not None and m.name != _LAST]
+        mine = [m for m in self.members.values() if m.child is not None]
+        for member in others or mine:
+            if member.state is not MemberState.STOPPING:
+                member.enter(MemberState.STOPPING, now_s)
+                self._send_end(member)
+            elif now_s - member.since_s > END_S and not member.killed:
+                self.say("warning", f"{member.name}: did not end within {END_S:.0f} s, killed")
+                member.kill()
+        return not mine
+
+    def _send_end(self, member: Member) -> None:
+        assert member.child is not None
+        if member.child.is_stopped():
+            member.kill()
+        else:
+            member.child.send(signal.SIGINT)
+
+    def _forgive_own_delay(self, now_s: float) -> None:
+        last, self._last_step_s = self._last_step_s, now_s
+        if last is None or now_s - last <= _HELD_UP_S:
+            return
+        held_up_s = now_s - last
+        self.say("warning", f"supervisor: held up for {held_up_s * 1e3:.0f} ms, limit {_HELD_UP_S * 1e3:.0f} ms")
+        for member in self.members.values():
+            member.heard_s += held_up_s
+            if member.stream_s is not None:
+                member.stream_s += held_up_s
+
+    def _hear(self, member: Member, now_s: float) -> None:
+        frame = self.bus.latest(f"{member.name}.health")
+        if frame is not None:
+            counts = member.hear(frame.body, now_s)
+            if counts is not None:
+                self.on_counts(member.name, counts)
+        if member.spec.stream is not None and self.bus.latest(member.spec.stream) is not None:
+            member.stream_s = now_s
+
+    def _read_lines(self, member: Member) -> None:
+        assert member.child is not None
+        for line in member.child.lines():
+            progress = log.parse_progress(line)
+            if progress is not None:
+                member.progress = progress
+                continue
+            member.last_lines = [*member.last_lines[-19:], line]
+            self.say(_level_of(line, member.name), line)
+
+    def _watch(self, member: Member, now_s: float) -> None:
+        stopped = member.child is not None and member.child.is_stopped()
+        wrong = watch.hang(member, stopped, now_s, self.limits)
+        match member.state:
+            case MemberState.STARTING | MemberState.READY if wrong:
+                member.enter(MemberState.HUNG, now_s, wrong)
+                self.say("warning", wrong)
+            case MemberState.HUNG if not wrong:
+                member.enter(MemberState.STARTING, now_s)
+            case MemberState.HUNG:
+                member.reason = wrong
+                if now_s - member.since_s >= self.limits.heartbeat_s and not member.killed:
+                    self._give_up_waiting(member, now_s)
+            case MemberState.STARTING if watch.says_ready(member, now_s, self.limits):
+                member.enter(MemberState.READY, now_s)
+                self._was_ready.add(member.name)
+                self.say("info", f"{member.name}: ready (process {member.pid})")
+            case MemberState.STARTING if now_s - member.since_s > self.limits.ready_s and not member.killed:
+                member.reason = f"{member.name}: not ready after {self.limits.ready_s:.0f} s"
+                self._give_up_waiting(member, now_s)
+
+    def _give_up_waiting(self, member: Member, now_s: float) -> None:
+        if member.child is not None:
+            self.say("warning", f"{member.name}: killed to be started again")
+            member.kill()
+        else:
+            member.enter(MemberState.LOST, now_s, member.reason)
+            member.forget()
+
+    def _start_if_due(self, member: Member, now_s: float) -> None:
+        if member.state not in (MemberState.WAITING, MemberState.LOST) or self.fatal is not None:
+            return
+        if self.launch is None:
+            if member.health is not None and now_s - member.heard_s <= self.limits.heartbeat_s:
+                member.restarts.count += member.state is MemberState.LOST
+                member.enter(MemberState.STARTING, now_s)
+        elif now_s >= member.due_s and self._predecessors_ready(member):
+            self._start(member, now_s, self.launch)
+
+    def _predecessors_ready(self, member: Member) -> bool:
+        names = member.spec.starts_after
+        return all(name in self._was_ready for name in names if name in self.members)
+
+    def _start(self, member: Member, now_s: float, launch: Launch) -> None:
+        member.forget()
+        member.child = Child(member.spec, launch.arguments, launch.log_directory / f"{member.name}.log")
+        member.enter(MemberState.STARTING, now_s)
+        self.say("debug", f"{member.name}: started as process {member.pid}")
+
+    def _ended(self, member: Member, status: int, now_s: float) -> None:
+        self._read_lines(member)
+        assert member.child is not None
+        member.child.close()
+        member.child = None
+        first_start = member.name not in self._was_ready and status > 0
+        hung = member.reason if member.killed else ""
+        member.exit_status = status
+        member.forget()
+        if self.stopping:
+            member.enter(MemberState.WAITING, now_s)
+            return
+        reason = hung or f"{member.name}: {_how_it_ended(status, member.last_lines)}"
+        if first_start:
+            self.fatal = FatalStart(_start_sentence(member, status), status)
+        delay_s = member.restarts.delay_s(now_s) if member.may_restart else None
+        if delay_s is None:
+            limit = "restarted too often within a minute" if member.may_restart else "not to be restarted"
+            member.enter(MemberState.FAILED, now_s, f"{reason}; {limit}, given up")
+        else:
+            member.enter(MemberState.LOST, now_s, reason)
+            member.due_s = now_s + delay_s
+        self.say("debug" if first_start else "error", member.reason)
+
+
+def _level_of(line: str, name: str) -> str:
+    """Return how loud a line is. Its last words (``name: sentence``) are quiet: the reason of its end quotes them."""
+    if not line.startswith(f"{name}: "):
+        return "warning"
+    loud = line.startswith((f"{name}: WARNING", f"{name}: ERROR", f"{name}: CRITICAL"))
+    return "warning" if loud else "debug"
+
+
+def _how_it_ended(status: int, lines: Sequence[str]) -> str:
+    if status < 0:
+        return f"ended by {signal.Signals(-status).name}"
+    last = f": {lines[-1]}" if status > 0 and lines else ""
+    return f"ended with exit code {status}{last}"
+
+
+def _start_sentence(member: Member, status: int) -> str:
+    """Return what a person is told of a process that ended while starting: its own sentence where it had one."""
+    last = member.last_lines[-1] if member.last_lines else "it said nothing"
+    if last.startswith(f"{member.name}: ") and not any(line.startswith("Traceback") for line in member.last_lines):
+        return last
+    return f"{member.name} ended with exit code {status} while starting: {last}"
+
+
+def muster(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:
+    """Return the members that `rig` runs, by name."""
+    settings = rig.supervisor
+    launched = settings.mode == "launch"
+    return {
+        spec.name: Member(
+            spec=spec,
+            critical=spec.critical and rig.process(spec.name).critical,
+            may_restart=launched and rig.process(spec.name).restart,
+            restarts=RestartPolicy(settings.backoff_s, settings.max_restarts_per_minute),
+            window=Window(settings.window_s),
+        )
+        for spec in table
+        if rig.process(spec.name).enabled
+    }

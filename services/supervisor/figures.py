@@ -1,0 +1,216 @@
+"""What processes count, as differences: health bodies are cumulative, so a window or a run is newest minus oldest."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+import protocol.bodies as bodies
+from services.runtime.histogram import BUCKETS, Quantiles, late, quantiles_us
+
+
+@dataclass(frozen=True, slots=True)
+class Latencies:
+    """Bucket counts of durations. `max_ns` bounds the maximum from above: it is the largest since the process began."""
+
+    deadline_ns: int
+    counts: NDArray[np.int64]
+    sum_ns: int = 0
+    max_ns: int = 0
+
+    @classmethod
+    def of(cls, body: bodies.Histogram) -> Latencies:
+        """Return the counts of a histogram body; one of another size counts as empty."""
+        counts = body.counts.view()
+        if len(counts) != BUCKETS:
+            return cls(body.deadline_ns, np.zeros(BUCKETS, np.int64))
+        return cls(body.deadline_ns, counts, body.sum_ns, body.max_ns)
+
+    @property
+    def total(self) -> int:
+        """Number of durations."""
+        return int(self.counts.sum())
+
+    @property
+    def late(self) -> int:
+        """Number of durations above the deadline."""
+        return late(self.counts)
+
+    def quantiles(self) -> Quantiles:
+        """Return p50, p99, p99.9 and maximum in microseconds."""
+        return quantiles_us(self.counts, self.deadline_ns, float(self.max_ns) if self.max_ns else np.inf)
+
+    def __sub__(self, older: Latencies) -> Latencies:
+        return Latencies(self.deadline_ns, self.counts - older.counts, self.sum_ns - older.sum_ns, self.max_ns)
+
+    def __add__(self, other: Latencies) -> Latencies:
+        counts, total_ns = self.counts + other.counts, self.sum_ns + other.sum_ns
+        return Latencies(self.deadline_ns, counts, total_ns, max(self.max_ns, other.max_ns))
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """Counts of a deadline loop."""
+
+    target_hz: float
+    ticks: int
+    misses: int
+    skipped: int
+    lateness: Latencies
+    work: Latencies
+    period: Latencies
+
+    @classmethod
+    def of(cls, body: bodies.LoopReport) -> Loop:
+        """Return the counts of a loop body."""
+        return cls(
+            body.rate_hz, body.ticks, body.misses, body.skipped,
+            Latencies.of(body.lateness), Latencies.of(body.work), Latencies.of(body.period),
+        )  # fmt: skip
+
+    @property
+    def miss_ratio(self) -> float:
+        """Share of due ticks that finished late or never ran; NaN where none was due."""
+        due = self.ticks + self.skipped
+        return self.misses / due if due else float("nan")
+
+    def __sub__(self, older: Loop) -> Loop:
+        return Loop(
+            self.target_hz, self.ticks - older.ticks, self.misses - older.misses, self.skipped - older.skipped,
+            self.lateness - older.lateness, self.work - older.work, self.period - older.period,
+        )  # fmt: skip
+
+    def __add__(self, other: Loop) -> Loop:
+        return Loop(
+            self.target_hz, self.ticks + other.ticks, self.misses + other.misses, self.skipped + other.skipped,
+            self.lateness + other.lateness, self.work + other.work, self.period + other.period,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Counts of a named path."""
+
+    latency: Latencies
+    answered: int
+    asked: int
+
+    def __sub__(self, older: Path) -> Path:
+        return Path(self.latency - older.latency, self.answered - older.answered, self.asked - older.asked)
+
+    def __add__(self, other: Path) -> Path:
+        return Path(self.latency + other.latency, self.answered + other.answered, self.asked + other.asked)
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """Counts of one topic at one process, or of all its processes together."""
+
+    sent: int = 0
+    received: int = 0
+    superseded: int = 0
+    dropped: int = 0
+    refused: Mapping[str, int] = field(default_factory=dict)
+    age: Latencies | None = None
+
+    def __sub__(self, older: Traffic) -> Traffic:
+        refused = {reason: count - older.refused.get(reason, 0) for reason, count in self.refused.items()}
+        age = self.age - older.age if self.age and older.age else self.age
+        return Traffic(
+            self.sent - older.sent, self.received - older.received, self.superseded - older.superseded,
+            self.dropped - older.dropped, {r: n for r, n in refused.items() if n}, age,
+        )  # fmt: skip
+
+    def __add__(self, other: Traffic) -> Traffic:
+        refused = {
+            reason: self.refused.get(reason, 0) + other.refused.get(reason, 0)
+            for reason in (*self.refused, *other.refused)
+        }
+        age = self.age + other.age if self.age and other.age else self.age or other.age
+        return Traffic(
+            self.sent + other.sent, self.received + other.received, self.superseded + other.superseded,
+            self.dropped + other.dropped, refused, age,
+        )  # fmt: skip
+
+
+_V = TypeVar("_V", Path, Traffic)
+
+
+def _minus(new: Mapping[str, _V], old: Mapping[str, _V]) -> dict[str, _V]:
+    return {name: value - old[name] if name in old else value for name, value in new.items()}
+
+
+def _plus(a: Mapping[str, _V], b: Mapping[str, _V]) -> dict[str, _V]:
+    shared = {name: a[name] + b[name] for name in a.keys() & b.keys()}
+    return {**a, **b, **shared}
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """Everything one process counted in `seconds` of its life."""
+
+    seconds: float
+    loop: Loop | None = None
+    paths: Mapping[str, Path] = field(default_factory=dict)
+    topics: Mapping[str, Traffic] = field(default_factory=dict)
+
+    def __sub__(self, older: Figures) -> Figures:
+        loop = self.loop - older.loop if self.loop and older.loop else self.loop
+        paths, topics = _minus(self.paths, older.paths), _minus(self.topics, older.topics)
+        return Figures(self.seconds - older.seconds, loop, paths, topics)
+
+    def __add__(self, other: Figures) -> Figures:
+        loop = self.loop + other.loop if self.loop and other.loop else self.loop or other.loop
+        paths, topics = _plus(self.paths, other.paths), _plus(self.topics, other.topics)
+        return Figures(self.seconds + other.seconds, loop, paths, topics)
+
+
+def of(health: bodies.Health) -> Figures:
+    """Return what a process has counted since it began."""
+    topics: dict[str, Traffic] = {}
+    for report in health.topics:
+        age = Latencies.of(report.age) if report.age else None
+        traffic = Traffic(
+            report.sent, report.received, report.superseded, report.dropped, dict(report.refused), age
+        )  # fmt: skip
+        topics[report.topic] = topics[report.topic] + traffic if report.topic in topics else traffic
+    paths = {path.name: Path(Latencies.of(path.latency), path.answered, path.asked) for path in health.paths}
+    loop = Loop.of(health.loop) if health.loop else None
+    return Figures(health.uptime_s, loop, paths, topics)
+
+
+class Window:
+    """The counts of one process over about the last `seconds_max`, forgotten when it is restarted."""
+
+    def __init__(self, seconds_max: float) -> None:
+        self._seconds_max = seconds_max
+        self._pid = 0
+        self._reports: deque[Figures] = deque()
+
+    def add(self, pid: int, figures: Figures) -> Figures:
+        """Take the cumulative `figures` of a report; return what was counted since the last one."""
+        restarted = pid != self._pid or bool(self._reports and figures.seconds < self._reports[-1].seconds)
+        if restarted:
+            self._pid = pid
+            self._reports.clear()
+        since = figures - self._reports[-1] if self._reports else figures
+        self._reports.append(figures)
+        while len(self._reports) > 2 and figures.seconds - self._reports[1].seconds >= self._seconds_max:
+            self._reports.popleft()
+        return since
+
+    def forget(self) -> None:
+        """Begin anew with the newest report: what lies before it no longer counts."""
+        while len(self._reports) > 1:
+            self._reports.popleft()
+
+    def figures(self) -> Figures | None:
+        """Return the counts of the window, or None before the second report."""
+        if len(self._reports) < 2:
+            return None
+        return self._reports[-1] - self._reports[0]

@@ -1,0 +1,83 @@
+"""Starting a process and keeping hold of it: its end, its being stopped, what it says.
+
+A child writes to a file, never to a pipe: a supervisor that is stopped or dead can then neither block it (a full pipe
+would stall a 1 kHz loop on its next warning) nor break its writes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from services.supervisor.processes import ProcessSpec
+
+#: Beyond this a line is cut: nothing a child writes takes memory without bound.
+_LINE_MAX = 2000
+_READ_BYTES = 1 << 16
+
+
+class Child:
+    """A running process of ours, with a descriptor that becomes readable when it ends."""
+
+    def __init__(self, spec: ProcessSpec, arguments: Sequence[str], log_file: Path) -> None:
+        self.spec = spec
+        self.log_file = log_file
+        with log_file.open("wb") as sink:
+            self._popen = subprocess.Popen(
+                [sys.executable, "-m", spec.module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=sink,
+                stderr=sink,
+                env={**os.environ, **spec.environment},
+                process_group=0,  # a Ctrl-C at the terminal is ours alone: children are ended in order
+            )
+        self.pid = self._popen.pid
+        self.descriptor = os.pidfd_open(self.pid)
+        self._status = os.open(f"/proc/{self.pid}/stat", os.O_RDONLY)
+        self._log = log_file.open("rb")
+        self._rest = b""
+
+    def end(self) -> int | None:
+        """Return the exit status once the process has ended (negative: the signal), and end what it had started."""
+        if self._popen.returncode is None:
+            if os.waitid(os.P_PIDFD, self.descriptor, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+                return None
+            # Still a zombie, so its group id cannot be anybody else's: helpers that it left behind go with it.
+            with suppress(ProcessLookupError):
+                os.killpg(self.pid, signal.SIGKILL)
+            self._popen.wait()
+        return self._popen.returncode
+
+    def is_stopped(self) -> bool:
+        """Return whether a signal or a debugger holds the process (SIGSTOP)."""
+        try:
+            text = os.pread(self._status, 512, 0)
+        except ProcessLookupError:
+            return False
+        state = text.rpartition(b")")[2].split(maxsplit=1)
+        return bool(state) and state[0] in (b"T", b"t")
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal; one to a process that has ended is nothing."""
+        if self.end() is None:
+            self._popen.send_signal(number)
+
+    def lines(self) -> list[str]:
+        """Return the complete lines written since the last call; everything, once the process has ended."""
+        data = self._rest + self._log.read(_READ_BYTES)
+        *whole, self._rest = data.split(b"\n")
+        if self._popen.returncode is not None or len(self._rest) > _LINE_MAX:
+            whole.append(self._rest)
+            self._rest = b""
+        return [line[:_LINE_MAX].decode("utf-8", "replace").rstrip() for line in whole if line.strip()]
+
+    def close(self) -> None:
+        """Let go of the descriptors of a process that has ended."""
+        os.close(self.descriptor)
+        os.close(self._status)
+        self._log.close()

@@ -1,0 +1,95 @@
+"""One process as the supervisor knows it: its state, its child where we own it, what it was heard to say."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import protocol.bodies as bodies
+from services.supervisor import figures
+from services.supervisor.launcher import Child
+from services.supervisor.processes import ProcessSpec
+from services.supervisor.restarts import RestartPolicy
+
+
+class MemberState(StrEnum):
+    """What a process is in."""
+
+    WAITING = "waiting"  # not started, or waiting for its back-off
+    STARTING = "starting"
+    READY = "ready"
+    HUNG = "hung"  # alive, but silent or stopped
+    LOST = "lost"  # died or vanished; waits to be started again, or for whoever owns it
+    FAILED = "failed"  # given up: only arming the rig tries again
+    STOPPING = "stopping"
+
+
+@dataclass(slots=True)
+class Member:
+    """A process of the rig. Times are seconds of the monotonic clock."""
+
+    spec: ProcessSpec
+    critical: bool
+    may_restart: bool
+    restarts: RestartPolicy
+    window: figures.Window
+    state: MemberState = MemberState.WAITING
+    reason: str = ""
+    child: Child | None = None
+    due_s: float = 0.0
+    since_s: float = 0.0
+    health: bodies.Health | None = None
+    heard_s: float = 0.0
+    stream_s: float | None = None
+    exit_status: int | None = None
+    last_lines: list[str] = field(default_factory=list)
+    progress: tuple[str, float] | None = None
+    killed: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name on the bus."""
+        return self.spec.name
+
+    @property
+    def pid(self) -> int:
+        """Process id: of our child, else as it says itself."""
+        if self.child is not None:
+            return self.child.pid
+        return self.health.pid if self.health else 0
+
+    @property
+    def up(self) -> bool:
+        """Whether it is ready and nothing is wrong with it."""
+        return self.state is MemberState.READY
+
+    def enter(self, state: MemberState, now_s: float, reason: str = "") -> None:
+        """Take another state."""
+        self.state, self.since_s, self.reason = state, now_s, reason
+
+    def hear(self, health: bodies.Health, now_s: float) -> figures.Figures | None:
+        """Take a heartbeat; return what was counted since the last, or None if it is not from the process we own."""
+        if self.child is not None and health.pid != self.child.pid:
+            return None
+        self.health, self.heard_s = health, now_s
+        return self.window.add(health.pid, figures.of(health))
+
+    def forget(self) -> None:
+        """Drop what the ended process said: the next one speaks for itself."""
+        self.health = None
+        self.stream_s = None
+        self.progress = None
+        self.killed = False
+
+    def kill(self) -> None:
+        """End the process at once: hung processes do not answer anything gentler."""
+        if self.child is not None:
+            self.killed = True
+            self.child.send(signal.SIGKILL)
+
+    def body(self) -> bodies.ProcessReport:
+        """Return the process as it is reported."""
+        return bodies.ProcessReport(
+            name=self.name, state=self.state, pid=self.pid, restarts=self.restarts.count, reason=self.reason[:256]
+        )

@@ -1,0 +1,116 @@
+"""One session of the supervisor, from its options to its end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from services.runtime import config, endpoints
+from services.runtime.errors import BusError, UserError
+from services.runtime.process import Options, Process, open_process
+from services.runtime.rig import Rig
+from services.supervisor.crew import Launch
+from services.supervisor.holders import holders
+from services.supervisor.processes import TABLE, ProcessSpec
+from services.supervisor.supervisor import Event, Setup, Supervisor
+
+_TURN_S = 0.01
+
+
+class StartError(UserError):
+    """A process of the rig could not start; what it said, and its exit code."""
+
+    def __init__(self, sentence: str, exit_code: int) -> None:
+        super().__init__(sentence)
+        self.exit_code = exit_code
+
+
+@dataclass(slots=True)
+class Plan:
+    """What a session is to do, and whom it tells.
+
+    Parameters
+    ----------
+    options
+        As given on the command line; the processes get the same.
+    table
+        The processes.
+    on_event
+        Called with every event.
+    on_turn
+        Called after every turn, a hundred times a second; True ends the session.
+    """
+
+    options: Options
+    table: tuple[ProcessSpec, ...] = TABLE
+    on_event: Callable[[Event], None] | None = None
+    on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
+
+
+def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Process:
+    """Return the open supervisor process: it reads every heartbeat and the 1 kHz streams that it watches.
+
+    Raises
+    ------
+    UserError
+        if the configuration cannot be used, or a rig is running on this transport already.
+    """
+    _refuse_second_rig(options)
+    streams = [spec.stream for spec in table if spec.stream is not None]
+    return open_process("supervisor", options, reads=[*(f"{spec.name}.health" for spec in table), *streams])
+
+
+def _refuse_second_rig(options: Options) -> None:
+    rig = config.load_rig(options.rig, options.overrides)
+    found = holders(rig.transport)
+    if rig.supervisor.mode == "launch" and found:
+        who = ", ".join(f"{name} (process {pid})" for name, pid in found.items())
+        raise BusError(f"a rig is running here already: {who}; `trocar down` ends it")
+
+
+def run_session(process: Process, plan: Plan) -> None:
+    """Run the rig until the process is asked to stop or `plan.on_turn` ends it.
+
+    Raises
+    ------
+    UserError
+        if a process cannot start; everything started is ended before.
+    """
+    supervisor = Supervisor(_setup(process, plan), process.bus, time.monotonic(), plan.on_event)
+    process.health.change("ready")
+    try:
+        while not process.stop() and supervisor.crew.fatal is None:
+            now_s = time.monotonic()
+            supervisor.step(now_s)
+            process.health.send_if_due()
+            if plan.on_turn(supervisor, now_s):
+                break
+            supervisor.crew.wait(_TURN_S)
+    finally:
+        while not supervisor.stop_step(time.monotonic()):
+            supervisor.crew.wait(_TURN_S)
+    if supervisor.crew.fatal is not None:
+        raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
+
+
+def _setup(process: Process, plan: Plan) -> Setup:
+    rig = process.rig
+    if rig.supervisor.mode == "attach":
+        return Setup(rig, plan.table, None, safe_stop_file=endpoints.run_directory(rig.transport) / "safe_stop")
+    return Setup(rig, plan.table, Launch(arguments(plan.options), log_directory(rig)))
+
+
+def arguments(options: Options) -> tuple[str, ...]:
+    """Return the command line that gives a process the same configuration."""
+    scene = () if options.scene is None else ("--scene", options.scene)
+    overrides = tuple(part for override in options.overrides for part in ("--set", override))
+    return ("--rig", options.rig, *scene, *overrides)
+
+
+def log_directory(rig: Rig) -> Path:
+    """Return where the processes' output is kept until the next start."""
+    directory = endpoints.run_directory(rig.transport) / "log"
+    directory.mkdir(exist_ok=True)
+    return directory

@@ -1,0 +1,70 @@
+"""States of the rig and what moves it between them. Pure: a situation in, a state out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class RigState(StrEnum):
+    """What the rig is in."""
+
+    OFF = "off"
+    STARTING = "starting"
+    READY = "ready"
+    RUNNING = "running"
+    DEGRADED = "degraded"
+    SAFE_STOP = "safe_stop"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What the supervisor sees.
+
+    Parameters
+    ----------
+    stopping
+        The rig is asked to end.
+    all_ready
+        Every process that the rig waits for is ready.
+    trouble
+        Something is lost, hung, or breaks its contract.
+    settled
+        `all_ready` has held for the settling time.
+    calm
+        There was no `trouble` for the settling time.
+    safe_stop
+        A safe stop is in force: commanded, or nothing else is left. Only arming the rig clears it.
+    """
+
+    stopping: bool = False
+    all_ready: bool = False
+    trouble: bool = False
+    settled: bool = False
+    calm: bool = False
+    safe_stop: bool = False
+
+
+def next_state(state: RigState, now: Situation) -> RigState:
+    """Return the state that follows `state`.
+
+    A safe stop wins over everything but the end of the rig. It is left only through STARTING, so a rig that is armed
+    anew passes READY again. READY becomes RUNNING when it has settled; contracts are judged from then on.
+    """
+    if now.stopping:
+        return RigState.OFF
+    if now.safe_stop:
+        return RigState.SAFE_STOP
+    match state:
+        case RigState.OFF | RigState.SAFE_STOP:
+            return RigState.STARTING
+        case RigState.STARTING:
+            return RigState.READY if now.all_ready else state
+        case RigState.READY:
+            if not now.all_ready:
+                return RigState.STARTING
+            return RigState.RUNNING if now.settled else state
+        case RigState.RUNNING:
+            return RigState.DEGRADED if now.trouble or not now.all_ready else state
+        case RigState.DEGRADED:
+            return RigState.RUNNING if now.settled and now.calm else state

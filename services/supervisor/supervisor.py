@@ -1,0 +1,226 @@
+"""The supervisor: what the rig is in, what is wrong, what is done about it, and telling everyone."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import protocol.bodies as bodies
+from services.runtime.bus import Bus
+from services.runtime.rig import Rig
+from services.supervisor import contracts, watch
+from services.supervisor.crew import Crew, Launch, muster
+from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
+from services.supervisor.processes import ProcessSpec
+from services.supervisor.state_machine import RigState, Situation, next_state
+
+#: How long everything must be well before the rig counts as RUNNING (again).
+SETTLE_S = 1.0
+_JUDGE_S = 0.1
+_TELL_S = 0.1
+#: A breach seen this long stands: two reports of a process.
+_ENTER_S = 0.2
+_ARM, _SAFE_STOP = "arm", "safe_stop"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A line for people: seconds since the supervisor's start, level, text."""
+
+    t: float
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What a supervisor is given. `safe_stop_file` remembers a safe stop across its own restart, where one is named."""
+
+    rig: Rig
+    table: tuple[ProcessSpec, ...]
+    launch: Launch | None
+    levels: int = 1
+    safe_stop_file: Path | None = None
+
+
+class Supervisor:
+    """State of the rig. `step` is called about a hundred times a second; nothing in it waits."""
+
+    def __init__(self, setup: Setup, bus: Bus, now_s: float, on_event: Callable[[Event], None] | None = None) -> None:
+        settings = setup.rig.supervisor
+        self.rig = setup.rig
+        self.state = RigState.OFF
+        self.reason = ""
+        self.started_s = now_s
+        self.page_address = ""
+        self.events: deque[Event] = deque(maxlen=50)
+        limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
+        self.crew = Crew(muster(setup.rig, setup.table), bus, limits, setup.launch, self.say)
+        ladder = Ladder(levels=setup.levels, patience_s=settings.window_s, may_restart=setup.launch is not None)
+        self.enforcement = Enforcement(ladder)
+        self.breaches: list[contracts.Breach] = []
+        self._bus = bus
+        self._on_event = on_event
+        self._standing = contracts.Standing(_ENTER_S, SETTLE_S)
+        self._commands: SimpleQueue[tuple[str, str]] = SimpleQueue()
+        self._safe_stop_file = setup.safe_stop_file
+        self._safe_stop = self._remembered()
+        self._now_s = now_s
+        self._not_ready_s = self._trouble_s = now_s
+        self._judged_s = self._told_s = float("-inf")
+        self._told: bodies.SupervisorState | None = None
+        self._up: set[str] = set()
+
+    def arm(self, who: str) -> None:
+        """Ask for the end of a safe stop. Any thread may call this."""
+        self._commands.put((_ARM, who))
+
+    def safe_stop(self, who: str) -> None:
+        """Ask for a safe stop. Any thread may call this."""
+        self._commands.put((_SAFE_STOP, who))
+
+    def step(self, now_s: float) -> None:
+        """Take one turn at `now_s` of the monotonic clock."""
+        self._now_s = now_s
+        self._obey()
+        self.crew.step(now_s)
+        self._begin_anew_where_someone_came_up()
+        if now_s - self._judged_s >= _JUDGE_S:
+            self._judged_s = now_s
+            self._judge()
+        self._move()
+        self._tell()
+
+    def stop_step(self, now_s: float) -> bool:
+        """Take one turn of ending the rig; return whether everything of ours has ended."""
+        self._now_s = now_s
+        self._enter(RigState.OFF, "the rig is asked to end")
+        self._tell()
+        return self.crew.stop_step(now_s)
+
+    def say(self, level: str, text: str) -> None:
+        """Note an event; "debug" ones are passed on but not kept."""
+        event = Event(self._now_s - self.started_s, level, text)
+        if level != "debug":
+            self.events.append(event)
+        if self._on_event is not None:
+            self._on_event(event)
+
+    def body(self) -> bodies.SupervisorState:
+        """Return what everyone is told."""
+        ending = self.state is RigState.OFF and self.crew.stopping and self.crew.launch is not None
+        return bodies.SupervisorState(
+            state=self.state,
+            quality_level=self.enforcement.level,
+            safe_stop=bool(self._safe_stop) or ending,
+            reason=self.reason[:512],
+            processes=tuple(member.body() for member in self.crew.members.values()),
+        )
+
+    def _obey(self) -> None:
+        while True:
+            try:
+                command, who = self._commands.get_nowait()
+            except Empty:
+                return
+            if command == _ARM:
+                self._arm(who)
+            else:
+                self._stop_safely(f"commanded by {who}")
+
+    def _arm(self, who: str) -> None:
+        self.say("info", f"supervisor: armed by {who}")
+        self._safe_stop = ""
+        if self._safe_stop_file is not None:
+            self._safe_stop_file.unlink(missing_ok=True)
+        self.crew.rearm(self._now_s)
+        self.enforcement.reset()
+        self._standing.clear()
+
+    def _stop_safely(self, reason: str) -> None:
+        if self._safe_stop:
+            return
+        self._safe_stop = reason
+        if self._safe_stop_file is not None:
+            self._safe_stop_file.write_text(reason, encoding="utf-8")
+        self.say("error", f"supervisor: safe stop: {reason}")
+
+    def _remembered(self) -> str:
+        path = self._safe_stop_file
+        return path.read_text(encoding="utf-8") if path is not None and path.exists() else ""
+
+    def _begin_anew_where_someone_came_up(self) -> None:
+        up = {name for name, member in self.crew.members.items() if member.up}
+        if up - self._up:  # its start disturbed the others as well
+            self._judge_anew()
+        self._up = up
+
+    def _judge_anew(self) -> None:
+        for member in self.crew.members.values():
+            member.window.forget()
+        self._standing.clear()
+
+    def _judge(self) -> None:
+        seen = []
+        if self.state in (RigState.RUNNING, RigState.DEGRADED):
+            windows = {name: m.window.figures() for name, m in self.crew.members.items() if m.up}
+            seen = contracts.judge({n: f for n, f in windows.items() if f is not None}, self.rig.contracts)
+        self.breaches = self._standing.update(self._now_s, seen)
+        action = self.enforcement.decide(self._now_s, [b for b in self.breaches if self._is_critical(b.process)])
+        if action is not None:
+            self._act(action)
+
+    def _is_critical(self, name: str) -> bool:
+        member = self.crew.members.get(name)
+        return member is not None and member.critical
+
+    def _act(self, action: Action) -> None:
+        self.say("warning", f"supervisor: {action.rung.value} {action.process}: {action.reason}".replace(" : ", ": "))
+        if action.rung is Rung.RESTART:
+            self.crew.restart(action.process, action.reason)
+        elif action.rung is Rung.SAFE_STOP:
+            self._stop_safely(action.reason)
+        self._judge_anew()
+
+    def _move(self) -> None:
+        now_s = self._now_s
+        failed = [m for m in self.crew.members.values() if m.critical and m.state == "failed"]
+        if failed:
+            self._stop_safely(failed[0].reason)
+        troubles = [*self.crew.troubles(), *(breach.text for breach in self.breaches)]
+        if not self.crew.all_ready:
+            self._not_ready_s = now_s
+        if troubles:
+            self._trouble_s = now_s
+        situation = Situation(
+            all_ready=self.crew.all_ready,
+            trouble=bool(troubles),
+            settled=now_s - self._not_ready_s >= SETTLE_S,
+            calm=now_s - self._trouble_s >= SETTLE_S,
+            safe_stop=bool(self._safe_stop),
+        )
+        reason = self._safe_stop or (troubles[0] if troubles else "")
+        self._enter(next_state(self.state, situation), reason)
+
+    def _enter(self, state: RigState, reason: str) -> None:
+        self.reason = "" if state in (RigState.RUNNING, RigState.READY) else reason or self.reason
+        if state is not self.state:
+            self.state = state
+            level = "warning" if state in (RigState.DEGRADED, RigState.SAFE_STOP) else "info"
+            self.say(level, f"supervisor: {state}{': ' if self.reason else ''}{self.reason}")
+
+    def _tell(self) -> None:
+        body = self.body()
+        # The reason holds figures that change all the time; ten times a second is enough for them.
+        changed = self._told is None or _gist(body) != _gist(self._told)
+        if changed or self._now_s - self._told_s >= _TELL_S:
+            self._told, self._told_s = body, self._now_s
+            self._bus.publish("supervisor.state", body)
+
+
+def _gist(body: bodies.SupervisorState) -> tuple[object, ...]:
+    processes = tuple((p.name, p.state, p.pid, p.restarts) for p in body.processes)
+    return body.state, body.quality_level, body.safe_stop, processes

@@ -1,0 +1,57 @@
+"""Who is silent or held: what the supervisor makes of what it hears. Pure.
+
+A 1 kHz stream tells within tens of milliseconds, the kernel tells at once of a process of ours that is stopped, and the
+heartbeat tells of all others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from services.supervisor.member import Member, MemberState
+
+#: Silence of a 1 kHz stream that is a hang: longer than stalls of a busy machine, short enough to notice in 100 ms.
+STREAM_SILENCE_S = 0.06
+_LIVING = ("ready", "running", "degraded")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Silences that are accepted, in seconds."""
+
+    heartbeat_s: float = 0.5
+    stream_s: float = STREAM_SILENCE_S
+    ready_s: float = 120.0
+
+
+def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
+    """Return whether a process says that it is ready and what it should publish is heard."""
+    if member.health is None or member.health.state not in _LIVING or now_s - member.heard_s > limits.heartbeat_s:
+        return False
+    if member.spec.stream is None:
+        return True
+    return member.stream_s is not None and now_s - member.stream_s <= limits.stream_s
+
+
+def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
+    """Return what is wrong with a living process, empty for nothing.
+
+    A process that is still starting may be silent (it builds a basis or compiles kernels), not stopped.
+    """
+    if stopped:
+        held_s = now_s - member.since_s if member.state is MemberState.HUNG else 0.0
+        return (
+            f"{member.name}: process {member.pid} is stopped by a signal for {held_s * 1e3:.0f} ms, "
+            f"limit {limits.heartbeat_s * 1e3:.0f} ms"
+        )
+    starting = member.health is None or member.health.state not in _LIVING
+    if starting or member.state not in (MemberState.READY, MemberState.HUNG):
+        return ""
+    silence_s = now_s - member.heard_s
+    if member.spec.stream is not None and member.stream_s is not None:
+        stream_s = now_s - member.stream_s
+        if stream_s > limits.stream_s:
+            return f"{member.spec.stream}: silent for {stream_s * 1e3:.0f} ms, limit {limits.stream_s * 1e3:.0f} ms"
+    if silence_s > limits.heartbeat_s:
+        return f"{member.name}.health: silent for {silence_s * 1e3:.0f} ms, limit {limits.heartbeat_s * 1e3:.0f} ms"
+    return ""

@@ -1,0 +1,66 @@
+"""A tiny process for the launcher's tests: beats and ticks as $FAKE_NAME, misbehaves as $FAKE_WORDS says.
+
+Words: ``exit`` (ends with code 2 and a sentence), ``slow`` (misses half its ticks), ``mute`` (never says ready),
+``crash`` (dies of a signal), ``stubborn`` (does not end when asked).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+
+import msgspec
+import numpy as np
+
+import protocol.bodies as bodies
+from protocol.arrays import pack
+from services.runtime import log
+from services.runtime.errors import ConfigError
+from services.runtime.loop import LoopMeter, ticks
+from services.runtime.process import Process, main
+
+RATE_HZ = 200.0
+
+
+def stream_body(name: str, tick: int) -> msgspec.Struct | None:
+    """Return a frame of the process' 1 kHz stream, None where it has none."""
+    match name:
+        case "gateway":
+            return bodies.GatewayState(tick=tick)
+        case "haptics":
+            return bodies.ContactModel(tick=tick, ttl_s=0.02)
+        case "physics":
+            none = pack(np.zeros((0, 3)))
+            kind = pack(np.zeros(0), "|i1")
+            return bodies.PhysicsContacts(tick=tick, tools=(), kind=kind, point_m=none, force_n=none)
+    return None
+
+
+STREAMS = {"gateway": "gateway.state", "haptics": "haptics.contact_model", "physics": "physics.contacts"}
+
+
+def run(process: Process) -> None:
+    words = os.environ.get("FAKE_WORDS", "").split()
+    if "exit" in words:
+        raise ConfigError("configs/made_up.yaml: this key is missing")
+    if "crash" in words:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if "stubborn" in words:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    log.progress("building what a fake needs", 0.5)
+    meter = LoopMeter(RATE_HZ)
+    if "mute" not in words:
+        process.ready(meter)
+    for tick in ticks(meter, process.stop):
+        body = stream_body(process.name, tick.index)
+        if body is not None:
+            process.bus.publish(STREAMS[process.name], body, origin_ns=time.monotonic_ns())
+        if "slow" in words and tick.index % 4 < 2:
+            time.sleep(0.006)
+        process.health.send_if_due()
+
+
+if __name__ == "__main__":
+    sys.exit(main(os.environ["FAKE_NAME"], run))
