@@ -25,16 +25,21 @@ class DuctScene:
     n_along: int = 30
     taper: float = 0.0
     curvature_1_m: float = 0.0
+    cut_angle_rad: float = 0.0
+    slit_length_m: float = 0.0
+    slit_width_m: float = 0.0
     mesh_file: str | None = None
     mesh_unit: str = "mm"
     thickness_m: float = 0.5e-3
     youngs_modulus_pa: float = 100e3
     poisson_ratio: float = 0.45
     density_kg_m3: float = 1060.0
-    element: str = "cst+dkt"
+    membrane: Literal["cst", "opt"] = "opt"
+    bending: Literal["dkt", "paper"] = "dkt"
     n_modes: int = 100
     damping_ratio: float = 0.1
     integrator: Literal["newmark", "exact"] = "newmark"
+    residual: Literal["auto", "full", "patches", "none"] = "auto"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +47,8 @@ class CatheterScene:
     """The catheter: particle 0 is the proximal end, the last particle is the tip.
 
     It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``.
-    ``anchor`` "clamped" fixes the two proximal particles, "introducer" lets them slide along ``direction``.
+    ``anchor`` "clamped" holds the proximal end; "introducer" is a needle of ``introducer_length_m``, its exit
+    ``introducer_to_tip_m`` behind the tip, through which the catheter slides.
     """
 
     n_segments: int = 50
@@ -52,12 +58,15 @@ class CatheterScene:
     youngs_modulus_pa: float = 70e6
     poisson_ratio: float = 0.45
     density_kg_m3: float = 1100.0
-    damping_1_s: float = 5.0
-    bending_damping_s: float = 1e-3
+    internal_damping_s: float = 2e-4
+    viscous_drag_n_s_m2: float = 0.05
     rest_curvature_1_m: tuple[Vector3, ...] = ()
     tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
     direction: Vector3 = (-1.0, 0.0, 0.0)
-    anchor: Literal["free", "clamped", "introducer"] = "free"
+    anchor: Literal["free", "clamped", "introducer"] = "introducer"
+    introducer_to_tip_m: float = 60e-3
+    introducer_length_m: float = 20e-3
+    introducer_friction: float = 0.0
     integrator: Literal["implicit", "semi_implicit"] = "implicit"
 
 

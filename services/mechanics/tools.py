@@ -32,6 +32,8 @@ class GraspHold:
         Barycentric in the triangle; (1 - s, s, 0) on the segment.
     limit_n : float
         Largest force the hold carries before it slips: grip friction times the squeeze.
+    jaw_angle_rad : float
+        Opening at which the held thing stops the jaws.
     """
 
     hold_id: int
@@ -40,6 +42,7 @@ class GraspHold:
     target: int
     target_weights: FloatArray
     limit_n: float
+    jaw_angle_rad: float
 
 
 def _identity_quaternions() -> FloatArray:

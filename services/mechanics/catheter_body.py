@@ -1,0 +1,122 @@
+"""The catheter in a step: its integrator, loads from effects, and compliance at the touched particles."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from services.mechanics.contact.compliance import list_particles
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.rod import (
+    ImplicitIntegrator,
+    RodProperties,
+    RodState,
+    RoundTube,
+    Sleeve,
+    Supports,
+    straight_rod,
+)
+from services.mechanics.scene import CatheterScene
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
+
+class CatheterBody:
+    """Particles of the catheter, from the proximal end (0) to the tip.
+
+    Attributes
+    ----------
+    state : RodState
+    start_m, motion_m : (n, 3) float64
+        Positions at the start of the step, and the motion over it without contact forces.
+    external_force_n : (n, 3) float64
+        Loads that effects put on the particles in this step.
+    contact_force_n : (n, 3) float64
+        Contact forces of the last step.
+    """
+
+    def __init__(self, scene: CatheterScene, *, twist: bool = False) -> None:
+        self.properties = rod_properties(scene, twist=twist)
+        self.state = initial_state(scene, self.properties)
+        self.integrator = ImplicitIntegrator(self.properties, rod_supports(scene))
+        n = self.properties.n_particles
+        self.radius_m = 0.5 * scene.outer_diameter_m
+        self.start_m = self.state.position_m.copy()
+        self.motion_m = np.zeros((n, 3))
+        self.external_force_n = np.zeros((n, 3))
+        self.contact_force_n = np.zeros((n, 3))
+        self.slot = np.full(n, -1, np.int32)
+        self._particles = np.zeros(n, np.int32)
+        self._compliance = np.zeros(9 * n * n)
+
+    def predict(self, dt_s: float) -> None:
+        """Step the particles without contact forces."""
+        self.start_m[:] = self.state.position_m
+        self.integrator.predict(self.state, self.external_force_n, dt_s)
+        np.subtract(self.state.position_m, self.start_m, out=self.motion_m)
+
+    def compliance(self, rows: ContactRows) -> FloatArray:
+        """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is."""
+        count = list_particles(rows, self.slot, self._particles)
+        size = 3 * count
+        out: FloatArray = self._compliance[: size * size].reshape(size, size)
+        if count:
+            self.integrator.compliance(self._particles[:count], out)
+        return out
+
+    def correct(self, rows: ContactRows, forces: FloatArray) -> None:
+        """Apply the contact forces (k, 3) on the first bodies to the particles they touch."""
+        spread_rod_forces(rows, forces, self.contact_force_n)
+        if rows.n_contacts:
+            self.integrator.correct(self.state, self.contact_force_n)
+
+
+def rod_properties(scene: CatheterScene, *, twist: bool) -> RodProperties:
+    """Stiffness and mass of a scene's catheter."""
+    tube = RoundTube(
+        outer_diameter_m=scene.outer_diameter_m,
+        inner_diameter_m=scene.inner_diameter_m,
+        youngs_modulus_pa=scene.youngs_modulus_pa,
+        density_kg_m3=scene.density_kg_m3,
+        poisson_ratio=scene.poisson_ratio,
+    )
+    return tube.rod(
+        scene.n_segments,
+        scene.length_m,
+        twist=twist,
+        internal_damping_s=scene.internal_damping_s,
+        viscous_drag_n_s_m2=scene.viscous_drag_n_s_m2,
+    )
+
+
+def initial_state(scene: CatheterScene, properties: RodProperties) -> RodState:
+    """Straight, at rest, its tip where the scene says."""
+    direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
+    start = np.asarray(scene.tip_position_m) - scene.length_m * direction
+    return straight_rod(properties, start, direction)
+
+
+def rod_supports(scene: CatheterScene) -> Supports:
+    """What holds the proximal end."""
+    if scene.anchor == "clamped":
+        return Supports(held=(0,), start_direction=scene.direction)
+    if scene.anchor == "introducer":
+        direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
+        exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
+        entry_m = exit_m - scene.introducer_length_m * direction
+        return Supports(sleeve=Sleeve(entry_m, exit_m, friction=scene.introducer_friction))
+    return Supports()
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def spread_rod_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> None:
+    """Write the contact forces on the particles (n, 3)."""
+    out[:] = 0.0
+    for row in range(rows.used[0]):
+        for point in range(rows.rod_node.shape[1]):
+            weight = rows.rod_weight[row, point]
+            if weight != 0.0:
+                for axis in range(3):
+                    out[rows.rod_node[row, point], axis] += weight * forces[row, axis]

@@ -1,0 +1,102 @@
+"""Contact rows: where each contact acts on duct, catheter and tools, and how far apart the surfaces are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.contact.pairs import NO_TOOL
+from services.mechanics.forceps.kinematics import N_COORDINATES
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+LongArray = npt.NDArray[np.int64]
+ByteArray = npt.NDArray[np.int8]
+
+N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
+
+
+class ContactRows(NamedTuple):
+    """Preallocated struct of arrays of the contacts and holds of one step; ``used[0]`` of them mean anything.
+
+    A named tuple, so that kernels take it as one argument.
+
+    Attributes
+    ----------
+    used : (1,) int64
+    kind : (C,) int8
+        `solver.UNILATERAL` or `solver.HOLD`.
+    identity : (C,) int64
+        Names the pair of bodies, to find last tick's force again; negative for holds.
+    body : (C,) int64
+        Names the first body and the kind of target only.
+    frame : (C, 3, 3) float64
+        Rows: normal (towards the first body) and two tangents.
+    point_m : (C, 3) float64
+        Where the force acts on the first body.
+    gap_m : (C,) float64
+        Distance of the surfaces at the start of the step.
+    slip_m : (C, 3) float64
+        Motion of the first body relative to the target over the step without contact forces, in world axes.
+    limit : (C,) float64
+        Coefficient of friction, or the largest force of a hold in N.
+    force_n : (C, 3) float64
+        Solved force on the first body, along the rows of the frame.
+    duct_node : (C, 3) int32, duct_weight : (C, 3) float64
+        Barycentric point of the duct, always the target; weights are zero where the duct has no part.
+    rod_node : (C, 4) int32, rod_weight : (C, 4) float64
+        Particles of the catheter; positive weights where it is the first body, negative where it is the target.
+    tool : (C,) int8, lever : (C, 3, 4) float64
+        The tool that is the first body, and how its coordinates move the point.
+    """
+
+    used: LongArray
+    kind: ByteArray
+    identity: LongArray
+    body: LongArray
+    frame: FloatArray
+    point_m: FloatArray
+    gap_m: FloatArray
+    slip_m: FloatArray
+    limit: FloatArray
+    force_n: FloatArray
+    duct_node: IntArray
+    duct_weight: FloatArray
+    rod_node: IntArray
+    rod_weight: FloatArray
+    tool: ByteArray
+    lever: FloatArray
+
+    @classmethod
+    def allocate(cls, capacity: int) -> ContactRows:
+        """Return room for ``capacity`` contacts and holds."""
+        return cls(
+            used=np.zeros(1, np.int64),
+            kind=np.zeros(capacity, np.int8),
+            identity=np.zeros(capacity, np.int64),
+            body=np.zeros(capacity, np.int64),
+            frame=np.zeros((capacity, 3, 3)),
+            point_m=np.zeros((capacity, 3)),
+            gap_m=np.zeros(capacity),
+            slip_m=np.zeros((capacity, 3)),
+            limit=np.zeros(capacity),
+            force_n=np.zeros((capacity, 3)),
+            duct_node=np.zeros((capacity, 3), np.int32),
+            duct_weight=np.zeros((capacity, 3)),
+            rod_node=np.zeros((capacity, N_ROD_POINTS), np.int32),
+            rod_weight=np.zeros((capacity, N_ROD_POINTS)),
+            tool=np.full(capacity, NO_TOOL, np.int8),
+            lever=np.zeros((capacity, 3, N_COORDINATES)),
+        )
+
+    @property
+    def capacity(self) -> int:
+        """Number of contacts there is room for."""
+        return int(self.gap_m.shape[0])
+
+    @property
+    def n_contacts(self) -> int:
+        """Number of contacts and holds in use."""
+        return int(self.used[0])

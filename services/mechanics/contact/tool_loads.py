@@ -1,0 +1,160 @@
+"""What contacts do to the tools: forces, moments about tip and port, jaw torque, and the stiffness felt."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from services.mechanics.contact.pairs import NO_TOOL
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver import HOLD
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+STIFFNESS_CAPACITY = 24  # contacts of one tool that enter its local stiffness
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def generalised_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> None:
+    """Write sum of G^T f of each tool into ``out`` (2, 4): force at J in N and opening torque in N m."""
+    out[:] = 0.0
+    for row in range(rows.used[0]):
+        tool = rows.tool[row]
+        if tool == NO_TOOL:
+            continue
+        for coordinate in range(out.shape[1]):
+            for axis in range(3):
+                out[tool, coordinate] += rows.lever[row, axis, coordinate] * forces[row, axis]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def resultants(rows: ContactRows, forces: FloatArray, about: FloatArray, force: FloatArray, moment: FloatArray) -> None:
+    """Write each tool's plain sum of forces (2, 3) and their moment about its point in ``about`` (2, 3)."""
+    force[:] = 0.0
+    moment[:] = 0.0
+    for row in range(rows.used[0]):
+        tool = rows.tool[row]
+        if tool == NO_TOOL:
+            continue
+        f = forces[row]
+        x = rows.point_m[row, 0] - about[tool, 0]
+        y = rows.point_m[row, 1] - about[tool, 1]
+        z = rows.point_m[row, 2] - about[tool, 2]
+        for axis in range(3):
+            force[tool, axis] += f[axis]
+        moment[tool, 0] += y * f[2] - z * f[1]
+        moment[tool, 1] += z * f[0] - x * f[2]
+        moment[tool, 2] += x * f[1] - y * f[0]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def local_stiffness(
+    rows: ContactRows, W: FloatArray, slides: BoolArray, coupling: FloatArray, scratch: FloatArray, out: FloatArray
+) -> None:
+    r"""Write the stiffness (2, 3, 3) in N/m between each hand and the world, its coupling included.
+
+    The rows of a tool that carry force (normals; tangents too while they stick; holds that do not slip) stay
+    closed when the hand moves by dx, so their forces change by :math:`-S^{-1} G\,dx` with S their compliance.
+    S contains the coupling as it acts over one step, damper included; what the damper adds is taken
+    out (``coupling`` (2, 4): 1/K minus the step's compliance), so that the result is a spring. ``scratch`` holds
+    at least m (m + 3) items, m = 3 `STIFFNESS_CAPACITY`.
+    """
+    for tool in range(out.shape[0]):
+        out[tool] = 0.0
+        n = _count_closed(rows, slides, tool)
+        if n == 0:
+            continue
+        S = scratch[: n * n].reshape(n, n)
+        G = scratch[n * n : n * n + 3 * n].reshape(n, 3)
+        _fill_closed(rows, W, slides, tool, coupling[tool], S, G)
+        if _whiten(S, G):
+            for i in range(3):
+                for j in range(3):
+                    for k in range(n):
+                        out[tool, i, j] += G[k, i] * G[k, j]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _closed_axes(rows: ContactRows, slides: BoolArray, row: int, tool: int) -> int:
+    """How many of a row's three axes stay closed: 0, 1 (normal) or 3."""
+    if rows.tool[row] != tool:
+        return 0
+    if rows.kind[row] == HOLD:
+        return 0 if slides[row] or rows.limit[row] <= 0.0 else 3
+    if rows.force_n[row, 0] <= 0.0:
+        return 0
+    return 1 if slides[row] or rows.limit[row] <= 0.0 else 3
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _count_closed(rows: ContactRows, slides: BoolArray, tool: int) -> int:
+    count = 0
+    for row in range(rows.used[0]):
+        axes = _closed_axes(rows, slides, row, tool)
+        if count + axes <= 3 * STIFFNESS_CAPACITY:
+            count += axes
+    return count
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _fill_closed(
+    rows: ContactRows,
+    W: FloatArray,
+    slides: BoolArray,
+    tool: int,
+    coupling: FloatArray,
+    S: FloatArray,
+    G: FloatArray,
+) -> None:
+    """Fill the compliance S (n, n) and the levers G (n, 3) of the closed rows, in the contacts' frames."""
+    n = S.shape[0]
+    i = 0
+    for row in range(rows.used[0]):
+        for a in range(_closed_axes(rows, slides, row, tool)):
+            if i == n:
+                break
+            for axis in range(3):
+                total = 0.0
+                for k in range(3):
+                    total += rows.frame[row, a, k] * rows.lever[row, k, axis]
+                G[i, axis] = total
+            j = 0
+            for other in range(row + 1):
+                for b in range(_closed_axes(rows, slides, other, tool)):
+                    if j <= i:
+                        S[i, j] = W[3 * row + a, 3 * other + b]
+                        S[j, i] = S[i, j]
+                        j += 1
+            i += 1
+    for i in range(n):
+        for j in range(n):
+            for axis in range(3):
+                S[i, j] += coupling[axis] * G[i, axis] * G[j, axis]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _whiten(S: FloatArray, G: FloatArray) -> bool:
+    """Overwrite G (n, 3) by L^-1 G with S = L L^T (in place); False where S is not positive."""
+    n = S.shape[0]
+    for j in range(n):
+        pivot = S[j, j]
+        for k in range(j):
+            pivot -= S[j, k] * S[j, k]
+        if not pivot > 0.0:
+            return False
+        S[j, j] = math.sqrt(pivot)
+        for i in range(j + 1, n):
+            total = S[i, j]
+            for k in range(j):
+                total -= S[i, k] * S[j, k]
+            S[i, j] = total / S[j, j]
+        for axis in range(3):
+            total = G[j, axis]
+            for k in range(j):
+                total -= S[j, k] * G[k, axis]
+            G[j, axis] = total / S[j, j]
+    return True

@@ -1,0 +1,85 @@
+"""Last tick's contact forces as the start of this tick's solve, found again by the pair's identity."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from services.mechanics.contact.rows import ContactRows
+
+FloatArray = npt.NDArray[np.float64]
+LongArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class ForceMemory(NamedTuple):
+    """Forces (C, 3) along world axes and sliding states of the last tick, and scratch for the search."""
+
+    used: LongArray
+    identity: LongArray
+    body: LongArray
+    force_n: FloatArray
+    slides: BoolArray
+    taken: BoolArray
+    found: BoolArray
+
+    @classmethod
+    def allocate(cls, capacity: int) -> ForceMemory:
+        """Return an empty memory for ``capacity`` contacts."""
+        return cls(
+            used=np.zeros(1, np.int64),
+            identity=np.zeros(capacity, np.int64),
+            body=np.zeros(capacity, np.int64),
+            force_n=np.zeros((capacity, 3)),
+            slides=np.zeros(capacity, np.bool_),
+            taken=np.zeros(capacity, np.bool_),
+            found=np.zeros(capacity, np.bool_),
+        )
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> None:
+    """Fill ``rows.force_n`` and ``slides`` (C,) with what is remembered, zero where nothing is.
+
+    First the same pair, then the same first body against the same kind of target, so that a contact which slid
+    on to the next triangle keeps its force. A remembered force is given away once.
+    """
+    memory.taken[: memory.used[0]] = False
+    for row in range(rows.used[0]):
+        rows.force_n[row] = 0.0
+        slides[row] = False
+        memory.found[row] = _match(memory, memory.identity, rows.identity[row], rows, row, slides)
+    for row in range(rows.used[0]):
+        if not memory.found[row]:
+            _match(memory, memory.body, rows.body[row], rows, row, slides)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _match(memory: ForceMemory, names: LongArray, name: int, rows: ContactRows, row: int, slides: BoolArray) -> bool:
+    for old in range(memory.used[0]):
+        if names[old] == name and not memory.taken[old]:
+            memory.taken[old] = True
+            slides[row] = memory.slides[old]
+            for axis in range(3):
+                rows.force_n[row, axis] = (
+                    rows.frame[row, axis, 0] * memory.force_n[old, 0]
+                    + rows.frame[row, axis, 1] * memory.force_n[old, 1]
+                    + rows.frame[row, axis, 2] * memory.force_n[old, 2]
+                )
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def store_forces(memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray) -> None:
+    """Remember the solved forces (C, 3) along world axes and who slides."""
+    memory.used[0] = rows.used[0]
+    for row in range(rows.used[0]):
+        memory.identity[row] = rows.identity[row]
+        memory.body[row] = rows.body[row]
+        memory.slides[row] = slides[row]
+        for axis in range(3):
+            memory.force_n[row, axis] = forces[row, axis]

@@ -1,0 +1,52 @@
+"""What the simulation asks of collision detection, and the detection that answers unless a scene brings its own."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from services.mechanics.catheter_body import CatheterBody
+from services.mechanics.collision import CatheterContactDetector, DuctSurface, ToolContactDetector
+from services.mechanics.contact.pairs import ContactPairs
+from services.mechanics.duct_body import DuctBody
+from services.mechanics.forceps.tool_body import ToolBody
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scene import SceneModel
+
+
+class ContactSearch(Protocol):
+    """Finds candidate pairs from positions at the start of the step."""
+
+    def start(self, duct: DuctBody) -> None:
+        """Take over the duct's shape at the start of the step."""
+
+    def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
+        """Append those of the catheter against the duct."""
+
+    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append those of the tools against duct and catheter."""
+
+
+class DuctSearch:
+    """Collision detection of `services.mechanics.collision` on the reduced duct."""
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
+        half_thickness_m = 0.5 * scene.duct.thickness_m
+        margin_m = scene.contact.margin_m
+        radius_m = 0.5 * scene.catheter.outer_diameter_m
+        self.surface = DuctSurface(duct.mesh, duct.basis.Phi, duct.basis.omega_rad_s, half_thickness_m)
+        n_particles = scene.catheter.n_segments + 1
+        self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
+        self.tools = ToolContactDetector(self.surface, n_particles, radius_m, margin_m)
+
+    def start(self, duct: DuctBody) -> None:
+        """Move the wall."""
+        n = duct.n_loads
+        self.surface.update(duct.q_start, duct.load_nodes[:n], duct.load_displacement_m[:n])
+
+    def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
+        """Append those of the catheter against the duct."""
+        self.catheter.detect(catheter.start_m, pairs)
+
+    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append those of the tools against duct and catheter."""
+        self.tools.detect(tools.segments, tools.radius_m, catheter.start_m, pairs, tools.present)

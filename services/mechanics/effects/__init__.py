@@ -1,0 +1,57 @@
+"""The table of effects: the one place that names them all, in the order in which they act.
+
+A new effect is one file in this folder and one row here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from services.mechanics.effects.base import STAGES, Effect, acts_in, read_settings
+from services.mechanics.effects.friction import Friction
+from services.mechanics.effects.gravity import Gravity
+from services.mechanics.scene import SceneModel
+
+
+@dataclass(frozen=True, slots=True)
+class EffectEntry:
+    """One row of the table."""
+
+    kind: type[Effect]
+    needs: tuple[str, ...]
+    what: str
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages of a step in which the effect acts."""
+        return tuple(stage for stage in STAGES if acts_in(self.kind, stage))
+
+
+EFFECTS: dict[str, EffectEntry] = {
+    "gravity": EffectEntry(Gravity, (), "weight of catheter and wall"),
+    "friction": EffectEntry(Friction, (), "Coulomb friction, static and kinetic, in every contact"),
+}
+
+
+def build_effects(scene: SceneModel) -> dict[str, Effect]:
+    """Construct the effects that the scene names, in the order of the table.
+
+    Raises
+    ------
+    ValueError
+        An effect that does not exist, a key that an effect does not know, or an effect without one it needs.
+    """
+    for name in scene.effects:
+        if name not in EFFECTS:
+            raise ValueError(f"effects: unknown effect '{name}'; known: {', '.join(EFFECTS)}")
+        for other in EFFECTS[name].needs:
+            if other not in scene.effects:
+                raise ValueError(f"effects.{name}: needs the effect '{other}'")
+    return {
+        name: entry.kind(read_settings(name, entry.kind, scene.effects[name]), scene)
+        for name, entry in EFFECTS.items()
+        if name in scene.effects
+    }
+
+
+__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects"]

@@ -1,0 +1,67 @@
+"""Coulomb friction in every contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from numba import njit
+
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver import UNILATERAL
+from services.mechanics.contact.warm_start import BoolArray
+from services.mechanics.effects.base import Effect
+from services.mechanics.scene import SceneModel
+
+if TYPE_CHECKING:
+    from services.mechanics.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionSettings:
+    """Coefficients between catheter and duct, and between tools and anything.
+
+    No coefficient for a cholangiography catheter on mucosa is in print: the defaults are assumptions within
+    0.01 (hydrogel) to 0.5 (dry polymer).
+    """
+
+    mu_static: float = 0.12
+    mu_kinetic: float = 0.08
+    tool_mu_static: float = 0.3
+    tool_mu_kinetic: float = 0.25
+
+    def __post_init__(self) -> None:
+        for static, kinetic in ((self.mu_static, self.mu_kinetic), (self.tool_mu_static, self.tool_mu_kinetic)):
+            if not 0.0 <= kinetic <= static:
+                raise ValueError(f"effects.friction: kinetic friction {kinetic} is not within 0 and static {static}")
+
+
+class Friction(Effect):
+    """Stick below mu_static times the normal force, slide with mu_kinetic times it.
+
+    A contact that slid in the last tick has the kinetic coefficient, every other one the static. The law is
+    solved together with the normal forces, as in `contact.solver`; friction always opposes sliding and so never
+    feeds energy in.
+    """
+
+    Settings = FrictionSettings
+
+    def __init__(self, settings: FrictionSettings, scene: SceneModel) -> None:
+        super().__init__(settings, scene)
+        self._mu = (
+            (settings.mu_static, settings.mu_kinetic),
+            (settings.tool_mu_static, settings.tool_mu_kinetic),
+        )
+
+    def set_limits(self, simulation: Simulation, rows: ContactRows) -> None:
+        """Set the coefficient of every contact."""
+        set_coefficients(rows, simulation.slides, self._mu)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def set_coefficients(rows: ContactRows, slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]) -> None:
+    """Write the coefficients of the unilateral rows; ``mu`` is (static, kinetic) without and with a tool."""
+    for row in range(rows.used[0]):
+        if rows.kind[row] == UNILATERAL:
+            pair = mu[1] if rows.tool[row] >= 0 else mu[0]
+            rows.limit[row] = pair[1] if slides[row] else pair[0]

@@ -1,0 +1,60 @@
+"""Weight of the catheter and of the duct's wall."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from services.mechanics.effects.base import Effect, FloatArray
+from services.mechanics.mesh import TriangleMesh, vertex_areas_m2
+from services.mechanics.scene import SceneModel
+
+if TYPE_CHECKING:
+    from services.mechanics.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class GravitySettings:
+    """Acceleration of gravity in scene axes; a patient lies with +z up.
+
+    The duct hangs in its ligaments and its shape was recorded there: its own weight is part of the shape it is
+    given in, unless ``on_duct``.
+    """
+
+    acceleration_m_s2: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    on_duct: bool = False
+
+
+class Gravity(Effect):
+    """Constant forces m g on the catheter's particles and, if wanted, on the modes of the duct.
+
+    Conservative: the work it does is the change of the potential energy, which `energies` reports. The duct's
+    rest shape includes the static part of its own weight that the modes leave out.
+    """
+
+    Settings = GravitySettings
+
+    def __init__(self, settings: GravitySettings, scene: SceneModel) -> None:
+        super().__init__(settings, scene)
+        self._surface_density = scene.duct.density_kg_m3 * scene.duct.thickness_m
+        self._g = np.array(settings.acceleration_m_s2, dtype=np.float64)
+
+    def nodal_load_n(self, mesh: TriangleMesh) -> FloatArray:
+        """Weight of the wall (n, 3), a third of each triangle on each corner."""
+        density = self._surface_density if self.settings.on_duct else 0.0
+        load: FloatArray = (density * vertex_areas_m2(mesh))[:, None] * self._g
+        return load
+
+    def prepare(self, simulation: Simulation) -> None:
+        """Keep the particles' weights."""
+        self._weight_n = simulation.catheter.properties.particle_mass_kg()[:, None] * self._g
+
+    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
+        """Add the weights of the particles."""
+        simulation.catheter.external_force_n += self._weight_n
+
+    def potential_energy_j(self, simulation: Simulation) -> float:
+        """Potential energy of the catheter, zero at the origin."""
+        return -float(np.sum(self._weight_n * simulation.catheter.state.position_m))

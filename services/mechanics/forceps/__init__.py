@@ -1,0 +1,11 @@
+"""Laparoscopic forceps: kinematics about the port, virtual coupling and grasp."""
+
+from services.mechanics.forceps.kinematics import (
+    contact_lever,
+    jaw_angle_from_handle,
+    tool_frame,
+    tool_segments,
+)
+from services.mechanics.forceps.tool_body import ToolBody
+
+__all__ = ["ToolBody", "contact_lever", "jaw_angle_from_handle", "tool_frame", "tool_segments"]

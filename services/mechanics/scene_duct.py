@@ -1,0 +1,102 @@
+"""From a scene to its reduced duct: mesh, section, modes and the rest shape under the effects' constant loads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.effects import build_effects
+from services.mechanics.effects.base import acts_in
+from services.mechanics.fem import ElementChoice, ShellSection, clamp
+from services.mechanics.mesh import TriangleMesh
+from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice, reduce_duct
+from services.mechanics.scene import DuctScene, SceneModel
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def build_scene_duct(
+    scene: SceneModel,
+    cache_dir: Path | None = None,
+    progress: Progress = ignore_progress,
+    mesh: TriangleMesh | None = None,
+) -> ReducedDuct:
+    """Return the reduced duct of a scene, built or loaded from the cache.
+
+    Every process calls this with the same scene and gets the same duct. Constant loads (weight of the wall,
+    insufflation) move the rest shape by the part of their static response that the modes leave out; the modes
+    carry the rest of it.
+
+    Parameters
+    ----------
+    scene : SceneModel
+    cache_dir : Path, optional
+        By default the user's cache.
+    progress : callable
+        Called as ``progress(stage, fraction)``.
+    mesh : TriangleMesh, optional
+        The surface of a scene with ``duct.mesh_file``; such files are read by `services.meshes`.
+
+    Raises
+    ------
+    ValueError
+        The scene names a file and no mesh was given, or a setting makes no sense.
+    """
+    if mesh is None:
+        mesh = scene_mesh(scene.duct)
+    recipe = duct_recipe(scene.duct, mesh)
+    duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
+    load = constant_load(scene, mesh)
+    if load is None:
+        return duct
+    progress("rest shape", 0.0)
+    shift = static_residual(recipe, duct, load)
+    return replace(duct, mesh=TriangleMesh(mesh.vertices_m + shift, mesh.triangles, mesh.vertex_sets))
+
+
+def scene_mesh(duct: DuctScene) -> TriangleMesh:
+    """Mesh the parametric duct."""
+    if duct.mesh_file is not None:
+        raise ValueError(f"duct.mesh_file: {duct.mesh_file} must be read first, pass its mesh")
+    geometry = DuctGeometry(
+        radius_m=duct.radius_m,
+        length_m=duct.length_m,
+        n_around=duct.n_around,
+        n_along=duct.n_along,
+        wall_thickness_m=duct.thickness_m,
+        taper=duct.taper,
+        curvature_1_m=duct.curvature_1_m,
+        cut_angle_rad=duct.cut_angle_rad,
+        slit_length_m=duct.slit_length_m,
+        slit_width_m=duct.slit_width_m,
+    )
+    return parametric_duct(geometry)
+
+
+def duct_recipe(duct: DuctScene, mesh: TriangleMesh) -> DuctRecipe:
+    """Collect what decides the modes and the residual compliance."""
+    section = ShellSection(duct.thickness_m, duct.youngs_modulus_pa, duct.poisson_ratio, duct.density_kg_m3)
+    elements = ElementChoice(membrane=duct.membrane, bending=duct.bending)
+    residual = ResidualChoice(kind=duct.residual)
+    return DuctRecipe(mesh, section, (clamp(mesh),), duct.n_modes, elements, residual)
+
+
+def constant_load(scene: SceneModel, mesh: TriangleMesh) -> FloatArray | None:
+    """Return the sum (n, 3) of the effects' constant loads on the duct's nodes in N, None without any."""
+    loads = [e.nodal_load_n(mesh) for e in build_effects(scene).values() if acts_in(e, "nodal_load_n")]
+    return np.sum(loads, axis=0) if loads else None
+
+
+def static_residual(recipe: DuctRecipe, duct: ReducedDuct, load_n: FloatArray) -> FloatArray:
+    """Return R f (n, 3) in m for a load on every node: the full static solution less the modes' part."""
+    full = recipe.model().solve_static(load_n).displacement_m
+    basis = duct.basis
+    q = np.einsum("nar,na->r", basis.Phi, load_n) / basis.omega_rad_s**2
+    rest: FloatArray = full - basis.displacements(q)
+    return rest
