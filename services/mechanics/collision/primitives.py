@@ -1,0 +1,176 @@
+"""Closest points between points, segments and triangles; vectors are tuples, so that nothing is allocated.
+
+Closest point on a triangle and closest points of two segments after Ericson, "Real-Time Collision Detection"
+(2005), sections 5.1.5 and 5.1.9. Barycentric weights are exactly zero where the closest point lies on an edge
+or a corner: the feature can be read off them.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.collision.kernel import inlined, kernel
+
+Vector = tuple[float, float, float]
+
+
+@inlined
+def subtract(u: Vector, v: Vector) -> Vector:
+    """Return u - v."""
+    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+
+
+@inlined
+def along(u: Vector, v: Vector, factor: float) -> Vector:
+    """Return u + factor v."""
+    return (u[0] + factor * v[0], u[1] + factor * v[1], u[2] + factor * v[2])
+
+
+@inlined
+def dot(u: Vector, v: Vector) -> float:
+    """Return u . v."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@inlined
+def cross(u: Vector, v: Vector) -> Vector:
+    """Return u x v."""
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+
+
+@inlined
+def scaled(u: Vector, factor: float) -> Vector:
+    """Return factor u."""
+    return (factor * u[0], factor * u[1], factor * u[2])
+
+
+@inlined
+def unit(u: Vector) -> Vector:
+    """Return u scaled to length one, or zero where u is zero."""
+    length = math.sqrt(dot(u, u))
+    return scaled(u, 1.0 / length) if length > 0.0 else u
+
+
+@inlined
+def squared_distance(u: Vector, v: Vector) -> float:
+    """Return |u - v|^2."""
+    d = subtract(u, v)
+    return dot(d, d)
+
+
+@inlined
+def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
+    """Return w0 a + w1 b + w2 c."""
+    return (
+        w[0] * a[0] + w[1] * b[0] + w[2] * c[0],
+        w[0] * a[1] + w[1] * b[1] + w[2] * c[1],
+        w[0] * a[2] + w[1] * b[2] + w[2] * c[2],
+    )
+
+
+@kernel
+def closest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
+    """Return the barycentric weights of the point of triangle abc that is closest to p."""
+    ab, ac, ap = subtract(b, a), subtract(c, a), subtract(p, a)
+    d1, d2 = dot(ab, ap), dot(ac, ap)
+    if d1 <= 0.0 and d2 <= 0.0:
+        return (1.0, 0.0, 0.0)
+    bp = subtract(p, b)
+    d3, d4 = dot(ab, bp), dot(ac, bp)
+    if d3 >= 0.0 and d4 <= d3:
+        return (0.0, 1.0, 0.0)
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        v = d1 / (d1 - d3) if d1 > d3 else 0.0
+        return (1.0 - v, v, 0.0)
+    cp = subtract(p, c)
+    d5, d6 = dot(ab, cp), dot(ac, cp)
+    if d6 >= 0.0 and d5 <= d6:
+        return (0.0, 0.0, 1.0)
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        w = d2 / (d2 - d6) if d2 > d6 else 0.0
+        return (1.0 - w, 0.0, w)
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 >= d3 and d5 >= d6:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        return (0.0, 1.0 - w, w)
+    scale = 1.0 / (va + vb + vc)
+    return (va * scale, vb * scale, vc * scale)
+
+
+@inlined
+def clamp01(x: float) -> float:
+    """Return x limited to 0..1."""
+    return min(max(x, 0.0), 1.0)
+
+
+@kernel
+def closest_of_segments(p1: Vector, q1: Vector, p2: Vector, q2: Vector) -> tuple[float, float, float]:
+    """Return (s, t, squared distance) of the closest points p1 + s (q1 - p1) and p2 + t (q2 - p2)."""
+    d1, d2, r = subtract(q1, p1), subtract(q2, p2), subtract(p1, p2)
+    a, e, f, c, b = dot(d1, d1), dot(d2, d2), dot(d2, r), dot(d1, r), dot(d1, d2)
+    if a <= 0.0 and e <= 0.0:
+        return (0.0, 0.0, dot(r, r))
+    if a <= 0.0:
+        s, t = 0.0, clamp01(f / e)
+    elif e <= 0.0:
+        s, t = clamp01(-c / a), 0.0
+    else:
+        denominator = a * e - b * b
+        # Parallel within rounding: any s of the overlap will do, the clamps below pick one.
+        s = clamp01((b * f - c * e) / denominator) if denominator > 1e-14 * a * e else 0.5
+        t = (b * s + f) / e
+        if t < 0.0:
+            s, t = clamp01(-c / a), 0.0
+        elif t > 1.0:
+            s, t = clamp01((b - c) / a), 1.0
+        elif denominator <= 1e-14 * a * e:
+            s = clamp01((b * t - c) / a)
+    gap = subtract(along(p1, d1, s), along(p2, d2, t))
+    return (s, t, dot(gap, gap))
+
+
+@kernel
+def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[bool, float, Vector]:
+    """Return whether segment pq meets triangle abc, at which s, and the barycentric weights there."""
+    ab, ac, pq = subtract(b, a), subtract(c, a), subtract(q, p)
+    n = cross(ab, ac)
+    descent = -dot(pq, n)
+    if descent == 0.0:
+        return (False, 0.0, (1.0, 0.0, 0.0))
+    ap = subtract(p, a)
+    s = dot(ap, n) / descent
+    if s < 0.0 or s > 1.0:
+        return (False, 0.0, (1.0, 0.0, 0.0))
+    e = cross(ap, pq)
+    v, w = dot(ac, e) / descent, -dot(ab, e) / descent
+    if v < 0.0 or w < 0.0 or v + w > 1.0:
+        return (False, 0.0, (1.0, 0.0, 0.0))
+    return (True, s, (1.0 - v - w, v, w))
+
+
+@kernel
+def closest_segment_triangle(
+    p: Vector, q: Vector, a: Vector, b: Vector, c: Vector
+) -> tuple[float, float, Vector]:
+    """Return (squared distance, s on the segment, weights in the triangle); distance 0 where they meet."""
+    meets, best_s, best_w = segment_pierces(p, q, a, b, c)
+    if meets:
+        return (0.0, best_s, best_w)
+    best_w = closest_on_triangle(p, a, b, c)
+    best, best_s = squared_distance(p, combine(best_w, a, b, c)), 0.0
+    w = closest_on_triangle(q, a, b, c)
+    d2 = squared_distance(q, combine(w, a, b, c))
+    if d2 < best:
+        best, best_s, best_w = d2, 1.0, w
+    s, t, d2 = closest_of_segments(p, q, a, b)
+    if d2 < best:
+        best, best_s, best_w = d2, s, (1.0 - t, t, 0.0)
+    s, t, d2 = closest_of_segments(p, q, b, c)
+    if d2 < best:
+        best, best_s, best_w = d2, s, (0.0, 1.0 - t, t)
+    s, t, d2 = closest_of_segments(p, q, c, a)
+    if d2 < best:
+        best, best_s, best_w = d2, s, (t, 0.0, 1.0 - t)
+    return (best, best_s, best_w)

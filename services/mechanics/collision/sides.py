@@ -1,0 +1,143 @@
+"""On which side of the wall a probe is, and what that makes of the distance and the normal.
+
+The side is remembered, not computed: a probe that has been pushed through the middle of the wall is still on
+the side it came from, its distance is negative and its normal points back. At an open rim there are no sides:
+the wall ends in a round edge, and a probe may pass around it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.collision.kernel import inlined, kernel
+from services.mechanics.collision.primitives import (
+    Vector,
+    along,
+    combine,
+    cross,
+    dot,
+    scaled,
+    subtract,
+    unit,
+)
+from services.mechanics.collision.search import NOTHING, Touch, offset, walk
+from services.mechanics.collision.surface import Body, Patch, corner_positions
+from services.mechanics.collision.topology import NO_NEIGHBOUR
+
+INSIDE, UNKNOWN, OUTSIDE = -1, 0, 1
+# Below this distance from an edge or corner its direction is rounding; the surface normal stands in.
+_TOUCHING_M = 1e-9
+
+Contact = tuple[Touch, Vector, float, int]
+"""(touch, unit normal towards the probe, signed distance from the mid-surface to the probe's axis, side)."""
+
+
+@kernel
+def triangle_normal(body: Body, patch: Patch, triangle: int) -> Vector:
+    """Return the outward unit normal of a deformed triangle."""
+    p0, p1, p2 = corner_positions(body, patch.triangles, triangle)
+    return unit(cross(subtract(p1, p0), subtract(p2, p0)))
+
+
+@kernel
+def surface_normal(body: Body, patch: Patch, touch: Touch) -> Vector:
+    """Return the outward pseudo-normal of the feature touched: triangle, edge or corner.
+
+    Its sign against the offset tells the side of a closed surface exactly (Baerentzen and Aanaes, "Signed
+    distance computation using the angle weighted pseudonormal", 2005).
+    """
+    triangle, w = touch[0], touch[3]
+    for corner in range(3):
+        if w[corner] == 1.0:
+            return _corner_normal(body, patch, patch.triangles[triangle, corner])
+    normal = triangle_normal(body, patch, triangle)
+    for edge in range(3):
+        if w[(edge + 2) % 3] == 0.0 and patch.neighbour[triangle, edge] != NO_NEIGHBOUR:
+            other = triangle_normal(body, patch, patch.neighbour[triangle, edge])
+            return unit(along(normal, other, 1.0))
+    return normal
+
+
+@kernel
+def _corner_normal(body: Body, patch: Patch, vertex: int) -> Vector:
+    """Return the mean of the normals round a vertex, weighted by the angle of each triangle there."""
+    total = (0.0, 0.0, 0.0)
+    for k in range(patch.ring_start[vertex], patch.ring_start[vertex + 1]):
+        triangle = patch.ring[k]
+        p0, p1, p2 = corner_positions(body, patch.triangles, triangle)
+        if patch.triangles[triangle, 1] == vertex:
+            p0, p1, p2 = p1, p2, p0
+        elif patch.triangles[triangle, 2] == vertex:
+            p0, p1, p2 = p2, p0, p1
+        u, v = subtract(p1, p0), subtract(p2, p0)
+        n = cross(u, v)
+        doubled_area = math.sqrt(dot(n, n))
+        if doubled_area > 0.0:
+            total = along(total, n, math.atan2(doubled_area, dot(u, v)) / doubled_area)
+    return unit(total)
+
+
+@inlined
+def is_on_rim(patch: Patch, touch: Touch) -> bool:
+    """Return whether the feature touched is an edge or corner of an open rim."""
+    triangle, w = touch[0], touch[3]
+    for corner in range(3):
+        if w[corner] == 1.0:
+            return patch.on_rim[patch.triangles[triangle, corner]] != 0
+    for edge in range(3):
+        if w[(edge + 2) % 3] == 0.0 and patch.neighbour[triangle, edge] == NO_NEIGHBOUR:
+            return True
+    return False
+
+
+@kernel
+def settle(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: int) -> Contact:
+    """Turn a touch into a contact for a probe that is on ``side``; `UNKNOWN` takes the side it is found on."""
+    away = offset(body, patch, touch, a, b)
+    distance = math.sqrt(dot(away, away))
+    if is_on_rim(patch, touch):
+        if distance > _TOUCHING_M:
+            return (touch, scaled(away, 1.0 / distance), distance, UNKNOWN)
+        return (touch, surface_normal(body, patch, touch), distance, UNKNOWN)
+    normal = surface_normal(body, patch, touch)
+    height = dot(away, normal)
+    if side == UNKNOWN:
+        # An axis that pierces the wall came from the side of its start.
+        start = height if distance > 0.0 else dot(_above(body, patch, touch, a), normal)
+        side = OUTSIDE if start >= 0.0 else INSIDE
+    if a != b and (distance == 0.0 or side * height < 0.0):
+        return _settle_deepest_end(body, patch, touch, a, b, side)
+    return _settle_point(touch, away, distance, normal, side)
+
+
+@inlined
+def _above(body: Body, patch: Patch, touch: Touch, p: Vector) -> Vector:
+    """Return the vector from the touched point of the surface to p."""
+    p0, p1, p2 = corner_positions(body, patch.triangles, touch[0])
+    return subtract(p, combine(touch[3], p0, p1, p2))
+
+
+@inlined
+def _settle_point(touch: Touch, away: Vector, distance: float, normal: Vector, side: int) -> Contact:
+    w = touch[3]
+    height = dot(away, normal)
+    inside_triangle = w[0] > 0.0 and w[1] > 0.0 and w[2] > 0.0
+    if inside_triangle or distance < _TOUCHING_M:
+        return (touch, scaled(normal, float(side)), side * height, side)
+    sign = 1.0 if side * height >= 0.0 else -1.0
+    return (touch, scaled(away, sign / distance), sign * distance, side)
+
+
+@kernel
+def _settle_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: int) -> Contact:
+    """Measure an axis that has crossed the wall at whichever end is deeper beyond it."""
+    normal = surface_normal(body, patch, touch)
+    from_a = dot(_above(body, patch, touch, a), normal)
+    from_b = dot(_above(body, patch, touch, b), normal)
+    end, s = (a, 0.0) if side * from_a < side * from_b else (b, 1.0)
+    found = walk(body, patch, touch[0], end, end)
+    if found[0] == NOTHING:
+        return (touch, scaled(normal, float(side)), 0.0, side)
+    there: Touch = (found[0], found[1], s, found[3])
+    away = offset(body, patch, there, a, b)
+    return _settle_point(there, away, math.sqrt(dot(away, away)), surface_normal(body, patch, there), side)

@@ -1,0 +1,108 @@
+"""A box tree over the rest shape that stays valid while the duct deforms.
+
+Nothing in it is refitted. With C_i = Phi_i Lambda^-1 Phi_i^T, the modal compliance of node i, every displacement
+obeys |u_i| <= sqrt(lambda_max(C_i)) |omega q| (Cauchy-Schwarz; |omega q|^2 is twice the elastic energy), and
+the displacement relative to another node obeys the same with Phi_i - Phi_j. So two numbers a tree node are
+enough: how far its vertices can move (``reach``), and how far they can move against one representative
+vertex (``spread``), in m per sqrt(J). A rest box moved by the representative's displacement and inflated by
+``spread`` |omega q| contains the deformed triangles, always; deep in the tree it is tight.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from services.mechanics.mesh import FloatArray, IntArray
+
+LEAF_TRIANGLES = 4
+LEAF = -1
+_CHUNK = 4096
+
+
+class BoundingTree(NamedTuple):
+    """Box tree as arrays, one row a node, the root first."""
+
+    box: FloatArray
+    """(k, 6) rest bounds: low xyz, high xyz."""
+    child: IntArray
+    """(k, 2) children, or (`LEAF`, `LEAF`)."""
+    span: IntArray
+    """(k, 2) first and one past last entry of ``order`` below the node."""
+    order: IntArray
+    """(m,) triangles, those of one node side by side."""
+    representative: IntArray
+    """(k,) vertex whose displacement moves the box."""
+    reach: FloatArray
+    """(k,) bound of |u_i| / |omega q|."""
+    spread: FloatArray
+    """(k,) bound of |u_i - u_representative| / |omega q|."""
+
+
+def build_tree(vertices_m: FloatArray, triangles: IntArray, scaled_modes: FloatArray) -> BoundingTree:
+    """Build the tree over triangles (m, 3); ``scaled_modes`` (n, 3, r) is Phi / omega."""
+    order, span, child = _split(vertices_m[triangles].mean(axis=1))
+    k = len(span)
+    box = np.empty((k, 6))
+    representative = np.empty(k, np.int32)
+    members: list[IntArray] = []
+    for node, (first, last) in enumerate(span):
+        corners = np.unique(triangles[order[first:last]])
+        if not len(corners):
+            # A patch without triangles: a box that nothing is near.
+            box[node] = [np.inf] * 3 + [-np.inf] * 3
+            representative[node] = 0
+            members.append(corners)
+            continue
+        points = vertices_m[corners]
+        box[node] = [*points.min(axis=0), *points.max(axis=0)]
+        middle = 0.5 * (box[node, :3] + box[node, 3:])
+        representative[node] = corners[np.argmin(((points - middle) ** 2).sum(axis=1))]
+        members.append(corners)
+    owner = np.repeat(np.arange(k), [len(corners) for corners in members])
+    vertex = np.concatenate(members)
+    reach, spread = _displacement_bounds(scaled_modes, vertex, owner, representative)
+    return BoundingTree(box, child, span, order, representative, reach, spread)
+
+
+def _split(centroids: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Median splits along the longest side: (order, span, child)."""
+    order = np.arange(len(centroids), dtype=np.int32)
+    spans, children = [(0, len(order))], [[LEAF, LEAF]]
+    pending = [0]
+    while pending:
+        node = pending.pop()
+        first, last = spans[node]
+        if last - first <= LEAF_TRIANGLES:
+            continue
+        points = centroids[order[first:last]]
+        axis = int(np.argmax(np.ptp(points, axis=0)))
+        middle = (last - first) // 2
+        order[first:last] = order[first:last][np.argpartition(points[:, axis], middle)]
+        children[node] = [len(spans), len(spans) + 1]
+        pending += children[node]
+        spans += [(first, first + middle), (first + middle, last)]
+        children += [[LEAF, LEAF], [LEAF, LEAF]]
+    return order, np.array(spans, np.int32), np.array(children, np.int32)
+
+
+def _displacement_bounds(
+    scaled_modes: FloatArray, vertex: IntArray, owner: IntArray, representative: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    reach, spread = np.zeros(len(representative)), np.zeros(len(representative))
+    for first in range(0, len(vertex), _CHUNK):
+        rows = slice(first, first + _CHUNK)
+        modes = scaled_modes[vertex[rows]]
+        np.maximum.at(reach, owner[rows], _largest_gain(modes))
+        relative = modes - scaled_modes[representative[owner[rows]]]
+        np.maximum.at(spread, owner[rows], _largest_gain(relative))
+    return reach, spread
+
+
+def _largest_gain(modes: FloatArray) -> FloatArray:
+    """(k,) largest singular value of each (3, r) block, rounded up."""
+    gram = modes @ modes.transpose(0, 2, 1)
+    largest = np.linalg.eigvalsh(gram)[:, -1]
+    gain: FloatArray = np.sqrt(np.maximum(largest, 0.0)) * (1.0 + 1e-9)
+    return gain
