@@ -1,0 +1,82 @@
+"""Contact models as they come in: which device sample each answers, how long that took, who may be believed."""
+
+from __future__ import annotations
+
+from protocol import Frame
+from services.gateway.instrument import Instrument
+from services.runtime.health import Path
+
+#: Samples that a model may still answer: older ones are beyond every time to live.
+_REMEMBERED = 128
+
+
+class Answers:
+    """Hands models to the servos and measures the way there and back.
+
+    Parameters
+    ----------
+    instruments
+        In the order of the device frames.
+    arrival
+        Latency from a device sample to the arrival of the first model that answers it.
+    force
+        Latency from a device sample to the first force computed from that model.
+
+    Attributes
+    ----------
+    refused : dict
+        Models not used, by reason.
+    """
+
+    def __init__(self, instruments: list[Instrument], arrival: Path, force: Path) -> None:
+        self.refused = {"invalid": 0, "not_asked": 0, "instruments": 0}
+        self._instruments = instruments
+        self._arrival = arrival
+        self._force = force
+        self._sampled_ns = [0] * _REMEMBERED
+        self._asked = [-1] * _REMEMBERED
+        self._newest_answered = -1
+        self._last_asked = -1
+        self._unapplied_ns = 0
+
+    def ask(self, index: int, sampled_ns: int) -> None:
+        """Remember that the device sample of tick `index` was published."""
+        self._sampled_ns[index % _REMEMBERED] = sampled_ns
+        self._asked[index % _REMEMBERED] = index
+        self._last_asked = index
+
+    @property
+    def outstanding(self) -> bool:
+        """Whether the newest sample still waits for its model."""
+        return self._newest_answered < self._last_asked
+
+    def accept(self, frame: Frame, now_ns: int) -> None:
+        """Give the models of a frame to the servos, unless it answers nothing that was asked."""
+        body = frame.body
+        slot = body.tick % _REMEMBERED
+        if not frame.valid:
+            self.refused["invalid"] += 1
+        elif self._asked[slot] != body.tick:
+            self.refused["not_asked"] += 1
+        elif len(body.instruments) != len(self._instruments):
+            self.refused["instruments"] += 1
+        else:
+            sampled_ns = self._sampled_ns[slot]
+            if body.tick > self._newest_answered:
+                self._newest_answered = body.tick
+                self._unapplied_ns = sampled_ns
+                self._arrival.latency.record(now_ns - sampled_ns)
+            for instrument, model in zip(self._instruments, body.instruments, strict=True):
+                instrument.servo.accept(model, body.ttl_s, sampled_ns, frame.incarnation)
+                instrument.model_sequence = frame.sequence
+
+    def applied(self, now_ns: int) -> None:
+        """Count, right after the forces were written: was the sample before this one answered in time."""
+        if self._last_asked >= 0:
+            in_time = self._newest_answered == self._last_asked
+            for path in (self._arrival, self._force):
+                path.asked += 1
+                path.answered += in_time
+        if self._unapplied_ns:
+            self._force.latency.record(now_ns - self._unapplied_ns)
+            self._unapplied_ns = 0

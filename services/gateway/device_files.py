@@ -1,0 +1,47 @@
+"""The files of configs/devices: what a device can bear, as data. Simulated and real drivers read the same file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from services.gateway.driver import ArmLimits
+from services.runtime.rig import Settings
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class ArmFile(Settings):
+    """A force-feedback arm."""
+
+    kind: Literal["arm"]
+    model: str
+    max_force_n: Positive
+    continuous_force_n: Positive
+    max_damping_n_s_m: Positive
+    max_velocity_m_s: Positive
+    velocity_filter_hz: Annotated[float, Field(gt=0.0, lt=500.0)] = 100.0
+
+    def limits(self) -> ArmLimits:
+        """Return what the servo must keep to."""
+        return ArmLimits(self.max_force_n, self.continuous_force_n, self.max_damping_n_s_m, self.max_velocity_m_s)
+
+
+class GraspFile(Settings):
+    """A handle on a motor drive."""
+
+    kind: Literal["grasp"]
+    model: str
+    max_torque_nm: Positive
+    motor_turns_per_handle_turn: Positive = 1.0
+    opens_with_positive_motor: bool = True
+    shut_at_motor_turns: float = Field(0.0, description="position estimate of the drive with the handle shut")
+    max_motor_turns_s: Positive
+    max_motor_current_a: Positive
+    watchdog_s: Annotated[float, Field(ge=0.02, le=0.5)] = Field(description="set on the drive itself")
+    feedback_timeout_s: Positive = 0.005
+    heartbeat_timeout_s: Positive = 0.3
+
+
+DeviceFile = Annotated[ArmFile | GraspFile, Field(discriminator="kind")]

@@ -1,0 +1,185 @@
+"""What a device driver is, and how one is found: by the name in the rig file, loaded when it is wanted.
+
+A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `Grasp`. Nothing is
+registered anywhere. Drivers never raise from `read` or `write`: what goes wrong there is their `fault`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TypeVar, cast
+
+from services.gateway import drivers
+from services.gateway.layout import FloatArray
+from services.runtime import config
+from services.runtime.errors import ConfigError, DeviceError
+from services.runtime.rig import DriverSettings, Mount, Settings
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class ArmLimits:
+    """What an arm can bear."""
+
+    max_force_n: float
+    continuous_force_n: float
+    max_damping_n_s_m: float
+    max_velocity_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a driver works: which instrument, and where its arm stands."""
+
+    instrument: str
+    mount: Mount
+    index: int = 0
+
+
+class Device(ABC):
+    """What arms and handles share.
+
+    Attributes
+    ----------
+    fault : str
+        Empty, or one sentence: the device must not be used until a person has looked.
+    """
+
+    fault: str = ""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Make the device ready to be read; force stays off. May take seconds.
+
+        Raises
+        ------
+        DeviceError
+            one sentence, if it is not there.
+        """
+
+    @abstractmethod
+    def enable(self) -> None:
+        """Switch the motors on: force may follow. Returns at once."""
+
+    def clear_fault(self) -> None:
+        """Try again after a fault: a person has armed the rig."""
+        self.fault = ""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Leave zero force and give the device up. May be called twice, and without `open`."""
+
+
+class Arm(Device):
+    """A force-feedback arm. Its frame: z up, origin at the middle of its workspace.
+
+    Attributes
+    ----------
+    limits : ArmLimits
+    has_force : bool
+        False for a device that only measures.
+    calibrated : bool
+        Whether positions can be trusted; before that no force is written.
+    buttons : int
+        Bit mask.
+    """
+
+    limits: ArmLimits
+    has_force: bool = True
+    calibrated: bool = True
+    buttons: int = 0
+
+    @abstractmethod
+    def read(self, time_ns: int, reading: FloatArray) -> None:
+        """Write position, velocity, temperature and roll into `reading`; see `layout`. Never waits.
+
+        Parameters
+        ----------
+        time_ns
+            Time of the tick on the rig's grid: a simulated device moves on to it.
+        """
+
+    @abstractmethod
+    def write(self, force_n: FloatArray) -> None:
+        """Apply a force (3,) in the frame of the arm until the next call. Never waits."""
+
+
+class Grasp(Device):
+    """A handle whose opening is measured and loaded with a torque.
+
+    Attributes
+    ----------
+    max_torque_nm : float
+    ready : bool
+        Whether the drive is on and has answered lately: without that no torque is asked for.
+    """
+
+    max_torque_nm: float
+    ready: bool = False
+
+    @abstractmethod
+    def read(self, time_ns: int, handle: FloatArray) -> None:
+        """Write angle and rate of the handle into `handle` (2,). Never waits."""
+
+    @abstractmethod
+    def write(self, torque_nm: float) -> None:
+        """Apply a torque, positive opens, until the next call. Never waits."""
+
+
+def known_drivers() -> list[str]:
+    """Return the names of all driver files."""
+    return sorted(module.name for module in pkgutil.iter_modules(drivers.__path__))
+
+
+def load_arm(settings: DriverSettings, place: Place) -> Arm:
+    """Return the arm that the rig file names, not yet open; raises as `load_grasp`."""
+    return cast(Arm, _load(settings, Arm, place))
+
+
+def load_grasp(settings: DriverSettings, place: Place) -> Grasp:
+    """Return the handle that the rig file names, not yet open.
+
+    Raises
+    ------
+    DeviceError
+        one sentence, if there is no such driver, it is of the other kind, or a library that it needs is missing.
+    ConfigError
+        naming the key, if its settings or its device file cannot be used.
+    """
+    return cast(Grasp, _load(settings, Grasp, place))
+
+
+def _load(settings: DriverSettings, kind: type[Device], place: Place) -> Device:
+    where = f"instrument {place.instrument!r}"
+    name = settings.driver
+    if name not in known_drivers():
+        raise DeviceError(f"{where}: there is no driver {name!r}; known: {', '.join(known_drivers())}")
+    try:
+        module = importlib.import_module(f"services.gateway.drivers.{name}")
+    except ImportError as error:
+        raise DeviceError(f"{where}: driver {name!r} needs {error.name}, which is not installed") from None
+    if not issubclass(module.Driver, kind):
+        raise DeviceError(f"{where}: driver {name!r} is not {'an arm' if kind is Arm else 'a handle'}")
+    return cast(Device, module.Driver(settings, place))
+
+
+def read_settings(kind: type[T], settings: DriverSettings, place: Place) -> T:
+    """Return the driver's settings of the rig file, checked."""
+    return config.build(kind, settings.settings, f"instrument {place.instrument!r}, driver {settings.driver!r}")
+
+
+def read_device_file(kind: type[T], settings: DriverSettings, place: Place) -> T:
+    """Return the device file that the rig file names, checked.
+
+    Raises
+    ------
+    ConfigError
+        if none is named, or it cannot be used.
+    """
+    if settings.device is None:
+        raise ConfigError(f"instrument {place.instrument!r}: driver {settings.driver!r} needs a `device` file")
+    return config.load(kind, config.find("device", settings.device))[0]

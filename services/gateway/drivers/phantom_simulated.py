@@ -1,0 +1,126 @@
+"""A simulated Phantom Premium 1.5 in a scripted hand."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from services.gateway import driver, premium_model, simulated_arm
+from services.gateway.device_files import ArmFile
+from services.gateway.driver import Arm, Place
+from services.gateway.layout import READ_ROLL, FloatArray
+from services.gateway.script import HIP, ROLL, Player, Script
+from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_RATE, HAND_STIFFNESS, HAND_TARGET
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.runtime.rig import DriverSettings, Settings
+
+_TICK_NS = 1_000_000
+#: A process that was stopped finds its simulated arm where it left it, not where a second of motion took it.
+_MAX_TICKS = 20
+
+
+class ArmSettings(Settings):
+    """Of the rig file: who holds the simulated arm, and how firmly."""
+
+    script: str | None = Field(None, description="a file of configs/scripts; none: the hand holds still")
+    hand_stiffness_n_m: Annotated[float, Field(ge=0.0, le=2000.0)] = 300.0
+    hand_damping_n_s_m: Annotated[float, Field(ge=0.0, le=50.0)] = 5.0
+    hand_grip_n: Annotated[float, Field(ge=0.0)] = 20.0
+
+
+class Driver(Arm):
+    """The arm of `simulated_arm`, whose hand begins its script when force is first switched on."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        self._settings = driver.read_settings(ArmSettings, settings, place)
+        file = driver.read_device_file(ArmFile, settings, place)
+        self.limits = file.limits()
+        self.calibrated = False
+        self._player = read_player(self._settings.script, place)
+        self._centre = premium_model.centre()
+        self._cosine, self._sine = math.cos(place.mount.yaw_rad), math.sin(place.mount.yaw_rad)
+        self._mount_m = place.mount.centre_m
+        self._force = np.zeros(3)
+        self._hand = np.zeros(simulated_arm.HAND_SIZE)
+        self._hand[HAND_STIFFNESS] = self._settings.hand_stiffness_n_m
+        self._hand[HAND_DAMPING] = self._settings.hand_damping_n_s_m
+        self._hand[HAND_GRIP] = self._settings.hand_grip_n
+        self._last_ns = 0
+        self._script_s = 0.0
+        self._running = False
+        self._move_hand()
+        try:
+            start = premium_model.inverse(self._hand[HAND_TARGET : HAND_TARGET + 3])
+        except ValueError as error:
+            raise ConfigError(f"instrument {place.instrument!r}: {error} to the script's first point") from None
+        self.arm = simulated_arm.ArmState(start, file.velocity_filter_hz)
+
+    @property
+    def force_n(self) -> FloatArray:
+        """Force that the motors hold, in the frame of the arm."""
+        return self._force
+
+    def open(self) -> None:
+        """Calibrate at once."""
+        self.calibrated = True
+
+    def enable(self) -> None:
+        """Let the scripted hand begin."""
+        self._running = True
+
+    def read(self, time_ns: int, reading: FloatArray) -> None:
+        """Advance to `time_ns` and write what encoders and motors say."""
+        ticks = round((time_ns - self._last_ns) / _TICK_NS) if self._last_ns else 0
+        self._last_ns = time_ns
+        for _ in range(min(ticks, _MAX_TICKS)):
+            if self._running:
+                self._script_s += simulated_arm.TICK_S
+            self._move_hand()
+            self.arm.step(self._force, self._hand)
+        self.arm.read(self._centre, reading)
+        reading[READ_ROLL] = self._player.value[ROLL] if self._player else 0.0
+
+    def write(self, force_n: FloatArray) -> None:
+        """Hold `force_n` until the next call."""
+        self._force[:] = force_n
+
+    def close(self) -> None:
+        """Leave zero force."""
+        self._force[:] = 0.0
+
+    def _move_hand(self) -> None:
+        """Put where the script wants the hand into the frame of the arm's base."""
+        if self._player is None:
+            self._hand[HAND_TARGET : HAND_TARGET + 3] = self._centre
+            return
+        self._player.sample(self._script_s)
+        value, rate, hand, c, s = self._player.value, self._player.rate, self._hand, self._cosine, self._sine
+        x, y = value[HIP] - self._mount_m[0], value[HIP + 1] - self._mount_m[1]
+        hand[HAND_TARGET] = self._centre[0] + c * x + s * y
+        hand[HAND_TARGET + 1] = self._centre[1] + c * y - s * x
+        hand[HAND_TARGET + 2] = self._centre[2] + value[HIP + 2] - self._mount_m[2]
+        hand[HAND_RATE] = c * rate[HIP] + s * rate[HIP + 1]
+        hand[HAND_RATE + 1] = c * rate[HIP + 1] - s * rate[HIP]
+        hand[HAND_RATE + 2] = rate[HIP + 2]
+
+
+def read_player(name: str | None, place: Place) -> Player | None:
+    """Return what the script says about this instrument.
+
+    Raises
+    ------
+    ConfigError
+        if the script cannot be read or does not name the instrument.
+    """
+    if name is None:
+        return None
+    path = config.find("script", name)
+    script = config.load(Script, path)[0]
+    if place.instrument not in script.motions:
+        known = ", ".join(script.motions)
+        raise ConfigError(f"{path}: motions: there is none for instrument {place.instrument!r}; known: {known}")
+    return Player(script.motions[place.instrument], script.loop)

@@ -1,0 +1,114 @@
+"""Whether a hand may feel anything: the state machine between a device and the force law.
+
+Force begins, and comes back, only through a fresh stream, a small force, and a ramp. Nothing here restarts by itself
+what a person has stopped.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+#: A stream must have been fresh, and what it asks for small, for this long before force begins.
+SETTLE_S = 0.1
+SMALL_FORCE_N = 0.3
+
+
+class State(StrEnum):
+    """Of one instrument."""
+
+    OFF = "off"
+    CALIBRATING = "calibrating"
+    READY = "ready"
+    ENGAGING = "engaging"
+    ACTIVE = "active"
+    STALE = "stale"
+    FAULT = "fault"
+
+
+class Engagement:
+    """State and gain (0 limp to 1 full) of one instrument.
+
+    Parameters
+    ----------
+    ramp_s
+        Time from the first force to full force.
+    """
+
+    def __init__(self, ramp_s: float) -> None:
+        self.state = State.OFF
+        self.gain = 0.0
+        self.fault = ""
+        self._ramp_s = ramp_s
+        self._settled_s = 0.0
+        self._stopped = False
+
+    @property
+    def engaged(self) -> bool:
+        """Whether force is on or coming."""
+        return self.state in (State.ENGAGING, State.ACTIVE)
+
+    def open(self, calibrated: bool) -> None:
+        """Leave OFF: the device is open."""
+        self._let_go(State.READY if calibrated else State.CALIBRATING)
+
+    def fail(self, reason: str) -> None:
+        """Let go until a person arms the rig; the first reason is kept."""
+        if self.state is not State.FAULT:
+            self._let_go(State.FAULT)
+            self.fault = reason
+
+    def let_go(self) -> None:
+        """Let go until the stream has been fresh again: it died, or a new haptics process began."""
+        if self.engaged:
+            self._let_go(State.STALE)
+
+    def stop(self) -> None:
+        """Let go until `arm`: safe stop."""
+        self._stopped = True
+        if self.engaged or self.state is State.STALE:
+            self._let_go(State.READY)
+
+    def arm(self) -> None:
+        """Allow force again: a person has armed the rig. It comes through re-engagement all the same."""
+        self._stopped = False
+        if self.state is State.FAULT:
+            self.fault = ""
+            self._let_go(State.READY)
+
+    def step(self, dt_s: float, *, fresh: bool, alive: bool, demand_n: float, calibrated: bool) -> bool:
+        """Advance by `dt_s`; return True in the tick in which force begins, so that motors can be switched on.
+
+        Parameters
+        ----------
+        fresh
+            Whether the newest model is young enough to be used as it is.
+        alive
+            Whether the newest model is younger than its ``ttl_s``.
+        demand_n
+            Force that the model asks for at the present pose.
+        calibrated
+            Whether the device knows where it is.
+        """
+        if self.state is State.CALIBRATING and calibrated:
+            self.state = State.READY
+        if self.engaged and not alive:
+            self._let_go(State.STALE)
+        if self.state in (State.READY, State.STALE):
+            return self._settle(dt_s, fresh and demand_n < SMALL_FORCE_N and not self._stopped)
+        if self.state is State.ENGAGING:
+            self.gain = min(1.0, self.gain + dt_s / self._ramp_s) if self._ramp_s > 0.0 else 1.0
+            if self.gain >= 1.0:
+                self.state = State.ACTIVE
+        return False
+
+    def _settle(self, dt_s: float, quiet: bool) -> bool:
+        self._settled_s = self._settled_s + dt_s if quiet else 0.0
+        if self._settled_s < SETTLE_S:
+            return False
+        self.state = State.ENGAGING
+        return True
+
+    def _let_go(self, state: State) -> None:
+        self.state = state
+        self.gain = 0.0
+        self._settled_s = 0.0

@@ -1,0 +1,142 @@
+"""One instrument of the rig: its arm, its handle, its servo."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+import protocol.bodies as bodies
+from protocol.vectors import Quat, Vec3
+from services.gateway import layout, pose
+from services.gateway.driver import Arm, Grasp, Place, load_arm, load_grasp
+from services.gateway.engagement import State
+from services.gateway.servo import Servo, ServoLimits
+from services.runtime.rig import GatewaySettings
+from services.runtime.rig import Instrument as InstrumentSettings
+
+
+class Instrument:
+    """Reads a pose, lets the servo answer it, writes force and torque: `read`, `step`, `write` once a tick."""
+
+    def __init__(self, settings: InstrumentSettings, arm: Arm, grasp: Grasp | None, servo: Servo) -> None:
+        self.name = settings.name
+        self.arm = arm
+        self.grasp = grasp
+        self.servo = servo
+        self.model_sequence = -1
+        self._port = np.array(settings.port_m)
+        self._mount = pose.pack_mount(settings.mount)
+        self._reading = np.zeros(layout.READ_SIZE)
+        self._handle = np.zeros(layout.HANDLE_SIZE)
+        self._motion = np.zeros(6)
+        self._orientation = np.array([1.0, 0.0, 0.0, 0.0])
+        self._arm_force = np.zeros(3)
+        self._torque_nm = 0.0
+
+    def open(self) -> None:
+        """Open the devices, force off."""
+        self.arm.open()
+        if self.grasp is not None:
+            self.grasp.open()
+        self.servo.engagement.open(self.arm.calibrated)
+
+    def warm(self) -> None:
+        """Run every kernel of a tick once, with force off, so that none is compiled under a deadline."""
+        self.read(0)
+        self.servo.step(1, self._motion, self._handle, 0.0, calibrated=False)
+        self.servo.reset_clock()
+        pose.force_to_arm(self.servo.force_n, self._mount, self._arm_force)
+
+    def read(self, time_ns: int) -> None:
+        """Read arm and handle."""
+        self.arm.read(time_ns, self._reading)
+        if self.grasp is not None:
+            self.grasp.read(time_ns, self._handle)
+        pose.place_tool(self._reading, self._mount, self._port, self._motion, self._orientation)
+
+    def step(self, now_ns: int) -> None:
+        """Compute the force for the pose read at `now_ns`; switch the motors on where force begins."""
+        servo, grasp = self.servo, self.grasp
+        if self.arm.fault:
+            servo.engagement.fail(self.arm.fault)
+        servo.grasp_on = grasp is not None and grasp.ready
+        temperature = float(self._reading[layout.READ_TEMPERATURE])
+        if servo.step(now_ns, self._motion, self._handle, temperature, calibrated=self.arm.calibrated):
+            self.arm.enable()
+            if grasp is not None:
+                grasp.enable()
+
+    def write(self) -> None:
+        """Write what the servo decided."""
+        if self.arm.has_force:
+            pose.force_to_arm(self.servo.force_n, self._mount, self._arm_force)
+            self.arm.write(self._arm_force)
+        if self.grasp is not None:
+            self._torque_nm = self.servo.torque_nm
+            self.grasp.write(self._torque_nm)
+
+    def arm_anew(self) -> None:
+        """Forget faults: a person has armed the rig."""
+        self.arm.clear_fault()
+        if self.grasp is not None:
+            self.grasp.clear_fault()
+        self.servo.engagement.arm()
+
+    def close(self) -> None:
+        """Leave zero force and torque."""
+        self.arm.close()
+        if self.grasp is not None:
+            self.grasp.close()
+        self.servo.engagement.state = State.OFF
+
+    @property
+    def fault(self) -> str:
+        """What keeps the instrument from working fully, or empty."""
+        return self.servo.engagement.fault or (self.grasp.fault if self.grasp is not None else "")
+
+    def state(self) -> bodies.InstrumentState:
+        """Return what the rig is told of this tick."""
+        x, y, z, vx, vy, vz = self._motion.tolist()
+        engagement = self.servo.engagement
+        return bodies.InstrumentState(
+            name=self.name,
+            position_m=(x, y, z),
+            orientation_wxyz=cast(Quat, tuple(self._orientation.tolist())),
+            velocity_m_s=(vx, vy, vz),
+            handle_angle_rad=float(self._handle[layout.HANDLE_ANGLE]),
+            handle_rate_rad_s=float(self._handle[layout.HANDLE_RATE]),
+            buttons=self.arm.buttons,
+            port_m=cast(Vec3, tuple(self._port.tolist())),
+            applied_force_n=cast(Vec3, tuple(self.servo.force_n.tolist())),
+            applied_grasp_torque_nm=self._torque_nm,
+            state=engagement.state.value,
+            force_scale=self.servo.scale,
+            model_sequence=self.model_sequence,
+            model_age_s=self.servo.age_s if self.model_sequence >= 0 else -1.0,
+            motor_temperature=float(self._reading[layout.READ_TEMPERATURE]),
+            has_force=self.arm.has_force,
+            fault=self.fault[:256],
+            roll_rad=float(self._reading[layout.READ_ROLL]),
+        )
+
+
+def build_instruments(settings: GatewaySettings) -> list[Instrument]:
+    """Return the instruments of a rig file, their devices not yet open."""
+    return [_build(settings, row, index) for index, row in enumerate(settings.instruments)]
+
+
+def _build(settings: GatewaySettings, row: InstrumentSettings, index: int) -> Instrument:
+    place = Place(row.name, row.mount, index)
+    arm = load_arm(row.arm, place)
+    grasp = load_grasp(row.grasp, place) if row.grasp is not None else None
+    torque_nm = settings.grasp_torque_limit_nm
+    limits = ServoLimits(
+        force_n=min(settings.force_limit_n, arm.limits.max_force_n),
+        continuous_force_n=arm.limits.continuous_force_n,
+        force_rate_n_s=settings.force_rate_limit_n_s,
+        damping_n_s_m=arm.limits.max_damping_n_s_m,
+        torque_nm=torque_nm if grasp is None else min(torque_nm, grasp.max_torque_nm),
+        velocity_m_s=arm.limits.max_velocity_m_s,
+    )
+    return Instrument(row, arm, grasp, Servo(limits, settings.engage_ramp_s))

@@ -1,0 +1,49 @@
+"""Where each number of the servo's flat arrays is. Flat float64 arrays pass into a kernel without being looked at."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from protocol.bodies import LocalModel
+
+FloatArray = npt.NDArray[np.float64]
+
+# What an arm reads, in its own frame: z up, origin at the middle of its workspace.
+READ_POSITION, READ_VELOCITY, READ_TEMPERATURE, READ_ROLL, READ_SIZE = 0, 3, 6, 7, 8
+
+# What a handle reads.
+HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
+
+# A local model: f = f0 - K (x - x0) - B (v - v0), the same for the grasp torque.
+MODEL_F0, MODEL_K, MODEL_B, MODEL_X0, MODEL_V0 = 0, 3, 12, 21, 24
+MODEL_TORQUE, MODEL_GRASP_K, MODEL_GRASP_B, MODEL_ANGLE0, MODEL_RATE0, MODEL_CONTACT, MODEL_SIZE = range(27, 34)
+
+# What the servo may do with an arm.
+(
+    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_DAMPING, LIMIT_TORQUE, LIMIT_TORQUE_RATE, LIMIT_SIZE,
+) = range(7)  # fmt: skip
+
+# The present tick: time since the last, age of the model and of its end, engagement of arm and handle, temperature.
+NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_SIZE = range(7)
+
+# What the servo remembers between ticks.
+MEMORY_FORCE, MEMORY_POSITION = 0, 3
+MEMORY_ENERGY, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_TORQUE, MEMORY_SIZE = range(6, 13)
+
+
+def pack_model(model: LocalModel, out: FloatArray) -> None:
+    """Write a wire model into `out` (MODEL_SIZE,)."""
+    out[:] = (
+        *model.force_n,
+        *model.stiffness_n_m,
+        *model.damping_n_s_m,
+        *model.reference_position_m,
+        *model.reference_velocity_m_s,
+        model.grasp_torque_nm,
+        model.grasp_stiffness_nm_rad,
+        model.grasp_damping_nm_s_rad,
+        model.reference_angle_rad,
+        model.reference_rate_rad_s,
+        1.0 if model.in_contact else 0.0,
+    )

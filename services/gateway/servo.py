@@ -1,0 +1,152 @@
+"""The servo of one instrument: newest local model in, force and grasp torque out, every millisecond.
+
+Pure: it is told the time, the pose and the models. Ages count from the device sample that a model answers, by this
+process' own clock, so neither a stepping wall clock nor another host's clock matters.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from protocol.bodies import LocalModel
+from services.gateway import layout, servo_law
+from services.gateway.engagement import Engagement, State
+from services.gateway.layout import FloatArray
+
+#: This many late ticks in a row, each longer than this, and the arm is let go.
+OVERRUNS, OVERRUN_S = 3, 0.002
+_MAX_AGE_S = 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class ServoLimits:
+    """What may reach the hand: the smaller of rig and device."""
+
+    force_n: float
+    continuous_force_n: float
+    force_rate_n_s: float
+    damping_n_s_m: float
+    torque_nm: float
+    velocity_m_s: float
+
+    def pack(self) -> FloatArray:
+        """Return the limits as the kernels read them. Torque unloads in the same time as force."""
+        out = np.zeros(layout.LIMIT_SIZE)
+        out[layout.LIMIT_FORCE] = self.force_n
+        out[layout.LIMIT_CONTINUOUS_FORCE] = min(self.continuous_force_n, self.force_n)
+        out[layout.LIMIT_RATE] = self.force_rate_n_s
+        out[layout.LIMIT_DAMPING] = self.damping_n_s_m
+        out[layout.LIMIT_TORQUE] = self.torque_nm
+        out[layout.LIMIT_TORQUE_RATE] = self.torque_nm * self.force_rate_n_s / self.force_n
+        return out
+
+
+class Servo:
+    """Evaluates the newest model against the current pose and bounds what it says.
+
+    Attributes
+    ----------
+    force_n : (3,) float64
+        Force to write, in the world; a view that every `step` changes.
+    grasp_on : bool
+        Whether the handle's drive is on and answers: without it the grasp torque goes to zero.
+    """
+
+    def __init__(self, limits: ServoLimits, ramp_s: float) -> None:
+        self.limits = limits
+        self.engagement = Engagement(ramp_s)
+        self.age_s = _MAX_AGE_S
+        self.grasp_on = False
+        self._limits = limits.pack()
+        self._model = np.zeros(layout.MODEL_SIZE)
+        self._memory = np.zeros(layout.MEMORY_SIZE)
+        self._now = np.zeros(layout.NOW_SIZE)
+        self._now[layout.NOW_TTL] = 1.0
+        self.force_n = self._memory[layout.MEMORY_FORCE : layout.MEMORY_FORCE + 3]
+        self._answers_ns = 0
+        self._incarnation = -1
+        self._overruns = 0
+        self._last_ns = 0
+
+    @property
+    def torque_nm(self) -> float:
+        """Grasp torque to write."""
+        return float(self._memory[layout.MEMORY_TORQUE])
+
+    @property
+    def scale(self) -> float:
+        """How much of the model reaches the hand: 0 limp to 1."""
+        return float(self._memory[layout.MEMORY_SCALE])
+
+    @property
+    def refused(self) -> int:
+        """Forces that were not finite."""
+        return int(self._memory[layout.MEMORY_REFUSED])
+
+    @property
+    def energy_j(self) -> float:
+        """Energy that the hand has put into the present contact; negative: more came out."""
+        return float(self._memory[layout.MEMORY_ENERGY])
+
+    def accept(self, model: LocalModel, ttl_s: float, answers_ns: int, incarnation: int) -> None:
+        """Take a model that answers the device sample of `answers_ns`. A new incarnation means re-engagement."""
+        if incarnation != self._incarnation:
+            self._incarnation = incarnation
+            self.engagement.let_go()
+        self._answers_ns = answers_ns
+        self._now[layout.NOW_TTL] = ttl_s
+        layout.pack_model(model, self._model)
+
+    def step(self, now_ns: int, motion: FloatArray, handle: FloatArray, temperature: float, calibrated: bool) -> bool:
+        """Compute `force_n` and `torque_nm` for the pose read at `now_ns`; True where motors must be switched on.
+
+        Parameters
+        ----------
+        motion : (6,) float64
+            Position and velocity of the HIP in the world.
+        handle : (2,) float64
+            Angle and rate of the handle.
+        temperature
+            Hottest motor, 0 ambient to 1 limit.
+        calibrated
+            Whether the device knows where it is.
+        """
+        now = self._now
+        dt_s = (now_ns - self._last_ns) * 1e-9 if self._last_ns else 1e-3
+        self._last_ns = now_ns
+        self.age_s = min((now_ns - self._answers_ns) * 1e-9, _MAX_AGE_S) if self._answers_ns else _MAX_AGE_S
+        self._trip(motion, dt_s)
+        ttl_s = float(now[layout.NOW_TTL])
+        begins = self.engagement.step(
+            dt_s,
+            fresh=self.age_s <= servo_law.hold_s(ttl_s),
+            alive=self.age_s < ttl_s,
+            demand_n=float(self._memory[layout.MEMORY_DEMAND]),
+            calibrated=calibrated,
+        )
+        now[layout.NOW_DT] = dt_s
+        now[layout.NOW_AGE] = self.age_s
+        now[layout.NOW_GAIN] = self.engagement.gain
+        now[layout.NOW_GRASP_GAIN] = self.engagement.gain if self.grasp_on else 0.0
+        now[layout.NOW_TEMPERATURE] = temperature
+        servo_law.servo_force(self._model, motion, self._limits, now, self._memory)
+        servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
+        return begins
+
+    def reset_clock(self) -> None:
+        """Take the next step as the first: what was before was not a tick."""
+        self._last_ns = 0
+
+    def _trip(self, motion: FloatArray, dt_s: float) -> None:
+        speed = math.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
+        if not math.isfinite(speed + motion[0] + motion[1] + motion[2]):
+            self.engagement.fail("the device's pose is not a finite number")
+            motion[:] = 0.0
+        elif speed > self.limits.velocity_m_s and self.engagement.state is not State.OFF:
+            self.engagement.fail(f"{speed:.2f} m/s is faster than the device's {self.limits.velocity_m_s:.2f} m/s")
+        self._overruns = self._overruns + 1 if dt_s > OVERRUN_S else 0
+        if self._overruns >= OVERRUNS:
+            self.engagement.let_go()

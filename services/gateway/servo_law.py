@@ -1,0 +1,201 @@
+r"""The force law of the servo: pure numbers, no clock, no bus, no device.
+
+What may reach a hand is bounded here and nowhere else, in this order: model, passivity, norm, rate.
+
+* A model is used as it is up to an age of 5 ms (a quarter of its life where that is shorter); then its elastic part
+  fades, then its damping.
+* Whatever the model says, :math:`|f| \le R (T - a)` with the rate limit R, the model's life T and its age a: a
+  force that is never larger than what can still be taken back, so it reaches zero at T without a step.
+* The observer of Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002) sums the energy that the hand
+  puts in, exactly for a force held between two positions: :math:`E \mathrel{-}= f_{k-1} \cdot (x_k - x_{k-1})`.
+  Where it is negative, more came out than went in; damping :math:`\alpha = -E / (\Delta t\, v^2)` takes that back.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.gateway.kernel import kernel
+from services.gateway.layout import (
+    HANDLE_ANGLE,
+    HANDLE_RATE,
+    LIMIT_CONTINUOUS_FORCE,
+    LIMIT_DAMPING,
+    LIMIT_FORCE,
+    LIMIT_RATE,
+    LIMIT_TORQUE,
+    LIMIT_TORQUE_RATE,
+    MEMORY_DEMAND,
+    MEMORY_ENERGY,
+    MEMORY_FORCE,
+    MEMORY_HOT,
+    MEMORY_POSITION,
+    MEMORY_REFUSED,
+    MEMORY_SCALE,
+    MEMORY_TORQUE,
+    MODEL_ANGLE0,
+    MODEL_B,
+    MODEL_CONTACT,
+    MODEL_F0,
+    MODEL_GRASP_B,
+    MODEL_GRASP_K,
+    MODEL_K,
+    MODEL_RATE0,
+    MODEL_TORQUE,
+    MODEL_V0,
+    MODEL_X0,
+    NOW_AGE,
+    NOW_DT,
+    NOW_GAIN,
+    NOW_GRASP_GAIN,
+    NOW_TEMPERATURE,
+    NOW_TTL,
+    FloatArray,
+)
+
+#: A model is used as it is up to this age, and up to this share of its life.
+HOLD_S, HOLD_SHARE = 0.005, 0.25
+#: Of the rest of its life, the share in which the elastic part fades; in what is left, the damping does.
+ELASTIC_FADE = 2.0 / 3.0
+#: A motor warmer than the first is held to its continuous force until it is cooler than the second.
+HOT, COOL = 0.7, 0.5
+#: The rate limit counts at most this much time: a tick that comes late does not earn a larger step.
+MAX_STEP_S = 0.003
+#: Below this speed the observer's correction would be noise of the encoders.
+STILL_M_S = 0.01
+#: Energy that the observer remembers: long friction must not pay for a later burst.
+MAX_STORED_J = 0.05
+
+
+@kernel
+def hold_s(ttl_s: float) -> float:
+    """Return up to which age a model is used as it is."""
+    return min(HOLD_S, HOLD_SHARE * ttl_s)
+
+
+@kernel
+def elastic_share(age_s: float, ttl_s: float) -> float:
+    """Return how much of a model's elastic part is used at `age_s`: 1, then linearly down to 0."""
+    fade = ELASTIC_FADE * (ttl_s - hold_s(ttl_s))
+    return min(1.0, max(0.0, 1.0 - (age_s - hold_s(ttl_s)) / fade))
+
+
+@kernel
+def damping_share(age_s: float, ttl_s: float) -> float:
+    """Return how much of a model's damping is used at `age_s`: it outlives the elastic part, and is 0 at `ttl_s`."""
+    fade = (1.0 - ELASTIC_FADE) * (ttl_s - hold_s(ttl_s))
+    return min(1.0, max(0.0, (ttl_s - age_s) / fade))
+
+
+@kernel
+def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> None:
+    """Write the force of this tick into `memory`; `layout` says what is where.
+
+    Parameters
+    ----------
+    model : (MODEL_SIZE,)
+    motion : (6,)
+        Position in m and velocity in m/s of the HIP, in the frame of the model.
+    limits, now : (LIMIT_SIZE,), (NOW_SIZE,)
+    memory : (MEMORY_SIZE,)
+        Carries the last force, position and energy; changed in place. A force that is not finite counts in
+        ``MEMORY_REFUSED`` and is taken as zero.
+    """
+    _observe(model, motion, now, memory)
+    elastic = elastic_share(now[NOW_AGE], now[NOW_TTL])
+    damping = damping_share(now[NOW_AGE], now[NOW_TTL])
+    x = _model_force(model, motion, 0, elastic, damping)
+    y = _model_force(model, motion, 1, elastic, damping)
+    z = _model_force(model, motion, 2, elastic, damping)
+    demand = math.sqrt(x * x + y * y + z * z)
+    if not math.isfinite(demand):
+        memory[MEMORY_REFUSED] += 1.0
+        x, y, z, demand = 0.0, 0.0, 0.0, 0.0
+    gain = now[NOW_GAIN]
+    alpha = _passivity_damping(motion, limits, now, memory)
+    wanted = (gain * x - alpha * motion[3], gain * y - alpha * motion[4], gain * z - alpha * motion[5])
+    memory[MEMORY_DEMAND] = demand
+    memory[MEMORY_SCALE] = gain * elastic
+    _approach(wanted, _largest_force(limits, now, memory), limits[LIMIT_RATE] * min(now[NOW_DT], MAX_STEP_S), memory)
+
+
+@kernel
+def servo_torque(
+    model: FloatArray, handle: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
+) -> None:
+    """Write the grasp torque of this tick into `memory`: the same law in one dimension, without the observer."""
+    elastic = elastic_share(now[NOW_AGE], now[NOW_TTL])
+    damping = damping_share(now[NOW_AGE], now[NOW_TTL])
+    spring = model[MODEL_TORQUE] - model[MODEL_GRASP_K] * (handle[HANDLE_ANGLE] - model[MODEL_ANGLE0])
+    friction = model[MODEL_GRASP_B] * (handle[HANDLE_RATE] - elastic * model[MODEL_RATE0])
+    wanted = now[NOW_GRASP_GAIN] * (elastic * spring - damping * friction)
+    if not math.isfinite(wanted):
+        memory[MEMORY_REFUSED] += 1.0
+        wanted = 0.0
+    rate = limits[LIMIT_TORQUE_RATE]
+    largest = min(limits[LIMIT_TORQUE], rate * max(0.0, now[NOW_TTL] - now[NOW_AGE]))
+    step = rate * min(now[NOW_DT], MAX_STEP_S)
+    wanted = min(max(wanted, -largest), largest)
+    memory[MEMORY_TORQUE] = min(max(wanted, memory[MEMORY_TORQUE] - step), memory[MEMORY_TORQUE] + step)
+
+
+@kernel
+def _model_force(model: FloatArray, motion: FloatArray, axis: int, elastic: float, damping: float) -> float:
+    spring, friction = model[MODEL_F0 + axis], 0.0
+    for j in range(3):
+        spring -= model[MODEL_K + 3 * axis + j] * (motion[j] - model[MODEL_X0 + j])
+        # An old reference velocity would push: it fades with the elastic part, so that what is left only brakes.
+        friction += model[MODEL_B + 3 * axis + j] * (motion[3 + j] - elastic * model[MODEL_V0 + j])
+    return float(elastic * spring - damping * friction)
+
+
+@kernel
+def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: FloatArray) -> None:
+    for i in range(3):
+        memory[MEMORY_ENERGY] -= memory[MEMORY_FORCE + i] * (motion[i] - memory[MEMORY_POSITION + i])
+        memory[MEMORY_POSITION + i] = motion[i]
+    free = model[MODEL_CONTACT] == 0.0 or now[NOW_GAIN] == 0.0
+    if free or not math.isfinite(memory[MEMORY_ENERGY]):
+        memory[MEMORY_ENERGY] = 0.0  # a contact begins with an empty account
+    memory[MEMORY_ENERGY] = min(memory[MEMORY_ENERGY], MAX_STORED_J)
+
+
+@kernel
+def _passivity_damping(motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> float:
+    v2 = motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2
+    if memory[MEMORY_ENERGY] >= 0.0 or v2 < STILL_M_S**2 or now[NOW_DT] <= 0.0:
+        return 0.0
+    return float(min(-memory[MEMORY_ENERGY] / (now[NOW_DT] * v2), limits[LIMIT_DAMPING]))
+
+
+@kernel
+def _largest_force(limits: FloatArray, now: FloatArray, memory: FloatArray) -> float:
+    if now[NOW_TEMPERATURE] > HOT:
+        memory[MEMORY_HOT] = 1.0
+    elif now[NOW_TEMPERATURE] < COOL:
+        memory[MEMORY_HOT] = 0.0
+    largest = limits[LIMIT_CONTINUOUS_FORCE] if memory[MEMORY_HOT] > 0.0 else limits[LIMIT_FORCE]
+    return float(min(largest, limits[LIMIT_RATE] * max(0.0, now[NOW_TTL] - now[NOW_AGE])))
+
+
+@kernel
+def _approach(wanted: tuple[float, float, float], largest: float, step: float, memory: FloatArray) -> None:
+    """Move the written force to `wanted`, first back into the ball of radius `largest`, by at most `step` in all.
+
+    Both the start, once it is in the ball, and the target are in the ball, so every point between them is.
+    """
+    norm = math.sqrt(wanted[0] ** 2 + wanted[1] ** 2 + wanted[2] ** 2)
+    shrink = largest / norm if norm > largest else 1.0
+    x, y, z = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1], memory[MEMORY_FORCE + 2]
+    held = math.sqrt(x * x + y * y + z * z)
+    back = min(max(0.0, held - largest), step)
+    if back > 0.0:
+        keep = (held - back) / held
+        x, y, z = keep * x, keep * y, keep * z
+        step -= back
+    dx, dy, dz = shrink * wanted[0] - x, shrink * wanted[1] - y, shrink * wanted[2] - z
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    share = step / distance if distance > step else 1.0
+    memory[MEMORY_FORCE] = x + share * dx
+    memory[MEMORY_FORCE + 1] = y + share * dy
+    memory[MEMORY_FORCE + 2] = z + share * dz

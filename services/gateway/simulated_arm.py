@@ -1,0 +1,158 @@
+"""One millisecond of a simulated arm in a hand: motors, links, hand, heat, encoders. Steps at 8 kHz inside."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.signal
+
+from services.gateway import premium_model
+from services.gateway.kernel import kernel
+from services.gateway.layout import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY, FloatArray
+from services.gateway.premium_model import GEARS
+
+TICK_S = 1e-3
+SUBSTEPS = 8
+#: Maxon RE25 118743: torque at stall, torque constant, resistance, its rise with temperature.
+STALL_NM, TORQUE_NM_A, RESISTANCE_OHM, COPPER_1_K = 0.129, 0.0234, 2.18, 0.0039
+#: Winding to housing to room: K/W, J/K. The winding may reach 100 degrees.
+WINDING_K_W, HOUSING_K_W, WINDING_J_K, HOUSING_J_K = 3.1, 14.0, 3.9, 43.7
+ROOM_C, WINDING_MAX_C = 25.0, 100.0
+#: HEDM-5500: 1024 lines, four edges each.
+COUNTS = 4096
+
+# Hand: where it wants to be, how fast that moves, stiffness, damping, the force that it lets slip.
+HAND_TARGET, HAND_RATE, HAND_STIFFNESS, HAND_DAMPING, HAND_GRIP, HAND_SIZE = 0, 3, 6, 7, 8, 9
+
+
+class ArmState:
+    """Angles, rates and temperatures of a simulated arm, and the filter of the measured velocity.
+
+    Parameters
+    ----------
+    angles : (3,) float64
+        Where it stands.
+    velocity_filter_hz
+        Cut-off of the second-order Butterworth filter on the differences of encoder positions.
+    """
+
+    def __init__(self, angles: FloatArray, velocity_filter_hz: float) -> None:
+        self.angles = angles.copy()
+        self.rates = np.zeros(3)
+        self.heat = np.full((2, 3), ROOM_C)  # windings, housings
+        self.measured = np.zeros(3)
+        measure(self.angles, self.measured)
+        self.filter = np.zeros((2, 3))
+        b, a = scipy.signal.butter(2, velocity_filter_hz, fs=1.0 / TICK_S)
+        self.coefficients = np.array([*b, *a[1:]])
+        self._work = np.zeros((4, 3))
+        self._jacobian = np.zeros((3, 3))
+
+    def step(self, force_n: FloatArray, hand: FloatArray) -> None:
+        """Advance by one tick under a held force (3,) of the servo and the hand (HAND_SIZE,); base frame."""
+        step_links(self.angles, self.rates, self.heat, force_n, hand, self._work, self._jacobian)
+
+    def read(self, centre: FloatArray, reading: FloatArray) -> None:
+        """Write what encoders and temperature model say into `reading`; call once a tick."""
+        filter_reading(self.angles, self.measured, self.filter, self.coefficients, centre, reading)
+        reading[READ_TEMPERATURE] = (self.heat[0].max() - ROOM_C) / (WINDING_MAX_C - ROOM_C)
+
+
+@kernel
+def step_links(
+    angles: FloatArray,
+    rates: FloatArray,
+    heat: FloatArray,
+    force: FloatArray,
+    hand: FloatArray,
+    work: FloatArray,
+    jacobian: FloatArray,
+) -> None:
+    """Advance by TICK_S; semi-implicit Euler, stable up to hand and stop stiffnesses of about 30 kN/m."""
+    motor, torque, out, point = work[0], work[1], work[2], work[3]
+    premium_model.jacobian(angles, jacobian)
+    for joint in range(3):
+        wanted = (
+            jacobian[0, joint] * force[0] + jacobian[1, joint] * force[1] + jacobian[2, joint] * force[2]
+        ) / GEARS[joint]
+        motor[joint] = min(max(wanted, -STALL_NM), STALL_NM)
+    _warm(motor, heat)
+    dt = TICK_S / SUBSTEPS
+    for k in range(SUBSTEPS):
+        premium_model.forward(angles, point)
+        premium_model.jacobian(angles, jacobian)
+        _hand_force(point, jacobian, rates, hand, (k + 1) * dt - TICK_S, out)
+        for joint in range(3):
+            torque[joint] = motor[joint] * GEARS[joint] + premium_model.passive_torque(angles, rates, joint)
+            torque[joint] += jacobian[0, joint] * out[0] + jacobian[1, joint] * out[1] + jacobian[2, joint] * out[2]
+        premium_model.accelerate(angles, rates, torque, out)
+        for joint in range(3):
+            rates[joint] += dt * out[joint]
+            angles[joint] += dt * rates[joint]
+
+
+@kernel
+def _hand_force(
+    point: FloatArray, jacobian: FloatArray, rates: FloatArray, hand: FloatArray, ahead: float, out: FloatArray
+) -> None:
+    norm2 = 0.0
+    for i in range(3):
+        velocity = jacobian[i, 0] * rates[0] + jacobian[i, 1] * rates[1] + jacobian[i, 2] * rates[2]
+        target = hand[HAND_TARGET + i] + ahead * hand[HAND_RATE + i]
+        out[i] = hand[HAND_STIFFNESS] * (target - point[i]) + hand[HAND_DAMPING] * (hand[HAND_RATE + i] - velocity)
+        norm2 += out[i] * out[i]
+    if norm2 > hand[HAND_GRIP] ** 2:
+        slip = hand[HAND_GRIP] / math.sqrt(norm2)
+        for i in range(3):
+            out[i] *= slip
+
+
+@kernel
+def _warm(motor: FloatArray, heat: FloatArray) -> None:
+    """Two-node heat model of each motor over TICK_S; time constants of 12 s and 10 min, so Euler is exact enough."""
+    for joint in range(3):
+        winding, housing = heat[0, joint], heat[1, joint]
+        power = (motor[joint] / TORQUE_NM_A) ** 2 * RESISTANCE_OHM * (1.0 + COPPER_1_K * (winding - ROOM_C))
+        out = (winding - housing) / WINDING_K_W
+        heat[0, joint] += TICK_S * (power - out) / WINDING_J_K
+        heat[1, joint] += TICK_S * (out - (housing - ROOM_C) / HOUSING_K_W) / HOUSING_J_K
+
+
+@kernel
+def measure(angles: FloatArray, out: FloatArray) -> None:
+    """Write the end point that the encoders see into `out` (3,): angles rounded down to whole counts."""
+    seen = (
+        math.floor(angles[0] * COUNTS * GEARS[0] / (2 * math.pi)) * 2 * math.pi / (COUNTS * GEARS[0]),
+        math.floor(angles[1] * COUNTS * GEARS[1] / (2 * math.pi)) * 2 * math.pi / (COUNTS * GEARS[1]),
+        math.floor(angles[2] * COUNTS * GEARS[2] / (2 * math.pi)) * 2 * math.pi / (COUNTS * GEARS[2]),
+    )
+    premium_model.forward(seen, out)
+
+
+@kernel
+def filter_reading(
+    angles: FloatArray,
+    measured: FloatArray,
+    state: FloatArray,
+    coefficients: FloatArray,
+    centre: FloatArray,
+    reading: FloatArray,
+) -> None:
+    """Write measured position (from `centre`) and filtered velocity into `reading`; `measured` is the last one."""
+    x0, y0, z0 = measured[0], measured[1], measured[2]
+    measure(angles, measured)
+    b0, b1, b2, a1, a2 = coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4]
+    last = (x0, y0, z0)
+    for i in range(3):
+        raw = (measured[i] - last[i]) / TICK_S
+        velocity = b0 * raw + state[0, i]
+        state[0, i] = b1 * raw - a1 * velocity + state[1, i]
+        state[1, i] = b2 * raw - a2 * velocity
+        reading[READ_POSITION + i] = measured[i] - centre[i]
+        reading[READ_VELOCITY + i] = velocity
+
+
+def empty_reading() -> FloatArray:
+    """Return a reading of an arm that rests in the middle."""
+    return np.zeros(READ_SIZE)
