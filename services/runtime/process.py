@@ -58,13 +58,22 @@ class Process:
 
 
 def parse(process: str, arguments: Sequence[str] | None) -> Options:
-    """Return the options of a process' command line."""
+    """Return the options of a process' command line.
+
+    ``TROCAR_RIG``, ``TROCAR_SCENE`` and ``TROCAR_SET`` (overrides, separated by spaces) stand in for options that are
+    not given: so one environment configures all containers of a rig.
+    """
+    environment = os.environ
     parser = argparse.ArgumentParser(prog=f"python -m services.{process}")
-    parser.add_argument("--rig", default="stub", help="rig file, or the name of one in configs/rigs")
-    parser.add_argument("--scene", default=None, help="scene file, or the name of one in configs/scenes")
+    parser.add_argument(
+        "--rig", default=environment.get("TROCAR_RIG") or "stub", help="rig file, or one's name in configs/rigs"
+    )
+    parser.add_argument(
+        "--scene", default=environment.get("TROCAR_SCENE") or None, help="scene file, or one's name in configs/scenes"
+    )
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
     parsed = parser.parse_args(arguments)
-    return Options(parsed.rig, parsed.scene, tuple(parsed.overrides))
+    return Options(parsed.rig, parsed.scene, (*environment.get("TROCAR_SET", "").split(), *parsed.overrides))
 
 
 def open_process(
