@@ -1,0 +1,200 @@
+"""Kernels of `warping`: finite rotations, the axis strung together, nodes carried along and their derivatives."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from services.mechanics.reduction.state import FloatArray, IntArray
+
+Scratch = tuple[FloatArray, FloatArray]
+"""Room for a few 3-vectors (9, 3) and for one node's rows (3, r)."""
+SMALL_ANGLE = 1e-4
+"""Below it the series are exact to rounding; the quotients lose digits."""
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def rotation_matrix(turn: FloatArray, out: FloatArray) -> None:
+    """Write exp of the cross-product matrix of ``turn`` (3,) into ``out`` (3, 3): Rodrigues' formula."""
+    squared = turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2
+    angle = math.sqrt(squared)
+    if angle < SMALL_ANGLE:
+        first, second = 1.0 - squared / 6.0, 0.5 - squared / 24.0
+    else:
+        first, second = math.sin(angle) / angle, (1.0 - math.cos(angle)) / squared
+    _series(turn, first, second, squared, out)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def left_jacobian(turn: FloatArray, out: FloatArray) -> None:
+    """Write into ``out`` (3, 3) the map from a change of ``turn`` (3,) to the spatial rotation it makes."""
+    squared = turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2
+    angle = math.sqrt(squared)
+    if angle < SMALL_ANGLE:
+        first, second = 0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0
+    else:
+        first = (1.0 - math.cos(angle)) / squared
+        second = (angle - math.sin(angle)) / (angle * squared)
+    _series(turn, first, second, squared, out)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _series(w: FloatArray, first: float, second: float, squared: float, out: FloatArray) -> None:
+    """Write 1 + first [w]x + second [w]x^2."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = second * w[i] * w[j]
+        out[i, i] += 1.0 - second * squared
+    out[0, 1] -= first * w[2]
+    out[0, 2] += first * w[1]
+    out[1, 0] += first * w[2]
+    out[1, 2] -= first * w[0]
+    out[2, 0] -= first * w[1]
+    out[2, 1] += first * w[0]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def interpolate_turn(turn: FloatArray, segment: int, fraction: float, out: FloatArray) -> None:
+    """Write the rotation vector (3,) at a place between two stations."""
+    for i in range(3):
+        out[i] = (1.0 - fraction) * turn[segment, i] + fraction * turn[segment + 1, i]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
+    for i in range(3):
+        total = 0.0
+        for mode in range(q.shape[0]):
+            total += modes[i, mode] * q[mode]
+        out[i] = total
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _rotate(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
+    for i in range(3):
+        out[i] = R[i, 0] * vector[0] + R[i, 1] * vector[1] + R[i, 2] * vector[2]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _add_turned_rates(A: FloatArray, modes: FloatArray, arm: FloatArray, out: FloatArray) -> None:
+    """Add (A modes) x arm to ``out``, all per modal coordinate (3, r): what a turn does to a point."""
+    for mode in range(out.shape[1]):
+        x = A[0, 0] * modes[0, mode] + A[0, 1] * modes[1, mode] + A[0, 2] * modes[2, mode]
+        y = A[1, 0] * modes[0, mode] + A[1, 1] * modes[1, mode] + A[1, 2] * modes[2, mode]
+        z = A[2, 0] * modes[0, mode] + A[2, 1] * modes[1, mode] + A[2, 2] * modes[2, mode]
+        out[0, mode] += y * arm[2] - z * arm[1]
+        out[1, mode] += z * arm[0] - x * arm[2]
+        out[2, mode] += x * arm[1] - y * arm[0]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
+    """Add R modes, (3, 3) by (3, r), to ``out``."""
+    for i in range(3):
+        for mode in range(out.shape[1]):
+            out[i, mode] += R[i, 0] * modes[0, mode] + R[i, 1] * modes[1, mode] + R[i, 2] * modes[2, mode]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def update_axis(
+    centres: FloatArray,
+    turn_modes: FloatArray,
+    stretch: FloatArray,
+    q: FloatArray,
+    turn: FloatArray,
+    centre: FloatArray,
+    rate: FloatArray,
+    scratch: Scratch,
+) -> None:
+    """String the stations together at modal coordinates q (r,).
+
+    Writes the turns (s + 1, 3), the centres (s + 1, 3) and their derivatives by q (s + 1, 3, r).
+    """
+    small, between = scratch
+    R, A, middle, piece, step = small[:3], small[3:6], small[6], small[7], small[8]
+    for station in range(turn.shape[0]):
+        _product(turn_modes[station], q, turn[station])
+    centre[0] = centres[0]
+    rate[0] = 0.0
+    for k in range(stretch.shape[0]):
+        interpolate_turn(turn, k, 0.5, middle)
+        rotation_matrix(middle, R)
+        left_jacobian(middle, A)
+        _product(stretch[k], q, piece)
+        for i in range(3):
+            piece[i] += centres[k + 1, i] - centres[k, i]
+        _rotate(R, piece, step)
+        for i in range(3):
+            centre[k + 1, i] = centre[k, i] + step[i]
+            for mode in range(q.shape[0]):
+                between[i, mode] = 0.5 * (turn_modes[k, i, mode] + turn_modes[k + 1, i, mode])
+                rate[k + 1, i, mode] = rate[k, i, mode]
+        _add_turned_rates(A, between, step, rate[k + 1])
+        _add_rotated(R, stretch[k], rate[k + 1])
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def node_positions(
+    nodes: IntArray,
+    place: tuple[IntArray, FloatArray],
+    axis: tuple[FloatArray, FloatArray],
+    shape: tuple[FloatArray, FloatArray],
+    q: FloatArray,
+    extra: FloatArray,
+    out: FloatArray,
+    scratch: Scratch,
+) -> None:
+    """Write the warped positions (k, 3) of ``nodes`` (k,).
+
+    ``place`` = (segment, fraction), ``axis`` = (turn, centre) of the stations, ``shape`` = (arm, local modes) of the
+    nodes; ``extra`` (k, 3) rides along.
+    """
+    (segment, fraction), (turn, centre), (arm, local) = place, axis, shape
+    small = scratch[0]
+    R, vector, carried = small[:3], small[6], small[7]
+    for index in range(nodes.shape[0]):
+        node = nodes[index]
+        k, t = segment[node], fraction[node]
+        interpolate_turn(turn, k, t, vector)
+        rotation_matrix(vector, R)
+        _product(local[node], q, carried)
+        for i in range(3):
+            carried[i] += arm[node, i] + extra[index, i]
+        _rotate(R, carried, vector)
+        for i in range(3):
+            out[index, i] = (1.0 - t) * centre[k, i] + t * centre[k + 1, i] + vector[i]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def node_rows(
+    nodes: IntArray,
+    place: tuple[IntArray, FloatArray],
+    axis: tuple[FloatArray, FloatArray, FloatArray],
+    shape: tuple[FloatArray, FloatArray],
+    q: FloatArray,
+    out: FloatArray,
+    scratch: Scratch,
+) -> None:
+    """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q.
+
+    ``axis`` = (turn, derivative of the centres, turn modes); the rest as in `node_positions`.
+    """
+    (segment, fraction), (turn, rate, turn_modes), (arm, local) = place, axis, shape
+    small, between = scratch
+    R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
+    for index in range(nodes.shape[0]):
+        node = nodes[index]
+        k, t = segment[node], fraction[node]
+        interpolate_turn(turn, k, t, vector)
+        rotation_matrix(vector, R)
+        left_jacobian(vector, A)
+        _product(local[node], q, carried)
+        for i in range(3):
+            carried[i] += arm[node, i]
+            for mode in range(q.shape[0]):
+                between[i, mode] = (1.0 - t) * turn_modes[k, i, mode] + t * turn_modes[k + 1, i, mode]
+                out[index, i, mode] = (1.0 - t) * rate[k, i, mode] + t * rate[k + 1, i, mode]
+        _rotate(R, carried, vector)
+        _add_turned_rates(A, between, vector, out[index])
+        _add_rotated(R, local[node], out[index])
