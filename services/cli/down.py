@@ -50,9 +50,9 @@ def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
 
 
 def _end(processes: dict[str, int], patience_s: float) -> None:
-    """Interrupt all, wait, kill who remains. A stopped process cannot hear an interrupt: it is continued first."""
+    """Ask all to end, wait, kill who remains. A stopped process cannot hear it: it is continued."""
     for name, pid in processes.items():
-        _signal(name, pid, signal.SIGINT)
+        _signal(name, pid, signal.SIGTERM)
         _signal(name, pid, signal.SIGCONT)
     deadline = time.monotonic() + patience_s
     while time.monotonic() < deadline and any(_alive(processes.values())):

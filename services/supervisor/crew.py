@@ -22,6 +22,8 @@ from services.supervisor.restarts import RestartPolicy
 END_S = 5.0
 #: A turn of the supervisor that came later than this was held up: the time does not count against anyone.
 _HELD_UP_S = 0.05
+#: Within this a lost process is noticed, unless the supervisor itself is held up: then it says so.
+_NOTICE_S = 0.1
 #: Ends last: it holds the arms, and lets go of them by itself when the others fall silent.
 _LAST = "gateway"
 
@@ -124,14 +126,15 @@ class Crew:
         if member.child.is_stopped():
             member.kill()
         else:
-            member.child.send(signal.SIGINT)
+            member.child.send(signal.SIGTERM)  # unlike SIGINT, silent while Python is still importing
 
     def _forgive_own_delay(self, now_s: float) -> None:
         last, self._last_step_s = self._last_step_s, now_s
         if last is None or now_s - last <= _HELD_UP_S:
             return
         held_up_s = now_s - last
-        self.say("warning", f"supervisor: held up for {held_up_s * 1e3:.0f} ms, limit {_HELD_UP_S * 1e3:.0f} ms")
+        if held_up_s > _NOTICE_S:
+            self.say("warning", f"supervisor: held up for {held_up_s * 1e3:.0f} ms, limit {_NOTICE_S * 1e3:.0f} ms")
         for member in self.members.values():
             member.heard_s += held_up_s
             if member.stream_s is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import protocol.bodies as bodies
-from services.runtime.histogram import BUCKETS, Quantiles, late, quantiles_us
+from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns, late, quantiles_us
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +40,16 @@ class Latencies:
     def late(self) -> int:
         """Number of durations above the deadline."""
         return late(self.counts)
+
+    def coarse(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return upper edges in microseconds and counts of two buckets per doubling; the last bucket is open.
+
+        The deadline stays an edge, so what is late stays exact.
+        """
+        chosen = np.arange(0, BUCKETS - 1, PER_OCTAVE // 2)
+        cumulative = np.cumsum(self.counts)
+        counts = np.diff(cumulative[chosen], prepend=0, append=cumulative[-1])
+        return edges_ns(self.deadline_ns)[chosen] / 1e3, counts
 
     def quantiles(self) -> Quantiles:
         """Return p50, p99, p99.9 and maximum in microseconds."""

@@ -13,6 +13,7 @@ from services.runtime.process import Options, Process, open_process
 from services.runtime.rig import Rig
 from services.supervisor.crew import Launch
 from services.supervisor.holders import holders
+from services.supervisor.page import Page, listen
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
@@ -78,21 +79,28 @@ def run_session(process: Process, plan: Plan) -> None:
     UserError
         if a process cannot start; everything started is ended before.
     """
+    sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
     supervisor = Supervisor(_setup(process, plan), process.bus, time.monotonic(), plan.on_event)
-    process.health.change("ready")
-    try:
-        while not process.stop() and supervisor.crew.fatal is None:
-            now_s = time.monotonic()
-            supervisor.step(now_s)
-            process.health.send_if_due()
-            if plan.on_turn(supervisor, now_s):
-                break
-            supervisor.crew.wait(_TURN_S)
-    finally:
-        while not supervisor.stop_step(time.monotonic()):
-            supervisor.crew.wait(_TURN_S)
+    with Page(sock, supervisor, process.scene_name) as page:
+        process.health.change("ready")
+        try:
+            _watch(process, supervisor, page, plan)
+        finally:
+            while not supervisor.stop_step(time.monotonic()):
+                supervisor.crew.wait(_TURN_S)
     if supervisor.crew.fatal is not None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
+
+
+def _watch(process: Process, supervisor: Supervisor, page: Page, plan: Plan) -> None:
+    while not process.stop() and supervisor.crew.fatal is None:
+        now_s = time.monotonic()
+        supervisor.step(now_s)
+        process.health.send_if_due()
+        page.turn(now_s)
+        if plan.on_turn(supervisor, now_s):
+            return
+        supervisor.crew.wait(_TURN_S)
 
 
 def _setup(process: Process, plan: Plan) -> Setup:

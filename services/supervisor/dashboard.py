@@ -1,0 +1,242 @@
+"""What the dashboard shows: one typed snapshot of the rig, sent as JSON five times a second.
+
+Percentiles are over the last window. A number that is not known is null: NaN becomes null in msgspec's JSON.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import msgspec
+
+from protocol.topics import TOPICS
+from services.runtime.histogram import Quantiles
+from services.runtime.rig import Contracts
+from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic
+from services.supervisor.member import Member
+from services.supervisor.supervisor import Supervisor
+
+UNKNOWN = math.nan
+
+
+class Spread(msgspec.Struct, frozen=True):
+    """Quantiles in microseconds."""
+
+    p50: float = UNKNOWN
+    p99: float = UNKNOWN
+    p99_9: float = UNKNOWN
+    max: float = UNKNOWN
+
+
+class LoopRow(msgspec.Struct, frozen=True):
+    """A loop against its contract."""
+
+    rate_hz: float
+    target_hz: float
+    ticks: int
+    misses: int
+    miss_ratio: float
+    skipped: int
+    lateness_us: Spread
+    work_us: Spread
+    contract_ok: bool
+
+
+class FactRow(msgspec.Struct, frozen=True):
+    """A real-time property: asked for, and had."""
+
+    name: str
+    asked: str
+    had: str
+    ok: bool
+
+
+class StageRow(msgspec.Struct, frozen=True):
+    """Cost of one stage of a step."""
+
+    name: str
+    mean_us: float
+    max_us: float
+
+
+class ProcessRow(msgspec.Struct, frozen=True):
+    """One process."""
+
+    name: str
+    state: str
+    pid: int
+    restarts: int
+    uptime_s: float
+    reason: str
+    detail: str
+    loop: LoopRow | None
+    realtime: tuple[FactRow, ...]
+    stages: tuple[StageRow, ...]
+    gauges: Mapping[str, float]
+    quality_level: int
+
+
+class TopicRow(msgspec.Struct, frozen=True):
+    """One topic, over all processes that read it."""
+
+    topic: str
+    publisher: str
+    rate_hz: float
+    target_hz: float
+    age_us: Spread
+    drops: int
+    superseded: int
+    refused: Mapping[str, int]
+
+
+class PathRow(msgspec.Struct, frozen=True):
+    """One latency path against its contract."""
+
+    name: str
+    p50: float
+    p99: float
+    p99_9: float
+    max: float
+    limit_p99: float | None
+    ok: bool
+
+
+class Heat(msgspec.Struct, frozen=True):
+    """Lateness of a loop in coarse buckets; the last count is of the open bucket."""
+
+    edges_us: list[float]
+    counts: list[int]
+
+
+class EventRow(msgspec.Struct, frozen=True):
+    """A line of the event list."""
+
+    t: float
+    level: str
+    text: str
+
+
+class Snapshot(msgspec.Struct, frozen=True):
+    """The whole rig at one time."""
+
+    t: float
+    state: str
+    reason: str
+    quality_level: int
+    safe_stop: bool
+    rig: str
+    scene: str
+    processes: tuple[ProcessRow, ...]
+    topics: tuple[TopicRow, ...]
+    paths: tuple[PathRow, ...]
+    answered_next_tick: float
+    heat: Mapping[str, Heat]
+    events: tuple[EventRow, ...]
+
+
+def snapshot(supervisor: Supervisor, scene: str, now_s: float) -> Snapshot:
+    """Return what the page shows of the rig now."""
+    members = supervisor.crew.members
+    windows = {name: member.window.figures() or Figures(0.0) for name, member in members.items()}
+    contracts = supervisor.rig.contracts
+    broken = {breach.key for breach in supervisor.breaches}
+    body = supervisor.body()
+    paths = {name: path for window in windows.values() for name, path in window.paths.items()}
+    model = paths.get("device_model")
+    return Snapshot(
+        t=round(now_s - supervisor.started_s, 3),
+        state=body.state,
+        reason=body.reason,
+        quality_level=body.quality_level,
+        safe_stop=body.safe_stop,
+        rig=supervisor.rig.name,
+        scene=scene,
+        processes=tuple(process_row(member, windows[name], broken) for name, member in members.items()),
+        topics=topic_rows(windows),
+        paths=tuple(_path_row(name, path, contracts, broken) for name, path in paths.items()),
+        answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
+        heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
+        events=tuple(EventRow(round(e.t, 3), e.level, e.text) for e in supervisor.events),
+    )
+
+
+def process_row(member: Member, window: Figures, broken: set[str]) -> ProcessRow:
+    """Return the row of one process."""
+    health = member.health
+    name = member.name
+    kept = not {f"{name} misses", f"{name} rate"} & broken
+    return ProcessRow(
+        name=name,
+        state=str(member.state),
+        pid=member.pid,
+        restarts=member.restarts.count,
+        uptime_s=round(health.uptime_s, 3) if health else 0.0,
+        reason=member.reason,
+        detail=health.detail if health else "",
+        loop=loop_row(window.loop, window.seconds, kept) if window.loop else None,
+        realtime=tuple(FactRow(f.name, f.asked, f.had, f.ok) for f in health.realtime) if health else (),
+        stages=tuple(StageRow(s.name, s.mean_us, s.max_us) for s in health.stages) if health else (),
+        gauges=health.gauges if health else {},
+        quality_level=health.quality_level if health else 0,
+    )
+
+
+def loop_row(loop: Loop, seconds: float, kept: bool) -> LoopRow:
+    """Return the row of a loop that ran for `seconds`."""
+    return LoopRow(
+        rate_hz=loop.ticks / seconds if seconds > 0 else UNKNOWN,
+        target_hz=loop.target_hz,
+        ticks=loop.ticks,
+        misses=loop.misses,
+        miss_ratio=loop.miss_ratio,
+        skipped=loop.skipped,
+        lateness_us=spread(loop.lateness.quantiles()),
+        work_us=spread(loop.work.quantiles()),
+        contract_ok=kept,
+    )
+
+
+def topic_rows(windows: Mapping[str, Figures]) -> tuple[TopicRow, ...]:
+    """Return a row for every topic that somebody sent or read in the windows of the processes."""
+    together: dict[str, Traffic] = {}
+    rates: dict[str, float] = {}
+    for window in windows.values():
+        for name, traffic in window.topics.items():
+            together[name] = together[name] + traffic if name in together else traffic
+            if traffic.sent and window.seconds > 0:
+                rates[name] = traffic.sent / window.seconds
+    return tuple(
+        TopicRow(
+            topic=name,
+            publisher=row.publisher,
+            rate_hz=rates.get(name, UNKNOWN),
+            target_hz=row.rate_hz,
+            age_us=spread(together[name].age),
+            drops=together[name].dropped,
+            superseded=together[name].superseded,
+            refused=dict(together[name].refused),
+        )
+        for name, row in TOPICS.items()
+        if name in together
+    )
+
+
+def _path_row(name: str, path: Path, contracts: Contracts, broken: set[str]) -> PathRow:
+    contract = contracts.paths.get(name)
+    q = path.latency.quantiles()
+    limit = contract.p99_us if contract else None
+    return PathRow(name, q.p50, q.p99, q.p99_9, q.max, limit, f"path {name}" not in broken)
+
+
+def spread(values: Quantiles | Latencies | None) -> Spread:
+    """Return quantiles as they are shown."""
+    if values is None:
+        return Spread()
+    q = values.quantiles() if isinstance(values, Latencies) else values
+    return Spread(q.p50, q.p99, q.p99_9, q.max)
+
+
+def _heat(latencies: Latencies) -> Heat:
+    edges, counts = latencies.coarse()
+    return Heat(edges.round(3).tolist(), counts.tolist())

@@ -1,0 +1,155 @@
+"""Prometheus metrics of the whole rig, from the counts that the processes send: no loop is ever scraped itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+
+import prometheus_client
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+
+import protocol.bodies as bodies
+from services.supervisor.figures import Latencies
+from services.supervisor.state_machine import RigState
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One process as it is exported."""
+
+    name: str
+    up: bool
+    restarts: int
+    health: bodies.Health | None
+
+
+@dataclass(frozen=True, slots=True)
+class RigSource:
+    """The rig as it is exported."""
+
+    state: RigState
+    quality_level: int
+    safe_stop: bool
+    processes: Sequence[Source]
+
+
+class RigCollector:
+    """Turns the newest reports into metric families at each scrape. Counts fall back to 0 when a process restarts."""
+
+    def __init__(self, source: Callable[[], RigSource]) -> None:
+        self._source = source
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield every metric family."""
+        rig = self._source()
+        yield from _rig(rig)
+        yield from _services(rig.processes)
+        heard = [process.health for process in rig.processes if process.health is not None]
+        yield from _loops(heard)
+        yield _paths(heard)
+        yield from _topics(heard)
+        yield from _gauges(heard)
+
+
+def registry(source: Callable[[], RigSource]) -> prometheus_client.CollectorRegistry:
+    """Return a registry with the rig's metrics and nothing else."""
+    made = prometheus_client.CollectorRegistry()
+    made.register(RigCollector(source))
+    return made
+
+
+def _rig(rig: RigSource) -> Iterator[Metric]:
+    build = GaugeMetricFamily("trocar_build_info", "Version of the rig", labels=["version"])
+    build.add_metric([metadata.version("trocar")], 1)
+    yield build
+    state = GaugeMetricFamily("trocar_rig_state", "1 for the state that the rig is in", labels=["state"])
+    for value in RigState:
+        state.add_metric([str(value)], float(value is rig.state))
+    yield state
+    yield GaugeMetricFamily("trocar_quality_level", "Quality level asked for, 0 is the best", value=rig.quality_level)
+    yield GaugeMetricFamily("trocar_safe_stop", "1 while the arms are limp until armed", value=float(rig.safe_stop))
+
+
+def _services(processes: Iterable[Source]) -> Iterator[Metric]:
+    up = GaugeMetricFamily("trocar_service_up", "1 while a process is ready and heard", labels=["service"])
+    restarts = CounterMetricFamily("trocar_service_restarts", "Restarts by the supervisor", labels=["service"])
+    for process in processes:
+        up.add_metric([process.name], float(process.up))
+        restarts.add_metric([process.name], process.restarts)
+    yield up
+    yield restarts
+
+
+def _loops(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
+    lateness = _histogram("trocar_loop_lateness_seconds", "Start of a tick after its deadline", "loop")
+    period = _histogram("trocar_loop_period_seconds", "Time from tick to tick", "loop")
+    work = _histogram("trocar_loop_work_seconds", "Work of a tick", "loop")
+    ticks = CounterMetricFamily("trocar_loop_iterations", "Ticks that ran", labels=["loop"])
+    misses = CounterMetricFamily("trocar_deadline_misses", "Ticks that finished late or never ran", labels=["loop"])
+    for health in heard:
+        if health.loop is None:
+            continue
+        _add(lateness, health.process, Latencies.of(health.loop.lateness))
+        _add(period, health.process, Latencies.of(health.loop.period))
+        _add(work, health.process, Latencies.of(health.loop.work))
+        ticks.add_metric([health.process], health.loop.ticks)
+        misses.add_metric([health.process], health.loop.misses)
+    yield from (lateness, period, work, ticks, misses)
+
+
+def _paths(heard: Iterable[bodies.Health]) -> Metric:
+    family = _histogram("trocar_path_latency_seconds", "From the device sample to somewhere", "path")
+    for health in heard:
+        for path in health.paths:
+            _add(family, path.name, Latencies.of(path.latency))
+    return family
+
+
+def _topics(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
+    age = HistogramMetricFamily("trocar_topic_age_seconds", "Age of a frame when read", labels=["topic", "reader"])
+    sent = CounterMetricFamily("trocar_topic_messages", "Frames sent", labels=["topic"])
+    drops = CounterMetricFamily("trocar_topic_drops", "Frames lost or refused", labels=["topic", "reader", "reason"])
+    for health in heard:
+        for report in health.topics:
+            if report.sent:
+                sent.add_metric([report.topic], report.sent)
+            if report.age is not None and report.age.total:
+                _add(age, report.topic, Latencies.of(report.age), health.process)
+            for reason, count in {"lost": report.dropped, **report.refused}.items():
+                drops.add_metric([report.topic, health.process, reason], count)
+    yield from (age, sent, drops)
+
+
+def _gauges(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
+    named = {
+        "device_link_up": ("trocar_device_link_up", "1 while a device answers"),
+        "queue_depth": ("trocar_queue_depth", "Frames waiting in a process"),
+        "can_errors": ("trocar_can_errors", "Errors of the CAN bus"),
+    }
+    known = {
+        key: (CounterMetricFamily if key == "can_errors" else GaugeMetricFamily)(name, text, labels=["service", "name"])
+        for key, (name, text) in named.items()
+    }
+    other = GaugeMetricFamily("trocar_gauge", "Anything else that a process reports", labels=["service", "name"])
+    for health in heard:
+        for name, value in health.gauges.items():
+            key, _, instance = name.partition(".")
+            family = known.get(key)
+            if family is not None:
+                family.add_metric([health.process, instance], value)
+            else:
+                other.add_metric([health.process, name], value)
+    yield from (*known.values(), other)
+
+
+def _histogram(name: str, text: str, label: str) -> HistogramMetricFamily:
+    return HistogramMetricFamily(name, text, labels=[label])
+
+
+def _add(family: HistogramMetricFamily, label: str, latencies: Latencies, *more: str) -> None:
+    edges_us, counts = latencies.coarse()
+    cumulative = counts.cumsum()
+    bounds = [*(f"{edge / 1e6:.9g}" for edge in edges_us), "+Inf"]
+    buckets = [(bound, int(count)) for bound, count in zip(bounds, cumulative, strict=True)]
+    family.add_metric([label, *more], buckets, latencies.sum_ns / 1e9)

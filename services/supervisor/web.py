@@ -1,0 +1,177 @@
+"""The page's server: static files, events, commands, metrics. Made of what `Desk` offers; knows no socket."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import secrets
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import prometheus_client
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+import services
+from services.runtime.rig import Rig
+
+Endpoint = Callable[[Request], Awaitable[Response]]
+
+EVENT_PERIOD_S = 0.2
+DIST = Path(services.__file__).parent / "visualization" / "web" / "dist"
+_NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
+<p>The rig runs, but <code>services/visualization/web/dist</code> is missing. Build it once with
+<code>npm ci &amp;&amp; npm run build</code> in <code>services/visualization/web</code> and load this page again.</p>
+<p>Meanwhile: <a href="/events">/events</a>, <a href="/metrics">/metrics</a>, and <code>trocar top</code>.</p>"""
+
+
+@dataclass(slots=True)
+class Desk:
+    """What the page's thread may see and ask. `latest` is replaced whole by the supervisor's loop, five times a second.
+
+    `healthy` tells whether the rig does what it is for, and in which words; `view_port` where the picture is served.
+    """
+
+    rig: Rig
+    scene: str
+    registry: prometheus_client.CollectorRegistry
+    arm: Callable[[str], None]
+    safe_stop: Callable[[str], None]
+    healthy: Callable[[], tuple[bool, str]]
+    view_port: Callable[[], int]
+    dist: Path = DIST
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
+    latest: bytes = b"{}"
+    closing: bool = False
+
+
+class KnownHost:
+    """Refuse requests whose Host is not this machine: another site's name that was made to point here (rebinding).
+
+    Loopback names, this host's name and plain addresses are known; an address cannot be rebound.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._names = {"localhost", socket.gethostname().lower()}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on or answer 421."""
+        if scope["type"] == "http" and not self._is_known(host_of(scope)):
+            refusal = PlainTextResponse("this name is not known here: use localhost or an address", 421)
+            await refusal(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+    def _is_known(self, host: str) -> bool:
+        if host in self._names or host.endswith(".localhost"):
+            return True
+        try:
+            ipaddress.ip_address(host)
+        except ValueError:
+            return False
+        return True
+
+
+def host_of(scope: Scope) -> str:
+    """Return the host name of a request, without port and brackets."""
+    header = next((value for name, value in scope["headers"] if name == b"host"), b"")
+    text = header.decode("latin-1").lower()
+    if text.startswith("["):
+        return text[1:].partition("]")[0]
+    return text.partition(":")[0]
+
+
+def build_app(desk: Desk) -> Starlette:
+    """Return the web application."""
+    routes: list[BaseRoute] = [
+        Route("/events", _events(desk)),
+        Route("/api/rig", _rig(desk)),
+        Route("/api/state", _state(desk)),
+        Route("/api/arm", _command(desk, desk.arm), methods=["POST"]),
+        Route("/api/safe_stop", _command(desk, desk.safe_stop), methods=["POST"]),
+        Route("/metrics", _metrics(desk)),
+        Route("/healthz", _healthz(desk)),
+    ]
+    if (desk.dist / "index.html").is_file():
+        routes.append(Mount("/", StaticFiles(directory=desk.dist, html=True)))
+    else:
+        routes.append(Route("/", _not_built))
+    return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
+
+
+async def _not_built(_request: Request) -> Response:
+    return HTMLResponse(_NOT_BUILT, 503)
+
+
+def _state(desk: Desk) -> Endpoint:
+    async def state(_request: Request) -> Response:
+        return Response(desk.latest, media_type="application/json")
+
+    return state
+
+
+def _events(desk: Desk) -> Endpoint:
+    async def stream() -> AsyncIterator[bytes]:
+        # A client that reads slowly is awaited here, alone; it then gets the newest state, never a queue of old ones.
+        yield b"retry: 1000\n\n"
+        while not desk.closing:
+            yield b"event: state\ndata: " + desk.latest + b"\n\n"
+            await asyncio.sleep(EVENT_PERIOD_S)
+
+    async def events(_request: Request) -> Response:
+        return StreamingResponse(stream(), media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+
+    return events
+
+
+def _rig(desk: Desk) -> Endpoint:
+    async def rig(request: Request) -> Response:
+        host = host_of(request.scope)
+        host = f"[{host}]" if ":" in host else host
+        return JSONResponse(
+            {
+                "name": desk.rig.name,
+                "scene": desk.scene,
+                "viewer": desk.rig.visualization.viewer,
+                "view_ws": f"ws://{host}:{desk.view_port()}/ws",
+                "token_needed": True,
+                "contracts": desk.rig.contracts.model_dump(mode="json"),
+            }
+        )
+
+    return rig
+
+
+def _command(desk: Desk, act: Callable[[str], None]) -> Endpoint:
+    async def command(request: Request) -> Response:
+        given = request.headers.get("X-Trocar-Token", "")
+        if not secrets.compare_digest(given.encode(), desk.token.encode()):
+            return JSONResponse({"error": "the header X-Trocar-Token must carry the token that the rig printed"}, 403)
+        act(f"{request.client.host if request.client else 'somebody'} over the web page")
+        return JSONResponse({"ok": True})
+
+    return command
+
+
+def _metrics(desk: Desk) -> Endpoint:
+    async def metrics(_request: Request) -> Response:
+        text = prometheus_client.generate_latest(desk.registry)
+        return Response(text, media_type=prometheus_client.CONTENT_TYPE_LATEST)
+
+    return metrics
+
+
+def _healthz(desk: Desk) -> Endpoint:
+    async def healthz(_request: Request) -> Response:
+        ok, words = desk.healthy()
+        return JSONResponse({"ok": ok, "state": words}, 200 if ok else 503)
+
+    return healthz
