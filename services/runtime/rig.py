@@ -109,12 +109,18 @@ class LoopContract(Settings):
 
     rate_hz: Annotated[float, Field(gt=0)]
     miss_ratio: Annotated[float, Field(ge=0, le=1)] = 0.01
+    stop_miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(
+        0.5, description="beyond it and on the lowest quality the loop is restarted, then the rig stopped; 1: never"
+    )
 
 
 class PathContract(Settings):
     """What a path must keep, judged over the contract window."""
 
     p99_us: Annotated[float, Field(gt=0)]
+    stop_p99_us: Annotated[float, Field(gt=0)] | None = Field(
+        None, description="beyond it and on the lowest quality its process is restarted, then the rig stopped"
+    )
 
 
 class SupervisorSettings(Settings):
