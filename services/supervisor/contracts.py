@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from services.runtime.rig import Contracts, LoopContract
+from services.runtime.rig import Contracts, LoopContract, PathContract
 from services.supervisor.figures import Figures, Loop
 
 #: Whose work decides a path: the process to act on when it is too slow.
@@ -21,12 +21,17 @@ _SAMPLES = 100
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A contract that is not kept. `excess` is how many times over the limit: 1 is just at it."""
+    """A contract that is not kept.
+
+    `excess` is how many times over the limit (1 is just at it); `severe` says that it is past the limit from which a
+    restart, then a safe stop, is worth its price.
+    """
 
     process: str
     key: str
     text: str
     excess: float
+    severe: bool
 
 
 def judge(figures: Mapping[str, Figures], contracts: Contracts) -> list[Breach]:
@@ -37,7 +42,7 @@ def judge(figures: Mapping[str, Figures], contracts: Contracts) -> list[Breach]:
         if window is not None and window.loop is not None and window.seconds > 0:
             breaches += _judge_loop(name, window.loop, window.seconds, contract)
     for name, path_contract in contracts.paths.items():
-        breach = _judge_path(name, figures, path_contract.p99_us)
+        breach = _judge_path(name, figures, path_contract)
         if breach is not None:
             breaches.append(breach)
     return breaches
@@ -50,17 +55,21 @@ def _judge_loop(name: str, loop: Loop, seconds: float, contract: LoopContract) -
             f"{name}: {100 * loop.miss_ratio:.2f} % of the ticks missed over {seconds:.1f} s, "
             f"limit {100 * contract.miss_ratio:.2f} %"
         )
-        breaches.append(Breach(name, f"{name} misses", text, _over(loop.miss_ratio, contract.miss_ratio)))
+        excess = _over(loop.miss_ratio, contract.miss_ratio)
+        severe = loop.miss_ratio > contract.stop_miss_ratio
+        breaches.append(Breach(name, f"{name} misses", text, excess, severe))
     # One tick is what a count over a window can be off by.
     least = contract.rate_hz * (1.0 - contract.miss_ratio)
     if (loop.ticks + 1) / seconds < least:
         rate = loop.ticks / seconds
         text = f"{name}: {rate:.1f} Hz over {seconds:.1f} s, limit {least:.1f} Hz"
-        breaches.append(Breach(name, f"{name} rate", text, _over(least, rate)))
+        severe = rate < contract.rate_hz * (1.0 - contract.stop_miss_ratio)
+        breaches.append(Breach(name, f"{name} rate", text, _over(least, rate), severe))
     return breaches
 
 
-def _judge_path(name: str, figures: Mapping[str, Figures], limit_us: float) -> Breach | None:
+def _judge_path(name: str, figures: Mapping[str, Figures], contract: PathContract) -> Breach | None:
+    limit_us, stop_us = contract.p99_us, contract.stop_p99_us
     for process, window in figures.items():
         path = window.paths.get(name)
         if path is None or path.latency.total < _SAMPLES:
@@ -68,7 +77,8 @@ def _judge_path(name: str, figures: Mapping[str, Figures], limit_us: float) -> B
         p99 = path.latency.quantiles().p99
         if p99 > limit_us:
             text = f"path {name}: p99 {p99:.0f} us over {window.seconds:.1f} s, limit {limit_us:.0f} us"
-            return Breach(PATH_OWNERS.get(name, process), f"path {name}", text, _over(p99, limit_us))
+            severe = stop_us is not None and p99 > stop_us
+            return Breach(PATH_OWNERS.get(name, process), f"path {name}", text, _over(p99, limit_us), severe)
     return None
 
 

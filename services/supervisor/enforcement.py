@@ -1,7 +1,8 @@
 """What is done about a breach that stands: lower the quality, then restart, then stop safely. Pure decisions.
 
-Each rung is given a whole window to show its effect. A breach that is only slight stays on the last quality level as
-DEGRADED with its reason: a restart would cost the hand more than it could gain.
+Each rung is given time to show its effect, and more than one window: a single stall of the machine fills one window
+and climbs nothing. A breach that is only slight stays on the last quality level as DEGRADED with its reason: a restart
+would cost the hand more than it could gain.
 """
 
 from __future__ import annotations
@@ -42,16 +43,13 @@ class Ladder:
         How long a breach stands before each rung.
     calm_s
         How long nothing may stand before a better level is tried; doubles with each try that failed.
-    severe
-        Times over the limit from which a breach is worth a restart.
     may_restart
         False where another keeps the processes alive: judge and command only.
     """
 
     levels: int = 1
-    patience_s: float = 2.0
+    patience_s: float = 5.0
     calm_s: float = 20.0
-    severe: float = 5.0
     may_restart: bool = True
 
 
@@ -78,7 +76,7 @@ class Enforcement:
         if now_s - self._standing_since_s < self.ladder.patience_s:
             return None
         self._standing_since_s = now_s
-        return self._climb(standing[0])
+        return self._climb(next((breach for breach in standing if breach.severe), standing[0]))
 
     def reset(self) -> None:
         """Begin at the first rung: a person has armed the rig anew. The quality level stays."""
@@ -92,7 +90,7 @@ class Enforcement:
                 self._raised = False
             self.level += 1
             return Action(Rung.LOWER, worst.process, worst.text)
-        if worst.excess < self.ladder.severe:
+        if not worst.severe:
             return None
         if self.ladder.may_restart and worst.process not in self._restarted:
             self._restarted.add(worst.process)

@@ -105,9 +105,25 @@ def _watch(process: Process, supervisor: Supervisor, page: Page, plan: Plan) -> 
 
 def _setup(process: Process, plan: Plan) -> Setup:
     rig = process.rig
+    levels = quality_levels(process.scene_name, process.scene_overrides)
     if rig.supervisor.mode == "attach":
-        return Setup(rig, plan.table, None, safe_stop_file=endpoints.run_directory(rig.transport) / "safe_stop")
-    return Setup(rig, plan.table, Launch(arguments(plan.options), log_directory(rig)))
+        memory = endpoints.run_directory(rig.transport) / "safe_stop"
+        return Setup(rig, plan.table, None, levels, safe_stop_file=memory)
+    return Setup(rig, plan.table, Launch(arguments(plan.options), log_directory(rig)), levels)
+
+
+def quality_levels(scene: str, overrides: Sequence[str] = ()) -> int:
+    """Return how many quality levels a scene file has. What else is in it is checked by the processes that use it.
+
+    Raises
+    ------
+    ConfigError
+        if there is no such scene, or the file is not YAML.
+    """
+    data = config.read_yaml(config.find("scene", scene))
+    config.apply_overrides(data, overrides, {})
+    ladder = data.get("quality")
+    return max(1, len(ladder)) if isinstance(ladder, list) else 1
 
 
 def arguments(options: Options) -> tuple[str, ...]:

@@ -59,7 +59,8 @@ class Supervisor:
         self.events: deque[Event] = deque(maxlen=50)
         limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(muster(setup.rig, setup.table), bus, limits, setup.launch, self.say)
-        ladder = Ladder(levels=setup.levels, patience_s=settings.window_s, may_restart=setup.launch is not None)
+        patience_s = 2.0 * settings.window_s + SETTLE_S  # what one stall leaves in window and hysteresis has passed
+        ladder = Ladder(levels=setup.levels, patience_s=patience_s, may_restart=setup.launch is not None)
         self.enforcement = Enforcement(ladder)
         self.breaches: list[contracts.Breach] = []
         self._bus = bus
