@@ -1,0 +1,84 @@
+"""What is wrong with a surface as a shell model, and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
+from services.mechanics.mesh import (
+    FloatArray,
+    IntArray,
+    TriangleMesh,
+    half_edges,
+    triangle_areas_m2,
+    unique_edges,
+    vertex_components,
+)
+from services.meshes.crossings import crossing_triangles
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One kind of defect: how often, and where the first one is."""
+
+    defect: str
+    count: int
+    place_m: FloatArray
+
+    def __str__(self) -> str:
+        place_mm = np.round(1e3 * self.place_m, 2).tolist()
+        return f"{self.count} {self.defect}, the first at {place_mm} mm"
+
+
+def check_surface(mesh: TriangleMesh) -> list[Finding]:
+    """Defects that keep a surface from being one orientable shell with open ends; empty when there are none."""
+    edges, shared = unique_edges(mesh)
+    tests = (
+        ("triangles without area", mesh.triangles[_degenerate(mesh)]),
+        ("edges shared by more than two triangles", edges[shared > 2]),
+        ("vertices where separate sheets touch", _touching_vertices(mesh)[:, None]),
+        ("edges whose two triangles are wound against each other", flipped_edges(mesh)),
+        ("vertices outside the largest connected piece", _stray_vertices(mesh)[:, None]),
+        ("triangles that cut through others", mesh.triangles[crossing_triangles(mesh)]),
+    )
+    return [Finding(name, len(items), mesh.vertices_m[items[0]].mean(axis=0)) for name, items in tests if len(items)]
+
+
+def flipped_edges(mesh: TriangleMesh) -> IntArray:
+    """(k, 2) edges that two triangles run along in the same direction, as on no orientable surface."""
+    directed, times = np.unique(half_edges(mesh), axis=0, return_counts=True)
+    flipped: IntArray = directed[times > 1]
+    return flipped
+
+
+def smallest_angles_rad(mesh: TriangleMesh) -> FloatArray:
+    """(m,) smallest angle of each triangle."""
+    corners = mesh.vertices_m[mesh.triangles]
+    to_next, to_last = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(to_next, to_last), axis=2)
+    angles: FloatArray = np.arctan2(sine, np.sum(to_next * to_last, axis=2)).min(axis=1)
+    return angles
+
+
+def _degenerate(mesh: TriangleMesh) -> IntArray:
+    corners = mesh.vertices_m[mesh.triangles]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    flat = 2.0 * triangle_areas_m2(mesh) <= DEGENERATE_HEIGHT_RATIO * longest**2
+    return np.flatnonzero(flat).astype(np.int32)
+
+
+def _stray_vertices(mesh: TriangleMesh) -> IntArray:
+    pieces = vertex_components(mesh)
+    return np.flatnonzero(pieces != np.argmax(np.bincount(pieces))).astype(np.int32)
+
+
+def _touching_vertices(mesh: TriangleMesh) -> IntArray:
+    """Vertices with more than one fan of triangles: more open edge ends than one open rim passes."""
+    edges, shared = unique_edges(mesh)
+    open_ends = np.bincount(edges[shared == 1].ravel(), minlength=mesh.n_vertices)
+    triangles_at = np.bincount(mesh.triangles.ravel(), minlength=mesh.n_vertices)
+    edges_at = np.bincount(edges.ravel(), minlength=mesh.n_vertices)
+    fans = edges_at - triangles_at
+    return np.flatnonzero((open_ends > 2) | (fans > 1)).astype(np.int32)

@@ -1,0 +1,5 @@
+"""What a mesh file that cannot be used is refused with."""
+
+
+class MeshError(ValueError):
+    """A surface that cannot become a shell model; the sentence names the file or place and the reason."""

@@ -1,0 +1,92 @@
+"""From a surface file to a duct mesh that a model accepts: read, repair, remesh, scale, name the ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from services.mechanics.mesh import TriangleMesh
+from services.meshes.checking import smallest_angles_rad
+from services.meshes.errors import MeshError
+from services.meshes.openings import Opening, find_openings, lumen_diameter_m, name_ends, place_by_ends
+from services.meshes.reading import read_surface
+from services.meshes.remeshing import remesh
+from services.meshes.repairing import repair_surface
+
+SLIVER_ANGLE_RAD = np.radians(1.0)
+"""A surface with a sharper triangle is not solved as it stands: its stiffness would swamp its neighbours'."""
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """How a file becomes a duct."""
+
+    units: str
+    """Unit of length in the file."""
+    clamped: tuple[str, ...] = ("end_0",)
+    """Open ends that are held; ``end_0`` is the widest."""
+    mouth: str = "end_1"
+    """Open end that the catheter enters."""
+    edge_m: float | None = None
+    """Edge length to remesh to, after scaling; none keeps the file's triangles."""
+    lumen_diameter_m: float | None = None
+    """Scale the surface so that its lumen near the widest end has this diameter; none keeps its size."""
+
+
+@dataclass(frozen=True)
+class DuctSurface:
+    """A duct from a file, with what was done to it and what it has."""
+
+    mesh: TriangleMesh
+    openings: list[Opening]
+    actions: list[str]
+
+
+def load_duct_surface(path: Path, settings: SurfaceSettings) -> DuctSurface:
+    """Load any triangle surface file as a duct; its clamped end is put at the origin and its mouth on +x.
+
+    Raises
+    ------
+    MeshError
+        The surface cannot be used; the sentence names the file, the reason and the place.
+    """
+    raw = read_surface(path, settings.units)
+    try:
+        return _make_duct(raw, settings)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from error
+
+
+def _make_duct(raw: TriangleMesh, settings: SurfaceSettings) -> DuctSurface:
+    """Scaling comes last, so that places in messages are those of the file."""
+    repaired = repair_surface(raw)
+    mesh, actions = repaired.mesh, list(repaired.actions)
+    factor = 1.0 if settings.lumen_diameter_m is None else _lumen_factor(mesh, settings.lumen_diameter_m)
+    if settings.edge_m is not None:
+        mesh = remesh(mesh, settings.edge_m / factor)
+        actions.append(f"remeshed from {repaired.mesh.n_triangles} to {mesh.n_triangles} triangles")
+    _refuse_slivers(mesh)
+    mesh = name_ends(mesh, settings.clamped, settings.mouth)
+    if factor != 1.0:
+        actions.append(f"scaled by {factor:.4g}")
+    mesh = place_by_ends(TriangleMesh(factor * mesh.vertices_m, mesh.triangles, mesh.vertex_sets))
+    return DuctSurface(mesh, find_openings(mesh), actions)
+
+
+def _lumen_factor(mesh: TriangleMesh, wanted_m: float) -> float:
+    if not wanted_m > 0.0:
+        raise MeshError(f"lumen_diameter_m must be positive, is {wanted_m}")
+    return wanted_m / lumen_diameter_m(mesh)
+
+
+def _refuse_slivers(mesh: TriangleMesh) -> None:
+    angles = smallest_angles_rad(mesh)
+    sharpest = int(np.argmin(angles))
+    if angles[sharpest] < SLIVER_ANGLE_RAD:
+        place_mm = np.round(1e3 * mesh.vertices_m[mesh.triangles[sharpest]].mean(axis=0), 2).tolist()
+        raise MeshError(
+            f"triangle {sharpest} at {place_mm} mm has an angle of {np.degrees(angles[sharpest]):.2g}°; "
+            "give edge_m to remesh"
+        )

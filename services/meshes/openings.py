@@ -1,0 +1,111 @@
+"""Open ends of a duct surface: finding, measuring and naming them, and placing the duct by them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh, boundary_loops
+from services.meshes.errors import MeshError
+
+
+@dataclass(frozen=True)
+class Opening:
+    """One open rim of a surface."""
+
+    name: str
+    """``end_0`` is the widest, then in order of width."""
+    rim: IntArray
+    """(k,) vertices in order round the rim."""
+    centre_m: FloatArray
+    direction: FloatArray
+    """(3,) unit normal of the rim's mean plane, out of the lumen."""
+    diameter_m: float
+    """Of the circle with the rim's area."""
+
+
+def find_openings(mesh: TriangleMesh) -> list[Opening]:
+    """Open rims of an outward-wound surface, widest first."""
+    measured = sorted(((rim, *_measure(mesh.vertices_m[rim])) for rim in boundary_loops(mesh)), key=lambda m: -m[3])
+    return [Opening(f"end_{k}", *values) for k, values in enumerate(measured)]
+
+
+def _measure(points_m: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Centre, outward direction and diameter of a rim whose order is that of the wall's own edges."""
+    centre = points_m.mean(axis=0)
+    spokes = points_m - centre
+    area_vector = -0.5 * np.cross(spokes, np.roll(spokes, -1, axis=0)).sum(axis=0)
+    area = float(np.linalg.norm(area_vector))
+    return centre, area_vector / max(area, 1e-300), 2.0 * float(np.sqrt(area / np.pi))
+
+
+def enclosed_volume_m3(mesh: TriangleMesh) -> float:
+    """Volume inside the surface with every open rim capped; negative when it is wound inwards."""
+    corners = mesh.vertices_m[mesh.triangles]
+    volume = np.linalg.det(corners).sum() / 6.0
+    for rim in boundary_loops(mesh):
+        points = mesh.vertices_m[rim]
+        cap = np.stack([np.broadcast_to(points.mean(axis=0), points.shape), np.roll(points, -1, axis=0), points], 1)
+        volume += np.linalg.det(cap).sum() / 6.0
+    return float(volume)
+
+
+def lumen_diameter_m(mesh: TriangleMesh) -> float:
+    """Diameter of the circle with the area of the cross-section one width inside the widest open end.
+
+    Raises
+    ------
+    MeshError
+        The surface has no open end, or the plane misses it.
+    """
+    import pyvista
+
+    openings = find_openings(mesh)
+    if not openings:
+        raise MeshError("surface has no open end to measure its lumen at")
+    widest = openings[0]
+    surface = pyvista.PolyData.from_regular_faces(mesh.vertices_m, mesh.triangles)
+    inside = widest.centre_m - widest.diameter_m * widest.direction
+    cut = surface.slice(normal=widest.direction, origin=inside)
+    if cut.n_points < 3:
+        raise MeshError("surface ends within one width of its widest open end, its lumen cannot be measured there")
+    loop = cut.connectivity("closest", closest_point=inside).strip(join=True)
+    section = np.asarray(loop.points)[loop.lines[1:]]
+    return _measure(section)[2]
+
+
+def name_ends(mesh: TriangleMesh, clamped: Sequence[str], mouth: str) -> TriangleMesh:
+    """Add vertex sets ``clamped`` and ``mouth``, and one per open end, to an outward-wound surface.
+
+    Raises
+    ------
+    MeshError
+        An end does not exist or is both clamped and the mouth; the message lists the ends with their places.
+    """
+    openings = {opening.name: opening for opening in find_openings(mesh)}
+    for name in (*clamped, mouth):
+        if name not in openings:
+            known = "; ".join(
+                f"{o.name} at {np.round(1e3 * o.centre_m, 1).tolist()} mm, {1e3 * o.diameter_m:.1f} mm wide"
+                for o in openings.values()
+            )
+            raise MeshError(f"surface has no open end '{name}'; it has: {known or 'none, it is closed'}")
+    if mouth in clamped or not clamped:
+        raise MeshError(f"open end '{mouth}' cannot be the mouth and clamped, and one end must be clamped")
+    sets = {name: opening.rim for name, opening in openings.items()}
+    sets["clamped"] = np.concatenate([openings[name].rim for name in clamped])
+    sets["mouth"] = openings[mouth].rim
+    return TriangleMesh(mesh.vertices_m, mesh.triangles, sets)
+
+
+def place_by_ends(mesh: TriangleMesh) -> TriangleMesh:
+    """Move a duct rigidly so that the clamped end's centre is the origin and the mouth lies along +x."""
+    origin = mesh.vertices_m[mesh.vertex_sets["clamped"]].mean(axis=0)
+    towards = mesh.vertices_m[mesh.vertex_sets["mouth"]].mean(axis=0) - origin
+    x = towards / np.linalg.norm(towards)
+    z = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
+    z /= np.linalg.norm(z)
+    axes = np.stack([x, np.cross(z, x), z])
+    return TriangleMesh((mesh.vertices_m - origin) @ axes.T, mesh.triangles, mesh.vertex_sets)

@@ -1,0 +1,56 @@
+"""Triangle surfaces from STL, OBJ, PLY and VTP files, in declared units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+from services.meshes.errors import MeshError
+
+METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 25.4e-3}
+READABLE = (".stl", ".obj", ".ply", ".vtp")
+
+
+def read_surface(path: Path, units: str) -> TriangleMesh:
+    """Read a surface as it stands, polygons split into triangles, positions in metres.
+
+    Parameters
+    ----------
+    path
+        STL, OBJ, PLY or VTP.
+    units
+        Unit of length in the file, which no such format states: m, cm, mm, um or in.
+
+    Raises
+    ------
+    MeshError
+        The file is missing, unreadable, of another kind, or holds no triangles.
+    """
+    if units not in METRES_PER_UNIT:
+        raise MeshError(f"{path}: unknown units '{units}'; known: {', '.join(METRES_PER_UNIT)}")
+    if path.suffix.lower() not in READABLE:
+        raise MeshError(f"{path}: cannot read '{path.suffix}' files; readable: {', '.join(READABLE)}")
+    if not path.is_file():
+        raise MeshError(f"{path}: no such file")
+    read = _read_vtp if path.suffix.lower() == ".vtp" else _read_with_trimesh
+    try:
+        vertices, triangles = read(path)
+        return TriangleMesh(vertices * METRES_PER_UNIT[units], triangles)
+    except Exception as error:  # The readers raise whatever a broken file trips them over.
+        raise MeshError(f"{path}: not a readable triangle surface ({error})") from error
+
+
+def _read_with_trimesh(path: Path) -> tuple[FloatArray, IntArray]:
+    import trimesh
+
+    surface = trimesh.load(path, force="mesh", process=False)
+    return np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int32)
+
+
+def _read_vtp(path: Path) -> tuple[FloatArray, IntArray]:
+    import pyvista
+
+    surface = pyvista.read(path).extract_surface(algorithm="dataset_surface").triangulate()
+    return np.asarray(surface.points, np.float64), np.asarray(surface.regular_faces, np.int32)

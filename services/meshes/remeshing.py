@@ -1,0 +1,85 @@
+"""Even triangles of a wanted size, and fewer triangles."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from services.mechanics.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
+from services.meshes.checking import check_surface
+from services.meshes.errors import MeshError
+
+FEWEST_VERTICES = 32
+"""Below this no tube keeps its ends."""
+SAMPLES_PER_CLUSTER = 20
+"""Vertices of the subdivided surface that one vertex of the new mesh gathers, at least."""
+
+
+def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
+    """Even triangles with edges of about ``edge_m``, by centroidal Voronoi clustering (pyacvd); deterministic.
+
+    Open rims stay open but lose up to half an edge of length.
+
+    Raises
+    ------
+    MeshError
+        The edge is too long for the surface: rims close, or sheets touch.
+    """
+    if not edge_m > 0.0:
+        raise MeshError(f"edge_m must be positive, is {edge_m}")
+    n_vertices = vertices_for_edge(mesh, edge_m)
+    if n_vertices < FEWEST_VERTICES:
+        raise MeshError(f"edges of {1e3 * edge_m:.3g} mm are too long for a surface this small")
+    growth = SAMPLES_PER_CLUSTER * n_vertices / mesh.n_vertices
+    subdivisions = max(0, int(np.ceil(np.log(growth) / np.log(4.0))))
+    return _accept(mesh, _cluster(mesh, n_vertices, subdivisions), f"edges of {1e3 * edge_m:.3g} mm")
+
+
+def _cluster(mesh: TriangleMesh, n_vertices: int, subdivisions: int) -> TriangleMesh:
+    import pyacvd
+    import pyvista
+
+    surface = pyvista.PolyData.from_regular_faces(mesh.vertices_m.copy(), mesh.triangles.copy())
+    with warnings.catch_warnings():
+        # pyacvd 0.4 reads a property that pyvista 0.48 renamed; nothing here can be done differently.
+        warnings.simplefilter("ignore", pyvista.PyVistaDeprecationWarning)
+        clustering = pyacvd.Clustering(surface)
+        if subdivisions:
+            clustering.subdivide(subdivisions)
+        clustering.cluster(n_vertices)
+        result = clustering.create_mesh()
+    return TriangleMesh(result.points, result.regular_faces)
+
+
+def decimate(mesh: TriangleMesh, n_triangles: int) -> TriangleMesh:
+    """At most about ``n_triangles``, by VTK's quadric edge collapse, rims kept; for scans of millions of triangles.
+
+    Raises
+    ------
+    MeshError
+        So few triangles cannot hold the shape.
+    """
+    import pyvista
+
+    if n_triangles >= mesh.n_triangles:
+        return mesh
+    surface = pyvista.PolyData.from_regular_faces(mesh.vertices_m, mesh.triangles)
+    result = surface.decimate(1.0 - n_triangles / mesh.n_triangles)
+    return _accept(mesh, TriangleMesh(result.points, result.regular_faces), f"{n_triangles} triangles")
+
+
+def vertices_for_edge(mesh: TriangleMesh, edge_m: float) -> int:
+    """Vertices of an equilateral mesh of the same area with the wanted edge."""
+    area_per_vertex = edge_m**2 * np.sqrt(3.0) / 2.0
+    return round(float(triangle_areas_m2(mesh).sum() / area_per_vertex))
+
+
+def _accept(before: TriangleMesh, after: TriangleMesh, wanted: str) -> TriangleMesh:
+    findings = check_surface(after)
+    if findings:
+        raise MeshError(f"remeshing to {wanted} breaks the surface: " + "; ".join(map(str, findings)))
+    rims = len(boundary_loops(before)), len(boundary_loops(after))
+    if rims[0] != rims[1]:
+        raise MeshError(f"remeshing to {wanted} turns {rims[0]} open ends into {rims[1]}")
+    return after

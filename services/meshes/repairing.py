@@ -1,0 +1,116 @@
+"""Repairs that do not guess: what they changed is listed, what would need a guess is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
+from services.meshes.checking import check_surface, flipped_edges
+from services.meshes.errors import MeshError
+from services.meshes.openings import enclosed_volume_m3, find_openings
+
+MERGE_RATIO = 1e-6
+"""Vertices closer than this part of the surface's size are one vertex."""
+STRAY_AREA = 0.05
+"""Loose pieces with less than this part of the area are dropped; a larger one is refused."""
+PINHOLE_RATIO = 0.2
+"""An open rim narrower than this part of the widest is a hole in the wall, not an end, and is closed."""
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """A surface without defects, wound outwards, and what was done to it."""
+
+    mesh: TriangleMesh
+    actions: list[str]
+
+
+def repair_surface(mesh: TriangleMesh) -> Repaired:
+    """Merge, drop, cut loose, orient and close pinholes until nothing is left to find.
+
+    Raises
+    ------
+    MeshError
+        A defect remains that cannot be mended without guessing; says which and where.
+    """
+    actions: list[str] = []
+    for step in (_merge_and_drop, _keep_largest_piece, _wind_consistently, _close_pinholes):
+        mesh = step(mesh, actions)
+    findings = check_surface(mesh)
+    if findings:
+        raise MeshError("surface cannot be repaired: " + "; ".join(map(str, findings)))
+    if enclosed_volume_m3(mesh) < 0.0:
+        mesh = TriangleMesh(mesh.vertices_m, mesh.triangles[:, ::-1])
+        actions.append("turned all triangles to face outwards")
+    return Repaired(mesh, actions)
+
+
+def _merge_and_drop(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
+    import trimesh
+
+    surface = trimesh.Trimesh(mesh.vertices_m, mesh.triangles, process=False)
+    tolerance = MERGE_RATIO * float(np.linalg.norm(np.ptp(mesh.vertices_m, axis=0)))
+    surface.merge_vertices(digits_vertex=int(-np.floor(np.log10(max(tolerance, 1e-300)))))
+    surface.update_faces(surface.nondegenerate_faces(height=0.1 * tolerance))
+    surface.update_faces(surface.unique_faces())
+    surface.remove_unreferenced_vertices()
+    if not len(surface.faces):
+        raise MeshError("surface has no triangle with an area")
+    merged, dropped = mesh.n_vertices - len(surface.vertices), mesh.n_triangles - len(surface.faces)
+    if merged or dropped:
+        actions.append(f"merged {merged} vertices and dropped {dropped} triangles that were flat or twice there")
+    return TriangleMesh(surface.vertices, surface.faces)
+
+
+def _keep_largest_piece(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
+    """Drop what hangs on the largest sheet by a branching edge, a single vertex, or nothing at all."""
+    import trimesh
+
+    sheets = trimesh.Trimesh(mesh.vertices_m, mesh.triangles, process=False)
+    piece = trimesh.graph.connected_component_labels(sheets.face_adjacency, node_count=mesh.n_triangles)
+    area = np.bincount(piece, triangle_areas_m2(mesh))
+    by_size = np.argsort(-area)
+    if len(area) == 1:
+        return mesh
+    place_mm = np.round(1e3 * mesh.vertices_m[mesh.triangles[piece == by_size[1]]].mean(axis=(0, 1)), 2).tolist()
+    share = area[by_size[1]] / area.sum()
+    if share > STRAY_AREA:
+        raise MeshError(f"surface has a second piece round {place_mm} mm with {100 * share:.0f} % of its area")
+    actions.append(f"dropped {len(area) - 1} loose pieces, the largest round {place_mm} mm")
+    used, triangles = np.unique(mesh.triangles[piece == by_size[0]], return_inverse=True)
+    return TriangleMesh(mesh.vertices_m[used], triangles.reshape(-1, 3).astype(np.int32))
+
+
+def _wind_consistently(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
+    if not len(flipped_edges(mesh)):
+        return mesh
+    import pyvista
+
+    surface = pyvista.PolyData.from_regular_faces(mesh.vertices_m, mesh.triangles)
+    turned = surface.compute_normals(
+        point_normals=False, split_vertices=False, consistent_normals=True, auto_orient_normals=False
+    )
+    wound = TriangleMesh(turned.points, turned.regular_faces)
+    if len(flipped_edges(wound)):
+        raise MeshError("surface has one side only (it is twisted like a Möbius band), it has no lumen")
+    actions.append("wound neighbouring triangles the same way")
+    return wound
+
+
+def _close_pinholes(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
+    """Close every rim much narrower than the widest with a fan round its centre."""
+    openings = find_openings(mesh)
+    if not openings:
+        raise MeshError("surface has no open end, it cannot be a duct")
+    holes = [o for o in openings if o.diameter_m < PINHOLE_RATIO * openings[0].diameter_m]
+    for hole in holes:
+        centre = mesh.n_vertices
+        fan = np.stack([np.full_like(hole.rim, centre), np.roll(hole.rim, -1), hole.rim], axis=1)
+        mesh = TriangleMesh(np.vstack([mesh.vertices_m, hole.centre_m]), np.concatenate([mesh.triangles, fan]))
+        place_mm = np.round(1e3 * hole.centre_m, 2).tolist()
+        actions.append(f"closed a hole {1e3 * hole.diameter_m:.2g} mm wide at {place_mm} mm")
+    if len(boundary_loops(mesh)) != len(openings) - len(holes):
+        raise MeshError("holes in the wall could not be closed")
+    return mesh

@@ -1,0 +1,276 @@
+"""Surface files to ducts: what is read, what is repaired and said, what is refused with its place."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes, point_load
+from services.mechanics.mesh import TriangleMesh, boundary_loops, triangle_areas_m2, unique_edges
+from services.meshes.checking import check_surface, smallest_angles_rad
+from services.meshes.crossings import crossing_triangles
+from services.meshes.errors import MeshError
+from services.meshes.loading import SurfaceSettings, load_duct_surface
+from services.meshes.openings import enclosed_volume_m3, find_openings, lumen_diameter_m
+from services.meshes.reading import read_surface
+from services.meshes.remeshing import decimate, remesh
+from services.meshes.repairing import repair_surface
+
+trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
+
+ANATOMY = Path(__file__).resolve().parents[3] / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
+R, L = 4e-3, 40e-3
+CONE = parametric_duct(DuctGeometry(R, L, 24, 40, taper=0.3))
+
+
+def save(mesh, path, scale=1.0):
+    if path.suffix == ".vtp":
+        import pyvista
+
+        pyvista.PolyData.from_regular_faces(scale * mesh.vertices_m, mesh.triangles).save(path)
+    else:
+        trimesh.Trimesh(scale * mesh.vertices_m, mesh.triangles, process=False).export(path)
+    return path
+
+
+def joined(*meshes):
+    offsets = np.cumsum([0, *(m.n_vertices for m in meshes)])
+    return TriangleMesh(
+        np.concatenate([m.vertices_m for m in meshes]),
+        np.concatenate([m.triangles + k for m, k in zip(meshes, offsets, strict=False)]),
+    )
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".obj", ".ply", ".vtp"])
+@pytest.mark.parametrize(("units", "scale"), [("mm", 1e3), ("m", 1.0)])
+def test_every_format_gives_the_same_duct(tmp_path, suffix, units, scale):
+    path = save(CONE, tmp_path / f"duct{suffix}", scale)
+    duct = load_duct_surface(path, SurfaceSettings(units))
+    assert (duct.mesh.n_vertices, duct.mesh.n_triangles) == (CONE.n_vertices, CONE.n_triangles)
+    assert enclosed_volume_m3(duct.mesh) == pytest.approx(enclosed_volume_m3(CONE), rel=1e-5)
+    clamped, mouth = (duct.mesh.vertices_m[duct.mesh.vertex_sets[name]] for name in ("clamped", "mouth"))
+    assert np.abs(clamped[:, 0]).max() < 1e-7
+    assert np.abs(mouth[:, 0] - L).max() < 1e-7
+    assert np.hypot(*mouth[:, 1:].T) == pytest.approx(np.full(24, 0.7 * R), rel=1e-4)
+
+
+def test_openings_are_named_by_width_and_measured():
+    wide, narrow = find_openings(CONE)
+    assert (wide.name, narrow.name) == ("end_0", "end_1")
+    polygon = np.sqrt(24 / (2 * np.pi) * np.sin(2 * np.pi / 24))
+    assert wide.diameter_m == pytest.approx(2 * R * polygon, rel=1e-9)
+    assert wide.direction == pytest.approx([-1, 0, 0], abs=1e-12)
+    assert narrow.direction == pytest.approx([1, 0, 0], abs=1e-12)
+    assert narrow.centre_m == pytest.approx([L, 0, 0], abs=1e-12)
+
+
+def test_volume_with_capped_ends_is_the_cone():
+    frustum = np.pi * L / 3 * R**2 * (1 + 0.7 + 0.49)
+    fine = parametric_duct(DuctGeometry(R, L, 200, 20, taper=0.3))
+    assert enclosed_volume_m3(fine) == pytest.approx(frustum, rel=1e-3)
+
+
+def test_lumen_is_measured_inside_the_widest_end():
+    fine = parametric_duct(DuctGeometry(R, L, 120, 60, taper=0.3))
+    one_width_in = 2 * R * (1 - 0.3 * 2 * R / L)
+    assert lumen_diameter_m(fine) == pytest.approx(one_width_in, rel=2e-3)
+
+
+def test_scaling_gives_the_wanted_lumen(tmp_path):
+    path = save(CONE, tmp_path / "duct.stl")
+    duct = load_duct_surface(path, SurfaceSettings("m", lumen_diameter_m=9e-3))
+    assert lumen_diameter_m(duct.mesh) == pytest.approx(9e-3, rel=1e-6)
+
+
+def test_a_surface_wound_inwards_is_turned_out():
+    repaired = repair_surface(TriangleMesh(CONE.vertices_m, CONE.triangles[:, ::-1]))
+    assert enclosed_volume_m3(repaired.mesh) > 0
+    assert any("face outwards" in action for action in repaired.actions)
+
+
+def test_mixed_winding_is_made_the_same():
+    triangles = CONE.triangles.copy()
+    triangles[::3] = triangles[::3, ::-1]
+    mixed = TriangleMesh(CONE.vertices_m, triangles)
+    assert any("wound against" in finding.defect for finding in check_surface(mixed))
+    repaired = repair_surface(mixed)
+    assert enclosed_volume_m3(repaired.mesh) == pytest.approx(enclosed_volume_m3(CONE), rel=1e-9)
+
+
+def test_flat_and_double_triangles_are_dropped():
+    triangles = np.vstack([CONE.triangles, CONE.triangles[:3], [[5, 5, 6]]])
+    repaired = repair_surface(TriangleMesh(CONE.vertices_m, triangles))
+    assert repaired.mesh.n_triangles == CONE.n_triangles
+    assert any("dropped 4 triangles" in action for action in repaired.actions)
+
+
+def test_a_pinhole_is_closed_and_reported_with_its_place():
+    pricked = TriangleMesh(CONE.vertices_m, np.delete(CONE.triangles, 700, axis=0))
+    repaired = repair_surface(pricked)
+    assert len(boundary_loops(repaired.mesh)) == 2
+    place_mm = 1e3 * CONE.vertices_m[CONE.triangles[700]].mean(axis=0)
+    assert any("closed a hole" in a and str(np.round(place_mm, 2).tolist()) in a for a in repaired.actions)
+
+
+def test_dust_is_dropped_and_a_fin_is_cut_off():
+    dust = TriangleMesh(np.array([[0.1, 0, 0], [0.1, 1e-4, 0], [0.1, 0, 1e-4]]), np.array([[0, 1, 2]]))
+    fin = np.array([[0, 0, 3 * R]]) + CONE.vertices_m[400]
+    with_fin = TriangleMesh(np.vstack([CONE.vertices_m, fin]), np.vstack([CONE.triangles, [400, 401, CONE.n_vertices]]))
+    repaired = repair_surface(joined(with_fin, dust))
+    assert repaired.mesh.n_triangles == CONE.n_triangles
+    assert triangle_areas_m2(repaired.mesh).sum() == pytest.approx(triangle_areas_m2(CONE).sum(), rel=1e-9)
+
+
+def far(mesh, distance_m):
+    return TriangleMesh(mesh.vertices_m + np.array([distance_m, 0.0, 0.0]), mesh.triangles)
+
+
+def crossing_tubes():
+    """A tube whose own wall is pushed through its other side."""
+    vertices = CONE.vertices_m.copy()
+    pushed = np.hypot(vertices[:, 0] - 0.5 * L, vertices[:, 1] - R) < 2.5e-3
+    vertices[pushed, 1] -= 2.5 * R
+    return TriangleMesh(vertices, CONE.triangles)
+
+
+def moebius_band():
+    u = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    ring = np.stack([np.cos(u), np.sin(u), 0 * u], 1)
+    offset = 0.2 * np.stack([np.cos(u / 2) * np.cos(u), np.cos(u / 2) * np.sin(u), np.sin(u / 2)], 1)
+    a = np.arange(40)
+    b = np.roll(a, -1)
+    low, high = a, a + 40
+    next_low, next_high = b.copy(), b + 40
+    next_low[-1], next_high[-1] = 40, 0
+    triangles = np.concatenate([np.stack([low, next_low, next_high], 1), np.stack([low, next_high, high], 1)])
+    return TriangleMesh(np.concatenate([ring - offset, ring + offset]), triangles)
+
+
+def closed_box():
+    box = trimesh.creation.box()
+    return TriangleMesh(np.asarray(box.vertices), np.asarray(box.faces))
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (closed_box, "no open end, it cannot be a duct"),
+        (lambda: joined(far(CONE, 0.2), CONE), r"second piece round \[20\.0, .* mm with 50 % of its area"),
+        (crossing_tubes, r"triangles that cut through others, the first at \[\d+\.\d+, .* mm"),
+        (moebius_band, "one side only"),
+        (lambda: TriangleMesh(np.zeros((3, 3)), np.array([[0, 1, 2]])), "no triangle with an area"),
+    ],
+)
+def test_what_cannot_be_repaired_is_refused_with_the_reason(build, message):
+    with pytest.raises(MeshError, match=message):
+        repair_surface(build())
+
+
+def test_sheets_that_touch_in_a_vertex_are_found_and_refused():
+    """Two opposite places of the wall glued at one vertex: no rim branches, but the shell does."""
+    opposite = 20 * 24, 20 * 24 + 12
+    glued = TriangleMesh(CONE.vertices_m, np.where(CONE.triangles == opposite[1], opposite[0], CONE.triangles))
+    assert [finding.defect for finding in check_surface(glued)][0] == "vertices where separate sheets touch"
+    with pytest.raises(MeshError, match="separate sheets touch"):
+        repair_surface(glued)
+
+
+def test_a_clean_surface_has_no_findings():
+    assert check_surface(CONE) == []
+    assert len(crossing_triangles(CONE)) == 0
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".obj", ".ply", ".vtp"])
+@pytest.mark.parametrize("content", [b"", b"\x00\xff\x01 not a mesh", b"solid x\nfacet normal nan nan nan\n"])
+def test_broken_files_are_refused_by_name(tmp_path, suffix, content, capfd):
+    path = tmp_path / f"broken{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(MeshError, match=f"broken{suffix}"):
+        read_surface(path, "mm")
+
+
+@pytest.mark.parametrize(
+    ("name", "units", "message"),
+    [("absent.stl", "mm", "no such file"), ("x.step", "mm", "cannot read '.step'"), ("x.stl", "ft", "unknown units")],
+)
+def test_wrong_names_and_units_are_refused(tmp_path, name, units, message):
+    with pytest.raises(MeshError, match=message):
+        read_surface(tmp_path / name, units)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mouth": "end_7"}, r"duct.stl: surface has no open end 'end_7'; it has: end_0 at .* mm, 8.0 mm wide"),
+        ({"mouth": "end_0"}, "cannot be the mouth and clamped"),
+        ({"lumen_diameter_m": -1.0}, "lumen_diameter_m must be positive"),
+        ({"edge_m": 0.0}, "edge_m must be positive"),
+        ({"edge_m": 30e-3}, "edges of 30 mm are too long"),
+    ],
+)
+def test_wrong_settings_are_refused_by_name(tmp_path, change, message):
+    path = save(CONE, tmp_path / "duct.stl")
+    with pytest.raises(MeshError, match=message):
+        load_duct_surface(path, SurfaceSettings("m", **change))
+
+
+def test_slivers_are_refused_unless_remeshed(tmp_path):
+    vertices = CONE.vertices_m.copy()
+    vertices[500] = vertices[501] + 1e-5 * (vertices[500] - vertices[501])
+    path = save(TriangleMesh(vertices, CONE.triangles), tmp_path / "sliver.ply")
+    with pytest.raises(MeshError, match=r"sliver.ply: triangle \d+ at .* has an angle"):
+        load_duct_surface(path, SurfaceSettings("m"))
+    duct = load_duct_surface(path, SurfaceSettings("m", edge_m=1e-3))
+    assert smallest_angles_rad(duct.mesh).min() > np.radians(20)
+
+
+def test_remeshing_is_even_faithful_and_repeatable():
+    new, again = remesh(CONE, 1.2e-3), remesh(CONE, 1.2e-3)
+    assert np.array_equal(new.vertices_m, again.vertices_m)
+    assert np.array_equal(new.triangles, again.triangles)
+    edges, _ = unique_edges(new)
+    lengths = np.linalg.norm(new.vertices_m[edges[:, 0]] - new.vertices_m[edges[:, 1]], axis=1)
+    assert np.median(lengths) == pytest.approx(1.2e-3, rel=0.1)
+    assert lengths.max() < 2 * lengths.min() * 1.5
+    assert triangle_areas_m2(new).sum() == pytest.approx(triangle_areas_m2(CONE).sum(), rel=0.06)
+
+
+def test_decimation_keeps_the_shape():
+    fine = parametric_duct(DuctGeometry(R, L, 96, 120, taper=0.3))
+    fewer = decimate(fine, 2000)
+    assert fewer.n_triangles <= 2200
+    assert enclosed_volume_m3(fewer) == pytest.approx(enclosed_volume_m3(fine), rel=0.01)
+    assert decimate(fewer, 10**6) is fewer
+
+
+@pytest.fixture(scope="module")
+def anatomy():
+    if not ANATOMY.is_file():
+        pytest.skip(f"{ANATOMY} is not there")
+    return load_duct_surface(ANATOMY, SurfaceSettings("mm", edge_m=1.5e-3, lumen_diameter_m=9e-3))
+
+
+def test_anatomy_as_scanned_is_refused_for_its_slivers():
+    if not ANATOMY.is_file():
+        pytest.skip(f"{ANATOMY} is not there")
+    with pytest.raises(MeshError, match="give edge_m to remesh"):
+        load_duct_surface(ANATOMY, SurfaceSettings("mm", lumen_diameter_m=9e-3))
+
+
+def test_anatomy_loads_clean_with_three_ends(anatomy):
+    assert check_surface(anatomy.mesh) == []
+    assert [opening.name for opening in anatomy.openings] == ["end_0", "end_1", "end_2"]
+    assert lumen_diameter_m(anatomy.mesh) == pytest.approx(9e-3, rel=0.03)
+    assert smallest_angles_rad(anatomy.mesh).min() > np.radians(20)
+
+
+def test_anatomy_has_finite_positive_frequencies_and_balanced_statics(anatomy):
+    model = ShellModel(anatomy.mesh, ShellSection(0.8e-3, 100e3, 0.45, 1060.0), [clamp(anatomy.mesh)])
+    frequency = compute_modes(model, 40).frequency_hz
+    assert np.isfinite(frequency).all()
+    assert frequency[0] > 1.0
+    push = point_load(anatomy.mesh, int(anatomy.mesh.vertex_sets["mouth"][0]), np.array([0.0, 1e-3, 0.0]))
+    solution = model.solve_static(push)
+    assert solution.residual < 1e-8
+    assert solution.reaction[:, :3].sum(axis=0) == pytest.approx([0, -1e-3, 0], abs=1e-11)
