@@ -57,6 +57,7 @@ class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     target: Annotated[int, Meta(ge=0, description="triangle or segment index")]
     target_weights: Annotated[Vec3, Meta(description="barycentric; catheter segment: (1-s, s, 0)")]
     limit_n: Annotated[float, Meta(ge=0.0, description="the hold slips above: grip friction times the squeeze")]
+    jaw_angle_rad: Annotated[float, Meta(description="opening at which the jaws met what they hold")]
 
 
 class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

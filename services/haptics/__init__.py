@@ -1,0 +1,1 @@
+"""Process: collision detection of the tools, and a local model of force for the servo, every millisecond."""

@@ -1,0 +1,119 @@
+"""The haptics process: device frame in; contact model out to the servo, tools and contact pairs out to physics."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+
+from protocol import Frame
+from protocol.bodies import ContactModel, GatewayState
+from services.haptics.local_model import FREE, local_model
+from services.haptics.outputs import tool_contacts
+from services.haptics.tool_tracker import ToolTracker
+from services.haptics.world import World
+from services.mechanics.collision import ToolContactDetector
+from services.mechanics.contact.pairs import ContactPairs
+from services.runtime.log import progress
+from services.runtime.loop import LoopMeter, follow
+from services.runtime.process import Process, cache_directory, main
+from services.scenes import load_duct, load_scene
+
+RATE_HZ = 1000.0
+
+
+class Haptics:
+    """Collision detection and haptic rendering of one scene."""
+
+    def __init__(self, process: Process) -> None:
+        self._bus, self._health = process.bus, process.health
+        self._scene = load_scene(process.scene_name, process.scene_overrides)
+        duct = load_duct(self._scene, cache_directory(), progress)
+        self.world = World(self._scene, duct)
+        self.tools = ToolTracker(self._scene)
+        catheter, contact = self._scene.catheter, self._scene.contact
+        self._detector = ToolContactDetector(
+            self.world.surface, catheter.n_segments + 1, 0.5 * catheter.outer_diameter_m, contact.margin_m
+        )
+        self._pairs = ContactPairs.allocate(contact.capacity)
+        self._ttl_s = 0.02
+
+    def answer(self, frame: Frame) -> None:
+        """Answer one device frame: the model first, since the hand waits for it."""
+        started = time.monotonic_ns()
+        state: GatewayState = frame.body
+        self._take_physics()
+        hands = self.tools.take_hands(state)
+        modelled = time.monotonic_ns()
+        known = self._bus.is_fresh("physics.contacts")
+        self._bus.publish("haptics.contact_model", self._model(state, known), origin_ns=frame.origin_ns, valid=known)
+        sent = time.monotonic_ns()
+        self._detect()
+        body = tool_contacts(state.tick, hands, self._pairs)
+        self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
+        self._count(started, modelled, sent)
+
+    def _take_physics(self) -> None:
+        contacts = self._bus.latest("physics.contacts")
+        if contacts is not None:
+            self.tools.take_reactions(contacts.body)
+        elif not self._bus.is_fresh("physics.contacts"):
+            self.tools.forget_reactions()
+        duct, catheter = self._bus.latest("physics.duct"), self._bus.latest("physics.catheter")
+        if duct is not None:
+            self.world.take_duct(duct)
+        if catheter is not None:
+            self.world.take_catheter(catheter)
+
+    def _model(self, state: GatewayState, known: bool) -> ContactModel:
+        models = [
+            local_model(self.tools.reactions[i], each, self._scene.forceps[i], touching=known)
+            if i < len(self.tools.reactions)
+            else FREE
+            for i, each in enumerate(state.instruments)
+        ]
+        return ContactModel(tick=state.tick, ttl_s=self._ttl_s, instruments=tuple(models))
+
+    def _detect(self) -> None:
+        self._pairs.clear()
+        if self.world.has_catheter:
+            tools = self.tools
+            self._detector.detect(tools.segments_m, tools.radius_m, self.world.particles_m, self._pairs, tools.present)
+
+    def _count(self, started: int, modelled: int, sent: int) -> None:
+        stages, now = self._health.stages, time.monotonic_ns()
+        stages.add("read", modelled - started)
+        stages.add("model", sent - modelled)
+        stages.add("detect and send", now - sent)
+        self._health.gauges.update({f"refused_{what}": float(n) for what, n in self.world.refused.items()})
+
+    def warm_up(self) -> None:
+        """Compile every kernel on the scene at rest, with both tools across the duct, then forget it."""
+        self.tools.present[:] = True
+        nodes = np.zeros(1, np.int32)
+        self.world.surface.update(np.zeros(self.world.surface.shell.body.q.size), nodes, np.zeros((1, 3)))
+        self.tools.segments_m[:] = self.world.surface.mesh.vertices_m[0]
+        self.tools.segments_m[:, :, 1] += 0.01
+        self._detector.detect(
+            self.tools.segments_m, self.tools.radius_m, self.world.particles_m, self._pairs, self.tools.present
+        )
+        self._detector.reset()
+
+
+def run(process: Process) -> None:
+    """Answer each new device frame."""
+    haptics = Haptics(process)
+    haptics.warm_up()
+    meter = LoopMeter(RATE_HZ)
+    process.ready(meter)
+    for frame in follow(process.bus, "gateway.state", meter, process.stop):
+        if frame is not None:
+            haptics.answer(frame)
+            process.health.change("running")
+        process.bus.drain("supervisor.state")
+        process.health.send_if_due()
+
+
+if __name__ == "__main__":
+    sys.exit(main("haptics", run))

@@ -1,0 +1,62 @@
+"""The deformed scene as haptics knows it: the newest duct and catheter frames, placed only where a tool comes near."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol import Frame
+from protocol.bodies import Catheter, Duct
+from services.mechanics.collision import DuctSurface
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.scene import SceneModel
+
+
+class World:
+    """Read-only copy of what physics simulates.
+
+    Attributes
+    ----------
+    surface
+        The duct's wall, for collision detection.
+    particles_m : (n, 3) float64
+        The catheter's particles.
+    refused
+        Frames that do not fit this scene, by what was wrong.
+    """
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
+        basis = duct.basis
+        self.surface = DuctSurface(duct.mesh, basis.Phi, basis.omega_rad_s, 0.5 * scene.duct.thickness_m)
+        self.particles_m = np.zeros((scene.catheter.n_segments + 1, 3))
+        self.has_catheter = False
+        self.refused: dict[str, int] = {}
+        self._duct = duct
+        self._residual_m = np.zeros((3 * scene.contact.capacity, 3))
+
+    def take_duct(self, frame: Frame) -> None:
+        """Deform the wall as `frame` says, if its basis is ours and its loads are on nodes that exist."""
+        body: Duct = frame.body
+        basis = self._duct.basis
+        q, nodes, forces = body.q.view(), body.load_node.view(), body.load_force_n.view()
+        if body.basis_hash != basis.content_hash or q.shape != (basis.n_modes,):
+            self._refuse("basis")
+        elif nodes.size > len(self._residual_m) or not ((nodes >= 0) & (nodes < basis.n_nodes)).all():
+            self._refuse("load_node")
+        else:
+            residual = self._residual_m[: nodes.size]
+            residual[:] = 0.0
+            self._duct.residual.apply(nodes, forces, nodes, residual)
+            self.surface.update(q, nodes, residual)
+
+    def take_catheter(self, frame: Frame) -> None:
+        """Take over the particles of `frame`, if there are as many as in this scene."""
+        body: Catheter = frame.body
+        positions = body.position_m.view()
+        if positions.shape != self.particles_m.shape:
+            self._refuse("particles")
+            return
+        self.particles_m[:] = positions
+        self.has_catheter = True
+
+    def _refuse(self, what: str) -> None:
+        self.refused[what] = self.refused.get(what, 0) + 1

@@ -1,0 +1,87 @@
+"""The physics process: tools and contact pairs in, one step per tick, duct, catheter and contact forces out."""
+
+from __future__ import annotations
+
+import sys
+
+from protocol import Frame
+from services.mechanics.simulation import Simulation
+from services.physics.inputs import ContactsReader
+from services.physics.outputs import Outputs
+from services.physics.warm_up import warm_up
+from services.runtime.log import progress
+from services.runtime.loop import LoopMeter, TickClock, follow
+from services.runtime.nan_guard import NanGuard
+from services.runtime.process import Process, cache_directory, main
+from services.scenes import load_duct, load_scene
+
+RATE_HZ = 1000.0
+
+
+class Physics:
+    """A simulation on the bus. A state with a NaN is written to a file and replaced by the scene at rest."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        self._scene = load_scene(process.scene_name, process.scene_overrides)
+        self._duct = load_duct(self._scene, cache_directory(), progress)
+        warm_up(self._scene, self._duct)
+        self._begin()
+        self.resets = 0
+
+    def _begin(self) -> None:
+        self.simulation = Simulation(self._scene, self._duct)
+        self._reader = ContactsReader(self.simulation)
+        self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
+        watched = {"q": self.simulation.duct_state.q, "catheter": self.simulation.catheter.state.position_m}
+        self._guard = NanGuard("physics", watched, cache_directory() / "dumps")
+
+    def advance(self, frame: Frame, steps: int) -> None:
+        """Take `steps` with the tools of `frame` and publish the last one."""
+        if not self._reader.take(frame.body):
+            self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
+            return
+        for _ in range(steps):
+            self.simulation.step(self._reader.tools, self._reader.pairs)
+            for stage, cost_ns in self.simulation.stage_cost_ns.items():
+                self._process.health.stages.add(stage, cost_ns)
+        healthy = self._guard.watch()
+        if not healthy:
+            self._reset()
+        self._outputs.publish(self._process.bus, frame, valid=healthy)
+
+    def _reset(self) -> None:
+        self.resets += 1
+        self._process.health.gauges["resets"] = float(self.resets)
+        self._process.log.error("a state is not a number: wrote %s and began anew", self._guard.dumps[-1])
+        level = self.simulation.quality_level
+        self._begin()
+        self.simulation.set_quality(level)
+
+    def obey(self, level: int) -> None:
+        """Take the quality level that the supervisor asks for, as far as the scene's ladder goes."""
+        level = min(level, len(self._scene.quality) - 1)
+        if level != self.simulation.quality_level:
+            self.simulation.set_quality(level)
+        self._process.health.quality_level = level
+
+
+def run(process: Process) -> None:
+    """Step on each new tick of the rig's clock."""
+    physics = Physics(process)
+    meter = LoopMeter(RATE_HZ)
+    clock = TickClock(meter)
+    process.ready(meter)
+    for frame in follow(process.bus, "haptics.contacts", meter, process.stop):
+        if frame is not None:
+            steps = clock.steps(frame.body.tick)
+            if steps:
+                physics.advance(frame, steps)
+            process.health.change("running")
+        for state in process.bus.drain("supervisor.state"):
+            physics.obey(state.body.quality_level)
+        process.health.send_if_due()
+
+
+if __name__ == "__main__":
+    sys.exit(main("physics", run))

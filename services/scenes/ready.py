@@ -1,0 +1,34 @@
+"""What processes share of a scene: the reduced duct, with the mesh read where the scene names a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from services.mechanics.mesh import TriangleMesh
+from services.mechanics.reduction.build import Progress
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.scene import DuctScene, SceneModel
+from services.mechanics.scene_duct import build_scene_duct
+from services.runtime.errors import ConfigError
+
+
+def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct:
+    """Return the duct of `scene`, from the cache where it is there: every process gets the same.
+
+    Raises
+    ------
+    ConfigError
+        if the mesh or the settings of the duct cannot be used.
+    """
+    try:
+        return build_scene_duct(scene, cache / "bases", progress, mesh=_mesh(scene.duct))
+    except ValueError as error:
+        raise ConfigError(f"scene: {error}") from None
+
+
+def _mesh(duct: DuctScene) -> TriangleMesh | None:
+    if duct.mesh_file is None:
+        return None
+    from services.meshes import load_mesh  # mesh libraries take a second to import and most scenes need none
+
+    return load_mesh(Path(duct.mesh_file), duct.mesh_unit)
