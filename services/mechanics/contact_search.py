@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+import numpy.typing as npt
+
 from services.mechanics.catheter_body import CatheterBody
 from services.mechanics.collision import CatheterContactDetector, DuctSurface, ToolContactDetector
 from services.mechanics.contact.pairs import ContactPairs
@@ -15,6 +18,10 @@ from services.mechanics.scene import SceneModel
 
 class ContactSearch(Protocol):
     """Finds candidate pairs from positions at the start of the step."""
+
+    @property
+    def inside(self) -> npt.NDArray[np.int8]:
+        """(n,) one where a particle of the catheter is in the lumen."""
 
     def start(self, duct: DuctBody) -> None:
         """Take over the duct's shape at the start of the step."""
@@ -37,6 +44,11 @@ class DuctSearch:
         n_particles = scene.catheter.n_segments + 1
         self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
         self.tools = ToolContactDetector(self.surface, n_particles, radius_m, margin_m)
+
+    @property
+    def inside(self) -> npt.NDArray[np.int8]:
+        """(n,) one where a particle of the catheter is in the lumen; a live view."""
+        return self.catheter.inside
 
     def start(self, duct: DuctBody) -> None:
         """Move the wall."""

@@ -12,16 +12,23 @@ from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.system import Bodies, ContactSystem
-from services.mechanics.contact.tool_loads import STIFFNESS_CAPACITY, generalised_forces, local_stiffness, resultants
+from services.mechanics.contact.tool_loads import (
+    STIFFNESS_CAPACITY,
+    deepest_overlap,
+    generalised_forces,
+    local_stiffness,
+    resultants,
+)
 from services.mechanics.contact_search import ContactSearch, DuctSearch
 from services.mechanics.duct_body import DuctBody
 from services.mechanics.effects import build_effects
 from services.mechanics.effects.base import STAGES, acts_in
-from services.mechanics.forceps.tool_body import ToolBody
+from services.mechanics.forceps import Grasp, JawState, ToolBody
+from services.mechanics.mouth import Mouth
 from services.mechanics.reduction import ExactOscillator, ModalIntegrator, ModalState, Newmark, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene_duct import constant_load
-from services.mechanics.tools import N_TOOLS, ToolInputs, ToolResults
+from services.mechanics.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -55,10 +62,15 @@ class Simulation:
         self.bodies = Bodies(self.duct, self.catheter, self.tools, 0.5 * scene.duct.thickness_m)
         self.system = ContactSystem(self.bodies, scene.contact)
         self.holds = HoldRegistry(scene.forceps, self.system)
+        segment_length_m = self.catheter.properties.segment_length_m
+        self.grasps = tuple(
+            Grasp(tool, forceps, duct.mesh, segment_length_m) for tool, forceps in enumerate(scene.forceps)
+        )
         if search is None:
             search = DuctSearch(scene, duct)
         self.search = search
         self.tool_results = ToolResults()
+        self._mouth = Mouth(duct)
         self.max_penetration_m = 0.0
         self.quality_level = 0
         self._catheter_pairs = ContactPairs.allocate(capacity)
@@ -147,6 +159,11 @@ class Simulation:
         """What each stage of the last step took."""
         return dict(zip(STAGE_NAMES, self._cost_ns.tolist(), strict=True))
 
+    @property
+    def inserted_length_m(self) -> float:
+        """Length of catheter beyond the plane of the duct's mouth, 0 while its tip is not in the lumen."""
+        return self._mouth.inserted_length_m(self.duct.state.q, self.catheter, self.search.inside)
+
     def set_quality(self, level: int) -> None:
         """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""
         if not 0 <= level < len(self.scene.quality):
@@ -182,12 +199,12 @@ class Simulation:
         """Find pairs and turn them, and the holds, into contact rows."""
         system = self.system
         system.clear()
-        self.holds.follow(tools.holds or [])
         self.search.start(self.duct)
         if pairs is None:
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)
+        self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
         self._catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, self._catheter_pairs)
         for effect in self._stages["add_pairs"]:
@@ -195,6 +212,15 @@ class Simulation:
         system.append(pairs)
         system.append(self._catheter_pairs)
         self.holds.append_rows()
+
+    def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
+        """Run the grasps of both tools; an absent tool holds nothing."""
+        held: list[GraspHold] = []
+        for tool, grasp in enumerate(self.grasps):
+            if tools.present[tool]:
+                jaws = JawState(float(self.tools.proxy[tool, 3]), float(tools.jaw_angle_rad[tool]))
+                held += grasp.update(pairs, jaws)
+        return held
 
     def _correct(self, dt_s: float) -> None:
         system = self.system
@@ -211,7 +237,7 @@ class Simulation:
         resultants(system.rows, system.force_n, about_tip, self._resultant, out.torque_nm)
         resultants(system.rows, system.force_n, about_port, self._resultant, out.port_moment_nm)
         out.force_n[:] = self._tool_force[:, :3]
-        out.grasp_torque_nm[:] = self._tool_force[:, 3]
+        np.add(self._tool_force[:, 3], self.tools.jaw_stop_torque_nm(), out=out.grasp_torque_nm)
         local_stiffness(
             system.rows,
             system.compliance_m_n,
@@ -220,6 +246,7 @@ class Simulation:
             self._stiffness_scratch,
             out.stiffness_n_m,
         )
+        self.max_penetration_m = deepest_overlap(system.rows)
         out.proxy_position_m[:] = self.tools.proxy[:, :3]
         out.proxy_jaw_angle_rad[:] = self.tools.proxy[:, 3]
 

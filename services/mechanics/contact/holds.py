@@ -115,7 +115,7 @@ class HoldRegistry:
         rows.kind[row] = HOLD
         rows.identity[row] = rows.body[row] = -1 - hold.request.hold_id
         rows.frame[row] = np.eye(3)
-        rows.limit[row] = hold.request.limit_n
+        rows.limit[row] = math.inf
         rows.gap_m[row] = 0.0
         rows.duct_weight[row] = 0.0
         rows.rod_weight[row] = 0.0

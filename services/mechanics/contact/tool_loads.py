@@ -158,3 +158,13 @@ def _whiten(S: FloatArray, G: FloatArray) -> bool:
                 total -= S[j, k] * G[k, axis]
             G[j, axis] = total / S[j, j]
     return True
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def deepest_overlap(rows: ContactRows) -> float:
+    """Return how deep the catheter overlaps wall or itself at the start of the step, in m."""
+    deepest = 0.0
+    for row in range(rows.used[0]):
+        if rows.kind[row] != HOLD and rows.tool[row] == NO_TOOL:
+            deepest = max(deepest, -rows.gap_m[row])
+    return deepest

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from services.mechanics.effects.base import STAGES, Effect, acts_in, read_settings
 from services.mechanics.effects.friction import Friction
+from services.mechanics.effects.grasp_slip import GraspSlip
 from services.mechanics.effects.gravity import Gravity
 from services.mechanics.scene import SceneModel
 
@@ -30,6 +31,7 @@ class EffectEntry:
 EFFECTS: dict[str, EffectEntry] = {
     "gravity": EffectEntry(Gravity, (), "weight of catheter and wall"),
     "friction": EffectEntry(Friction, (), "Coulomb friction, static and kinetic, in every contact"),
+    "grasp_slip": EffectEntry(GraspSlip, (), "a grasp carries no more than its grip friction"),
 }
 
 

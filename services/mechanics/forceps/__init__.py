@@ -1,5 +1,6 @@
 """Laparoscopic forceps: kinematics about the port, virtual coupling and grasp."""
 
+from services.mechanics.forceps.grasp import Grasp, JawState
 from services.mechanics.forceps.kinematics import (
     contact_lever,
     jaw_angle_from_handle,
@@ -8,4 +9,4 @@ from services.mechanics.forceps.kinematics import (
 )
 from services.mechanics.forceps.tool_body import ToolBody
 
-__all__ = ["ToolBody", "contact_lever", "jaw_angle_from_handle", "tool_frame", "tool_segments"]
+__all__ = ["Grasp", "JawState", "ToolBody", "contact_lever", "jaw_angle_from_handle", "tool_frame", "tool_segments"]

@@ -94,6 +94,12 @@ class ToolBody:
         self.proxy += self.free
         np.subtract(self.proxy, self.hand, out=self.stretch)
 
+    def jaw_stop_torque_nm(self) -> FloatArray:
+        """Return the opening torque (2,) with which something held keeps the jaws from closing."""
+        squeeze = np.where(np.isfinite(self.jaw_stop_rad), self.jaw_stop_rad - self.hand[:, 3], 0.0)
+        torque: FloatArray = self.stiffness[:, 3] * np.maximum(squeeze, 0.0)
+        return torque
+
     def update_pose(self) -> None:
         """Recompute frames and segments from the proxies."""
         update_poses(

@@ -14,6 +14,10 @@ class BruteSearch:
         self.half_m = 0.5 * scene.duct.thickness_m
         self.radius_m = 0.5 * scene.catheter.outer_diameter_m
 
+    @property
+    def inside(self):
+        return np.zeros(1000, np.int8)
+
     def start(self, duct):
         every = np.arange(self.mesh.n_vertices, dtype=np.int32)
         u = duct.reduced.basis.displacements(duct.q_start)

@@ -1,0 +1,147 @@
+"""Scripted hands: breakpoints of both instruments, for tests, benchmarks and the simulated devices.
+
+A scenario is data. Between breakpoints every quantity follows the quintic of least jerk, which starts and stops
+at rest, so that velocities are continuous.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
+from services.mechanics.tools import N_TOOLS, ToolInputs
+
+FloatArray = npt.NDArray[np.float64]
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolMotion:
+    """Breakpoints of one instrument.
+
+    ``grip_point_m`` is where the middle of the jaws shall be, ``grip_offset_m`` beyond J on the shaft's axis: that
+    is what a surgeon steers, and with the port it fixes J.
+    """
+
+    time_s: tuple[float, ...]
+    grip_point_m: tuple[Vector3, ...]
+    jaw_angle_rad: tuple[float, ...]
+    roll_rad: tuple[float, ...]
+    grip_offset_m: float = 10e-3
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        if not len(self.grip_point_m) == len(self.jaw_angle_rad) == len(self.roll_rad) == n:
+            raise ValueError("a motion needs a grip point, a jaw angle and a roll for each of its times")
+        if any(b <= a for a, b in zip(self.time_s[:-1], self.time_s[1:], strict=True)):
+            raise ValueError("the times of a motion must increase")
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A scene and what both hands do in it; a tool without motion stays absent."""
+
+    name: str
+    what: str
+    duration_s: float
+    scene: SceneModel
+    motions: tuple[ToolMotion | None, ToolMotion | None]
+
+    def write_inputs(self, time_s: float, out: ToolInputs) -> None:
+        """Write the state of both hands at ``time_s`` into ``out``; grasps are left to the simulation."""
+        for tool in range(N_TOOLS):
+            motion = self.motions[tool]
+            out.present[tool] = motion is not None
+            if motion is not None:
+                _write_tool(motion, self.scene.forceps[tool], time_s, tool, out)
+
+
+def _write_tool(motion: ToolMotion, forceps: ForcepsScene, time_s: float, tool: int, out: ToolInputs) -> None:
+    table = np.column_stack([np.array(motion.grip_point_m), motion.jaw_angle_rad, motion.roll_rad])
+    value, rate = least_jerk(np.array(motion.time_s), table, time_s)
+    port = np.array(forceps.port_position_m)
+    arm = value[:3] - port
+    length = float(np.linalg.norm(arm))
+    d = arm / length
+    out.position_m[tool] = value[:3] - motion.grip_offset_m * d
+    # J = P - l d, and d turns with P about the port.
+    turn = (rate[:3] - d * (d @ rate[:3])) / length
+    out.velocity_m_s[tool] = rate[:3] - motion.grip_offset_m * turn
+    out.jaw_angle_rad[tool], out.jaw_rate_rad_s[tool] = value[3], rate[3]
+    out.roll_rad[tool] = value[4]
+
+
+def least_jerk(times_s: FloatArray, table: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return values and rates (c,) at ``time_s`` of breakpoints (k,) by (k, c); constant outside them.
+
+    6 s^5 - 15 s^4 + 10 s^3 between two breakpoints (Flash and Hogan, J. Neurosci. 5, 1985).
+    """
+    k = int(np.searchsorted(times_s, time_s, side="right")) - 1
+    if k < 0 or k >= len(times_s) - 1:
+        return table[max(min(k, len(times_s) - 1), 0)].copy(), np.zeros(table.shape[1])
+    span = times_s[k + 1] - times_s[k]
+    s = (time_s - times_s[k]) / span
+    step = table[k + 1] - table[k]
+    value = table[k] + step * (s**3 * (10.0 + s * (6.0 * s - 15.0)))
+    return value, step * (30.0 * s**2 * (1.0 - s) ** 2) / span
+
+
+def insertion_scene() -> SceneModel:
+    """Scene of the insertion: a duct with a wall of 1 mm and 300 kPa, and a 5 Fr catheter of 24 N mm^2.
+
+    The catheter comes out of its introducer towards the mouth, 6 mm short of it and a little off its axis.
+    """
+    return SceneModel(
+        duct=DuctScene(radius_m=4e-3, thickness_m=1e-3, youngs_modulus_pa=300e3, n_around=20, n_along=26, n_modes=80),
+        catheter=CatheterScene(
+            tip_position_m=(46e-3, 1.5e-3, 0.0), introducer_to_tip_m=65e-3, introducer_length_m=25e-3
+        ),
+        forceps=(
+            ForcepsScene(port_position_m=(75e-3, -60e-3, 120e-3)),
+            ForcepsScene(port_position_m=(10e-3, 70e-3, 110e-3), jaw_max_angle_rad=1.2),
+        ),
+        effects={"gravity": {}, "friction": {}, "grasp_slip": {}},
+    )
+
+
+GRASP_CATHETER_S = 0.5  # when the first forceps has closed on the catheter
+
+
+def insertion() -> Scenario:
+    """Grasp the catheter 26 mm behind its tip, steady the duct, find the mouth, slide 20 mm in."""
+    return Scenario(
+        name="insertion",
+        what="one forceps steadies the duct, the other slides the catheter 20 mm into it",
+        duration_s=2.2,
+        scene=insertion_scene(),
+        motions=(
+            ToolMotion(
+                time_s=(0.0, 0.25, 0.5, 0.8, 1.0, 1.9),
+                grip_point_m=(
+                    (72e-3, 1.5e-3, 12e-3),
+                    (72e-3, 1.5e-3, 0.0),
+                    (72e-3, 1.5e-3, 0.0),
+                    (68e-3, 0.0, 0.0),
+                    (66e-3, 0.0, 0.0),
+                    (44.5e-3, 0.0, 0.0),
+                ),
+                jaw_angle_rad=(0.7, 0.7, 0.25, 0.25, 0.25, 0.25),
+                roll_rad=(1.5707963,) * 6,
+            ),
+            _steadying_hand(),
+        ),
+    )
+
+
+def _steadying_hand() -> ToolMotion:
+    """Close gently round the duct, 10 mm from its mouth."""
+    return ToolMotion(
+        time_s=(0.0, 0.3, 0.6),
+        grip_point_m=((28e-3, 0.0, 15e-3), (28e-3, 0.0, 0.0), (28e-3, 0.0, 0.0)),
+        jaw_angle_rad=(1.15, 1.15, 0.8),
+        roll_rad=(1.5707963,) * 3,
+        grip_offset_m=12e-3,
+    )
