@@ -1,0 +1,50 @@
+"""The visualization process: composes pictures at the view's rate and streams or draws them."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene_duct import build_scene_duct
+from services.runtime import config, log
+from services.runtime.loop import LoopMeter, ticks
+from services.runtime.process import Process, cache_directory, main
+from services.visualization.composer import Composer
+from services.visualization.outputs import open_output
+from services.visualization.rig_state import RigState
+
+#: A picture is judged late against 30 Hz, whatever faster rate the rig file asks for.
+PICTURE_DEADLINE_NS = 33_333_333
+
+
+def run(process: Process) -> None:
+    """Compose, show, report; serve or pump window events while waiting for the next picture."""
+    settings = process.rig.visualization
+    health = process.health
+    painted = health.path("device_pixel", PICTURE_DEADLINE_NS)
+    scene = config.load(SceneModel, config.find("scene", process.scene_name))[0]
+    duct = build_scene_duct(scene, cache_directory() / "bases", log.progress)
+    composer = Composer(process.bus, scene, process.scene_name, duct)
+    rig_state = RigState(process.bus)
+    output = open_output(settings, painted, process.log)
+    meter = LoopMeter(settings.rate_hz)
+    process.ready(meter)
+    health.change("running")
+    try:
+        for _ in ticks(meter, lambda: process.stop() or output.closed, output.wait_until):
+            started_ns = time.monotonic_ns()
+            picture = composer.compose()
+            composed_ns = time.monotonic_ns()
+            output.show(composer.layout, picture, rig_state.notice())
+            health.stages.add("compose", composed_ns - started_ns)
+            health.stages.add("show", time.monotonic_ns() - composed_ns)
+            health.gauges.update(output.gauges())
+            health.gauges["duct_frames_refused"] = float(composer.refused)
+            health.send_if_due()
+    finally:
+        output.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main("visualization", run))

@@ -1,0 +1,138 @@
+"""From the newest frames of the bus to a picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import protocol.bodies as bodies
+from protocol import Frame
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.runtime.bus import Bus
+from services.visualization import tool_pose
+from services.visualization.duct_surface import DuctSurface
+from services.visualization.picture import Layout, Picture, ToolShape
+
+TOPICS = ("gateway.state", "physics.duct", "physics.catheter", "physics.contacts")
+
+
+class Composer:
+    """Keeps the newest frame of each topic and makes pictures of them.
+
+    Attributes
+    ----------
+    layout : Layout
+        Of the next picture; a new object with a higher epoch whenever duct, catheter or tools change.
+    refused : int
+        Duct frames of another basis, or that do not fit this one.
+    """
+
+    def __init__(self, bus: Bus, scene: SceneModel, scene_name: str, duct: ReducedDuct) -> None:
+        self._bus = bus
+        self._scene = scene
+        self._surface = DuctSurface(duct)
+        self._newest: dict[str, Frame] = {}
+        self._sequence = 0
+        self._origin_ns = 0
+        self.refused = 0
+        self.layout = Layout(
+            epoch=1,
+            scene=scene_name,
+            rest_m=self._surface.points_m,
+            triangles=duct.mesh.triangles,
+            thickness_m=scene.duct.thickness_m,
+            mouth=_nodes(duct, "mouth"),
+            clamped=_nodes(duct, "clamped"),
+            n_particles=0,
+            catheter_radius_m=0.5 * scene.catheter.outer_diameter_m,
+            tools=(),
+        )
+
+    def compose(self) -> Picture:
+        """Return the picture of now, `layout` brought up to date first."""
+        for topic in TOPICS:
+            frame = self._bus.latest(topic)
+            if frame is not None:
+                self._newest[topic] = frame
+                if topic == "physics.duct" and not self._surface.update(frame.body):
+                    self.refused += 1
+        catheter: bodies.Catheter | None = self._body("physics.catheter")
+        gateway: bodies.GatewayState | None = self._body("gateway.state")
+        self._lay_out(catheter, gateway)
+        self._sequence += 1
+        picture = Picture(self.layout.epoch, self._sequence, origin_ns=self._new_origin())
+        picture.points_m = self._surface.points_m
+        if catheter is not None:
+            picture.centreline_m = catheter.position_m.view().astype(np.float32)
+            picture.inserted_length_m = catheter.inserted_length_m
+        if gateway is not None:
+            picture.tick = gateway.tick
+            self._pose_tools(picture, gateway.instruments)
+        return picture
+
+    def _body(self, topic: str) -> Any:
+        frame = self._newest.get(topic)
+        return None if frame is None else frame.body
+
+    def _new_origin(self) -> int:
+        """Return the device sample that this picture is the first to answer, 0 if it shows nothing new.
+
+        The deformed duct is the last link of the chain, so its sample counts where physics runs.
+        """
+        frame = self._newest.get("physics.duct") or self._newest.get("gateway.state")
+        origin_ns = frame.origin_ns if frame is not None else 0
+        if origin_ns == self._origin_ns:
+            return 0
+        self._origin_ns = origin_ns
+        return origin_ns
+
+    def _lay_out(self, catheter: bodies.Catheter | None, gateway: bodies.GatewayState | None) -> None:
+        """Take a new layout if what arrived does not fit the one there is."""
+        old = self.layout
+        particles, radius_m, tools = old.n_particles, old.catheter_radius_m, old.tools
+        if catheter is not None:
+            particles, radius_m = catheter.position_m.shape[0], catheter.radius_m
+        if gateway is not None:
+            tools = tuple(self._shape(i, instrument) for i, instrument in enumerate(gateway.instruments))
+        if (particles, radius_m, tools) != (old.n_particles, old.catheter_radius_m, old.tools):
+            self.layout = replace(
+                old, epoch=old.epoch + 1, n_particles=particles, catheter_radius_m=radius_m, tools=tools
+            )
+
+    def _shape(self, index: int, instrument: bodies.InstrumentState) -> ToolShape:
+        """Return how an instrument looks: the scene's forceps in the order of the rig's instruments."""
+        shape = self._scene.forceps[min(index, len(self._scene.forceps) - 1)]
+        return ToolShape(
+            instrument.name, instrument.port_m, shape.shaft_radius_m, shape.jaw_length_m, shape.jaw_radius_m
+        )
+
+    def _pose_tools(self, picture: Picture, instruments: tuple[bodies.InstrumentState, ...]) -> None:
+        contacts: bodies.PhysicsContacts | None = self._body("physics.contacts")
+        reactions = () if contacts is None else contacts.tools
+        k = len(instruments)
+        picture.poses = np.zeros((k, 7), np.float32)
+        picture.jaw_rad = np.zeros(k, np.float32)
+        picture.force_n = np.zeros((k, 3), np.float32)
+        for i, instrument in enumerate(instruments):
+            reaction = reactions[i] if i < len(reactions) else None
+            at = tool_pose.junction(instrument, reaction)
+            axes = tool_pose.tool_axes(at, instrument.port_m, instrument.roll_rad)
+            picture.poses[i, :3] = at
+            picture.poses[i, 3:] = tool_pose.quaternion(axes)
+            picture.jaw_rad[i] = self._jaw(i, instrument, reaction)
+            if reaction is not None:
+                picture.force_n[i] = reaction.force_n
+
+    def _jaw(self, index: int, instrument: bodies.InstrumentState, reaction: bodies.ToolReaction | None) -> float:
+        """Return the opening of the jaws: where what they hold stops them, else what the handle asks for."""
+        if reaction is not None and reaction.proxy_jaw_angle_rad >= 0.0:
+            return reaction.proxy_jaw_angle_rad
+        shape = self._scene.forceps[min(index, len(self._scene.forceps) - 1)]
+        return min(max(shape.jaw_ratio * instrument.handle_angle_rad, 0.0), shape.jaw_max_angle_rad)
+
+
+def _nodes(duct: ReducedDuct, vertex_set: str) -> tuple[int, ...]:
+    return tuple(int(node) for node in duct.mesh.vertex_sets.get(vertex_set, ()))

@@ -1,0 +1,137 @@
+"""Where pictures go: to browsers, to a window of this host, or nowhere."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from typing import Protocol
+
+from services.runtime.health import Path
+from services.runtime.loop import sleep_until
+from services.runtime.rig import ViewSettings
+from services.visualization import codec
+from services.visualization.camera_feed import CameraFeed
+from services.visualization.feed import Feeds, Message
+from services.visualization.picture import Layout, Picture
+from services.visualization.server import ViewServer
+
+
+class Output(Protocol):
+    """A place where pictures go."""
+
+    closed: bool
+
+    def show(self, layout: Layout, picture: Picture, notice: str) -> None:
+        """Show the newest picture; `notice` is the text message that tells the state of the rig."""
+        ...
+
+    def wait_until(self, deadline_ns: int) -> None:
+        """Do what must be done between pictures; return at `deadline_ns`."""
+        ...
+
+    def gauges(self) -> dict[str, float]:
+        """Return figures for the health report."""
+        ...
+
+    def close(self) -> None:
+        """Give everything up."""
+        ...
+
+
+class NoOutput:
+    """Composes for nobody: what a headless run without a page costs."""
+
+    def __init__(self, painted: Path) -> None:
+        self.closed = False
+        self._painted = painted
+
+    def show(self, layout: Layout, picture: Picture, notice: str) -> None:
+        """Count the picture as seen."""
+        record(self._painted, picture)
+
+    def wait_until(self, deadline_ns: int) -> None:
+        """Sleep."""
+        sleep_until(deadline_ns)
+
+    def gauges(self) -> dict[str, float]:
+        """Return nothing."""
+        return {}
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class WebOutput:
+    """Streams pictures to browsers, which draw them."""
+
+    def __init__(self, settings: ViewSettings, painted: Path, log: logging.Logger) -> None:
+        self.closed = False
+        self._painted = painted
+        self._feeds = Feeds(painted)
+        self._camera = CameraFeed()
+        self._server = ViewServer(settings, self._feeds, self._camera)
+        self._layout: Layout | None = None
+        self._hello = ""
+        self._bytes = 0
+        log.info("view on ws://%s:%d/ws", settings.host, self._server.port)
+
+    @property
+    def port(self) -> int:
+        """Where the server listens."""
+        return self._server.port
+
+    def show(self, layout: Layout, picture: Picture, notice: str) -> None:
+        """Hand the picture to every client; without one, sending is where the path ends."""
+        self._feeds.tell(notice)
+        if layout is not self._layout:
+            self._layout, self._hello = layout, codec.encode_hello(layout)
+        data = codec.encode(picture, time.monotonic_ns())
+        self._bytes = len(data)
+        message = Message(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data)
+        self._camera.offer(message)
+        if len(self._feeds):
+            self._feeds.offer(message)
+        else:
+            record(self._painted, picture)
+
+    def wait_until(self, deadline_ns: int) -> None:
+        """Serve."""
+        self._server.run_until(deadline_ns)
+
+    def gauges(self) -> dict[str, float]:
+        """Return clients and bytes of a frame."""
+        return {"clients": float(len(self._feeds)), "frame_bytes": float(self._bytes)}
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.close()
+
+
+def record(path: Path, picture: Picture) -> None:
+    """Count a picture that ends its path here."""
+    if picture.origin_ns:
+        path.asked += 1
+        path.answered += 1
+        path.latency.record(time.monotonic_ns() - picture.origin_ns)
+
+
+def has_display() -> bool:
+    """Return whether this host has a screen for us."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def open_output(settings: ViewSettings, painted: Path, log: logging.Logger) -> Output:
+    """Return the output that the rig file's ``visualization.viewer`` asks for.
+
+    Raises
+    ------
+    UserError
+        if a window is asked for where there is no display, or the view's port is taken.
+    """
+    viewer = settings.viewer
+    if viewer == "auto":
+        viewer = "native" if has_display() else "web"
+    if viewer == "none":
+        return NoOutput(painted)
+    return WebOutput(settings, painted, log)

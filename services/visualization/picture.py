@@ -1,0 +1,84 @@
+"""What is drawn: the layout, which changes only with the scene, and the picture, which changes with every frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float32]
+IndexArray = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolShape:
+    """The unchanging part of one forceps, SI units, world frame."""
+
+    name: str
+    port_m: tuple[float, float, float]
+    shaft_radius_m: float
+    jaw_length_m: float
+    jaw_radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Everything that a renderer must know before the first picture.
+
+    Attributes
+    ----------
+    epoch : int
+        Goes up with every change; a picture belongs to one epoch.
+    rest_m : (n, 3) float32
+        Undeformed mid-surface of the duct: where the tissue's grain is anchored. Empty until the duct is known.
+    triangles : (t, 3) int32
+        Counter-clockwise seen from outside.
+    thickness_m : float
+        Of the wall, half on each side of the mid-surface.
+    mouth, clamped : tuple of int
+        Nodes of the free rim and of the held one; empty on a surface that names none.
+    n_particles : int
+        Of the catheter.
+    """
+
+    epoch: int
+    scene: str
+    rest_m: FloatArray
+    triangles: IndexArray
+    thickness_m: float
+    mouth: tuple[int, ...]
+    clamped: tuple[int, ...]
+    n_particles: int
+    catheter_radius_m: float
+    tools: tuple[ToolShape, ...]
+
+
+@dataclass(slots=True)
+class Picture:
+    """One picture, world frame, SI units.
+
+    Attributes
+    ----------
+    points_m : (n, 3) float32
+        Mid-surface of the duct.
+    centreline_m : (m, 3) float32
+        Catheter particles, tip last.
+    poses : (k, 7) float32
+        Junction J and quaternion wxyz of each tool: x along the shaft from the port, y the way jaw A opens.
+    jaw_rad : (k,) float32
+        Opening between both jaws.
+    force_n : (k, 3) float32
+        Force of the tissue on each tool.
+    """
+
+    epoch: int
+    sequence: int = 0
+    tick: int = 0
+    origin_ns: int = 0
+    points_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    centreline_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    poses: FloatArray = field(default_factory=lambda: np.zeros((0, 7), np.float32))
+    jaw_rad: FloatArray = field(default_factory=lambda: np.zeros(0, np.float32))
+    force_n: FloatArray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    inserted_length_m: float = 0.0

@@ -1,0 +1,169 @@
+"""The view's web server. It has no thread: it lives while the loop waits for its next deadline."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import struct
+import time
+from collections.abc import AsyncIterator
+from urllib.parse import urlsplit
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from services.runtime.errors import UserError
+from services.runtime.loop import sleep_until
+from services.runtime.rig import ViewSettings
+from services.visualization.camera_feed import CameraFeed
+from services.visualization.feed import Feed, Feeds
+
+MAX_CLIENTS = 16
+_ECHO = struct.Struct("<Q")
+_MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
+_BUSY = 1013  # WebSocket close code: try again later
+_BOUNDARY = "frame"
+
+
+class ViewServer:
+    """WebSocket ``/ws``, ``/snapshot.png`` and ``/camera.mjpeg`` on the view's port.
+
+    Raises
+    ------
+    UserError
+        if the port is taken.
+    """
+
+    def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed) -> None:
+        self._feeds = feeds
+        self._camera = camera
+        self._socket = _bind(settings.host, settings.port)
+        self.port: int = self._socket.getsockname()[1]
+        config = uvicorn.Config(
+            Starlette(
+                routes=[
+                    WebSocketRoute("/ws", self._view),
+                    Route("/snapshot.png", self._snapshot),
+                    Route("/camera.mjpeg", self._mjpeg),
+                    Route("/healthz", _alive),
+                ]
+            ),
+            log_level="warning",
+            lifespan="off",
+            ws="websockets-sansio",
+            ws_per_message_deflate=False,
+            ws_max_size=1024,
+            timeout_graceful_shutdown=1,
+        )
+        self._loop = asyncio.new_event_loop()
+        self._server = uvicorn.Server(config)
+        self._server.capture_signals = contextlib.nullcontext  # signals belong to the process, which ends its loop
+        self._serving = self._loop.create_task(self._server.serve(sockets=[self._socket]))
+
+    def run_until(self, deadline_ns: int) -> None:
+        """Serve until `deadline_ns` of the monotonic clock."""
+        spare_ns = deadline_ns - time.monotonic_ns() - _MARGIN_NS
+        self._loop.run_until_complete(asyncio.sleep(max(0.0, spare_ns * 1e-9)))
+        sleep_until(deadline_ns)
+
+    def close(self) -> None:
+        """Say goodbye to every client and give up the port."""
+        self._server.should_exit = True
+        self._loop.run_until_complete(self._shut())
+        self._loop.close()
+        self._socket.close()
+
+    async def _shut(self) -> None:
+        await self._camera.close()
+        await self._serving
+
+    async def _view(self, socket_: WebSocket) -> None:
+        if not same_host(socket_.headers.get("origin"), socket_.headers.get("host")):
+            await socket_.close(code=1008)
+            return
+        await socket_.accept()
+        if len(self._feeds) >= MAX_CLIENTS:
+            await socket_.close(code=_BUSY)
+            return
+        feed = self._feeds.add()
+        sending = asyncio.ensure_future(_send(socket_, feed))
+        try:
+            await _listen(socket_, feed)
+        finally:
+            self._feeds.remove(feed)
+            sending.cancel()
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
+                await sending
+
+    async def _snapshot(self, request: Request) -> Response:
+        image = await self._camera.image("png")
+        if image is None:
+            return PlainTextResponse(f"no picture: {self._camera.fault}\n", status_code=503)
+        return Response(image, media_type="image/png", headers={"Cache-Control": "no-store"})
+
+    async def _mjpeg(self, request: Request) -> Response:
+        if await self._camera.image("jpeg") is None:
+            return PlainTextResponse(f"no picture: {self._camera.fault}\n", status_code=503)
+        return StreamingResponse(
+            _multipart(self._camera), media_type=f"multipart/x-mixed-replace; boundary={_BOUNDARY}"
+        )
+
+
+async def _send(socket_: WebSocket, feed: Feed) -> None:
+    while True:
+        for part in await feed.next():
+            if isinstance(part, str):
+                await socket_.send_text(part)
+            else:
+                await socket_.send_bytes(part)
+
+
+async def _listen(socket_: WebSocket, feed: Feed) -> None:
+    """Take acknowledgements until the client goes; anything else that it says is ignored."""
+    while True:
+        message = await socket_.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        data = message.get("bytes")
+        if data is not None and len(data) == _ECHO.size:
+            feed.acknowledge(_ECHO.unpack(data)[0])
+
+
+async def _multipart(camera: CameraFeed) -> AsyncIterator[bytes]:
+    while True:
+        image = await camera.image("jpeg")
+        if image is None:
+            return
+        head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(image)}\r\n\r\n"
+        yield head.encode() + image + b"\r\n"
+
+
+async def _alive(request: Request) -> Response:
+    return PlainTextResponse("ok\n")
+
+
+def same_host(origin: str | None, host: str | None) -> bool:
+    """Return whether a page from `origin` may look: pages of this host, at any port, and programs without origin.
+
+    Otherwise any web page that a person at the rig visits could open the view's socket and watch.
+    """
+    if origin is None:
+        return True
+    return host is not None and urlsplit(origin).hostname == urlsplit(f"//{host}").hostname
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+    except OSError as error:
+        listener.close()
+        raise UserError(f"visualization.port: cannot listen on {host}:{port}: {error.strerror}") from None
+    return listener

@@ -1,0 +1,40 @@
+// Arm and safe stop. The session's token comes in the address that `trocar up` prints, after #token=, which browsers send to nobody.
+
+const $ = (id) => document.getElementById(id);
+
+export class Controls {
+  constructor() {
+    this.token = new URLSearchParams(location.hash.slice(1)).get("token");
+    const why = "Open the address that trocar up printed, with its #token=…, to command the rig.";
+    for (const [id, path] of [["arm", "api/arm"], ["safe-stop", "api/safe_stop"]]) {
+      const button = $(id);
+      button.disabled = !this.token;
+      button.title = this.token ? "" : why;
+      button.onclick = () => this.post(button, path);
+    }
+    $("safe-stop").title ||= "Let both arms go limp (Escape)";
+    addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && this.token) $("safe-stop").click();
+    });
+  }
+
+  async post(button, path) {
+    button.disabled = true;
+    try {
+      const answer = await fetch(path, { method: "POST", headers: { "X-Trocar-Token": this.token } });
+      const refusal = answer.status === 401 || answer.status === 403
+        ? "The rig did not accept this page's token; open the address that trocar up printed."
+        : `The rig answered with status ${answer.status}.`;
+      this.say(answer.ok ? "" : refusal);
+    } catch {
+      this.say("The supervisor is not reachable: nothing was commanded.");
+    } finally {
+      button.disabled = false;
+    }
+  }
+
+  say(text) {
+    $("rig-reason").textContent = text;
+    $("rig-reason").dataset.own = text ? "yes" : "";
+  }
+}

@@ -1,0 +1,137 @@
+// The dashboard: five messages a second become curves, a heat map and tables.
+
+import { COLOURS, latencyChart, missChart } from "./charts.js";
+import { known, share, us } from "./format.js";
+import { HeatMap } from "./heat.js";
+import { element, Rows, text } from "./rows.js";
+import { Budget, Events, Processes, Realtime, Stages, Topics } from "./tables.js";
+
+const $ = (id) => document.getElementById(id);
+const KEPT = 600; // messages: two minutes
+const FIRST_PATH = "device_force";
+const QUANTILES = ["p50", "p99", "p99_9", "max"];
+
+function label(name) {
+  return name.replaceAll("_", " ");
+}
+
+class Tabs {
+  constructor(parent, onChoice) {
+    this.onChoice = onChoice;
+    this.chosen = null;
+    this.rows = new Rows(parent, (name) => {
+      const tab = element("button", { textContent: label(name), onclick: () => this.choose(name) });
+      tab.setAttribute("role", "tab");
+      return tab;
+    }, (tab, name) => tab.setAttribute("aria-selected", name === this.chosen));
+  }
+
+  update(names, preferred) {
+    this.names = names;
+    if (!names.includes(this.chosen)) this.chosen = names.includes(preferred) ? preferred : names[0] ?? null;
+    this.rows.update(names, (name) => name);
+  }
+
+  choose(name) {
+    this.chosen = name;
+    this.update(this.names);
+    this.onChoice();
+  }
+}
+
+export class Dashboard {
+  constructor() {
+    this.history = [];
+    this.heat = new HeatMap($("heat"));
+    this.paths = new Tabs($("path-tabs"), () => this.drawPath());
+    this.loops = new Tabs($("heat-tabs"), () => this.heat.show(this.loops.chosen));
+    this.latency = latencyChart($("path-chart"), () => this.path()?.limit_p99);
+    this.tables = [new Processes(), new Budget(), new Stages(), new Realtime()];
+    this.topics = new Topics();
+    this.events = new Events();
+    this.quantiles = [...QUANTILES, "answered"].map((name, i) => {
+      const cell = element("div", {}, element("span", { textContent: name === "p99_9" ? "p99.9" : name }), element("b", { textContent: "–" }));
+      if (i < 4) cell.firstChild.style.setProperty("--swatch", COLOURS[i]);
+      return cell;
+    });
+    text(this.quantiles[4].firstChild, "next tick");
+    this.quantiles[4].title = "share of device samples whose contact model is applied in the very next tick";
+    $("path-now").append(...this.quantiles);
+  }
+
+  link(message) {
+    $("link-message").hidden = !message;
+    text($("link-message"), message ?? "");
+    $("dashboard").classList.toggle("stale", Boolean(message) && this.history.length > 0);
+  }
+
+  update(state) {
+    if (this.history.length && state.t < this.history.at(-1).t) this.history = []; // the rig has started anew
+    this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state) });
+    if (this.history.length > KEPT) this.history.shift();
+    this.state = state;
+    if (document.visibilityState === "hidden") return;
+    this.showRig(state);
+    for (const table of this.tables) table.update(state.processes ?? []);
+    this.topics.update(state.topics ?? []);
+    this.events.update(state.events ?? []);
+    this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);
+    this.drawPath();
+    this.drawMisses();
+    this.heat.add(state.heat, Object.fromEntries(loopsOf(state).map(({ name, loop }) => [name, 1e6 / loop.target_hz])));
+    this.loops.update(Object.keys(state.heat ?? {}), "gateway");
+    this.heat.show(this.loops.chosen);
+  }
+
+  showRig(state) {
+    const badge = $("rig-badge");
+    text(badge, state.safe_stop ? "SAFE STOP" : label(state.state).toUpperCase());
+    badge.dataset.state = state.safe_stop ? "safe_stop" : state.state;
+    if ($("rig-reason").dataset.own) return;
+    const quality = state.quality_level > 0 ? `quality level ${state.quality_level}` : "";
+    text($("rig-reason"), [state.reason, quality].filter(Boolean).join(" · "));
+    $("rig-reason").title = state.reason ?? "";
+  }
+
+  path() {
+    return this.state?.paths?.find((path) => path.name === this.paths.chosen);
+  }
+
+  drawPath() {
+    const now = this.path();
+    QUANTILES.forEach((q, i) => text(this.quantiles[i].lastChild, us(now?.[q])));
+    const p99 = this.quantiles[1].lastChild;
+    p99.className = known(now?.limit_p99) ? (now.ok ? "good" : "bad") : "";
+    text(this.quantiles[4].lastChild, share(this.state?.answered_next_tick));
+    const rows = this.history.map(({ paths }) => paths.find((path) => path.name === this.paths.chosen));
+    this.latency.set(this.history.map(({ t }) => t), QUANTILES.map((q) => rows.map((row) => row?.[q] ?? null)));
+  }
+
+  drawMisses() {
+    const names = loopsOf(this.state).map(({ name }) => name);
+    if (!names.length) return;
+    if (names.join() !== this.missNames) {
+      $("miss-chart").replaceChildren();
+      this.misses = missChart($("miss-chart"), names, () => this.state?.contract_miss_ratio ?? 0.001);
+      this.missNames = names.join();
+      this.missLegend(names);
+    }
+    this.misses.set(this.history.map(({ t }) => t), names.map((name) =>
+      this.history.map(({ loops }) => loops.find((entry) => entry.name === name)?.loop.miss_ratio ?? null)));
+  }
+
+  missLegend(names) {
+    const head = $("miss-chart").parentElement.querySelector("h2");
+    head.querySelector(".legend")?.remove();
+    const legend = element("span", { className: "legend" }, ...names.map((name, i) => {
+      const entry = element("span", { textContent: name });
+      entry.style.setProperty("--swatch", COLOURS[i % COLOURS.length]);
+      return entry;
+    }));
+    head.append(legend);
+  }
+}
+
+function loopsOf(state) {
+  return (state.processes ?? []).filter((process) => process.loop?.target_hz);
+}

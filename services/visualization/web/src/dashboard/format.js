@@ -1,0 +1,31 @@
+// Numbers as people read them. Unknown is a dash.
+
+export const known = (x) => typeof x === "number" && Number.isFinite(x);
+
+export function us(x) {
+  if (!known(x)) return "–";
+  if (x >= 100000) return `${(x / 1000).toFixed(0)} ms`;
+  if (x >= 10000) return `${(x / 1000).toFixed(1)} ms`;
+  return x >= 100 ? x.toFixed(0) : x.toFixed(1);
+}
+
+export function hz(x) {
+  if (!known(x)) return "–";
+  return x >= 100 ? x.toFixed(0) : x.toFixed(1);
+}
+
+export function share(x) {
+  if (!known(x)) return "–";
+  if (x === 0) return "0";
+  return x < 0.0001 ? `${(1e6 * x).toFixed(0)} ppm` : `${(100 * x).toPrecision(2)} %`;
+}
+
+export function count(x) {
+  return known(x) ? String(x) : "–";
+}
+
+export function duration(s) {
+  if (!known(s)) return "–";
+  if (s < 100) return `${s.toFixed(0)} s`;
+  return s < 6000 ? `${(s / 60).toFixed(0)} min` : `${(s / 3600).toFixed(1)} h`;
+}

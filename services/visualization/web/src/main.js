@@ -1,0 +1,27 @@
+// The page: the view on the left, the dashboard on the right. Everything it needs comes from the rig that serves it.
+
+import { Controls } from "./dashboard/controls.js";
+import { Dashboard } from "./dashboard/dashboard.js";
+import { RigStream } from "./dashboard/stream.js";
+import { viewAddress } from "./address.js";
+import { View } from "./view/view.js";
+
+const view = new View();
+const dashboard = new Dashboard();
+new Controls();
+
+const panel = document.getElementById("toggle-dashboard");
+panel.onclick = () => {
+  const alone = document.body.classList.toggle("alone");
+  panel.setAttribute("aria-pressed", !alone);
+};
+
+new RigStream({
+  onRig: (rig) => {
+    document.getElementById("rig-name").textContent = [rig.name, rig.scene].filter(Boolean).join(" · ");
+    document.title = rig.name ? `Trocar · ${rig.name}` : "Trocar";
+    view.connect(viewAddress(rig.view_ws, location));
+  },
+  onState: (state) => dashboard.update(state),
+  onLink: (text) => dashboard.link(text),
+});

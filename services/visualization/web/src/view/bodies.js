@@ -1,0 +1,204 @@
+// What moves: duct, catheter, forceps, force arrows. Millimetres.
+
+import * as THREE from "three";
+import { Sweep, spline } from "./sweep.js";
+import { tissueMaterial } from "./tissue.js";
+import { Wall } from "./wall.js";
+
+const UP = new THREE.Vector3(0, 1, 0);
+
+function dynamic(array) {
+  return new THREE.BufferAttribute(array, 3).setUsage(THREE.DynamicDrawUsage);
+}
+
+export class Duct {
+  constructor(layout) {
+    this.wall = new Wall(layout.rest, layout.triangles, layout.thickness);
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", dynamic(this.wall.positions));
+    geometry.setAttribute("normal", dynamic(this.wall.normals));
+    geometry.setAttribute("rest", new THREE.BufferAttribute(this.wall.rest, 3));
+    geometry.setIndex(new THREE.BufferAttribute(this.wall.index, 1));
+    const material = tissueMaterial({ colour: "#b5544c", pale: "#dba08a", vein: "#7c2230", relief: 0.10 });
+    this.object = new THREE.Mesh(geometry, material);
+    this.object.frustumCulled = false;
+    this.object.castShadow = this.object.receiveShadow = true;
+  }
+
+  update(frame) {
+    this.wall.update(frame.points);
+    this.object.geometry.attributes.position.needsUpdate = true;
+    this.object.geometry.attributes.normal.needsUpdate = true;
+  }
+}
+
+const PER_SEGMENT = 3;
+const CAP = [0.97, 0.87, 0.7, 0.5, 0.5]; // rounded tip: radii of the last rings, the last one inside the lumen
+
+export class Catheter {
+  constructor(layout) {
+    this.radius = layout.catheterRadius;
+    const along = Math.max(2, (layout.particles - 1) * PER_SEGMENT + 1);
+    this.line = new Float32Array(3 * (along + CAP.length));
+    this.radii = new Float32Array(along + CAP.length).fill(this.radius);
+    this.along = along;
+    this.sweep = new Sweep(along + CAP.length, 14);
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", dynamic(this.sweep.positions));
+    geometry.setAttribute("normal", dynamic(this.sweep.normals));
+    geometry.setAttribute("color", dynamic(new Float32Array(this.sweep.positions.length)));
+    geometry.setIndex(new THREE.BufferAttribute(this.sweep.index, 1));
+    const material = new THREE.MeshPhysicalMaterial({
+      vertexColors: true, roughness: 0.38, clearcoat: 0.6, clearcoatRoughness: 0.25, side: THREE.DoubleSide,
+    });
+    this.object = new THREE.Mesh(geometry, material);
+    this.object.frustumCulled = false;
+    this.object.castShadow = this.object.receiveShadow = true;
+    this.marked = false;
+  }
+
+  update(frame) {
+    const { line, along, radius } = this;
+    spline(frame.centreline, PER_SEGMENT, line);
+    const tip = 3 * (along - 1), t = [0, 1, 2].map((k) => line[tip + k] - line[tip - 3 + k]);
+    const length = Math.hypot(...t) || 1;
+    const steps = [0.3, 0.55, 0.72, 0.8, 0.2];
+    CAP.forEach((share, i) => {
+      for (let k = 0; k < 3; k++) line[tip + 3 * (i + 1) + k] = line[tip + k] + (t[k] / length) * steps[i] * radius;
+      this.radii[along + i] = share * radius;
+    });
+    this.sweep.update(line, this.radii);
+    if (!this.marked) this.mark();
+    this.object.geometry.attributes.position.needsUpdate = true;
+    this.object.geometry.attributes.normal.needsUpdate = true;
+  }
+
+  // A ring every centimetre from the tip, as surgeons count the depth; two rings at every fifth.
+  mark() {
+    const { line, sweep, along } = this;
+    const body = new THREE.Color("#d8a63c"), ring = new THREE.Color("#1d1b18"), bore = new THREE.Color("#2a1f12");
+    const colours = this.object.geometry.attributes.color;
+    let arc = 0;
+    for (let i = sweep.n - 1; i >= 0; i--) {
+      if (i < along - 1) arc += Math.hypot(...[0, 1, 2].map((k) => line[3 * i + k] - line[3 * i + 3 + k]));
+      const fromMark = Math.abs(arc - 10 * Math.round(arc / 10));
+      const colour = i === sweep.n - 1 ? bore : arc > 5 && fromMark < 0.55 ? ring : body;
+      for (let s = 0; s < sweep.sides; s++) colours.setXYZ(i * sweep.sides + s, colour.r, colour.g, colour.b);
+    }
+    colours.needsUpdate = true;
+    this.marked = true;
+  }
+}
+
+const STEEL = new THREE.MeshStandardMaterial({ color: "#b9c0c6", metalness: 0.85, roughness: 0.34, envMapIntensity: 0.9 });
+const SLEEVE = new THREE.MeshPhysicalMaterial({ color: "#23272c", roughness: 0.55, clearcoat: 0.25, envMapIntensity: 0.6 });
+const CANNULA = new THREE.MeshStandardMaterial({ color: "#8ea4b8", metalness: 0.2, roughness: 0.4, transparent: true, opacity: 0.45 });
+
+// A jaw along +x from the hinge: half round outside (+y), flat and toothed inside, blunt at the end.
+function jawGeometry(length, radius) {
+  const rings = 64, arcs = 10, positions = [], index = [];
+  for (let i = 0; i <= rings; i++) {
+    const x = (length * i) / rings, s = i / rings;
+    const end = Math.sqrt(Math.max(0, 1 - Math.max(0, (s - 0.9) / 0.1) ** 2));
+    const wide = radius * (1.55 - 0.5 * s) * (0.25 + 0.75 * end), high = radius * (1.25 - 0.25 * s) * (0.3 + 0.7 * end);
+    const tooth = s > 0.22 && s < 0.95 ? 0.22 * radius * ((i % 2) * 2 - 1) : 0;
+    for (let a = 0; a <= arcs; a++) {
+      const angle = (Math.PI * a) / arcs;
+      positions.push(x, -0.78 * radius + (high + 0.5 * radius) * Math.sin(angle) * 1.1, wide * Math.cos(angle));
+    }
+    positions.push(x, -0.9 * radius + tooth, -0.9 * wide, x, -0.9 * radius + tooth, 0.9 * wide);
+  }
+  const around = arcs + 3;
+  for (let i = 0; i < rings; i++) {
+    for (let a = 0; a < around; a++) {
+      const p = i * around + a, q = i * around + ((a + 1) % around);
+      index.push(p, p + around, q, q, p + around, q + around);
+    }
+  }
+  for (let a = 1; a < around - 1; a++) {
+    index.push(0, a, a + 1);
+    index.push(rings * around, rings * around + a + 1, rings * around + a);
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.Float32BufferAttribute(positions, 3));
+  geometry.setIndex(index);
+  const creased = geometry.toNonIndexed();
+  creased.computeVertexNormals();
+  return creased;
+}
+
+function along(geometry, from, to) {
+  // A cylinder of three.js stands on y; lay it along x between `from` and `to`.
+  return geometry.rotateZ(-Math.PI / 2).translate(0.5 * (from + to), 0, 0);
+}
+
+function solid(geometry, material) {
+  const mesh = new THREE.Mesh(geometry, material);
+  mesh.castShadow = true;
+  mesh.receiveShadow = true;
+  return mesh;
+}
+
+export class Forceps {
+  constructor(shape) {
+    const r = shape.shaftRadius, j = shape.jawRadius, length = 260;
+    this.object = new THREE.Group();
+    this.port = new THREE.Vector3(...shape.port);
+    this.object.add(
+      solid(along(new THREE.CylinderGeometry(r, r, length, 28), -length - 9, -9), SLEEVE),
+      solid(along(new THREE.CylinderGeometry(0.82 * r, 0.96 * r, 3, 28), -9, -6), STEEL),
+      solid(along(new THREE.CylinderGeometry(1.7 * j, 0.82 * r, 5, 28), -6, -1), STEEL),
+      solid(along(new THREE.CylinderGeometry(1.25 * j, 1.7 * j, 1.6, 28), -1, 0.6), STEEL),
+    );
+    const pin = new THREE.CylinderGeometry(0.95 * j, 0.95 * j, 3.9 * j, 20).rotateX(Math.PI / 2);
+    this.object.add(solid(pin, STEEL));
+    const jaw = jawGeometry(shape.jawLength, j);
+    this.jawA = solid(jaw, STEEL);
+    this.jawB = new THREE.Group();
+    const other = solid(jaw, STEEL);
+    other.rotation.x = Math.PI;
+    this.jawB.add(other);
+    this.object.add(this.jawA, this.jawB);
+    this.cannula = new THREE.Group();
+    this.cannula.add(
+      new THREE.Mesh(along(new THREE.CylinderGeometry(1.7 * r, 1.7 * r, 46, 32, 1, true), -30, 16), CANNULA),
+      new THREE.Mesh(along(new THREE.CylinderGeometry(3.4 * r, 2.6 * r, 12, 32), -42, -30), CANNULA),
+    );
+    this.root = new THREE.Group().add(this.object, this.cannula);
+  }
+
+  // pose: J (3), quaternion wxyz; the tool frame has x along the shaft and y the way jaw A opens.
+  update(pose, opening) {
+    this.object.position.set(pose[0], pose[1], pose[2]);
+    this.object.quaternion.set(pose[4], pose[5], pose[6], pose[3]);
+    this.jawA.rotation.z = 0.5 * opening;
+    this.jawB.rotation.z = -0.5 * opening;
+    this.cannula.position.copy(this.port);
+    this.cannula.quaternion.copy(this.object.quaternion);
+  }
+}
+
+const ARROW_MM_PER_N = 18;
+
+export class ForceArrow {
+  constructor() {
+    this.material = new THREE.MeshBasicMaterial({ color: "#7ad7c4", transparent: true, opacity: 0.92, depthTest: false });
+    this.stem = new THREE.Mesh(new THREE.CylinderGeometry(0.35, 0.35, 1, 12).translate(0, 0.5, 0), this.material);
+    this.head = new THREE.Mesh(new THREE.ConeGeometry(1.1, 2.6, 16).translate(0, 1.3, 0), this.material);
+    this.object = new THREE.Group().add(this.stem, this.head);
+    this.object.renderOrder = 5;
+    this.force = new THREE.Vector3();
+  }
+
+  update(pose, force, colour) {
+    this.force.set(force[0], force[1], force[2]);
+    const length = ARROW_MM_PER_N * this.force.length();
+    this.object.visible = length > 0.6;
+    if (!this.object.visible) return;
+    this.object.position.set(pose[0], pose[1], pose[2]);
+    this.object.quaternion.setFromUnitVectors(UP, this.force.normalize());
+    this.stem.scale.y = Math.max(0.01, length - 2);
+    this.head.position.y = Math.max(0, length - 2);
+    this.material.color.set(colour);
+  }
+}

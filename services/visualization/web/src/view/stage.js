@@ -1,0 +1,150 @@
+// The three.js stage: renderer, light of the laparoscope, cameras, and what the layout puts on it.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
+import { backdrop } from "./backdrop.js";
+import { Catheter, Duct, ForceArrow, Forceps } from "./bodies.js";
+
+export const PRESETS = ["scope", "mouth", "side", "top", "ports"];
+
+export class Stage {
+  constructor(canvas) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
+    this.renderer.toneMappingExposure = 1.05;
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    this.pixelRatio = Math.min(devicePixelRatio, 2);
+    this.scene = new THREE.Scene();
+    this.scene.background = new THREE.Color("#0a0505");
+    this.scene.fog = new THREE.Fog("#0a0505", 110, 380);
+    const pmrem = new THREE.PMREMGenerator(this.renderer);
+    this.scene.environment = pmrem.fromScene(new RoomEnvironment(), 0.04).texture;
+    this.scene.environmentIntensity = 0.32;
+    pmrem.dispose();
+    this.camera = new THREE.PerspectiveCamera(50, 1, 1, 1500);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = true;
+    this.controls.dampingFactor = 0.12;
+    this.controls.minDistance = 8;
+    this.controls.maxDistance = 420;
+    this.light();
+    this.bodies = new THREE.Group();
+    this.scene.add(this.bodies);
+    this.layout = null;
+    this.showForces = true;
+  }
+
+  // A lens with its light beside it, and a weaker second light that throws the shadows.
+  light() {
+    this.lamp = new THREE.SpotLight("#fff4e6", 2.6, 0, 0.75, 0.8, 0);
+    this.lamp.position.set(4, 3, 0);
+    this.lamp.target.position.set(0, 0, -100);
+    this.camera.add(this.lamp, this.lamp.target);
+    this.scene.add(this.camera, new THREE.HemisphereLight("#ffe9dc", "#3a0d0a", 0.35));
+    this.sun = new THREE.DirectionalLight("#ffe8d6", 0.9);
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(1024, 1024);
+    this.sun.shadow.radius = 5;
+    this.sun.shadow.bias = -0.0006;
+    this.sun.shadow.normalBias = 0.25;
+    const box = this.sun.shadow.camera;
+    [box.left, box.right, box.bottom, box.top, box.near, box.far] = [-70, 70, -70, 70, 10, 300];
+    this.scene.add(this.sun, this.sun.target);
+  }
+
+  setLayout(layout) {
+    const first = this.layout === null || this.layout.scene !== layout.scene;
+    this.bodies.traverse((object) => object.geometry?.dispose());
+    this.bodies.clear();
+    const bounds = new THREE.Box3().setFromArray(layout.rest);
+    for (const name of ["mouth", "clamped"]) layout[`${name}Centre`] = centreOf(layout.rest, layout[name]);
+    this.layout = layout;
+    this.duct = new Duct(layout);
+    this.catheter = layout.particles > 1 ? new Catheter(layout) : null;
+    this.forceps = layout.tools.map((shape) => new Forceps(shape));
+    this.arrows = layout.tools.map(() => new ForceArrow());
+    this.bodies.add(backdrop(layout, bounds), this.duct.object);
+    if (this.catheter) this.bodies.add(this.catheter.object);
+    for (const body of [...this.forceps.map((f) => f.root), ...this.arrows.map((a) => a.object)]) this.bodies.add(body);
+    this.frameBounds(bounds);
+    if (first) this.lookFrom("scope");
+  }
+
+  frameBounds(bounds) {
+    const { mouthCentre, clampedCentre } = this.layout;
+    this.size = bounds.getSize(new THREE.Vector3()).length();
+    this.mouth = mouthCentre ?? bounds.max.clone();
+    this.axis = mouthCentre && clampedCentre ? mouthCentre.clone().sub(clampedCentre).normalize() : new THREE.Vector3(1, 0, 0);
+    this.aim = bounds.getCenter(new THREE.Vector3()).lerp(this.mouth, 0.45);
+    this.sun.target.position.copy(this.aim);
+    this.sun.position.copy(this.aim).add(new THREE.Vector3(25, 60, 110));
+  }
+
+  lookFrom(preset) {
+    const up = new THREE.Vector3(0, 0, 1);
+    const side = new THREE.Vector3().crossVectors(this.axis, up).normalize();
+    const s = this.size, aim = this.aim.clone();
+    const at = (a, b, c) => aim.clone().addScaledVector(this.axis, a * s).addScaledVector(side, b * s).addScaledVector(up, c * s);
+    const places = {
+      scope: () => at(0.55, 1.05, 0.95),
+      side: () => at(0, 1.75, 0.15),
+      top: () => at(0.02, 0.02, 1.9),
+      ports: () => at(0.9, 4.6, 3.4),
+      mouth: () => {
+        aim.copy(this.mouth);
+        return this.mouth.clone().addScaledVector(this.axis, 0.62 * s).addScaledVector(up, 0.22 * s).addScaledVector(side, 0.12 * s);
+      },
+    };
+    this.camera.position.copy(places[preset]());
+    this.controls.target.copy(aim);
+    if (preset === "ports") this.controls.target.addScaledVector(up, 0.8 * s);
+    this.controls.update();
+  }
+
+  update(frame, colourOfForce) {
+    this.duct.update(frame);
+    this.catheter?.update(frame);
+    this.forceps.forEach((forceps, i) => {
+      const pose = frame.poses.subarray(7 * i, 7 * i + 7), force = frame.forces.subarray(3 * i, 3 * i + 3);
+      forceps.update(pose, frame.jaws[i]);
+      this.arrows[i].update(pose, force, colourOfForce(Math.hypot(...force)));
+      this.arrows[i].object.visible &&= this.showForces;
+    });
+  }
+
+  resize(width, height) {
+    this.renderer.setPixelRatio(this.pixelRatio);
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.height = height;
+  }
+
+  // Fewer pixels for a computer that cannot keep up.
+  coarsen() {
+    if (this.pixelRatio <= 0.6) return;
+    this.pixelRatio = Math.max(0.6, this.pixelRatio * 0.75);
+    this.renderer.setPixelRatio(this.pixelRatio);
+  }
+
+  // Millimetres of one pixel of the page at the point looked at.
+  mmPerPixel() {
+    const distance = this.camera.position.distanceTo(this.controls.target);
+    return (2 * distance * Math.tan(THREE.MathUtils.degToRad(0.5 * this.camera.fov))) / this.height;
+  }
+
+  draw() {
+    this.controls.update();
+    this.renderer.render(this.scene, this.camera);
+  }
+}
+
+function centreOf(rest, nodes) {
+  if (!nodes?.length) return null;
+  const centre = new THREE.Vector3();
+  for (const i of nodes) centre.add(new THREE.Vector3(rest[3 * i], rest[3 * i + 1], rest[3 * i + 2]));
+  return centre.divideScalar(nodes.length);
+}

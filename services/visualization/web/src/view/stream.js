@@ -1,0 +1,62 @@
+// The view's WebSocket: newest frame only, reconnects and says so.
+
+import { decodeFrame, decodeHello, encodeEcho } from "./protocol.js";
+
+const RETRY_MS = [250, 500, 1000, 2000];
+
+export class ViewStream {
+  // handlers: onLayout(layout), onRig(message), onLink(text or null)
+  constructor(address, handlers) {
+    this.address = address;
+    this.handlers = handlers;
+    this.layout = null;
+    this.newest = null;
+    this.attempts = 0;
+    this.afterPaint = new MessageChannel();
+    this.afterPaint.port1.onmessage = ({ data }) => this.echo(data);
+    this.connect();
+  }
+
+  connect() {
+    const socket = new WebSocket(this.address);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.attempts = 0;
+      this.handlers.onLink(null);
+    };
+    socket.onmessage = ({ data }) => (typeof data === "string" ? this.text(JSON.parse(data)) : this.frame(data));
+    socket.onclose = () => {
+      this.layout = this.newest = null;
+      this.handlers.onLink("The view is not reachable. Trying again…");
+      setTimeout(() => this.connect(), RETRY_MS[Math.min(this.attempts++, RETRY_MS.length - 1)]);
+    };
+    this.socket = socket;
+  }
+
+  text(message) {
+    if (message.type === "rig") this.handlers.onRig(message);
+    if (message.type !== "hello") return;
+    this.layout = decodeHello(message);
+    this.handlers.onLayout(this.layout);
+  }
+
+  frame(buffer) {
+    const frame = this.layout && decodeFrame(buffer, this.layout);
+    if (frame) this.newest = frame;
+  }
+
+  take() {
+    const frame = this.newest;
+    this.newest = null;
+    return frame;
+  }
+
+  // Call in the animation frame that draws `frame`: its echo goes out when the browser has painted it.
+  painted(frame) {
+    this.afterPaint.port2.postMessage(frame.sequence);
+  }
+
+  echo(sequence) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(encodeEcho(sequence));
+  }
+}
