@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
 from services.mechanics.mesh import (
@@ -75,10 +77,18 @@ def _stray_vertices(mesh: TriangleMesh) -> IntArray:
 
 
 def _touching_vertices(mesh: TriangleMesh) -> IntArray:
-    """Vertices with more than one fan of triangles: more open edge ends than one open rim passes."""
-    edges, shared = unique_edges(mesh)
-    open_ends = np.bincount(edges[shared == 1].ravel(), minlength=mesh.n_vertices)
-    triangles_at = np.bincount(mesh.triangles.ravel(), minlength=mesh.n_vertices)
-    edges_at = np.bincount(edges.ravel(), minlength=mesh.n_vertices)
-    fans = edges_at - triangles_at
-    return np.flatnonzero((open_ends > 2) | (fans > 1)).astype(np.int32)
+    """Vertices whose triangles do not all hang together by edges, so that two sheets meet in a point."""
+    directed = half_edges(mesh)
+    _, edge = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
+    start = np.arange(len(directed))
+    end = start - start % 3 + (start + 1) % 3
+    is_up = directed[:, 0] < directed[:, 1]
+    low, high = np.where(is_up, start, end), np.where(is_up, end, start)
+    order = np.argsort(edge.ravel(), kind="stable")
+    joined = order[:-1][np.diff(edge.ravel()[order]) == 0], order[1:][np.diff(edge.ravel()[order]) == 0]
+    rows = np.concatenate([low[joined[0]], high[joined[0]]])
+    columns = np.concatenate([low[joined[1]], high[joined[1]]])
+    links = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(start),) * 2)
+    _, fan = connected_components(links, directed=False)
+    fans = np.unique(np.stack([mesh.triangles.ravel(), fan], axis=1), axis=0)
+    return np.flatnonzero(np.bincount(fans[:, 0], minlength=mesh.n_vertices) > 1).astype(np.int32)

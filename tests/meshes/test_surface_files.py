@@ -167,13 +167,14 @@ def test_what_cannot_be_repaired_is_refused_with_the_reason(build, message):
         repair_surface(build())
 
 
-def test_sheets_that_touch_in_a_vertex_are_found_and_refused():
-    """Two opposite places of the wall glued at one vertex: no rim branches, but the shell does."""
-    opposite = 20 * 24, 20 * 24 + 12
-    glued = TriangleMesh(CONE.vertices_m, np.where(CONE.triangles == opposite[1], opposite[0], CONE.triangles))
-    assert [finding.defect for finding in check_surface(glued)][0] == "vertices where separate sheets touch"
-    with pytest.raises(MeshError, match="separate sheets touch"):
-        repair_surface(glued)
+def test_sheets_that_touch_in_a_vertex_are_refused_with_the_place():
+    """Two opposite places of the wall glued at one vertex: every edge is sound, the shell is not."""
+    kept, glued = 20 * 24, 20 * 24 + 12
+    touching = TriangleMesh(CONE.vertices_m, np.where(CONE.triangles == glued, kept, CONE.triangles))
+    with pytest.raises(
+        MeshError, match=r"1 vertices where separate sheets touch, the first at \[20\.0, 3\.4, 0\.0\] mm"
+    ):
+        repair_surface(touching)
 
 
 def test_a_clean_surface_has_no_findings():
