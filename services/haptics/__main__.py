@@ -40,26 +40,31 @@ class Haptics:
         self._ttl_s = 0.02
 
     def answer(self, frame: Frame) -> None:
-        """Answer one device frame: the model first, since the hand waits for it."""
+        """Answer one device frame: the model first, since the hand waits for it; what it does not need comes after."""
         started = time.monotonic_ns()
         state: GatewayState = frame.body
-        self._take_physics()
-        hands = self.tools.take_hands(state)
-        modelled = time.monotonic_ns()
-        known = self._bus.is_fresh("physics.contacts")
+        known = self._take_reactions()
         self._bus.publish("haptics.contact_model", self._model(state, known), origin_ns=frame.origin_ns, valid=known)
-        sent = time.monotonic_ns()
+        modelled = time.monotonic_ns()
+        self._take_shapes()
+        hands = self.tools.take_hands(state)
         self._detect()
+        detected = time.monotonic_ns()
         body = tool_contacts(state.tick, hands, self._pairs)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
-        self._count(started, modelled, sent)
+        self._count(started, modelled, detected)
 
-    def _take_physics(self) -> None:
+    def _take_reactions(self) -> bool:
+        """Take the newest solved forces; False if there are none fresh enough to act on."""
         contacts = self._bus.latest("physics.contacts")
         if contacts is not None:
             self.tools.take_reactions(contacts.body)
-        elif not self._bus.is_fresh("physics.contacts"):
+        known = self._bus.is_fresh("physics.contacts")
+        if not known:
             self.tools.forget_reactions()
+        return known
+
+    def _take_shapes(self) -> None:
         duct, catheter = self._bus.latest("physics.duct"), self._bus.latest("physics.catheter")
         if duct is not None:
             self.world.take_duct(duct)
@@ -81,11 +86,11 @@ class Haptics:
             tools = self.tools
             self._detector.detect(tools.segments_m, tools.radius_m, self.world.particles_m, self._pairs, tools.present)
 
-    def _count(self, started: int, modelled: int, sent: int) -> None:
-        stages, now = self._health.stages, time.monotonic_ns()
-        stages.add("read", modelled - started)
-        stages.add("model", sent - modelled)
-        stages.add("detect and send", now - sent)
+    def _count(self, started: int, modelled: int, detected: int) -> None:
+        stages = self._health.stages
+        stages.add("model", modelled - started)
+        stages.add("detect", detected - modelled)
+        stages.add("send", time.monotonic_ns() - detected)
         self._health.gauges.update({f"refused_{what}": float(n) for what, n in self.world.refused.items()})
 
     def warm_up(self) -> None:
