@@ -63,8 +63,9 @@ def read_back() -> Fact:
     """Return the scheduling class of every thread of this process, as the kernel has it now."""
     threads = sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
     names = {os.SCHED_FIFO: "FIFO", os.SCHED_OTHER: "OTHER", os.SCHED_RR: "RR"}
-    classes = [f"{names.get(os.sched_getscheduler(t), '?')} {os.sched_getparam(t).sched_priority}" for t in threads]
-    return Fact("threads", "one class for all", ", ".join(classes), len(set(classes)) == 1)
+    policies = [os.sched_getscheduler(thread) for thread in threads]
+    had = [f"{names.get(p, '?')} {os.sched_getparam(t).sched_priority}" for p, t in zip(policies, threads, strict=True)]
+    return Fact("threads", "one class for all", ", ".join(had), len(set(policies)) == 1)
 
 
 def _pin(core: int | None) -> Fact:

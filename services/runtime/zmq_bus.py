@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import time
 from collections.abc import Iterable
@@ -20,6 +21,13 @@ from services.runtime.rig import Transport
 _HIGH_WATER_MARK = 1000
 _RECONNECT_MS = 2
 _ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
+
+
+def _raise_io_thread(context: zmq.Context[zmq.Socket[bytes]]) -> None:
+    """Put the I/O thread one above a real-time process: else what it sends waits until the process sleeps."""
+    if os.sched_getscheduler(0) == os.SCHED_FIFO:
+        context.set(zmq.THREAD_SCHED_POLICY, os.SCHED_FIFO)
+        context.set(zmq.THREAD_PRIORITY, os.sched_getparam(0).sched_priority + 1)
 
 
 def _readable(socket: zmq.Socket[bytes]) -> bool:
@@ -53,6 +61,7 @@ class ZmqBus:
     ) -> None:
         self._context = zmq.Context()
         self._context.linger = 0
+        _raise_io_thread(self._context)
         self._locks: list[IO[str]] = []
         self._senders: dict[str, zmq.Socket[bytes]] = {}
         self._receivers: dict[str, zmq.Socket[bytes]] = {}
