@@ -1,4 +1,9 @@
-"""The gateway: devices at 1 kHz, and the servo between them and the newest contact model."""
+"""The gateway: devices at 1 kHz, and the servo between them and the newest contact model.
+
+A tick has two halves. At its deadline the arms are read, answered and published: nothing comes before what the hand
+feels. The handles, whose drives are on a bus that takes its time, are served while haptics works on the answer, or
+right after it has come.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +23,8 @@ from services.runtime.process import Process, main
 MODEL = "haptics.contact_model"
 RATE_HZ = 1000.0
 _GAUGES_EVERY = 50
+#: The handles are served at the latest this long before the next tick.
+_HANDLES_NS = 400_000
 
 
 def run(process: Process) -> None:
@@ -28,18 +35,18 @@ def run(process: Process) -> None:
     answers = Answers(
         instruments, contract_path(process, "device_model", 800.0), contract_path(process, "device_force", 2000.0)
     )
+    grasp = contract_path(process, "grasp", 300.0)
     orders = Orders(instruments)
     meter = LoopMeter(RATE_HZ)
     try:
         open_devices(instruments)
         process.ready(meter)
-        for tick in ticks(meter, process.stop, partial(listen, process, answers)):
+        for tick in ticks(meter, process.stop, partial(serve, process, instruments, answers, grasp)):
             sampled_ns = time.monotonic_ns()
             for instrument in instruments:
                 instrument.read(tick.scheduled_ns)
             for instrument in instruments:
-                instrument.step(sampled_ns)
-                instrument.write()
+                instrument.answer(sampled_ns)
             written_ns = time.monotonic_ns()
             state = GatewayState(tick=tick.index, instruments=tuple(i.state() for i in instruments))
             bus.publish("gateway.state", state, origin_ns=sampled_ns)
@@ -55,14 +62,24 @@ def run(process: Process) -> None:
             instrument.close()
 
 
-def listen(process: Process, answers: Answers, deadline_ns: int) -> None:
-    """Sleep until `deadline_ns`, taking the model that answers the last tick when it arrives."""
+def serve(process: Process, instruments: list[Instrument], answers: Answers, grasp: Path, deadline_ns: int) -> None:
+    """Until `deadline_ns`: take the model that answers the last tick when it arrives, and serve the handles."""
+    listen(process, answers, deadline_ns - _HANDLES_NS)
+    began_ns = time.monotonic_ns()
+    for instrument in instruments:
+        instrument.exchange_handle()
+    grasp.latency.record(time.monotonic_ns() - began_ns)
+    listen(process, answers, deadline_ns)
+    sleep_until(deadline_ns)
+
+
+def listen(process: Process, answers: Answers, until_ns: int) -> None:
+    """Wait for the answer to the last tick, at most until `until_ns`."""
     bus = process.bus
-    while answers.outstanding and time.monotonic_ns() < deadline_ns and bus.wait(MODEL, deadline_ns):
+    while answers.outstanding and time.monotonic_ns() < until_ns and bus.wait(MODEL, until_ns):
         frame = bus.latest(MODEL)
         if frame is not None:
             answers.accept(frame, time.monotonic_ns())
-    sleep_until(deadline_ns)
 
 
 def contract_path(process: Process, name: str, default_us: float) -> Path:

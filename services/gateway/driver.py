@@ -16,7 +16,7 @@ from services.gateway import drivers
 from services.gateway.layout import FloatArray
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
-from services.runtime.rig import DriverSettings, Mount, Settings
+from services.runtime.rig import DriverSettings, Mount
 
 T = TypeVar("T")
 
@@ -137,7 +137,7 @@ def known_drivers() -> list[str]:
 
 def load_arm(settings: DriverSettings, place: Place) -> Arm:
     """Return the arm that the rig file names, not yet open; raises as `load_grasp`."""
-    return cast(Arm, _load(settings, Arm, place))
+    return cast(Arm, _load(settings, "arm", place))
 
 
 def load_grasp(settings: DriverSettings, place: Place) -> Grasp:
@@ -150,10 +150,10 @@ def load_grasp(settings: DriverSettings, place: Place) -> Grasp:
     ConfigError
         naming the key, if its settings or its device file cannot be used.
     """
-    return cast(Grasp, _load(settings, Grasp, place))
+    return cast(Grasp, _load(settings, "handle", place))
 
 
-def _load(settings: DriverSettings, kind: type[Device], place: Place) -> Device:
+def _load(settings: DriverSettings, kind: str, place: Place) -> object:
     where = f"instrument {place.instrument!r}"
     name = settings.driver
     if name not in known_drivers():
@@ -162,9 +162,9 @@ def _load(settings: DriverSettings, kind: type[Device], place: Place) -> Device:
         module = importlib.import_module(f"services.gateway.drivers.{name}")
     except ImportError as error:
         raise DeviceError(f"{where}: driver {name!r} needs {error.name}, which is not installed") from None
-    if not issubclass(module.Driver, kind):
-        raise DeviceError(f"{where}: driver {name!r} is not {'an arm' if kind is Arm else 'a handle'}")
-    return cast(Device, module.Driver(settings, place))
+    if not issubclass(module.Driver, Arm if kind == "arm" else Grasp):
+        raise DeviceError(f"{where}, {kind}: driver {name!r} drives something else")
+    return cast(object, module.Driver(settings, place))
 
 
 def read_settings(kind: type[T], settings: DriverSettings, place: Place) -> T:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import cast
 
 import numpy as np
@@ -17,7 +18,7 @@ from services.runtime.rig import Instrument as InstrumentSettings
 
 
 class Instrument:
-    """Reads a pose, lets the servo answer it, writes force and torque: `read`, `step`, `write` once a tick."""
+    """Once a tick: `read` the arm, `answer` with a force; later in the tick, `exchange_handle`."""
 
     def __init__(self, settings: InstrumentSettings, arm: Arm, grasp: Grasp | None, servo: Servo) -> None:
         self.name = settings.name
@@ -44,37 +45,40 @@ class Instrument:
     def warm(self) -> None:
         """Run every kernel of a tick once, with force off, so that none is compiled under a deadline."""
         self.read(0)
-        self.servo.step(1, self._motion, self._handle, 0.0, calibrated=False)
-        self.servo.reset_clock()
+        self.servo.step(1, self._motion, 0.0, calibrated=False)
+        self.servo.step_grasp(1, self._handle)
         pose.force_to_arm(self.servo.force_n, self._mount, self._arm_force)
+        self.servo.reset_clock()
 
     def read(self, time_ns: int) -> None:
-        """Read arm and handle."""
+        """Read the arm."""
         self.arm.read(time_ns, self._reading)
-        if self.grasp is not None:
-            self.grasp.read(time_ns, self._handle)
         pose.place_tool(self._reading, self._mount, self._port, self._motion, self._orientation)
 
-    def step(self, now_ns: int) -> None:
-        """Compute the force for the pose read at `now_ns`; switch the motors on where force begins."""
-        servo, grasp = self.servo, self.grasp
-        if self.arm.fault:
-            servo.engagement.fail(self.arm.fault)
-        servo.grasp_on = grasp is not None and grasp.ready
-        temperature = float(self._reading[layout.READ_TEMPERATURE])
-        if servo.step(now_ns, self._motion, self._handle, temperature, calibrated=self.arm.calibrated):
-            self.arm.enable()
-            if grasp is not None:
-                grasp.enable()
+    def answer(self, now_ns: int) -> None:
+        """Compute the force for the pose read at `now_ns` and write it; switch the motors on where force begins."""
+        servo, arm = self.servo, self.arm
+        if arm.fault:
+            servo.engagement.fail(arm.fault)
+        if servo.step(now_ns, self._motion, float(self._reading[layout.READ_TEMPERATURE]), calibrated=arm.calibrated):
+            arm.enable()
+            if self.grasp is not None:
+                self.grasp.enable()
+        if arm.has_force:
+            pose.force_to_arm(servo.force_n, self._mount, self._arm_force)
+            arm.write(self._arm_force)
 
-    def write(self) -> None:
-        """Write what the servo decided."""
-        if self.arm.has_force:
-            pose.force_to_arm(self.servo.force_n, self._mount, self._arm_force)
-            self.arm.write(self._arm_force)
-        if self.grasp is not None:
-            self._torque_nm = self.servo.torque_nm
-            self.grasp.write(self._torque_nm)
+    def exchange_handle(self) -> None:
+        """Read the handle and write the torque that answers it."""
+        grasp = self.grasp
+        if grasp is None:
+            return
+        now_ns = time.monotonic_ns()
+        grasp.read(now_ns, self._handle)
+        self.servo.grasp_on = grasp.ready
+        self.servo.step_grasp(now_ns, self._handle)
+        self._torque_nm = self.servo.torque_nm
+        grasp.write(self._torque_nm)
 
     def arm_anew(self) -> None:
         """Forget faults: a person has armed the rig."""

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 
 from services.gateway.kernel import kernel
 from services.gateway.layout import FloatArray
+from services.runtime import config
+from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings, Vector3
 
 # Columns of a sampled script.
@@ -63,6 +65,22 @@ class Player:
         if self._loop and end > 0.0:
             time_s %= end
         minimum_jerk(self._times, self._values, time_s, self.value, self.rate)
+
+
+def read_player(name: str, instrument: str) -> Player:
+    """Return the motion of an instrument in a script of configs/scripts.
+
+    Raises
+    ------
+    ConfigError
+        if the script cannot be read or has no motion for the instrument.
+    """
+    path = config.find("script", name)
+    script = config.load(Script, path)[0]
+    if instrument not in script.motions:
+        known = ", ".join(script.motions)
+        raise ConfigError(f"{path}: motions: there is none for instrument {instrument!r}; known: {known}")
+    return Player(script.motions[instrument], script.loop)
 
 
 @kernel

@@ -70,6 +70,7 @@ class Servo:
         self._incarnation = -1
         self._overruns = 0
         self._last_ns = 0
+        self._last_grasp_ns = 0
 
     @property
     def torque_nm(self) -> float:
@@ -100,15 +101,13 @@ class Servo:
         self._now[layout.NOW_TTL] = ttl_s
         layout.pack_model(model, self._model)
 
-    def step(self, now_ns: int, motion: FloatArray, handle: FloatArray, temperature: float, calibrated: bool) -> bool:
-        """Compute `force_n` and `torque_nm` for the pose read at `now_ns`; True where motors must be switched on.
+    def step(self, now_ns: int, motion: FloatArray, temperature: float, *, calibrated: bool) -> bool:
+        """Compute `force_n` for the pose read at `now_ns`; return True where motors must be switched on.
 
         Parameters
         ----------
         motion : (6,) float64
             Position and velocity of the HIP in the world.
-        handle : (2,) float64
-            Angle and rate of the handle.
         temperature
             Hottest motor, 0 ambient to 1 limit.
         calibrated
@@ -117,7 +116,7 @@ class Servo:
         now = self._now
         dt_s = (now_ns - self._last_ns) * 1e-9 if self._last_ns else 1e-3
         self._last_ns = now_ns
-        self.age_s = min((now_ns - self._answers_ns) * 1e-9, _MAX_AGE_S) if self._answers_ns else _MAX_AGE_S
+        self.age_s = self._age_s(now_ns)
         self._trip(motion, dt_s)
         ttl_s = float(now[layout.NOW_TTL])
         begins = self.engagement.step(
@@ -130,15 +129,26 @@ class Servo:
         now[layout.NOW_DT] = dt_s
         now[layout.NOW_AGE] = self.age_s
         now[layout.NOW_GAIN] = self.engagement.gain
-        now[layout.NOW_GRASP_GAIN] = self.engagement.gain if self.grasp_on else 0.0
         now[layout.NOW_TEMPERATURE] = temperature
         servo_law.servo_force(self._model, motion, self._limits, now, self._memory)
-        servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
         return begins
+
+    def step_grasp(self, now_ns: int, handle: FloatArray) -> None:
+        """Compute `torque_nm` for the handle (2,), angle and rate, read at `now_ns`; may follow a newer model."""
+        now = self._now
+        now[layout.NOW_DT] = (now_ns - self._last_grasp_ns) * 1e-9 if self._last_grasp_ns else 1e-3
+        self._last_grasp_ns = now_ns
+        now[layout.NOW_AGE] = self._age_s(now_ns)
+        now[layout.NOW_GRASP_GAIN] = self.engagement.gain if self.grasp_on else 0.0
+        servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
 
     def reset_clock(self) -> None:
         """Take the next step as the first: what was before was not a tick."""
         self._last_ns = 0
+        self._last_grasp_ns = 0
+
+    def _age_s(self, now_ns: int) -> float:
+        return min((now_ns - self._answers_ns) * 1e-9, _MAX_AGE_S) if self._answers_ns else _MAX_AGE_S
 
     def _trip(self, motion: FloatArray, dt_s: float) -> None:
         speed = math.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)

@@ -12,9 +12,8 @@ from services.gateway import driver, premium_model, simulated_arm
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.layout import READ_ROLL, FloatArray
-from services.gateway.script import HIP, ROLL, Player, Script
+from services.gateway.script import HIP, ROLL, read_player
 from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_RATE, HAND_STIFFNESS, HAND_TARGET
-from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import DriverSettings, Settings
 
@@ -40,7 +39,8 @@ class Driver(Arm):
         file = driver.read_device_file(ArmFile, settings, place)
         self.limits = file.limits()
         self.calibrated = False
-        self._player = read_player(self._settings.script, place)
+        script = self._settings.script
+        self._player = read_player(script, place.instrument) if script is not None else None
         self._centre = premium_model.centre()
         self._cosine, self._sine = math.cos(place.mount.yaw_rad), math.sin(place.mount.yaw_rad)
         self._mount_m = place.mount.centre_m
@@ -106,21 +106,3 @@ class Driver(Arm):
         hand[HAND_RATE] = c * rate[HIP] + s * rate[HIP + 1]
         hand[HAND_RATE + 1] = c * rate[HIP + 1] - s * rate[HIP]
         hand[HAND_RATE + 2] = rate[HIP + 2]
-
-
-def read_player(name: str | None, place: Place) -> Player | None:
-    """Return what the script says about this instrument.
-
-    Raises
-    ------
-    ConfigError
-        if the script cannot be read or does not name the instrument.
-    """
-    if name is None:
-        return None
-    path = config.find("script", name)
-    script = config.load(Script, path)[0]
-    if place.instrument not in script.motions:
-        known = ", ".join(script.motions)
-        raise ConfigError(f"{path}: motions: there is none for instrument {place.instrument!r}; known: {known}")
-    return Player(script.motions[place.instrument], script.loop)

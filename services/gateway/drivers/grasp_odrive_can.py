@@ -1,0 +1,206 @@
+"""A handle on an ODrive: CANSimple over python-can, any interface that python-can knows."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from typing import Annotated, Any
+
+import can
+from pydantic import Field
+
+from services.gateway import canbus, cansimple, driver
+from services.gateway.cansimple import AxisError, AxisState
+from services.gateway.device_files import GraspFile
+from services.gateway.driver import Grasp, Place
+from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE, FloatArray
+from services.runtime.errors import DeviceError
+from services.runtime.rig import DriverSettings, Settings
+
+_ARM_TIMEOUT_S = 0.5
+
+
+class OdriveSettings(Settings):
+    """Of the rig file: which bus, which node."""
+
+    bus: dict[str, Any] = Field(description="python-can's own settings: interface, channel, bitrate, ...")
+    node: Annotated[int, Field(ge=0, le=cansimple.MAX_NODE)] = 1
+
+
+class OdriveLink:
+    """Frames to and from one node.
+
+    Attributes
+    ----------
+    angle_turns, rate_turns_s : float
+        Newest encoder estimates.
+    errors, state : int
+        Of the newest heartbeat; None before the first.
+    estimated_ns, heartbeat_ns : int
+        When those came, by this host's monotonic clock.
+    """
+
+    def __init__(self, bus: can.BusABC, node: int) -> None:
+        self.bus = bus
+        self.angle_turns = self.rate_turns_s = 0.0
+        self.errors = 0
+        self.state: int | None = None
+        self.estimated_ns = self.heartbeat_ns = 0
+        self.malformed = 0
+        self._heartbeat_id = cansimple.identifier(node, cansimple.HEARTBEAT)
+        self._estimates_id = cansimple.identifier(node, cansimple.GET_ENCODER_ESTIMATES)
+        self._base = cansimple.identifier(node, 0)
+        self._torque = can.Message(arbitration_id=self._base | cansimple.SET_INPUT_TORQUE, is_extended_id=False, dlc=4)
+
+    def receive(self) -> None:
+        """Take what has come. Own frames come back on some interfaces; their identifiers are none of the drive's."""
+        for message in canbus.drain(self.bus):
+            identifier = message.arbitration_id
+            if message.is_remote_frame or message.is_extended_id:
+                continue
+            try:
+                if identifier == self._estimates_id:
+                    self._take_estimates(bytes(message.data))
+                elif identifier == self._heartbeat_id:
+                    self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
+                    self.heartbeat_ns = time.monotonic_ns()
+            except struct.error:
+                self.malformed += 1
+
+    def send(self, command: int, data: bytes = b"") -> None:
+        """Send a command."""
+        self.bus.send(can.Message(arbitration_id=self._base | command, data=data, is_extended_id=False))
+
+    def send_torque(self, torque_nm: float) -> None:
+        """Send a torque on the motor; called every tick, so the message is reused."""
+        self._torque.data = bytearray(cansimple.pack_float(torque_nm))
+        self.bus.send(self._torque)
+
+    def _take_estimates(self, data: bytes) -> None:
+        angle, rate = cansimple.unpack_floats(data)
+        if not math.isfinite(angle + rate):
+            self.malformed += 1
+            return
+        self.angle_turns, self.rate_turns_s = angle, rate
+        self.estimated_ns = time.monotonic_ns()
+
+
+class OdriveGrasp(Grasp):
+    """The drive's life: found, set up, armed when force begins, fed every tick, let go at the end.
+
+    A disarm is latched in the drive. One by the watchdog (this gateway was held up) ends with the next engagement;
+    any other stays until a person has armed the rig.
+    """
+
+    #: A drive says that it is there every 0.1 s.
+    found_timeout_s = 3.0
+
+    def __init__(self, file: GraspFile, bus: dict[str, Any], node: int, place: Place) -> None:
+        self.max_torque_nm = file.max_torque_nm
+        self._file = file
+        self._bus_settings = bus
+        self._node = node
+        self._where = f"instrument {place.instrument!r}"
+        self._link: OdriveLink | None = None
+        sign = 1.0 if file.opens_with_positive_motor else -1.0
+        self._rad_per_turn = sign * 2 * math.pi / file.motor_turns_per_handle_turn
+        self._arming_until_ns = 0
+        self._wanted = False
+
+    def open(self) -> None:
+        """Find the drive and set it up; it stays idle."""
+        link = OdriveLink(canbus.open_bus(self._bus_settings, self._where), self._node)
+        self._link = link
+        if not self._find(link):
+            self.close()
+            raise DeviceError(f"{self._where}: no heartbeat of node {self._node} within {self.found_timeout_s:.0f} s")
+        link.send(cansimple.CLEAR_ERRORS, b"\0")
+        link.send(
+            cansimple.SET_LIMITS, cansimple.pack_floats(self._file.max_motor_turns_s, self._file.max_motor_current_a)
+        )
+        mode = cansimple.pack_words(cansimple.CONTROL_TORQUE, cansimple.INPUT_PASSTHROUGH)
+        link.send(cansimple.SET_CONTROLLER_MODE, mode)
+        link.send_torque(0.0)
+
+    def _find(self, link: OdriveLink) -> bool:
+        until_ns = time.monotonic_ns() + round(self.found_timeout_s * 1e9)
+        while link.state is None and time.monotonic_ns() < until_ns:
+            time.sleep(0.005)
+            link.receive()
+        return link.state is not None
+
+    def enable(self) -> None:
+        """Close the loop, unless an error other than the watchdog's is latched."""
+        link = self._link
+        if link is None or link.errors & ~AxisError.WATCHDOG_TIMER_EXPIRED:
+            return
+        self._wanted = True
+        self._arm(link)
+
+    def _arm(self, link: OdriveLink) -> None:
+        link.send(cansimple.CLEAR_ERRORS, b"\0")
+        link.send_torque(0.0)
+        link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.CLOSED_LOOP))
+        self._arming_until_ns = time.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
+
+    def clear_fault(self) -> None:
+        """Clear what is latched in the drive, e-stop included: a person has armed the rig."""
+        super().clear_fault()
+        if self._link is not None and self._wanted:
+            self._arm(self._link)
+
+    def read(self, time_ns: int, handle: FloatArray) -> None:
+        """Write the newest estimates; `ready` says whether they are young and the loop is closed."""
+        link = self._link
+        if link is None:
+            return
+        link.receive()
+        handle[HANDLE_ANGLE] = self._rad_per_turn * (link.angle_turns - self._file.shut_at_motor_turns)
+        handle[HANDLE_RATE] = self._rad_per_turn * link.rate_turns_s
+        self._judge(link, time.monotonic_ns())
+
+    def _judge(self, link: OdriveLink, now_ns: int) -> None:
+        young = now_ns - link.estimated_ns < self._file.feedback_timeout_s * 1e9
+        closed = link.state == AxisState.CLOSED_LOOP
+        self.ready = self._wanted and closed and young
+        if now_ns - link.heartbeat_ns > self._file.heartbeat_timeout_s * 1e9:
+            self.fault = f"the grasp drive (node {self._node}) has been silent for {self._file.heartbeat_timeout_s} s"
+        elif link.errors:
+            self.fault = f"the grasp drive (node {self._node}) let go: {cansimple.error_names(link.errors)}"
+        elif self._wanted and not closed and now_ns > self._arming_until_ns:
+            self.fault = f"the grasp drive (node {self._node}) did not close its loop"
+        else:
+            self.fault = ""
+
+    def write(self, torque_nm: float) -> None:
+        """Send a torque: also what feeds the drive's watchdog."""
+        if self._link is None:
+            return
+        turn_nm = torque_nm / self._file.motor_turns_per_handle_turn
+        try:
+            self._link.send_torque(turn_nm if self._file.opens_with_positive_motor else -turn_nm)
+        except can.CanError as error:
+            self.ready, self.fault = False, f"CAN: {error}"
+
+    def close(self) -> None:
+        """Zero torque, idle, bus given up."""
+        link, self._link = self._link, None
+        self.ready = False
+        if link is None:
+            return
+        try:
+            link.send_torque(0.0)
+            link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.IDLE))
+        except can.CanError as error:
+            self.fault = f"CAN: {error}"  # its watchdog lets the drive go
+        finally:
+            link.bus.shutdown()
+
+
+class Driver(OdriveGrasp):
+    """The handle that a rig file names."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        own = driver.read_settings(OdriveSettings, settings, place)
+        super().__init__(driver.read_device_file(GraspFile, settings, place), own.bus, own.node, place)

@@ -1,0 +1,108 @@
+"""A simulated handle: an emulated drive on a real CAN bus in its own process, spoken to as a real one is."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from pydantic import Field
+
+from services.gateway import driver
+from services.gateway.device_files import GraspFile
+from services.gateway.drive_node import Task
+from services.gateway.driver import Place
+from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
+from services.runtime.errors import DeviceError
+from services.runtime.rig import DriverSettings, Settings
+
+_REPOSITORY = Path(__file__).resolve().parents[3]
+_STOP_TIMEOUT_S = 2.0
+
+
+class SimulatedGraspSettings(Settings):
+    """Of the rig file: what moves the handle, and where its process runs."""
+
+    recording: str = Field("auto", description="a 1 kHz csv; auto: one that is there, else script or squeeze; none")
+    script: str | None = Field(None, description="a file of configs/scripts: its handle angles")
+    bus: dict[str, Any] | None = Field(None, description="python-can's own settings; by default a private multicast")
+    core: Annotated[int, Field(ge=0)] | None = None
+    priority: Annotated[int, Field(ge=1, le=89)] | None = None
+
+
+class Driver(OdriveGrasp):
+    """Spawns the node, then is an ordinary ODrive handle."""
+
+    #: A process takes a while to start on a busy machine.
+    found_timeout_s = 20.0
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        own = driver.read_settings(SimulatedGraspSettings, settings, place)
+        file = driver.read_device_file(GraspFile, settings, place)
+        bus = own.bus or private_bus()
+        node = place.index + 1
+        super().__init__(file, bus, node, place)
+        self.task = Task(
+            bus=bus,
+            node=node,
+            watchdog_s=file.watchdog_s,
+            instrument=place.instrument,
+            recording=find_recording(own.recording, place.index),
+            script=own.script,
+            core=own.core,
+            priority=own.priority,
+        )
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def open(self) -> None:
+        """Start the node and find it on its bus."""
+        command = [sys.executable, "-m", "services.gateway.drive_node", msgspec.json.encode(self.task).decode()]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True)
+        process = self.process
+        try:
+            super().open()
+        except DeviceError as error:
+            process.poll()
+            ended = "" if process.returncode is None else f"; its process ended with code {process.returncode}"
+            raise DeviceError(f"{error}{ended}") from None
+
+    def close(self) -> None:
+        """End the node after the drive was let go."""
+        try:
+            super().close()
+        finally:
+            process, self.process = self.process, None
+            if process is not None and process.stdin is not None:
+                process.stdin.close()
+                try:
+                    process.wait(_STOP_TIMEOUT_S)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+
+
+def private_bus() -> dict[str, Any]:
+    """Return settings of a CAN bus that only this host can see: multicast that takes no hop, on a free port."""
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": port, "hop_limit": 0, "fd": False}
+
+
+def find_recording(wanted: str, index: int) -> str | None:
+    """Return the recording for the instrument of that number, or None.
+
+    ``auto`` takes them from ``$TROCAR_GRASP_RECORDINGS``, else from the folder of recordings beside the repository.
+    """
+    if wanted == "none":
+        return None
+    if wanted != "auto":
+        return wanted
+    folder = Path(os.environ.get("TROCAR_GRASP_RECORDINGS") or _REPOSITORY.parent / "shared" / "data" / "grasp")
+    found = sorted(folder.glob("*.csv"))
+    return str(found[index % len(found)]) if found else None

@@ -1,0 +1,141 @@
+"""An emulated ODrive axis with a handle on it: pure state, told the time, fed with frames.
+
+What a gateway can get wrong is modelled: the watchdog that any frame to the axis feeds, its latched disarm, errors that
+must be cleared before the loop closes again, the e-stop, torque that acts only in closed loop.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+
+from services.gateway import cansimple
+from services.gateway.cansimple import AxisError, AxisState
+
+HEARTBEAT_S, ESTIMATE_S = 0.1, 0.001
+#: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
+INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
+_SUBSTEPS = 4
+
+Frame = tuple[int, bytes]
+
+
+class Handle:
+    """A handle between a hand that wants an angle and a motor that adds a torque."""
+
+    def __init__(self, angle_rad: float) -> None:
+        self.angle_rad = angle_rad
+        self.rate_rad_s = 0.0
+
+    def step(self, wanted_rad: float, torque_nm: float, dt_s: float) -> None:
+        """Advance by `dt_s`: semi-implicit Euler, stable up to sub-steps of 6 ms with this hand."""
+        h = dt_s / _SUBSTEPS
+        for _ in range(_SUBSTEPS):
+            hand = HAND_STIFFNESS * (wanted_rad - self.angle_rad) - HAND_DAMPING * self.rate_rad_s
+            friction = FRICTION * math.tanh(20.0 * self.rate_rad_s)
+            self.rate_rad_s += h * (hand + torque_nm - friction) / INERTIA
+            self.angle_rad += h * self.rate_rad_s
+
+
+class EmulatedDrive:
+    """One axis: `receive` frames of the host, `step` time, take the frames to send from both.
+
+    Parameters
+    ----------
+    node
+        CAN node number.
+    watchdog_s
+        ``axis.config.watchdog_timeout``.
+    handle
+        What hangs on the motor; one motor turn is one handle turn.
+    """
+
+    def __init__(self, node: int, watchdog_s: float, handle: Handle) -> None:
+        self.node = node
+        self.handle = handle
+        self.state = AxisState.IDLE
+        self.errors = 0
+        self.disarm_reason = 0
+        self.torque_nm = 0.0
+        self.armed_once = False
+        self._torque_mode = False
+        self._watchdog_s = watchdog_s
+        self._fed_s = 0.0
+        self._max_turns_s = math.inf
+        self._next_heartbeat_s = 0.0
+
+    @property
+    def applied_nm(self) -> float:
+        """Torque on the handle."""
+        return self.torque_nm if self.state is AxisState.CLOSED_LOOP else 0.0
+
+    def receive(self, identifier: int, data: bytes, remote: bool, now_s: float) -> list[Frame]:
+        """Act on a frame of the host; one for another node, or of a wrong length, is ignored. Return the answers."""
+        if identifier >> 5 != self.node:
+            return []
+        self._fed_s = now_s  # firmware feeds the watchdog from any frame to the axis, polls included
+        command = identifier & 0x1F
+        if remote:
+            return list(self._answer(command))
+        try:
+            self._obey(command, data, now_s)
+        except struct.error:
+            return []
+        return []
+
+    def step(self, wanted_rad: float, now_s: float, dt_s: float) -> Iterator[Frame]:
+        """Advance the handle by `dt_s`, check watchdog and limits, yield the cyclic frames that are due."""
+        self.handle.step(wanted_rad, self.applied_nm, dt_s)
+        if self.state is AxisState.CLOSED_LOOP:
+            if now_s - self._fed_s > self._watchdog_s:
+                self._disarm(AxisError.WATCHDOG_TIMER_EXPIRED)
+            elif abs(self.handle.rate_rad_s) / (2 * math.pi) > self._max_turns_s:
+                self._disarm(AxisError.VELOCITY_LIMIT)
+        yield from self._answer(cansimple.GET_ENCODER_ESTIMATES)
+        if now_s >= self._next_heartbeat_s:
+            self._next_heartbeat_s = now_s + HEARTBEAT_S
+            yield from self._answer(cansimple.HEARTBEAT)
+
+    def _answer(self, command: int) -> Iterator[Frame]:
+        turn = 2 * math.pi
+        if command == cansimple.HEARTBEAT:
+            data = cansimple.pack_heartbeat(self.errors, self.state, 0, False)
+        elif command == cansimple.GET_ENCODER_ESTIMATES:
+            data = cansimple.pack_floats(self.handle.angle_rad / turn, self.handle.rate_rad_s / turn)
+        elif command == cansimple.GET_ERROR:
+            data = cansimple.pack_words(self.errors, self.disarm_reason)
+        elif command == cansimple.GET_TORQUES:
+            data = cansimple.pack_floats(self.torque_nm, self.applied_nm)
+        else:
+            return
+        yield cansimple.identifier(self.node, command), data
+
+    def _obey(self, command: int, data: bytes, now_s: float) -> None:
+        if command == cansimple.SET_INPUT_TORQUE:
+            self.torque_nm = cansimple.unpack_float(data)
+        elif command == cansimple.SET_AXIS_STATE:
+            self._change_state(cansimple.unpack_words(data)[0], now_s)
+        elif command == cansimple.SET_CONTROLLER_MODE:
+            mode = cansimple.unpack_words(data)
+            self._torque_mode = mode == (cansimple.CONTROL_TORQUE, cansimple.INPUT_PASSTHROUGH)
+        elif command == cansimple.SET_LIMITS:
+            self._max_turns_s = cansimple.unpack_floats(data)[0]
+        elif command == cansimple.CLEAR_ERRORS:
+            self.errors = 0
+        elif command == cansimple.ESTOP:
+            self._disarm(AxisError.ESTOP_REQUESTED)
+
+    def _change_state(self, state: int, now_s: float) -> None:
+        if state == AxisState.IDLE:
+            self.state = AxisState.IDLE
+        elif state == AxisState.CLOSED_LOOP and self._torque_mode and not self.errors:
+            self.state = AxisState.CLOSED_LOOP
+            self.armed_once = True
+            self._fed_s = now_s
+
+    def _disarm(self, error: AxisError) -> None:
+        self.errors |= error
+        self.disarm_reason = int(error)
+        self.state = AxisState.IDLE
+        self.torque_nm = 0.0
