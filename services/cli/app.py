@@ -6,7 +6,7 @@ import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -19,8 +19,15 @@ app = typer.Typer(
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
 
-Rig = Annotated[str, typer.Option("--rig", help="Rig file, or the name of one in configs/rigs.")]
-Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one key of the rig.")]
+Rig = Annotated[str, typer.Option("--rig", envvar="TROCAR_RIG", help="Rig file, or the name of one in configs/rigs.")]
+Scene = Annotated[
+    str | None, typer.Option("--scene", envvar="TROCAR_SCENE", help="Scene file, or the name of one in configs/scenes.")
+]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", envvar="TROCAR_SET", help="Change one key of the rig.")
+]
+Address = Annotated[str | None, typer.Option(help="Address of the supervisor's page; default: the one of this host.")]
+Token = Annotated[str | None, typer.Option(help="Token that the rig printed, with --address.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 
@@ -36,7 +43,7 @@ class Viewer(StrEnum):
 @app.command()
 def up(
     rig: Rig = "stub",
-    scene: Annotated[str | None, typer.Option(help="Scene file, or the name of one in configs/scenes.")] = None,
+    scene: Scene = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, help="Run so long, measured from RUNNING, then end.")
     ] = None,
@@ -58,6 +65,98 @@ def down(rig: Rig = "stub", overrides: Overrides = None, json: Json = False) -> 
     run_down(rig, tuple(overrides or ()), json)
 
 
+@app.command()
+def top(
+    rig: Rig = "stub",
+    once: Annotated[bool, typer.Option("--once", help="Print once and end.")] = False,
+    json: Json = False,
+    seconds: Annotated[float, typer.Option(min=0.3, help="Window of the figures.")] = 2.0,
+    overrides: Overrides = None,
+) -> None:
+    """Show rates, lateness, paths and topics of a running rig."""
+    from services.cli.top import Request, run_top
+
+    run_top(Request(rig, once, json, seconds, tuple(overrides or ())))
+
+
+@app.command()
+def doctor(rig: Rig = "stub", overrides: Overrides = None, json: Json = False) -> None:
+    """Check what this host can give the rig; exit code 1 where the rig cannot run."""
+    from services.cli.doctor import run_doctor
+
+    run_doctor(rig, tuple(overrides or ()), json)
+
+
+@app.command()
+def sniff(
+    topic: Annotated[str | None, typer.Argument(help="Topic to print; without it, the rates of all.")] = None,
+    rig: Rig = "stub",
+    count: Annotated[int | None, typer.Option(min=1, help="End after so many frames.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="End after so long.")] = None,
+    hz: Annotated[
+        bool, typer.Option("--hz", help="Rate, gaps and periods of the topic instead of its frames.")
+    ] = False,
+    every: Annotated[bool, typer.Option("--every", help="Print every frame, not five a second.")] = False,
+    json: Json = False,
+    overrides: Overrides = None,
+) -> None:
+    """Read the bus with plain msgpack: envelope and body of one topic, or the rates of all."""
+    from services.cli.sniff import Request, run_sniff
+
+    run_sniff(Request(rig, topic, count, seconds, hz, every, json, tuple(overrides or ())))
+
+
+@app.command()
+def arm(rig: Rig = "stub", address: Address = None, token: Token = None) -> None:
+    """End a safe stop: the arms may push again."""
+    from services.cli.arm import run_command
+
+    run_command("arm", rig, address, token)
+
+
+@app.command("safe-stop")
+def safe_stop(rig: Rig = "stub", address: Address = None, token: Token = None) -> None:
+    """Let the arms go limp until the rig is armed anew."""
+    from services.cli.arm import run_command
+
+    run_command("safe_stop", rig, address, token)
+
+
+@app.command()
+def fem(
+    file: Annotated[Path, typer.Argument(help="Shell case, see configs/fem.")],
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write numbers for programs.")] = None,
+    vtu_file: Annotated[Path | None, typer.Option("--vtu", help="Write fields for ParaView.")] = None,
+) -> None:
+    """Solve your own shell: statics, frequencies, buckling of the case in a file."""
+    from services.cli.fem import fem_command
+
+    fem_command(file, json_file, vtu_file)
+
+
+@config_app.command("show")
+def config_show(
+    rig: Annotated[str | None, typer.Option(help="Rig file or name; the default.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Scene file or name.")] = None,
+    device: Annotated[str | None, typer.Option(help="Device file or name.")] = None,
+    origin: Annotated[bool, typer.Option("--origin", help="Where each value came from.")] = False,
+    json: Json = False,
+    overrides: Overrides = None,
+) -> None:
+    """Print a configuration with all its defaults."""
+    from services.cli.show_config import Request, run_show
+
+    run_show(Request(rig, scene, device, origin, json, tuple(overrides or ())))
+
+
+@config_app.command("schema")
+def config_schema(kind: Annotated[str, typer.Argument(help="rig, scene or device")] = "rig") -> None:
+    """Print the JSON schema of a kind of file."""
+    from services.cli.show_config import run_schema
+
+    run_schema(kind)
+
+
 def main() -> None:
     """Run the command; what a person can mend is one sentence and an exit code."""
     try:
@@ -68,11 +167,6 @@ def main() -> None:
     except BrokenPipeError:  # `trocar sniff | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
-
-
-def typer_app() -> Any:
-    """Return the application, for documentation and tests."""
-    return app
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ class Face:
         self._tasks: dict[str, TaskID] = {}
         self._state: RigState | None = None
         self._shown = False
+        self._announced = False
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:
@@ -44,7 +45,7 @@ class Face:
 
     def event(self, event: Event) -> None:
         """Show a line that is worth a person's eye."""
-        if event.level != "debug" and (event.level != "info" or self._console.is_terminal):
+        if event.level in _STYLES or (event.level == "info" and (self._console.is_terminal or self._announced)):
             self._console.print(f"{event.t:7.2f} s  {event.text}", style=_STYLES.get(event.level), markup=False)
 
     def turn(self, supervisor: Supervisor) -> None:
@@ -55,9 +56,11 @@ class Face:
             self._state = supervisor.state
             if self._state is RigState.RUNNING:
                 self._end_bars()
-                self._announce(supervisor)
+                if not self._announced:
+                    self._announce(supervisor)
 
     def _announce(self, supervisor: Supervisor) -> None:
+        self._announced = True
         page = supervisor.page_address
         where = f"open {page}" if page else "the web page is off"
         self._console.print(f"the rig {supervisor.rig.name!r} is running: {where} (Ctrl-C ends it)", markup=False)

@@ -137,6 +137,8 @@ class Crew:
             self.say("warning", f"supervisor: held up for {held_up_s * 1e3:.0f} ms, limit {_NOTICE_S * 1e3:.0f} ms")
         for member in self.members.values():
             member.heard_s += held_up_s
+            if member.state is MemberState.HUNG:
+                member.since_s += held_up_s
             if member.stream_s is not None:
                 member.stream_s += held_up_s
 
@@ -170,7 +172,7 @@ class Crew:
                 member.enter(MemberState.STARTING, now_s)
             case MemberState.HUNG:
                 member.reason = wrong
-                if now_s - member.since_s >= self.limits.heartbeat_s and not member.killed:
+                if not member.killed and watch.beyond_waiting(member, stopped, now_s, self.limits):
                     self._give_up_waiting(member, now_s)
             case MemberState.STARTING if watch.says_ready(member, now_s, self.limits):
                 member.enter(MemberState.READY, now_s)
@@ -209,8 +211,9 @@ class Crew:
         self.say("debug", f"{member.name}: started as process {member.pid}")
 
     def _ended(self, member: Member, status: int, now_s: float) -> None:
-        self._read_lines(member)
         assert member.child is not None
+        self._read_lines(member)
+        log_file = member.child.log_file
         member.child.close()
         member.child = None
         first_start = member.name not in self._was_ready and status > 0
@@ -222,7 +225,9 @@ class Crew:
             return
         reason = hung or f"{member.name}: {_how_it_ended(status, member.last_lines)}"
         if first_start:
-            self.fatal = FatalStart(_start_sentence(member, status), status)
+            self.fatal = FatalStart(_start_sentence(member, status, log_file), status)
+            member.enter(MemberState.FAILED, now_s, reason)
+            return
         delay_s = member.restarts.delay_s(now_s) if member.may_restart else None
         if delay_s is None:
             limit = "restarted too often within a minute" if member.may_restart else "not to be restarted"
@@ -230,13 +235,11 @@ class Crew:
         else:
             member.enter(MemberState.LOST, now_s, reason)
             member.due_s = now_s + delay_s
-        self.say("debug" if first_start else "error", member.reason)
+        self.say("error", member.reason)
 
 
 def _level_of(line: str, name: str) -> str:
-    """Return how loud a line is. Its last words (``name: sentence``) are quiet: the reason of its end quotes them."""
-    if not line.startswith(f"{name}: "):
-        return "warning"
+    """Return how loud a line is: only warnings are. What libraries print and last words stay in the log file."""
     loud = line.startswith((f"{name}: WARNING", f"{name}: ERROR", f"{name}: CRITICAL"))
     return "warning" if loud else "debug"
 
@@ -248,12 +251,12 @@ def _how_it_ended(status: int, lines: Sequence[str]) -> str:
     return f"ended with exit code {status}{last}"
 
 
-def _start_sentence(member: Member, status: int) -> str:
+def _start_sentence(member: Member, status: int, log_file: Path) -> str:
     """Return what a person is told of a process that ended while starting: its own sentence where it had one."""
     last = member.last_lines[-1] if member.last_lines else "it said nothing"
     if last.startswith(f"{member.name}: ") and not any(line.startswith("Traceback") for line in member.last_lines):
         return last
-    return f"{member.name} ended with exit code {status} while starting: {last}"
+    return f"{member.name} ended with exit code {status} while starting: {last} (see {log_file})"
 
 
 def muster(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:

@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import json
-import os
 import socket
 import threading
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import msgspec
 import uvicorn
 
-from services.runtime import endpoints
 from services.runtime.errors import BusError
-from services.runtime.rig import Transport, WebSettings
+from services.runtime.rig import WebSettings
 from services.supervisor import dashboard
 from services.supervisor.metrics import RigSource, Source, registry
+from services.supervisor.page_file import leave, page_file
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from services.supervisor.web import EVENT_PERIOD_S, Desk, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 _encoder = msgspec.json.Encoder()
-
-
-def page_file(transport: Transport) -> Path:
-    """Return the private file that tells `trocar arm` the page's address and token."""
-    return endpoints.run_directory(transport) / "page.json"
 
 
 def listen(settings: WebSettings) -> socket.socket:
@@ -83,9 +75,7 @@ class Page:
         self._file = page_file(supervisor.rig.transport)
 
     def __enter__(self) -> Self:
-        secret = os.open(self._file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(secret, "w") as file:
-            json.dump({"address": self.address, "token": self.desk.token}, file)
+        leave(self._file, self.address, self.desk.token)
         self._supervisor.page_address = f"{self.address}#token={self.desk.token}"
         self._thread.start()
         return self

@@ -36,6 +36,7 @@ class RunReport:
         self._restarts: dict[str, int] = {}
         self._start_s: float | None = None
         self._end_s = 0.0
+        self._state = supervisor.state
         self._realtime: dict[str, tuple[bodies.RealtimeFact, ...]] = {}
         supervisor.crew.on_counts = self._add
 
@@ -52,6 +53,7 @@ class RunReport:
             self._start_s = now_s
             self._restarts = self._restart_counts()
         self._end_s = now_s
+        self._state = self._supervisor.state
         for name, member in self._supervisor.crew.members.items():
             if member.health is not None:
                 self._realtime[name] = member.health.realtime
@@ -75,7 +77,7 @@ class RunReport:
             "realtime": {name: [_fact(fact) for fact in facts] for name, facts in self._realtime.items()},
             "rig": self._supervisor.rig.name,
             "quality_level": self._supervisor.enforcement.level,
-            "state": str(self._supervisor.state),
+            "state": str(self._state),
             "events": [asdict(event) for event in self._supervisor.events],
             "machine": machine(),
         }

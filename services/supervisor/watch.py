@@ -33,6 +33,15 @@ def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
     return member.stream_s is not None and now_s - member.stream_s <= limits.stream_s
 
 
+def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) -> bool:
+    """Return whether a hung process is to be ended: held by a signal, or silent altogether, for the heartbeat's limit.
+
+    A process that only starves on a busy machine still beats now and then; killing it would make matters worse.
+    """
+    hung_s, silent_s = now_s - member.since_s, now_s - member.heard_s
+    return hung_s >= limits.heartbeat_s and (stopped or silent_s >= limits.heartbeat_s)
+
+
 def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
     """Return what is wrong with a living process, empty for nothing.
 

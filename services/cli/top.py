@@ -1,0 +1,196 @@
+"""``trocar top``: the rig in a terminal, straight from the bus, so that it works without page and supervisor."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+import protocol
+import protocol.bodies as bodies
+from services.runtime import config
+from services.runtime.errors import BusError
+from services.runtime.zmq_bus import ZmqBus
+from services.supervisor import figures
+from services.supervisor.dashboard import Spread, loop_row, spread, topic_rows
+
+_TURN_S = 0.1
+_STALE_S = 1.0
+_PIPE_WIDTH = 140
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to show, and how."""
+
+    rig: str
+    once: bool
+    json: bool
+    seconds: float
+    overrides: tuple[str, ...]
+
+
+class Listener:
+    """Hears every process."""
+
+    def __init__(self, bus: ZmqBus, window_s: float) -> None:
+        self._bus = bus
+        self.health: dict[str, tuple[bodies.Health, float]] = {}
+        self.windows = {name: figures.Window(window_s) for name in protocol.PROCESSES}
+        self.state: bodies.SupervisorState | None = None
+
+    def hear(self, now_s: float) -> None:
+        """Take what has arrived."""
+        for name, window in self.windows.items():
+            frame = self._bus.latest(f"{name}.health")
+            if frame is not None:
+                self.health[name] = (frame.body, now_s)
+                window.add(frame.body.pid, figures.of(frame.body))
+        for frame in self._bus.drain("supervisor.state"):
+            self.state = frame.body
+
+    def result(self, now_s: float) -> dict[str, Any]:
+        """Return what was heard as plain data, NaN as None."""
+        restarts = {p.name: p.restarts for p in self.state.processes} if self.state else {}
+        counted = {name: window.figures() or figures.Figures(0.0) for name, window in self.windows.items()}
+        processes = []
+        for name, (health, heard_s) in self.health.items():
+            window = counted[name]
+            processes.append(
+                {
+                    "name": name,
+                    "state": health.state if now_s - heard_s < _STALE_S else "silent",
+                    "pid": health.pid,
+                    "restarts": restarts.get(name, 0),
+                    "detail": health.detail,
+                    "loop": loop_row(window.loop, window.seconds, kept=True) if window.loop else None,
+                }
+            )
+        data = {
+            "state": self.state.state if self.state else "unknown",
+            "reason": self.state.reason if self.state else "no word from the supervisor",
+            "quality_level": self.state.quality_level if self.state else None,
+            "processes": processes,
+            "paths": {n: spread(p.latency) for w in counted.values() for n, p in w.paths.items()},
+            "topics": topic_rows(counted),
+        }
+        plain: dict[str, Any] = json.loads(msgspec.json.encode(data))
+        return plain
+
+
+def run_top(request: Request) -> None:
+    """Show the rig until Ctrl-C, or once.
+
+    Raises
+    ------
+    BusError
+        if nobody is heard.
+    """
+    transport = config.load_rig(request.rig, request.overrides).transport
+    reads = [*(f"{name}.health" for name in protocol.PROCESSES), "supervisor.state"]
+    bus = ZmqBus(transport, reads=reads)
+    try:
+        listener = Listener(bus, request.seconds)
+        _listen(listener, request.seconds if request.once else 0.5)
+        if not listener.health:
+            raise BusError("nothing was heard: is a rig running on this transport?")
+        if request.once:
+            _print_once(listener, as_json=request.json)
+        else:
+            _follow(listener, as_json=request.json)
+    except KeyboardInterrupt:
+        return
+    finally:
+        bus.close()
+
+
+def _listen(listener: Listener, seconds: float) -> None:
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        listener.hear(time.monotonic())
+        time.sleep(_TURN_S)
+
+
+def _print_once(listener: Listener, *, as_json: bool) -> None:
+    result = listener.result(time.monotonic())
+    if as_json:
+        print(json.dumps(result, indent=1))
+    else:
+        console = Console(highlight=False)
+        console.print(render(result), width=None if console.is_terminal else _PIPE_WIDTH)
+
+
+def _follow(listener: Listener, *, as_json: bool) -> None:
+    if as_json:
+        while True:
+            _listen(listener, 1.0)
+            print(json.dumps(listener.result(time.monotonic())), flush=True)
+    with Live(render(listener.result(time.monotonic())), refresh_per_second=4, screen=False) as live:
+        while True:
+            _listen(listener, 0.5)
+            live.update(render(listener.result(time.monotonic())))
+
+
+def render(result: dict[str, Any]) -> Group:
+    """Return the tables of a result."""
+    head = Text(f"rig {result['state']}  quality level {result['quality_level']}  {result['reason']}")
+    return Group(
+        head, _process_table(result["processes"]), _path_table(result["paths"]), _topic_table(result["topics"])
+    )
+
+
+def _process_table(processes: list[dict[str, Any]]) -> Table:
+    table = _table(
+        "process", "state", "Hz", "target", "late p50", "late p99", "late max", "work p99", "missed", "restarts"
+    )
+    for row in processes:
+        loop = row["loop"] or {}
+        late, work = loop.get("lateness_us") or {}, loop.get("work_us") or {}
+        cells = (_number(loop.get("rate_hz")), _number(loop.get("target_hz")))
+        spreads = (
+            _number(late.get("p50")),
+            _number(late.get("p99")),
+            _number(late.get("max")),
+            _number(work.get("p99")),
+        )
+        missed = "" if loop.get("miss_ratio") is None else f"{100 * loop['miss_ratio']:.2f} %"
+        table.add_row(row["name"], row["state"], *cells, *spreads, missed, str(row["restarts"]))
+    return table
+
+
+def _path_table(paths: dict[str, dict[str, float]]) -> Table:
+    table = _table("path us", *Spread.__struct_fields__)
+    for name, values in paths.items():
+        table.add_row(name, *(_number(values[key]) for key in Spread.__struct_fields__))
+    return table
+
+
+def _topic_table(topics: list[dict[str, Any]]) -> Table:
+    table = _table("topic", "Hz", "target", "age p99 us", "drops", "refused")
+    for row in topics:
+        refused = sum(row["refused"].values())
+        age = _number(row["age_us"]["p99"])
+        numbers = (_number(row["rate_hz"]), _number(row["target_hz"]), age, str(row["drops"]), str(refused))
+        table.add_row(row["topic"], *numbers)
+    return table
+
+
+def _table(first: str, *others: str) -> Table:
+    table = Table(box=None, pad_edge=False, title_justify="left")
+    table.add_column(first, min_width=22)
+    for title in others:
+        table.add_column(title, justify="left" if title == "state" else "right")
+    return table
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.1f}"
