@@ -36,7 +36,7 @@ def repair_surface(mesh: TriangleMesh) -> Repaired:
         A defect remains that cannot be mended without guessing; says which and where.
     """
     actions: list[str] = []
-    for step in (_merge_and_drop, _keep_largest_piece, _wind_consistently, _close_pinholes):
+    for step in (merge_and_drop, _keep_largest_piece, _wind_consistently, _close_pinholes):
         mesh = step(mesh, actions)
     findings = check_surface(mesh)
     if findings:
@@ -47,7 +47,8 @@ def repair_surface(mesh: TriangleMesh) -> Repaired:
     return Repaired(mesh, actions)
 
 
-def _merge_and_drop(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
+def merge_and_drop(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
+    """Make coincident vertices one, drop flat and repeated triangles; appends what it did to ``actions``."""
     import trimesh
 
     surface = trimesh.Trimesh(mesh.vertices_m, mesh.triangles, process=False)

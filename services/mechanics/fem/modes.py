@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,17 +30,24 @@ class EigenModes:
         return self.omega_rad_s / (2.0 * np.pi)
 
 
-def compute_modes(model: ShellModel, n_modes: int) -> EigenModes:
+def compute_modes(model: ShellModel, n_modes: int, on_solve: Callable[[], None] | None = None) -> EigenModes:
     """Lowest ``n_modes`` of K phi = omega² M phi where M has no entries for rotations (paper eq. 19).
 
     Solving with the full K and reading only translations is multiplication by the inverse of the condensed
     stiffness (paper eq. 15-16), so Lanczos on M^1/2 K⁻¹ M^1/2 restricted to translations is exactly the
     condensed problem, without its dense matrix.
 
+    Parameters
+    ----------
+    model, n_modes
+        What is solved, and how far.
+    on_solve
+        Called at every solve with the factors, of which there are about two to four per mode: for progress.
+
     Raises
     ------
     ValueError
-        More modes are asked for than the model has free translations.
+        More modes are asked for than the model has free translations, or the stiffness is not positive definite.
     """
     translations = model.free_translations
     n = len(translations)
@@ -49,6 +57,8 @@ def compute_modes(model: ShellModel, n_modes: int) -> EigenModes:
     full = np.zeros(len(model.free_dofs))
 
     def flexibility(y: FloatArray) -> FloatArray:
+        if on_solve is not None:
+            on_solve()
         full[translations] = root_mass * y
         result: FloatArray = root_mass * model.factor.solve(full)[translations]
         return result
@@ -56,6 +66,8 @@ def compute_modes(model: ShellModel, n_modes: int) -> EigenModes:
     operator = LinearOperator((n, n), matvec=flexibility, dtype=np.float64)
     start = np.random.default_rng(1).standard_normal(n)
     values, vectors = eigsh(operator, n_modes, which="LM", v0=start)
+    if values.min() <= 0.0:
+        raise np.linalg.LinAlgError("stiffness is not positive definite, a natural frequency is not real")
     order = np.argsort(-values)
     omega = 1.0 / np.sqrt(values[order])
     return _expand(model, omega, vectors[:, order] / root_mass[:, None])

@@ -1,0 +1,110 @@
+"""``trocar fem``: anyone's own shell case from a YAML file, solved, shown, and written for other tools."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.studies.fem_case import FemCase
+from services.studies.fem_output import save_vtu, to_json
+from services.studies.fem_run import FemResult, solve_case
+
+
+class StageBars:
+    """One bar a stage of the solution, on standard error, gone when all is done."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._task: TaskID | None = None
+
+    def __call__(self, stage: str, steps: int) -> None:
+        """Begin a named stage, or advance the present one."""
+        if not stage:
+            if self._task is not None:
+                self._progress.advance(self._task, steps)
+            return
+        self.finish()
+        self._task = self._progress.add_task(stage, total=steps)
+
+    def finish(self) -> None:
+        """Fill the present bar."""
+        if self._task is not None:
+            total = self._progress.tasks[self._task].total
+            self._progress.update(self._task, completed=total)
+
+
+def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None = None) -> None:
+    """Solve the case in a file and print what it gives.
+
+    Parameters
+    ----------
+    file
+        YAML, see `services.studies.fem_case.FemCase` and the examples in ``configs/fem``.
+    json_file, vtu_file
+        Where to write numbers for programs, and fields for ParaView.
+
+    Raises
+    ------
+    ConfigError
+        One sentence that names the file and the key or place.
+    """
+    for option, target in (("--json", json_file), ("--vtu", vtu_file)):
+        if target is not None and not target.absolute().parent.is_dir():
+            raise ConfigError(f"{option} {target}: there is no folder {target.absolute().parent}")
+    case, _ = config.load(FemCase, file)
+    try:
+        result = _solve_with_progress(case, file)
+        if json_file is not None:
+            json_file.write_text(json.dumps(to_json(result), indent=1))
+    except ValueError as error:
+        raise ConfigError(f"{file}: {error}") from error
+    if vtu_file is not None:
+        save_vtu(result, vtu_file)
+    _print(result, Console(soft_wrap=True))
+
+
+def _solve_with_progress(case: FemCase, file: Path) -> FemResult:
+    columns = (SpinnerColumn(), TextColumn("{task.description:<16}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        bars = StageBars(progress)
+        result = solve_case(case, file.parent, bars)
+        bars.finish()
+    return result
+
+
+def _print(result: FemResult, console: Console) -> None:
+    data = to_json(result)
+    mesh = data["mesh"]
+    for action in mesh["actions"]:
+        console.print(f"mesh: {action}", markup=False)
+    console.print(f"{mesh['vertices']} vertices, {mesh['triangles']} triangles, {mesh['free_dofs']} free dofs")
+    if "static" in data:
+        _print_static(data["static"], console)
+    if "frequency_hz" in data:
+        table = Table("mode", "Hz")
+        for k, frequency in enumerate(data["frequency_hz"], 1):
+            table.add_row(str(k), f"{frequency:.6g}")
+        console.print(table)
+
+
+def _print_static(static: dict[str, object], console: Console) -> None:
+    table = Table("static solution", "x", "y", "z")
+    rows = {"reaction force N": static["reaction_force_n"]}
+    rows["reaction moment about origin N m"] = static["reaction_moment_about_origin_n_m"]
+    probes = static["probes"]
+    if isinstance(probes, dict):
+        rows |= {f"displacement at {name} m": value for name, value in probes.items()}
+    for name, vector in rows.items():
+        if isinstance(vector, list):
+            table.add_row(name, *(f"{component:.6g}" for component in vector))
+    console.print(table)
+    console.print(
+        f"largest displacement {static['largest_displacement_m']:.6g} m at vertex "
+        f"{static['largest_displacement_vertex']}, residual {static['residual']:.1e}"
+    )

@@ -1,0 +1,169 @@
+"""What a ``trocar fem`` file says: mesh, material, supports, loads, and what to solve for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Dof = Literal["ux", "uy", "uz", "rx", "ry", "rz"]
+Units = Literal["m", "cm", "mm", "um", "in"]
+
+
+class Part(BaseModel):
+    """A mapping in the file: unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def given(self, *names: str) -> list[str]:
+        """Those of ``names`` that the file gives."""
+        return [name for name in names if getattr(self, name) is not None]
+
+
+def exactly_one(part: Part, *names: str) -> None:
+    """Refuse a part that gives none or several of its alternatives."""
+    given = part.given(*names)
+    if len(given) != 1:
+        raise ValueError(f"give exactly one of {', '.join(names)}, not {', '.join(given) or 'none'}")
+
+
+class ParametricMesh(Part):
+    """A duct by numbers; see `services.mechanics.duct_geometry.DuctGeometry`."""
+
+    radius_m: Positive
+    length_m: Positive
+    n_around: int = 24
+    n_along: int = 36
+    taper: float = 0.0
+    curvature_1_m: float = 0.0
+    cut_angle_rad: float = 0.0
+    slit_length_m: float = 0.0
+    slit_width_m: float = 0.0
+
+
+class DuctFile(Part):
+    """A tube from a surface file, repaired, with named open ends; see `services.meshes.loading.SurfaceSettings`."""
+
+    path: Path
+    units: Units
+    clamped: tuple[str, ...] = ("end_0",)
+    mouth: str = "end_1"
+    edge_m: Positive | None = None
+    lumen_diameter_m: Positive | None = None
+
+
+class SurfaceFile(Part):
+    """Any triangle surface as it stands, with no open ends asked for."""
+
+    path: Path
+    units: Units
+
+
+class Mesh(Part):
+    """Where the triangles come from: exactly one of the three."""
+
+    parametric: ParametricMesh | None = None
+    duct_file: DuctFile | None = None
+    surface_file: SurfaceFile | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Mesh:
+        exactly_one(self, "parametric", "duct_file", "surface_file")
+        return self
+
+
+class Orthotropic(Part):
+    """See `services.mechanics.fem.section.Orthotropy`."""
+
+    axis: Vector
+    modulus_ratio: Positive
+    shear_modulus_ratio: Positive
+
+
+class Material(Part):
+    """Elastic constants and density; with ``orthotropy`` they are those along the axis."""
+
+    youngs_modulus_pa: Positive
+    poisson_ratio: float
+    density_kg_m3: Positive
+    orthotropy: Orthotropic | None = None
+
+
+class Region(Part):
+    """A ball in which the wall is thicker or stiffer, for triangles whose centre lies inside."""
+
+    centre_m: Vector
+    radius_m: Positive
+    thickness_factor: Positive = 1.0
+    modulus_factor: Positive = 1.0
+
+
+class Where(Part):
+    """Vertices: exactly one way to name them."""
+
+    vertex_set: str | None = None
+    vertex: int | None = Field(default=None, ge=0)
+    near_m: Vector | None = None
+    box_m: tuple[Vector, Vector] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Where:
+        exactly_one(self, "vertex_set", "vertex", "near_m", "box_m")
+        return self
+
+
+class Held(Part):
+    """Vertices whose dofs are held, at zero or at a given displacement."""
+
+    where: Where
+    dofs: tuple[Dof, ...] = ("ux", "uy", "uz", "rx", "ry", "rz")
+    displacement_m: Vector = (0.0, 0.0, 0.0)
+
+
+class Load(Part):
+    """One part of the load; exactly one kind, ``force_n`` with the vertices it is shared by."""
+
+    force_n: Vector | None = None
+    where: Where | None = None
+    pressure_pa: float | None = None
+    traction_pa: Vector | None = None
+    acceleration_m_s2: Vector | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Load:
+        exactly_one(self, "force_n", "pressure_pa", "traction_pa", "acceleration_m_s2")
+        if (self.force_n is None) != (self.where is None):
+            raise ValueError("'where' goes with force_n and with nothing else")
+        return self
+
+
+class Elements(Part):
+    """Which triangle carries the membrane and which the bending."""
+
+    membrane: Literal["cst", "opt"] = "cst"
+    bending: Literal["dkt", "paper"] = "dkt"
+
+
+class FemCase(Part):
+    """A whole file."""
+
+    mesh: Mesh
+    thickness_m: Positive
+    material: Material
+    regions: tuple[Region, ...] = ()
+    elements: Elements = Elements()
+    constraints: Literal["elimination", "penalty"] = "elimination"
+    supports: tuple[Held, ...] = Field(min_length=1)
+    loads: tuple[Load, ...] = ()
+    probes: dict[str, Where] = {}
+    modes: int = Field(default=0, ge=0)
+
+    @model_validator(mode="after")
+    def _something_to_solve(self) -> FemCase:
+        moved = any(any(held.displacement_m) for held in self.supports)
+        if not (self.loads or moved or self.modes):
+            raise ValueError("nothing to solve: give loads, a displacement_m in supports, or modes")
+        return self

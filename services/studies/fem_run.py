@@ -1,0 +1,167 @@
+"""Solve a ``trocar fem`` case: build the model, statics and modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.fem import (
+    EigenModes,
+    ElementChoice,
+    Orthotropy,
+    ShellModel,
+    ShellSection,
+    StaticSolution,
+    Support,
+    compute_modes,
+    pressure_load,
+    surface_load,
+)
+from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+from services.meshes.loading import SurfaceSettings, load_duct_surface
+from services.meshes.reading import read_surface
+from services.meshes.repairing import merge_and_drop
+from services.studies.fem_case import FemCase, Load, Where
+
+OnStage = Callable[[str, int], None]
+"""Told the name of a stage and how many steps it is expected to take; then called with "" and 1 a step."""
+
+
+def _silent(stage: str, steps: int) -> None:
+    """Follow nothing."""
+
+
+@dataclass(frozen=True)
+class FemResult:
+    """Everything a case was solved for."""
+
+    case: FemCase
+    model: ShellModel
+    actions: list[str]
+    static: StaticSolution | None
+    modes: EigenModes | None
+
+
+def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemResult:
+    """Solve a case whose file lies in ``folder``, from where relative mesh paths count.
+
+    Raises
+    ------
+    ValueError
+        One sentence that names the key, the mesh file or the place that is wrong.
+    """
+    on_stage("mesh", 1)
+    mesh, actions = build_mesh(case, folder)
+    on_stage("assembly", 1)
+    model, imposed = build_model(case, mesh)
+    on_stage("factors", 1)
+    _ = model.factor
+    static = None
+    if case.loads or imposed.any():
+        on_stage("static solution", 1)
+        static = model.solve_static(build_load(case, model), imposed)
+    modes = None
+    if case.modes:
+        on_stage("modes", 3 * case.modes + 20)
+        modes = compute_modes(model, case.modes, lambda: on_stage("", 1))
+    return FemResult(case, model, actions, static, modes)
+
+
+def build_mesh(case: FemCase, folder: Path) -> tuple[TriangleMesh, list[str]]:
+    """The case's mesh, and what was done to a file to get it."""
+    source = case.mesh
+    if source.parametric is not None:
+        return parametric_duct(DuctGeometry(**source.parametric.model_dump(), wall_thickness_m=case.thickness_m)), []
+    if source.duct_file is not None:
+        settings = source.duct_file.model_dump(exclude={"path"})
+        duct = load_duct_surface(folder / source.duct_file.path, SurfaceSettings(**settings))
+        return duct.mesh, duct.actions
+    actions: list[str] = []
+    if source.surface_file is None:
+        raise ValueError("mesh: has none of parametric, duct_file, surface_file")
+    raw = read_surface(folder / source.surface_file.path, source.surface_file.units)
+    return merge_and_drop(raw, actions), actions
+
+
+def build_model(case: FemCase, mesh: TriangleMesh) -> tuple[ShellModel, FloatArray]:
+    """The supported model, and the (n, 6) displacements imposed on its held dofs."""
+    supports = []
+    imposed = np.zeros((mesh.n_vertices, 6))
+    for k, held in enumerate(case.supports):
+        vertices = select(mesh, held.where, f"supports.{k}.where")
+        supports.append(Support(vertices, held.dofs))
+        imposed[vertices, :3] = held.displacement_m
+    elements = ElementChoice(case.elements.membrane, case.elements.bending)
+    return ShellModel(mesh, _section(case, mesh), supports, elements, case.constraints), imposed
+
+
+def _section(case: FemCase, mesh: TriangleMesh) -> ShellSection:
+    centres = mesh.vertices_m[mesh.triangles].mean(axis=1)
+    thickness = np.full(mesh.n_triangles, case.thickness_m)
+    modulus = np.full(mesh.n_triangles, case.material.youngs_modulus_pa)
+    for k, region in enumerate(case.regions):
+        inside = np.linalg.norm(centres - region.centre_m, axis=1) < region.radius_m
+        if not inside.any():
+            raise ValueError(f"regions.{k}: no triangle has its centre within radius_m of centre_m")
+        thickness[inside] *= region.thickness_factor
+        modulus[inside] *= region.modulus_factor
+    given = case.material.orthotropy
+    orthotropy = (
+        None if given is None else Orthotropy(np.array(given.axis), given.modulus_ratio, given.shear_modulus_ratio)
+    )
+    return ShellSection(thickness, modulus, case.material.poisson_ratio, case.material.density_kg_m3, orthotropy)
+
+
+def select(mesh: TriangleMesh, where: Where, key: str) -> IntArray:
+    """Vertices that a selector names.
+
+    Raises
+    ------
+    ValueError
+        It names none; the message says the key and what there is.
+    """
+    if where.vertex_set is not None:
+        if where.vertex_set not in mesh.vertex_sets:
+            known = ", ".join(mesh.vertex_sets) or "none"
+            raise ValueError(f"{key}.vertex_set: the mesh has no vertex set '{where.vertex_set}'; it has: {known}")
+        return np.asarray(mesh.vertex_sets[where.vertex_set], np.int32)
+    if where.vertex is not None:
+        if where.vertex >= mesh.n_vertices:
+            raise ValueError(f"{key}.vertex: {where.vertex} does not exist, the mesh has {mesh.n_vertices} vertices")
+        return np.array([where.vertex], np.int32)
+    if where.near_m is not None:
+        nearest = np.argmin(np.linalg.norm(mesh.vertices_m - where.near_m, axis=1))
+        return np.array([nearest], np.int32)
+    low, high = np.asarray(where.box_m)
+    inside = ((mesh.vertices_m >= low) & (mesh.vertices_m <= high)).all(axis=1)
+    if not inside.any():
+        span = [np.round(corner, 5).tolist() for corner in (mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0))]
+        raise ValueError(f"{key}.box_m: holds no vertex; the mesh spans {span[0]} to {span[1]} m")
+    return np.flatnonzero(inside).astype(np.int32)
+
+
+def build_load(case: FemCase, model: ShellModel) -> FloatArray:
+    """(n, 3) sum of all loads of the case."""
+    total = np.zeros((model.mesh.n_vertices, 3))
+    for k, load in enumerate(case.loads):
+        total += _nodal(load, model, f"loads.{k}.where")
+    return total
+
+
+def _nodal(load: Load, model: ShellModel, key: str) -> FloatArray:
+    mesh = model.mesh
+    if load.pressure_pa is not None:
+        return pressure_load(mesh, load.pressure_pa)
+    if load.traction_pa is not None:
+        return surface_load(mesh, np.array(load.traction_pa))
+    if load.acceleration_m_s2 is not None:
+        return np.outer(model.mass_kg, load.acceleration_m_s2)
+    nodal = np.zeros((mesh.n_vertices, 3))
+    if load.where is not None:
+        vertices = select(mesh, load.where, key)
+        nodal[vertices] = np.array(load.force_n) / len(vertices)
+    return nodal

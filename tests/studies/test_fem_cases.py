@@ -1,0 +1,195 @@
+"""`trocar fem` end to end: the example files, a plate from an STL against Timoshenko, VTU and JSON, and refusals."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from services.cli.fem import fem_command
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.studies.fem_case import FemCase
+from services.studies.fem_output import to_json
+from services.studies.fem_run import solve_case
+from services.studies.shell_problems import DUCT_RITZ_HZ, mapped_patch
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "configs" / "fem"
+
+DUCT = {
+    "mesh": {"parametric": {"radius_m": 0.004, "length_m": 0.04, "n_around": 12, "n_along": 12}},
+    "thickness_m": 0.5e-3,
+    "material": {"youngs_modulus_pa": 1e5, "poisson_ratio": 0.45, "density_kg_m3": 1060.0},
+    "supports": [{"where": {"vertex_set": "clamped"}}],
+    "modes": 2,
+}
+
+
+def write(folder, data, name="case.yaml"):
+    path = folder / name
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def run(path, tmp_path):
+    fem_command(path, tmp_path / "out.json", tmp_path / "out.vtu")
+    return json.loads((tmp_path / "out.json").read_text())
+
+
+def changed(**changes):
+    return DUCT | changes
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda p: p.stem)
+def test_every_example_runs(path, tmp_path, capsys):
+    result = run(path, tmp_path)
+    assert result["static"]["residual"] < 1e-8
+    assert min(result["frequency_hz"]) > 1.0
+    assert (tmp_path / "out.vtu").stat().st_size > 1000
+    assert "free dofs" in capsys.readouterr().out
+
+
+def test_pinched_example_gives_the_published_first_frequency_and_a_balanced_pinch(tmp_path):
+    result = run(EXAMPLES / "pinched-duct.yaml", tmp_path)
+    assert result["frequency_hz"][0] == pytest.approx(DUCT_RITZ_HZ["(1,1)"], rel=0.01)
+    assert result["static"]["reaction_force_n"] == pytest.approx([0, 0, 0], abs=1e-13)
+    assert result["static"]["probes"]["pinched wall"][1] < -0.5e-3
+
+
+@pytest.fixture
+def plate_file(tmp_path):
+    """A clamped 100 mm square steel plate as an STL in millimetres."""
+    trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
+    patch = mapped_patch(24, 24, lambda s, t: (100 * s, 100 * t, np.zeros_like(s)))
+    trimesh.Trimesh(patch.mesh.vertices_m, patch.mesh.triangles, process=False).export(tmp_path / "plate.stl")
+    edges = [
+        [[-1, -1, -1], [1e-6, 1, 1]],
+        [[0.1 - 1e-6, -1, -1], [1, 1, 1]],
+        [[-1, -1, -1], [1, 1e-6, 1]],
+        [[-1, 0.1 - 1e-6, -1], [1, 1, 1]],
+    ]
+    return write(
+        tmp_path,
+        {
+            "mesh": {"surface_file": {"path": "plate.stl", "units": "mm"}},
+            "thickness_m": 1e-3,
+            "material": {"youngs_modulus_pa": 200e9, "poisson_ratio": 0.3, "density_kg_m3": 7800.0},
+            "supports": [{"where": {"box_m": box}} for box in edges],
+            "loads": [{"traction_pa": [0, 0, 1000.0]}],
+            "probes": {"centre": {"near_m": [0.05, 0.05, 0.0]}},
+            "modes": 3,
+        },
+    )
+
+
+def test_a_plate_from_a_file_bends_as_timoshenko_says(plate_file, tmp_path):
+    result = run(plate_file, tmp_path)
+    D = 200e9 * 1e-9 / (12 * (1 - 0.3**2))
+    assert result["static"]["probes"]["centre"][2] == pytest.approx(0.00126532 * 1000 * 0.1**4 / D, rel=0.01)
+    omega = 35.99 / 0.1**2 * math.sqrt(D / (7800 * 1e-3))
+    assert result["frequency_hz"][0] == pytest.approx(omega / (2 * math.pi), rel=0.01)
+    assert result["static"]["reaction_force_n"] == pytest.approx([0, 0, -10.0], abs=1e-9)
+
+
+def test_vtk_opens_the_output(plate_file, tmp_path):
+    pyvista = pytest.importorskip("pyvista", reason="the mesh extra is not installed")
+    result = run(plate_file, tmp_path)
+    grid = pyvista.read(tmp_path / "out.vtu")
+    assert grid["displacement_m"] == pytest.approx(np.array(result["static"]["displacement_m"]))
+    modes = [name for name in grid.point_data if name.startswith("mode ")]
+    assert len(modes) == 3
+    assert np.linalg.norm(grid[modes[0]], axis=1).max() == pytest.approx(1.0)
+    assert set(grid.cell_data) == {"thickness_m", "youngs_modulus_pa"}
+
+
+def test_imposed_displacement_is_a_load(tmp_path):
+    """Both rims moved alike: the duct moves rigidly and the supports feel nothing."""
+    held = [{"where": {"vertex_set": s}, "displacement_m": [0, 1e-3, 0]} for s in ("clamped", "mouth")]
+    data = run(write(tmp_path, changed(supports=held, modes=0)), tmp_path)
+    assert np.array(data["static"]["displacement_m"]) == pytest.approx(np.tile([0, 1e-3, 0], (156, 1)), abs=1e-12)
+    assert data["static"]["reaction_force_n"] == pytest.approx([0, 0, 0], abs=1e-12)
+
+
+def test_gravity_reaction_is_the_weight(tmp_path):
+    data = run(write(tmp_path, changed(loads=[{"acceleration_m_s2": [0, 0, -9.81]}])), tmp_path)
+    assert data["static"]["reaction_force_n"] == pytest.approx([0, 0, 9.81 * data["mesh"]["mass_kg"]], abs=1e-12)
+
+
+def test_a_stiff_region_stiffens(tmp_path):
+    pull = [{"force_n": [0, 1e-3, 0], "where": {"vertex_set": "mouth"}}]
+    soft = changed(loads=pull, modes=0, probes={"mouth": {"vertex_set": "mouth"}})
+    stiff = soft | {"regions": [{"centre_m": [0, 0, 0], "radius_m": 0.012, "modulus_factor": 5.0}]}
+    drops = [
+        to_json(solve_case(config.build(FemCase, data, "x"), tmp_path))["static"]["probes"]["mouth"][1]
+        for data in (soft, stiff)
+    ]
+    assert drops[1] < 0.9 * drops[0]
+
+
+def test_penalty_and_elimination_agree(tmp_path):
+    pull = [{"force_n": [0, 1e-3, 0], "where": {"vertex": 150}}]
+    first, second = (
+        run(write(tmp_path, changed(loads=pull, constraints=c)), tmp_path) for c in ("elimination", "penalty")
+    )
+    assert second["static"]["largest_displacement_m"] == pytest.approx(
+        first["static"]["largest_displacement_m"], rel=1e-5
+    )
+
+
+def test_stages_are_reported_in_order(tmp_path):
+    stages = []
+    solve_case(config.build(FemCase, DUCT, "x"), tmp_path, lambda stage, steps: stages.append(stage))
+    assert [stage for stage in stages if stage] == ["mesh", "assembly", "factors", "modes"]
+    assert stages.count("") >= 4
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"thicknes_m": 1}, r"case.yaml: thicknes_m: unknown key 'thicknes_m'; known: .*thickness_m"),
+        ({"thickness_m": -1}, "case.yaml: thickness_m: .* greater than 0"),
+        ({"mesh": {}}, "case.yaml: mesh: give exactly one of parametric, duct_file, surface_file, not none"),
+        ({"mesh": {"parametric": {"radius_m": 1e-3}}}, "mesh.parametric.length_m: this key is missing"),
+        (
+            {"mesh": {"parametric": {"radius_m": 1e-3, "length_m": 1, "taper": 0.9}}},
+            "case.yaml: duct: wall_thickness_m leaves no lumen",
+        ),
+        ({"mesh": {"duct_file": {"path": "no.stl", "units": "mm"}}}, "no.stl: no such file"),
+        ({"supports": []}, "case.yaml: supports: .* at least 1"),
+        ({"supports": [{"where": {"vertex": 3}}]}, None),
+        ({"supports": [{"where": {"vertex": 3}, "dofs": ["ux"]}]}, "case.yaml: supports: .* rigidly in 5 of 6 ways"),
+        ({"supports": [{"where": {"vertex": 9999}}]}, r"supports.0.where.vertex: 9999 does not exist"),
+        (
+            {"supports": [{"where": {"vertex_set": "rim"}}]},
+            "vertex_set: the mesh has no vertex set 'rim'; it has: clamped",
+        ),
+        ({"supports": [{"where": {"box_m": [[1, 1, 1], [2, 2, 2]]}}]}, "box_m: holds no vertex; the mesh spans"),
+        ({"supports": [{"where": {"vertex": 1, "vertex_set": "mouth"}}]}, "give exactly one of vertex_set, vertex"),
+        ({"loads": [{"force_n": [1, 0, 0]}]}, "'where' goes with force_n"),
+        ({"loads": [{"pressure_pa": ".inf"}]}, "loads.0.pressure_pa"),
+        ({"modes": 0}, "nothing to solve"),
+        ({"modes": 100000}, "n_modes must lie between 1 and"),
+        ({"regions": [{"centre_m": [9, 9, 9], "radius_m": 1e-3}]}, "regions.0: no triangle"),
+        ({"elements": {"bending": "mitc"}}, "elements.bending: .*'dkt' or 'paper'"),
+        (
+            {"material": {"youngs_modulus_pa": 1e5, "poisson_ratio": 0.7, "density_kg_m3": 1.0}},
+            "poisson_ratio of an isotropic material must not exceed 0.5",
+        ),
+        ({"probes": {"p": {"vertex": 5000}}, "loads": [{"pressure_pa": 1.0}]}, "probes.p.vertex: 5000 does not exist"),
+    ],
+)
+def test_a_wrong_file_is_one_sentence_with_its_key(tmp_path, change, message):
+    path = write(tmp_path, changed(**change))
+    if message is None:
+        run(path, tmp_path)
+        return
+    with pytest.raises(ConfigError, match=message) as caught:
+        run(path, tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_output_into_a_missing_folder_is_refused_before_solving(tmp_path):
+    with pytest.raises(ConfigError, match=r"--json .*: there is no folder"):
+        fem_command(write(tmp_path, DUCT), tmp_path / "absent" / "x.json")
