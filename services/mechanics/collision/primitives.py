@@ -8,57 +8,58 @@ or a corner: the feature can be read off them.
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from services.mechanics.collision.kernel import inlined, kernel
+from services.mechanics.collision.kernel import kernel
 
 Vector = tuple[float, float, float]
 
 
-@inlined
+@kernel
 def subtract(u: Vector, v: Vector) -> Vector:
     """Return u - v."""
     return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
 
 
-@inlined
+@kernel
 def along(u: Vector, v: Vector, factor: float) -> Vector:
     """Return u + factor v."""
     return (u[0] + factor * v[0], u[1] + factor * v[1], u[2] + factor * v[2])
 
 
-@inlined
+@kernel
 def dot(u: Vector, v: Vector) -> float:
     """Return u . v."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-@inlined
+@kernel
 def cross(u: Vector, v: Vector) -> Vector:
     """Return u x v."""
     return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
 
 
-@inlined
+@kernel
 def scaled(u: Vector, factor: float) -> Vector:
     """Return factor u."""
     return (factor * u[0], factor * u[1], factor * u[2])
 
 
-@inlined
+@kernel
 def unit(u: Vector) -> Vector:
     """Return u scaled to length one, or zero where u is zero."""
     length = math.sqrt(dot(u, u))
     return scaled(u, 1.0 / length) if length > 0.0 else u
 
 
-@inlined
+@kernel
 def squared_distance(u: Vector, v: Vector) -> float:
     """Return |u - v|^2."""
     d = subtract(u, v)
     return dot(d, d)
 
 
-@inlined
+@kernel
 def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
     """Return w0 a + w1 b + w2 c."""
     return (
@@ -66,6 +67,19 @@ def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
         w[0] * a[1] + w[1] * b[1] + w[2] * c[1],
         w[0] * a[2] + w[1] * b[2] + w[2] * c[2],
     )
+
+
+@kernel
+def vector(pointer: Any, row: int) -> Vector:
+    """Return row ``row`` of a flat array of vectors."""
+    return (pointer[3 * row], pointer[3 * row + 1], pointer[3 * row + 2])
+
+
+@kernel
+def put(pointer: Any, row: int, v: Vector) -> None:
+    """Write v into row ``row`` of a flat array of vectors."""
+    for axis in range(3):
+        pointer[3 * row + axis] = v[axis]
 
 
 @kernel
@@ -99,7 +113,7 @@ def closest_on_triangle(p: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
     return (va * scale, vb * scale, vc * scale)
 
 
-@inlined
+@kernel
 def clamp01(x: float) -> float:
     """Return x limited to 0..1."""
     return min(max(x, 0.0), 1.0)
@@ -151,9 +165,7 @@ def segment_pierces(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tu
 
 
 @kernel
-def closest_segment_triangle(
-    p: Vector, q: Vector, a: Vector, b: Vector, c: Vector
-) -> tuple[float, float, Vector]:
+def closest_segment_triangle(p: Vector, q: Vector, a: Vector, b: Vector, c: Vector) -> tuple[float, float, Vector]:
     """Return (squared distance, s on the segment, weights in the triangle); distance 0 where they meet."""
     meets, best_s, best_w = segment_pierces(p, q, a, b, c)
     if meets:

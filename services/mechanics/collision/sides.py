@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.kernel import inlined, kernel
+from services.mechanics.collision.kernel import flags, ints, kernel
 from services.mechanics.collision.primitives import (
     Vector,
     along,
@@ -35,7 +35,7 @@ Contact = tuple[Touch, Vector, float, int]
 @kernel
 def triangle_normal(body: Body, patch: Patch, triangle: int) -> Vector:
     """Return the outward unit normal of a deformed triangle."""
-    p0, p1, p2 = corner_positions(body, patch.triangles, triangle)
+    p0, p1, p2 = corner_positions(body, patch, triangle)
     return unit(cross(subtract(p1, p0), subtract(p2, p0)))
 
 
@@ -49,12 +49,12 @@ def surface_normal(body: Body, patch: Patch, touch: Touch) -> Vector:
     triangle, w = touch[0], touch[3]
     for corner in range(3):
         if w[corner] == 1.0:
-            return _corner_normal(body, patch, patch.triangles[triangle, corner])
+            return _corner_normal(body, patch, ints(patch.triangles)[3 * triangle + corner])
     normal = triangle_normal(body, patch, triangle)
     for edge in range(3):
-        if w[(edge + 2) % 3] == 0.0 and patch.neighbour[triangle, edge] != NO_NEIGHBOUR:
-            other = triangle_normal(body, patch, patch.neighbour[triangle, edge])
-            return unit(along(normal, other, 1.0))
+        other = ints(patch.neighbour)[3 * triangle + edge]
+        if w[(edge + 2) % 3] == 0.0 and other != NO_NEIGHBOUR:
+            return unit(along(normal, triangle_normal(body, patch, other), 1.0))
     return normal
 
 
@@ -62,12 +62,13 @@ def surface_normal(body: Body, patch: Patch, touch: Touch) -> Vector:
 def _corner_normal(body: Body, patch: Patch, vertex: int) -> Vector:
     """Return the mean of the normals round a vertex, weighted by the angle of each triangle there."""
     total = (0.0, 0.0, 0.0)
-    for k in range(patch.ring_start[vertex], patch.ring_start[vertex + 1]):
-        triangle = patch.ring[k]
-        p0, p1, p2 = corner_positions(body, patch.triangles, triangle)
-        if patch.triangles[triangle, 1] == vertex:
+    start, ring, corner = ints(patch.ring_start), ints(patch.ring), ints(patch.triangles)
+    for k in range(start[vertex], start[vertex + 1]):
+        triangle = ring[k]
+        p0, p1, p2 = corner_positions(body, patch, triangle)
+        if corner[3 * triangle + 1] == vertex:
             p0, p1, p2 = p1, p2, p0
-        elif patch.triangles[triangle, 2] == vertex:
+        elif corner[3 * triangle + 2] == vertex:
             p0, p1, p2 = p2, p0, p1
         u, v = subtract(p1, p0), subtract(p2, p0)
         n = cross(u, v)
@@ -77,15 +78,15 @@ def _corner_normal(body: Body, patch: Patch, vertex: int) -> Vector:
     return unit(total)
 
 
-@inlined
+@kernel
 def is_on_rim(patch: Patch, touch: Touch) -> bool:
     """Return whether the feature touched is an edge or corner of an open rim."""
     triangle, w = touch[0], touch[3]
     for corner in range(3):
         if w[corner] == 1.0:
-            return patch.on_rim[patch.triangles[triangle, corner]] != 0
+            return bool(flags(patch.on_rim)[ints(patch.triangles)[3 * triangle + corner]] != 0)
     for edge in range(3):
-        if w[(edge + 2) % 3] == 0.0 and patch.neighbour[triangle, edge] == NO_NEIGHBOUR:
+        if w[(edge + 2) % 3] == 0.0 and ints(patch.neighbour)[3 * triangle + edge] == NO_NEIGHBOUR:
             return True
     return False
 
@@ -110,14 +111,14 @@ def settle(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: i
     return _settle_point(touch, away, distance, normal, side)
 
 
-@inlined
+@kernel
 def _above(body: Body, patch: Patch, touch: Touch, p: Vector) -> Vector:
     """Return the vector from the touched point of the surface to p."""
-    p0, p1, p2 = corner_positions(body, patch.triangles, touch[0])
+    p0, p1, p2 = corner_positions(body, patch, touch[0])
     return subtract(p, combine(touch[3], p0, p1, p2))
 
 
-@inlined
+@kernel
 def _settle_point(touch: Touch, away: Vector, distance: float, normal: Vector, side: int) -> Contact:
     w = touch[3]
     height = dot(away, normal)

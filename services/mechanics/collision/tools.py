@@ -7,22 +7,24 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.collision.capsules import CapsulePairs, detect_capsules, make_capsule_pairs
-from services.mechanics.collision.kernel import kernel
-from services.mechanics.collision.primitives import Vector, along, scaled, squared_distance, subtract
-from services.mechanics.collision.probes import (
-    EARLY_SEARCHES,
-    MINIMA,
-    Probes,
-    advance,
-    end_of,
-    forget,
-    make_probes,
+from services.mechanics.collision.boxes import APART
+from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, segment_ends
+from services.mechanics.collision.kernel import floats, ints, kernel
+from services.mechanics.collision.primitives import (
+    Vector,
+    along,
+    clamp01,
+    dot,
+    scaled,
+    squared_distance,
+    subtract,
+    vector,
 )
-from services.mechanics.collision.search import APART, NOTHING
+from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, ProbeSet, advance, forget
+from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.sides import UNKNOWN
 from services.mechanics.collision.surface import DuctSurface, Shell
-from services.mechanics.collision.writer import FULL, PairRows, PairWriter, take_row
+from services.mechanics.collision.writer import PairWriter, Rows, write_pair
 from services.mechanics.contact.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs
 from services.mechanics.mesh import FloatArray
 
@@ -64,15 +66,15 @@ class ToolContactDetector:
             raise ValueError(f"margin_m must be positive, got {margin_m}")
         self.surface = surface
         self._sizes = (surface.half_thickness_m, catheter_radius_m, margin_m)
-        self._probes = make_probes(n_tools * PROBES_PER_TOOL)
-        self._capsules = make_capsule_pairs(n_tools * N_SEGMENTS, max(n_particles - 1, 0))
+        self._probes = ProbeSet(n_tools * PROBES_PER_TOOL)
+        self._capsules = CapsuleMemory(n_tools * N_SEGMENTS, max(n_particles - 1, 0))
         self._everyone = np.ones(n_tools, np.bool_)
         self._writer = PairWriter()
 
     def reset(self) -> None:
         """Forget the past: the next `detect` finds the sides from the positions alone."""
-        self._probes.slack.fill(-1.0)
-        self._capsules.active.fill(0)
+        self._probes.reset()
+        self._capsules.reset()
 
     def detect(
         self,
@@ -96,32 +98,25 @@ class ToolContactDetector:
         """
         who = self._everyone if present is None else present
         rows = self._writer.open(pairs_out)
-        _detect_wall(self.surface.shell, self._probes, (segments_m, radii_m, who), self._sizes, rows)
-        detect_capsules(self._capsules, (segments_m, radii_m, who), particle_positions_m, self._sizes, rows)
+        tools = (segments_m, radii_m, who)
+        _detect_wall(self.surface.shell, self._probes.struct, tools, self._sizes, rows)
+        detect_capsules(self._capsules.struct, tools, particle_positions_m, self._sizes, rows)
         self._writer.close()
 
 
-Tools = tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]
-
-
 @kernel
-def _detect_wall(shell: Shell, probes: Probes, tools: Tools, sizes: tuple[float, float, float], rows: PairRows) -> None:
-    segments, radii, present = tools
-    probes.early[0] = EARLY_SEARCHES
-    for tool in range(segments.shape[0]):
+def _detect_wall(shell: Shell, probes: Probes, tools: Tools, sizes: tuple[float, float, float], rows: Rows) -> None:
+    probes.early = EARLY_SEARCHES
+    half_thickness, _, margin = sizes
+    for tool in range(tools[0].shape[0]):
         first = tool * PROBES_PER_TOOL
         for segment in range(N_SEGMENTS):
             count = SHAFT_PROBES if segment == SHAFT else JAW_PROBES
-            if present[tool]:
-                p, q = end_of(segments[tool], segment, 0), end_of(segments[tool], segment, 1)
-                thickness = radii[tool, segment] + sizes[0]
+            if tools[2][tool]:
+                ends, thickness = segment_ends(tools, tool, segment), tools[1][tool, segment] + half_thickness
                 for k in range(count):
-                    a, b = _piece(segment, k, p, q)
-                    if a == b:
-                        forget(probes, first + k)
-                        continue
-                    advance(shell.body, shell.wall, probes, first + k, a, b, thickness + sizes[2], UNKNOWN)
-                _write_segment(probes, (tool, segment), (first, count), (p, q), (thickness, sizes[2]), rows)
+                    _advance_piece(shell, probes, first + k, _piece(segment, k, ends), thickness + margin)
+                _write_segment(probes, (tool, segment), (first, first + count), ends, (thickness, margin), rows)
             else:
                 for k in range(count):
                     forget(probes, first + k)
@@ -129,12 +124,21 @@ def _detect_wall(shell: Shell, probes: Probes, tools: Tools, sizes: tuple[float,
 
 
 @kernel
-def _piece(segment: int, k: int, p: Vector, q: Vector) -> tuple[Vector, Vector]:
-    """Return the ends of probe k of a segment pq; a shaft is counted from q back."""
-    axis = subtract(q, p)
+def _advance_piece(shell: Shell, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> None:
+    if ends[0] == ends[1]:
+        # Beyond the port: this part of the shaft is outside the patient.
+        forget(probes, i)
+    else:
+        advance(shell.body, shell.wall, probes, i, ends, reach, UNKNOWN)
+
+
+@kernel
+def _piece(segment: int, k: int, ends: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """Return the ends of probe k of a segment; a shaft's are counted from its far end back."""
+    p, axis = ends[0], subtract(ends[1], ends[0])
     if segment != SHAFT:
         return (along(p, axis, k / JAW_PROBES), along(p, axis, (k + 1) / JAW_PROBES))
-    length = math.sqrt(squared_distance(p, q))
+    length = math.sqrt(dot(axis, axis))
     piece = PIECE_M / length if length > 0.0 else 1.0
     start = 0.0 if k == SHAFT_PROBES - 1 else max(1.0 - (k + 1) * piece, 0.0)
     return (along(p, axis, start), along(p, axis, max(1.0 - k * piece, 0.0)))
@@ -147,57 +151,49 @@ def _write_segment(
     span: tuple[int, int],
     ends: tuple[Vector, Vector],
     sizes: tuple[float, float],
-    rows: PairRows,
+    rows: Rows,
 ) -> None:
     """Write the contacts of one segment; of two neighbours meeting at one point the deeper stands for both."""
     thickness, margin = sizes
     axis = subtract(ends[1], ends[0])
-    length2 = squared_distance(ends[0], ends[1])
-    for i in range(span[0], span[0] + span[1]):
-        for k in range(MINIMA):
-            gap = probes.distance[i, k] - thickness
-            if probes.triangle[i, k] == NOTHING or not gap < margin or _is_repeated(probes, i, k, span):
-                continue
-            row = take_row(rows, gap, (probes.normal[i, k, 0], probes.normal[i, k, 1], probes.normal[i, k, 2]))
-            if row == FULL:
-                continue
-            here = subtract(_axis_point(probes, i, k), ends[0])
-            rows.tool[row], rows.tool_segment[row] = who
-            rows.particle[row] = -1
-            rows.target_kind[row] = DUCT_TRIANGLE
-            rows.target[row] = probes.triangle[i, k]
-            s = (here[0] * axis[0] + here[1] * axis[1] + here[2] * axis[2]) / length2 if length2 > 0.0 else 0.0
-            rows.tool_parameter[row] = min(max(s, 0.0), 1.0)
-            for corner in range(3):
-                rows.target_weights[row, corner] = probes.place[i, k, 1 + corner]
+    length2 = dot(axis, axis)
+    for row in range(MINIMA * span[0], MINIMA * span[1]):
+        gap, triangle = floats(probes.distance)[row] - thickness, ints(probes.triangle)[row]
+        if triangle == NOTHING or not gap < margin or _is_repeated(probes, row, span):
+            continue
+        s = dot(subtract(_axis_point(probes, row), ends[0]), axis) / length2
+        place = floats(probes.place)
+        weights = (place[4 * row + 1], place[4 * row + 2], place[4 * row + 3])
+        pair = (who[0], who[1], -1, DUCT_TRIANGLE, triangle, clamp01(s), weights)
+        write_pair(rows, pair, gap, vector(floats(probes.normal), row))
 
 
 @kernel
-def _axis_point(probes: Probes, i: int, k: int) -> Vector:
-    a, b = end_of(probes.ends, i, 0), end_of(probes.ends, i, 1)
-    return along(scaled(a, 1.0 - probes.place[i, k, 0]), b, probes.place[i, k, 0])
+def _axis_point(probes: Probes, row: int) -> Vector:
+    i, s = row // MINIMA, floats(probes.place)[4 * row]
+    a, b = vector(floats(probes.ends), 2 * i), vector(floats(probes.ends), 2 * i + 1)
+    return along(scaled(a, 1.0 - s), b, s)
 
 
 @kernel
-def _is_repeated(probes: Probes, i: int, k: int, span: tuple[int, int]) -> bool:
+def _is_repeated(probes: Probes, row: int, span: tuple[int, int]) -> bool:
     """Return whether the probe before or after has a deeper contact of the same direction close by."""
-    mine, point = probes.distance[i, k], _axis_point(probes, i, k)
+    i, mine = row // MINIMA, floats(probes.distance)[row]
+    point, normal = _axis_point(probes, row), vector(floats(probes.normal), row)
     for j in (i - 1, i + 1):
-        if j < span[0] or j >= span[0] + span[1]:
+        if j < span[0] or j >= span[1]:
             continue
         near2 = 0.25 * min(_length2(probes, i), _length2(probes, j))
-        for m in range(MINIMA):
-            other = probes.distance[j, m]
-            if probes.triangle[j, m] == NOTHING or other > mine or (other == mine and j > i):
+        for other in range(MINIMA * j, MINIMA * (j + 1)):
+            deeper = floats(probes.distance)[other] - mine
+            if ints(probes.triangle)[other] == NOTHING or deeper > 0.0 or (deeper == 0.0 and j > i):
                 continue
-            facing = 0.0
-            for axis in range(3):
-                facing += probes.normal[i, k, axis] * probes.normal[j, m, axis]
-            if facing > APART and squared_distance(point, _axis_point(probes, j, m)) < near2:
+            is_same_way = dot(normal, vector(floats(probes.normal), other)) > APART
+            if is_same_way and squared_distance(point, _axis_point(probes, other)) < near2:
                 return True
     return False
 
 
 @kernel
 def _length2(probes: Probes, i: int) -> float:
-    return squared_distance(end_of(probes.ends, i, 0), end_of(probes.ends, i, 1))
+    return squared_distance(vector(floats(probes.ends), 2 * i), vector(floats(probes.ends), 2 * i + 1))

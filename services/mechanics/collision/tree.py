@@ -18,6 +18,8 @@ from services.mechanics.mesh import FloatArray, IntArray
 
 LEAF_TRIANGLES = 4
 LEAF = -1
+# A depth-first walk of a balanced binary tree holds one sibling a level.
+MAX_DEPTH = 64
 _CHUNK = 4096
 
 
@@ -60,7 +62,7 @@ def build_tree(vertices_m: FloatArray, triangles: IntArray, scaled_modes: FloatA
         middle = 0.5 * (box[node, :3] + box[node, 3:])
         representative[node] = corners[np.argmin(((points - middle) ** 2).sum(axis=1))]
         members.append(corners)
-    owner = np.repeat(np.arange(k), [len(corners) for corners in members])
+    owner = np.repeat(np.arange(k, dtype=np.int32), [len(corners) for corners in members])
     vertex = np.concatenate(members)
     reach, spread = _displacement_bounds(scaled_modes, vertex, owner, representative)
     return BoundingTree(box, child, span, order, representative, reach, spread)

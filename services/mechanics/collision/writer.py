@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
-from services.mechanics.collision.primitives import Vector
+from services.mechanics.collision.kernel import Struct, fill, flags, floats, ints, kernel, struct_type
+from services.mechanics.collision.primitives import Vector, put
 from services.mechanics.contact.pairs import ContactPairs
-from services.mechanics.mesh import FloatArray, IntArray
 
 FULL = -1
+
+Rows = Struct
 _ARRAYS = (
     "tool",
     "tool_segment",
@@ -24,60 +22,59 @@ _ARRAYS = (
     "normal",
     "gap_m",
 )
+ROWS = struct_type(arrays=_ARRAYS, counts=("used", "dropped", "capacity"))
 
-
-class PairRows(NamedTuple):
-    """The arrays of `ContactPairs`, and how many rows are used and dropped."""
-
-    tool: npt.NDArray[np.int8]
-    tool_segment: npt.NDArray[np.int8]
-    particle: IntArray
-    target_kind: npt.NDArray[np.int8]
-    target: IntArray
-    tool_parameter: FloatArray
-    target_weights: FloatArray
-    normal: FloatArray
-    gap_m: FloatArray
-    used: npt.NDArray[np.int64]
-    """(2,) rows in use, rows dropped."""
+Pair = tuple[int, int, int, int, int, float, Vector]
+"""(tool, tool segment, particle, kind of target, target, place on the first body, weights in the target)."""
 
 
 class PairWriter:
     """Kernel view of the pairs that a detector fills; made anew only when another set is handed in."""
 
     def __init__(self) -> None:
-        self._pairs: ContactPairs | None = None
-        self._rows: PairRows | None = None
+        self._storage = np.zeros(1, ROWS)
+        self._rows: Rows = self._storage[0]
+        self._pairs = ContactPairs.allocate(0)
 
-    def open(self, pairs: ContactPairs) -> PairRows:
+    def open(self, pairs: ContactPairs) -> Rows:
         """Return the rows of ``pairs``, appending after those already there."""
-        if self._rows is None or self._pairs is not pairs:
-            arrays = (getattr(pairs, name) for name in _ARRAYS)
-            self._rows, self._pairs = PairRows(*arrays, np.zeros(2, np.int64)), pairs
-        self._rows.used[0], self._rows.used[1] = pairs.count, pairs.dropped
-        return self._rows
+        rows = self._rows
+        if self._pairs is not pairs:
+            fill(rows, capacity=pairs.capacity, **{name: getattr(pairs, name) for name in _ARRAYS})
+            self._pairs = pairs
+        rows["used"], rows["dropped"] = pairs.count, pairs.dropped
+        return rows
 
     def close(self) -> None:
         """Tell the pairs how many rows are used now."""
-        if self._rows is not None and self._pairs is not None:
-            self._pairs.count, self._pairs.dropped = int(self._rows.used[0]), int(self._rows.used[1])
+        self._pairs.count, self._pairs.dropped = int(self._rows["used"]), int(self._rows["dropped"])
 
 
 @kernel
-def take_row(rows: PairRows, gap_m: float, normal: Vector) -> int:
-    """Return the row for a pair with this gap, normal and gap filled in; `FULL` if all others are deeper."""
-    row = rows.used[0]
-    if row < rows.gap_m.shape[0]:
-        rows.used[0] += 1
-    else:
-        rows.used[1] += 1
-        row = 0
-        for k in range(1, rows.gap_m.shape[0]):
-            if rows.gap_m[k] > rows.gap_m[row]:
-                row = k
-        if rows.gap_m.shape[0] == 0 or rows.gap_m[row] <= gap_m:
-            return FULL
-    rows.gap_m[row] = gap_m
-    for axis in range(3):
-        rows.normal[row, axis] = normal[axis]
-    return int(row)
+def write_pair(rows: Rows, pair: Pair, gap_m: float, normal: Vector) -> None:
+    """Write one pair; where there is no room it replaces the shallowest, if that is shallower."""
+    row = _free_row(rows, gap_m)
+    if row == FULL:
+        return
+    flags(rows.tool)[row] = pair[0]
+    flags(rows.tool_segment)[row] = pair[1]
+    ints(rows.particle)[row] = pair[2]
+    flags(rows.target_kind)[row] = pair[3]
+    ints(rows.target)[row] = pair[4]
+    floats(rows.tool_parameter)[row] = pair[5]
+    put(floats(rows.target_weights), row, pair[6])
+    put(floats(rows.normal), row, normal)
+    floats(rows.gap_m)[row] = gap_m
+
+
+@kernel
+def _free_row(rows: Rows, gap_m: float) -> int:
+    if rows.used < rows.capacity:
+        rows.used += 1
+        return int(rows.used - 1)
+    rows.dropped += 1
+    gaps, shallowest = floats(rows.gap_m), FULL
+    for k in range(rows.capacity):
+        if gaps[k] > gap_m and (shallowest == FULL or gaps[k] > gaps[shallowest]):
+            shallowest = k
+    return shallowest
