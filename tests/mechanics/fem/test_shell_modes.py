@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes
+from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes, cst
 from services.mechanics.fem.modes import compute_modes_dense, condensed_stiffness
 from services.studies import opensees_check
 from services.studies.shell_problems import (
@@ -103,6 +103,13 @@ def test_frequency_scales_with_the_root_of_modulus_over_density(small):
     stiffer = ShellSection(0.5e-3, 4 * 100e3, 0.45, 1060.0 / 4)
     model = ShellModel(small.mesh, stiffer, [clamp(small.mesh)], CST)
     assert compute_modes(model, 8).omega_rad_s == pytest.approx(4 * compute_modes(small, 8).omega_rad_s, rel=1e-9)
+
+
+def test_fictitious_drilling_stiffness_hardly_matters(monkeypatch):
+    usual = compute_modes(reference_duct(24, 36, CST), 8).frequency_hz
+    for factor in (0.1, 10.0):
+        monkeypatch.setattr(cst, "DRILLING_PENALTY", 1e-3 * factor)
+        assert compute_modes(reference_duct(24, 36, CST), 8).frequency_hz == pytest.approx(usual, rel=1e-3)
 
 
 def test_more_modes_than_translations_are_refused(small):
