@@ -134,4 +134,8 @@ def open_output(settings: ViewSettings, painted: Path, log: logging.Logger) -> O
         viewer = "native" if has_display() else "web"
     if viewer == "none":
         return NoOutput(painted)
-    return WebOutput(settings, painted, log)
+    if viewer == "web":
+        return WebOutput(settings, painted, log)
+    from services.visualization.window import WindowOutput  # pyvista costs a second and needs a display
+
+    return WindowOutput(settings, painted)

@@ -6,7 +6,7 @@ import { known, share, us } from "./format.js";
 const SECONDS = 120;
 export const COLOURS = ["#56c5b4", "#6ba8e5", "#eab54d", "#f0695a", "#b79cf2", "#8fd16a"];
 const AXIS = { stroke: "#8d9aa8", grid: { stroke: "#1e252d", width: 1 }, ticks: { show: false }, font: "11px system-ui", size: 52 };
-const TIME = { ...AXIS, size: 24, values: (_, ticks) => ticks.map((t) => `${t.toFixed(0)} s`) };
+const TIME = { ...AXIS, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t.toFixed(0)} s`)) };
 
 // A line at `value()` across the plot.
 function limitLine(value, label) {
@@ -24,6 +24,7 @@ function limitLine(value, label) {
     ctx.lineTo(left + width, y);
     ctx.stroke();
     ctx.font = `${11 * devicePixelRatio}px system-ui`;
+    ctx.textAlign = "left";
     ctx.fillText(label(limit), left + 6, y - 4);
     ctx.restore();
   };
@@ -40,8 +41,8 @@ export class TimeChart {
       range: (u) => logRange(u.data, floor, ceiling, limit()),
     };
     this.plot = new uPlot({
-      width: 10, height: 10, padding: [8, 10, 0, 0], cursor: { drag: { x: false } }, legend: { show: false },
-      scales: { x: { time: false, range: (_, __, max) => [(max ?? 0) - SECONDS, max ?? 0] }, y },
+      width: 10, height: 10, padding: [8, 18, 0, 0], cursor: { drag: { x: false } }, legend: { show: false },
+      scales: { x: { time: false, range: () => [-SECONDS, 0] }, y },
       axes: [TIME, axis],
       series: [{}, ...names.map((name, i) => ({ label: name, stroke: COLOURS[i % COLOURS.length], width: 1.5, points: { show: false }, spanGaps: false }))],
       hooks: { draw: [limitLine(limit, limitLabel)] },
@@ -56,7 +57,8 @@ export class TimeChart {
   }
 
   set(times, series) {
-    this.plot.setData([times, ...series.map((values) => values.map((v) => (known(v) ? Math.max(v, this.floor) : null)))]);
+    const now = times.at(-1);
+    this.plot.setData([times.map((t) => t - now), ...series.map((values) => values.map((v) => (known(v) ? Math.max(v, this.floor) : null)))]);
   }
 }
 

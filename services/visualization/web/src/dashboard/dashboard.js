@@ -1,7 +1,7 @@
 // The dashboard: five messages a second become curves, a heat map and tables.
 
 import { COLOURS, latencyChart, missChart } from "./charts.js";
-import { known, share, us } from "./format.js";
+import { known, percent, us } from "./format.js";
 import { HeatMap } from "./heat.js";
 import { element, Rows, text } from "./rows.js";
 import { Budget, Events, Processes, Realtime, Stages, Topics } from "./tables.js";
@@ -102,7 +102,7 @@ export class Dashboard {
     QUANTILES.forEach((q, i) => text(this.quantiles[i].lastChild, us(now?.[q])));
     const p99 = this.quantiles[1].lastChild;
     p99.className = known(now?.limit_p99) ? (now.ok ? "good" : "bad") : "";
-    text(this.quantiles[4].lastChild, share(this.state?.answered_next_tick));
+    text(this.quantiles[4].lastChild, percent(this.state?.answered_next_tick));
     const rows = this.history.map(({ paths }) => paths.find((path) => path.name === this.paths.chosen));
     this.latency.set(this.history.map(({ t }) => t), QUANTILES.map((q) => rows.map((row) => row?.[q] ?? null)));
   }

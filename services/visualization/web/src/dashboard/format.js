@@ -29,3 +29,7 @@ export function duration(s) {
   if (s < 100) return `${s.toFixed(0)} s`;
   return s < 6000 ? `${(s / 60).toFixed(0)} min` : `${(s / 3600).toFixed(1)} h`;
 }
+
+export function percent(x) {
+  return known(x) ? `${(100 * x).toFixed(2)} %` : "–";
+}

@@ -16,16 +16,17 @@ export class Processes {
   constructor() {
     this.rows = new Rows($("processes"), () => element("div", { className: "tile" },
       element("strong", {}, element("span"), element("em")), element("div", { className: "numbers" }),
-      element("div", { className: "numbers muted" })), (tile, process) => this.fill(tile, process));
+      element("div", { className: "numbers" }), element("div", { className: "numbers muted" })), (tile, process) => this.fill(tile, process));
   }
 
   fill(tile, process) {
-    const [head, rate, rest] = tile.children, { loop } = process;
+    const [head, rate, late, rest] = tile.children, { loop } = process;
     tile.dataset.level = levelOf(process);
     tile.title = process.reason || "";
     text(head.firstChild, process.name);
     text(head.lastChild, process.state);
-    text(rate, loop ? `${hz(loop.rate_hz)} of ${hz(loop.target_hz)} Hz, late ${share(loop.miss_ratio)}` : "no loop");
+    text(rate, loop ? `${hz(loop.rate_hz)} of ${hz(loop.target_hz)} Hz` : "no loop");
+    text(late, loop ? `late ${share(loop.miss_ratio)}` : "");
     text(rest, `up ${duration(process.uptime_s)}, restarts ${count(process.restarts)}`);
   }
 

@@ -1,7 +1,8 @@
-// Scenery behind the duct, which nothing touches: the bed of the liver and the hilum from which the duct comes.
+// Scenery behind the duct, which nothing touches: the bed of the liver and the common bile duct.
 
 import * as THREE from "three";
-import { tissueMaterial } from "./tissue.js";
+import { Sweep, spline } from "./sweep.js";
+import { tissue } from "./tissue.js";
 
 function withRest(geometry) {
   geometry.setAttribute("rest", geometry.attributes.position.clone());
@@ -12,9 +13,9 @@ function wave(x, y) {
   return Math.sin(0.055 * x + 1.3) * Math.cos(0.07 * y) + 0.5 * Math.sin(0.13 * x - 0.09 * y) + 0.3 * Math.sin(0.21 * y + 2);
 }
 
-export function backdrop(layout, bounds) {
+export function backdrop(layout, bounds, plain) {
   const centre = bounds.getCenter(new THREE.Vector3());
-  const bed = new THREE.PlaneGeometry(520, 520, 120, 120);
+  const bed = new THREE.PlaneGeometry(520, 520, 90, 90);
   const p = bed.attributes.position;
   const floor = bounds.min.z - 26;
   for (let i = 0; i < p.count; i++) {
@@ -22,28 +23,41 @@ export function backdrop(layout, bounds) {
     p.setXYZ(i, x + centre.x, y + centre.y, floor + 5 * wave(x, y) + Math.max(0, away - 70) * 0.42);
   }
   bed.computeVertexNormals();
-  const liver = tissueMaterial({ colour: "#571f1c", pale: "#7c3a2d", vein: "#3a0f12", grain: 0.42, relief: 0.4, wet: 0.55 });
+  const liver = {
+    colour: "#3d1512", pale: "#5a261c", vein: "#2a0a0c", grain: 0.3, relief: 0.14, veins: 0.4, wet: 0.3, roughness: 0.62, shine: 0.12,
+  };
   const group = new THREE.Group();
-  const floorMesh = new THREE.Mesh(withRest(bed), liver);
+  const floorMesh = tissue(withRest(bed), liver, plain);
   floorMesh.receiveShadow = true;
   group.add(floorMesh);
-  if (layout.clamped && layout.mouth) group.add(hilum(layout));
+  if (layout.clamped && layout.mouth) group.add(commonDuct(layout, plain));
   return group;
 }
 
-function hilum(layout) {
+// The common bile duct: a wider tube across the held end, sinking into the bed on both sides.
+function commonDuct(layout, plain) {
   const away = new THREE.Vector3().subVectors(layout.clampedCentre, layout.mouthCentre).normalize();
-  const ball = new THREE.SphereGeometry(1, 64, 48);
-  const p = ball.attributes.position;
-  for (let i = 0; i < p.count; i++) {
-    const [x, y, z] = [p.getX(i), p.getY(i), p.getZ(i)];
-    const size = 1 + 0.07 * wave(28 * x, 26 * y) + 0.05 * Math.sin(5 * z + 3 * x);
-    p.setXYZ(i, 17 * x * size, 19 * y * size, 15 * z * size);
-  }
-  ball.computeVertexNormals();
-  const fat = tissueMaterial({ colour: "#a8603f", pale: "#d4a566", vein: "#8a3328", grain: 0.7, relief: 0.3, wet: 0.65 });
-  const mesh = new THREE.Mesh(withRest(ball), fat);
-  mesh.position.copy(layout.clampedCentre).addScaledVector(away, 14.5).add(new THREE.Vector3(0, 0, -4));
+  const across = new THREE.Vector3().crossVectors(away, new THREE.Vector3(0, 0, 1)).normalize();
+  const own = rimRadius(layout), radius = 1.62 * own;
+  const places = [-9, -6, -3.6, -1.8, 0, 1.8, 3.6, 6, 9].map((step) => {
+    const sink = 0.02 * Math.abs(step) ** 2.9;
+    return layout.clampedCentre.clone().addScaledVector(away, 1.08 * own + 0.25 * step * step + 0.35 * step)
+      .addScaledVector(across, step * 1.25 * own).add(new THREE.Vector3(0, 0, -sink));
+  });
+  const line = spline(places.flatMap((place) => place.toArray()), 8, new Float32Array(3 * (8 * (places.length - 1) + 1)));
+  const rings = line.length / 3;
+  const sweep = new Sweep(rings, 40);
+  sweep.update(line, Float32Array.from({ length: rings }, (_, i) => radius * (1 + 0.025 * Math.sin(0.5 * i) + 0.02 * Math.sin(0.23 * i + 1))));
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(sweep.positions, 3));
+  geometry.setIndex(new THREE.BufferAttribute(sweep.index, 1));
+  geometry.computeVertexNormals();
+  const mesh = tissue(withRest(geometry), { colour: "#8f4238", pale: "#b4785c", vein: "#631c26", relief: 0.08, grain: 0.7 }, plain);
   mesh.receiveShadow = mesh.castShadow = true;
   return mesh;
+}
+
+function rimRadius(layout) {
+  const centre = layout.clampedCentre, i = 3 * layout.clamped[0];
+  return Math.hypot(layout.rest[i] - centre.x, layout.rest[i + 1] - centre.y, layout.rest[i + 2] - centre.z);
 }

@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 import { Sweep, spline } from "./sweep.js";
-import { tissueMaterial } from "./tissue.js";
+import { tissue } from "./tissue.js";
 import { Wall } from "./wall.js";
 
 const UP = new THREE.Vector3(0, 1, 0);
@@ -12,15 +12,14 @@ function dynamic(array) {
 }
 
 export class Duct {
-  constructor(layout) {
+  constructor(layout, plain) {
     this.wall = new Wall(layout.rest, layout.triangles, layout.thickness);
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", dynamic(this.wall.positions));
     geometry.setAttribute("normal", dynamic(this.wall.normals));
     geometry.setAttribute("rest", new THREE.BufferAttribute(this.wall.rest, 3));
     geometry.setIndex(new THREE.BufferAttribute(this.wall.index, 1));
-    const material = tissueMaterial({ colour: "#b5544c", pale: "#dba08a", vein: "#7c2230", relief: 0.10 });
-    this.object = new THREE.Mesh(geometry, material);
+    this.object = tissue(geometry, { colour: "#b9594f", pale: "#d99a83", vein: "#86283a", relief: 0.08, grain: 0.7 }, plain);
     this.object.frustumCulled = false;
     this.object.castShadow = this.object.receiveShadow = true;
   }
@@ -36,7 +35,7 @@ const PER_SEGMENT = 3;
 const CAP = [0.97, 0.87, 0.7, 0.5, 0.5]; // rounded tip: radii of the last rings, the last one inside the lumen
 
 export class Catheter {
-  constructor(layout) {
+  constructor(layout, plain) {
     this.radius = layout.catheterRadius;
     const along = Math.max(2, (layout.particles - 1) * PER_SEGMENT + 1);
     this.line = new Float32Array(3 * (along + CAP.length));
@@ -48,9 +47,9 @@ export class Catheter {
     geometry.setAttribute("normal", dynamic(this.sweep.normals));
     geometry.setAttribute("color", dynamic(new Float32Array(this.sweep.positions.length)));
     geometry.setIndex(new THREE.BufferAttribute(this.sweep.index, 1));
-    const material = new THREE.MeshPhysicalMaterial({
-      vertexColors: true, roughness: 0.38, clearcoat: 0.6, clearcoatRoughness: 0.25, side: THREE.DoubleSide,
-    });
+    const material = plain
+      ? new THREE.MeshPhongMaterial({ vertexColors: true, shininess: 60 })
+      : new THREE.MeshPhysicalMaterial({ vertexColors: true, roughness: 0.38, clearcoat: 0.6, clearcoatRoughness: 0.25 });
     this.object = new THREE.Mesh(geometry, material);
     this.object.frustumCulled = false;
     this.object.castShadow = this.object.receiveShadow = true;
@@ -90,6 +89,8 @@ export class Catheter {
   }
 }
 
+const PLAIN_STEEL = new THREE.MeshPhongMaterial({ color: "#8f979e", specular: "#e8eef4", shininess: 90 });
+const PLAIN_SLEEVE = new THREE.MeshPhongMaterial({ color: "#23272c", specular: "#555b62", shininess: 40 });
 const STEEL = new THREE.MeshStandardMaterial({ color: "#b9c0c6", metalness: 0.85, roughness: 0.34, envMapIntensity: 0.9 });
 const SLEEVE = new THREE.MeshPhysicalMaterial({ color: "#23272c", roughness: 0.55, clearcoat: 0.25, envMapIntensity: 0.6 });
 const CANNULA = new THREE.MeshStandardMaterial({ color: "#8ea4b8", metalness: 0.2, roughness: 0.4, transparent: true, opacity: 0.45 });
@@ -140,22 +141,23 @@ function solid(geometry, material) {
 }
 
 export class Forceps {
-  constructor(shape) {
+  constructor(shape, plain) {
+    const steel = plain ? PLAIN_STEEL : STEEL, sleeve = plain ? PLAIN_SLEEVE : SLEEVE;
     const r = shape.shaftRadius, j = shape.jawRadius, length = 260;
     this.object = new THREE.Group();
     this.port = new THREE.Vector3(...shape.port);
     this.object.add(
-      solid(along(new THREE.CylinderGeometry(r, r, length, 28), -length - 9, -9), SLEEVE),
-      solid(along(new THREE.CylinderGeometry(0.82 * r, 0.96 * r, 3, 28), -9, -6), STEEL),
-      solid(along(new THREE.CylinderGeometry(1.7 * j, 0.82 * r, 5, 28), -6, -1), STEEL),
-      solid(along(new THREE.CylinderGeometry(1.25 * j, 1.7 * j, 1.6, 28), -1, 0.6), STEEL),
+      solid(along(new THREE.CylinderGeometry(r, r, length, 28), -length - 9, -9), sleeve),
+      solid(along(new THREE.CylinderGeometry(0.82 * r, 0.96 * r, 3, 28), -9, -6), steel),
+      solid(along(new THREE.CylinderGeometry(1.7 * j, 0.82 * r, 5, 28), -6, -1), steel),
+      solid(along(new THREE.CylinderGeometry(1.25 * j, 1.7 * j, 1.6, 28), -1, 0.6), steel),
     );
     const pin = new THREE.CylinderGeometry(0.95 * j, 0.95 * j, 3.9 * j, 20).rotateX(Math.PI / 2);
-    this.object.add(solid(pin, STEEL));
+    this.object.add(solid(pin, steel));
     const jaw = jawGeometry(shape.jawLength, j);
-    this.jawA = solid(jaw, STEEL);
+    this.jawA = solid(jaw, steel);
     this.jawB = new THREE.Group();
-    const other = solid(jaw, STEEL);
+    const other = solid(jaw, steel);
     other.rotation.x = Math.PI;
     this.jawB.add(other);
     this.object.add(this.jawA, this.jawB);
@@ -183,8 +185,8 @@ const ARROW_MM_PER_N = 18;
 export class ForceArrow {
   constructor() {
     this.material = new THREE.MeshBasicMaterial({ color: "#7ad7c4", transparent: true, opacity: 0.92, depthTest: false });
-    this.stem = new THREE.Mesh(new THREE.CylinderGeometry(0.35, 0.35, 1, 12).translate(0, 0.5, 0), this.material);
-    this.head = new THREE.Mesh(new THREE.ConeGeometry(1.1, 2.6, 16).translate(0, 1.3, 0), this.material);
+    this.stem = new THREE.Mesh(new THREE.CylinderGeometry(0.28, 0.28, 1, 12).translate(0, 0.5, 0), this.material);
+    this.head = new THREE.Mesh(new THREE.ConeGeometry(0.85, 2.2, 16).translate(0, 1.1, 0), this.material);
     this.object = new THREE.Group().add(this.stem, this.head);
     this.object.renderOrder = 5;
     this.force = new THREE.Vector3();

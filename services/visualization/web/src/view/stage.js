@@ -6,16 +6,25 @@ import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment
 import { backdrop } from "./backdrop.js";
 import { Catheter, Duct, ForceArrow, Forceps } from "./bodies.js";
 
-export const PRESETS = ["scope", "mouth", "side", "top", "ports"];
+// Whether the browser draws on the processor (SwiftShader, llvmpipe), where every pixel counts.
+export function drawsInSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
 
 export class Stage {
-  constructor(canvas) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+  // `plain`: for a computer without a graphics processor.
+  constructor(canvas, plain) {
+    this.plain = plain;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !plain, powerPreference: "high-performance" });
     this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
     this.renderer.toneMappingExposure = 1.05;
-    this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
-    this.pixelRatio = Math.min(devicePixelRatio, 2);
+    this.renderer.shadowMap.enabled = !plain;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.pixelRatio = plain ? 0.75 : Math.min(devicePixelRatio, 2);
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color("#0a0505");
     this.scene.fog = new THREE.Fog("#0a0505", 110, 380);
@@ -62,11 +71,11 @@ export class Stage {
     const bounds = new THREE.Box3().setFromArray(layout.rest);
     for (const name of ["mouth", "clamped"]) layout[`${name}Centre`] = centreOf(layout.rest, layout[name]);
     this.layout = layout;
-    this.duct = new Duct(layout);
-    this.catheter = layout.particles > 1 ? new Catheter(layout) : null;
-    this.forceps = layout.tools.map((shape) => new Forceps(shape));
+    this.duct = new Duct(layout, this.plain);
+    this.catheter = layout.particles > 1 ? new Catheter(layout, this.plain) : null;
+    this.forceps = layout.tools.map((shape) => new Forceps(shape, this.plain));
     this.arrows = layout.tools.map(() => new ForceArrow());
-    this.bodies.add(backdrop(layout, bounds), this.duct.object);
+    this.bodies.add(backdrop(layout, bounds, this.plain), this.duct.object);
     if (this.catheter) this.bodies.add(this.catheter.object);
     for (const body of [...this.forceps.map((f) => f.root), ...this.arrows.map((a) => a.object)]) this.bodies.add(body);
     this.frameBounds(bounds);
@@ -89,7 +98,7 @@ export class Stage {
     const s = this.size, aim = this.aim.clone();
     const at = (a, b, c) => aim.clone().addScaledVector(this.axis, a * s).addScaledVector(side, b * s).addScaledVector(up, c * s);
     const places = {
-      scope: () => at(0.55, 1.05, 0.95),
+      scope: () => at(0.85, 0.95, 0.95),
       side: () => at(0, 1.75, 0.15),
       top: () => at(0.02, 0.02, 1.9),
       ports: () => at(0.9, 4.6, 3.4),
@@ -123,10 +132,15 @@ export class Stage {
     this.height = height;
   }
 
-  // Fewer pixels for a computer that cannot keep up.
+  // For a computer that cannot keep up: first plain materials, then fewer pixels.
   coarsen() {
-    if (this.pixelRatio <= 0.6) return;
-    this.pixelRatio = Math.max(0.6, this.pixelRatio * 0.75);
+    if (!this.plain) {
+      this.plain = true;
+      this.renderer.shadowMap.enabled = this.sun.castShadow = false;
+      this.setLayout(this.layout);
+      return;
+    }
+    this.pixelRatio = Math.max(0.5, this.pixelRatio * 0.75);
     this.renderer.setPixelRatio(this.pixelRatio);
   }
 
@@ -138,6 +152,8 @@ export class Stage {
 
   draw() {
     this.controls.update();
+    const distance = this.camera.position.distanceTo(this.controls.target);
+    [this.scene.fog.near, this.scene.fog.far] = [distance + 20, 2.6 * distance + 120];
     this.renderer.render(this.scene, this.camera);
   }
 }

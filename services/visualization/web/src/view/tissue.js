@@ -18,34 +18,74 @@ const COLOUR = /* glsl */ `
 vec3 grain = vRest * uGrain;
 float cloud = layers(grain * 0.35);
 float vein = smoothstep(0.055, 0.0, abs(layers(grain * 0.22 + 11.0) - 0.5)) * smoothstep(0.35, 0.65, noise3(grain * 0.12));
-vec3 flesh = mix(diffuseColor.rgb, uPale, smoothstep(0.35, 0.75, cloud));
-diffuseColor.rgb = mix(flesh, uVein, 0.55 * vein);
+vec3 flesh = mix(diffuseColor.rgb, uPale, 0.7 * smoothstep(0.3, 0.85, cloud));
+diffuseColor.rgb = mix(flesh, uVein, 0.55 * uVeins * vein);
 `;
 
 // Relief from screen-space derivatives (Mikkelsen 2010): needs neither tangents nor a texture.
 const RELIEF = /* glsl */ `
 #include <normal_fragment_maps>
-float relief = uRelief * (layers(grain * 1.6) + 0.35 * noise3(grain * 6.0) - 0.5 * vein);
+float grainPerPixel = length(fwidth(grain)); // what is finer than a pixel would only flicker
+float relief = uRelief * (layers(grain * 1.1) * smoothstep(0.5, 0.12, grainPerPixel)
+  + 0.3 * noise3(grain * 4.0) * smoothstep(0.16, 0.04, grainPerPixel) - 0.35 * uVeins * vein);
 vec3 sx = dFdx(-vViewPosition), sy = dFdy(-vViewPosition);
 vec3 r1 = cross(sy, normal), r2 = cross(normal, sx);
 float det = dot(sx, r1);
 normal = normalize(abs(det) * normal - sign(det) * (dFdx(relief) * r1 + dFdy(relief) * r2));
 `;
 
-export function tissueMaterial({ colour, pale, vein, grain = 1, relief = 0.12, wet = 0.7, roughness = 0.5 }) {
+// The same tissue for a computer without a graphics processor: colours computed once per vertex, plain shading.
+function plainTissue(geometry, { colour, pale, vein, grain = 1, wet = 0.7 }) {
+  const flesh = new THREE.Color(colour), light = new THREE.Color(pale), dark = new THREE.Color(vein), mixed = new THREE.Color();
+  const rest = geometry.attributes.rest, colours = new Float32Array(rest.array.length);
+  for (let i = 0; i < rest.count; i++) {
+    const p = [0, 1, 2].map((k) => rest.array[3 * i + k] * grain);
+    const cloud = layered(p.map((x) => 0.35 * x)), line = Math.abs(layered(p.map((x) => 0.22 * x + 11)) - 0.5);
+    mixed.copy(flesh).lerp(light, 0.7 * Math.min(1, Math.max(0, (cloud - 0.3) / 0.5)));
+    mixed.lerp(dark, 0.5 * Math.max(0, 1 - line / 0.055)).toArray(colours, 3 * i);
+  }
+  geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+  return new THREE.MeshPhongMaterial({ vertexColors: true, shininess: 70, specular: new THREE.Color("#806a60").multiplyScalar(Math.max(0, wet - 0.25)) });
+}
+
+function layered(p) {
+  return 0.6 * noise(p) + 0.4 * noise(p.map((x) => 2.03 * x + 7.1));
+}
+
+function noise(p) {
+  const cell = p.map(Math.floor), f = p.map((x, k) => x - cell[k]).map((t) => t * t * (3 - 2 * t));
+  let sum = 0;
+  for (let corner = 0; corner < 8; corner++) {
+    const at = [corner & 1, (corner >> 1) & 1, corner >> 2];
+    const weight = at.reduce((w, bit, k) => w * (bit ? f[k] : 1 - f[k]), 1);
+    sum += weight * hash(cell[0] + at[0], cell[1] + at[1], cell[2] + at[2]);
+  }
+  return sum;
+}
+
+function hash(x, y, z) {
+  const s = Math.sin(127.1 * x + 311.7 * y + 74.7 * z) * 43758.5453;
+  return s - Math.floor(s);
+}
+
+export function tissue(geometry, look, plain) {
+  return new THREE.Mesh(geometry, plain ? plainTissue(geometry, look) : tissueMaterial(look));
+}
+
+function tissueMaterial({ colour, pale, vein, grain = 1, relief = 0.12, veins = 1, wet = 0.7, roughness = 0.5, shine = 0.5 }) {
   const material = new THREE.MeshPhysicalMaterial({
-    color: colour, roughness, metalness: 0, clearcoat: wet, clearcoatRoughness: 0.22, envMapIntensity: 0.5,
+    color: colour, roughness, metalness: 0, clearcoat: wet, clearcoatRoughness: 0.22, envMapIntensity: shine,
   });
   material.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, {
       uPale: { value: new THREE.Color(pale) }, uVein: { value: new THREE.Color(vein) },
-      uGrain: { value: grain }, uRelief: { value: relief },
+      uGrain: { value: grain }, uRelief: { value: relief }, uVeins: { value: veins },
     });
     shader.vertexShader = shader.vertexShader
       .replace("#include <common>", "#include <common>\nattribute vec3 rest;\nvarying vec3 vRest;")
       .replace("#include <begin_vertex>", "#include <begin_vertex>\nvRest = rest;");
     shader.fragmentShader = shader.fragmentShader
-      .replace("#include <common>", `#include <common>\nuniform vec3 uPale, uVein;\nuniform float uGrain, uRelief;\n${NOISE}`)
+      .replace("#include <common>", `#include <common>\nuniform vec3 uPale, uVein;\nuniform float uGrain, uRelief, uVeins;\n${NOISE}`)
       .replace("#include <color_fragment>", COLOUR)
       .replace("#include <normal_fragment_maps>", RELIEF);
   };

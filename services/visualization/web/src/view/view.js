@@ -1,6 +1,6 @@
 // The view: stream, stage, and the figures drawn over them.
 
-import { Stage } from "./stage.js";
+import { drawsInSoftware, Stage } from "./stage.js";
 import { ViewStream } from "./stream.js";
 
 const FORCE_FULL_N = 3;
@@ -20,7 +20,7 @@ export class View {
     this.drawn = 0;
     this.since = performance.now();
     try {
-      this.stage = new Stage(this.canvas);
+      this.stage = new Stage(this.canvas, drawsInSoftware());
     } catch (error) {
       this.say(`This browser cannot draw in 3-D (${error.message}). The dashboard works all the same.`);
       return;
