@@ -9,8 +9,8 @@ import numpy as np
 
 from .elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
 from .model import RodModel, RodWork, allocate_work
+from .sleeve_forces import sleeve_energy
 from .state import RodState
-from .support_forces import sleeve_energy
 from .twist import TwistModel, twist_energy
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from numba import njit
 
+from .clamp_forces import add_wall_joints
 from .elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry
 from .model import RodModel, RodWork
-from .support_forces import add_sleeve, add_wall_joints
+from .sleeve_forces import add_sleeve
 
 
 @njit(cache=True, nogil=True, fastmath=False)

@@ -15,14 +15,17 @@ from .model import RodModel, allocate_work
 def largest_frequency_rad_s(model: RodModel) -> float:
     """Largest angular frequency [rad/s] of the unstretched straight rod, held particles taken out.
 
-    The largest eigenvalue of M^-1/2 K M^-1/2, K from the same kernels as the step. Bending adds to stretching only
-    where the rod is thick against its segments; a pull T adds about 4 T/(m l0).
+    The largest eigenvalue of M^-1/2 K M^-1/2, K from the same kernels as the step, clamped ends included; a sleeve
+    counts as if it held every particle twice, as it may next to one of its ends. A pull T adds about 4 T/(m l0).
     """
     n = model.mass.shape[0]
     work = allocate_work(n)
     work.position[:, 0] = model.rest_length * np.arange(n)
-    free = model._replace(walls=np.full((2, 3), np.nan), sleeve=np.zeros(0), beta=0.0)
-    add_internal_forces(free, work, (1.0, 1.0), 0.0)
+    walls = np.where(np.isnan(model.walls), np.nan, [1.0, 0.0, 0.0])
+    straight = model._replace(walls=walls, sleeve=np.zeros(0), beta=0.0)
+    add_internal_forces(straight, work, (1.0, 1.0), 0.0)
+    if model.sleeve.size:
+        work.band[: 3 * n, 0] += np.tile([0.0, 2.0, 2.0], n) * model.sleeve[7]
     scale = np.repeat(np.where(model.is_held, 0.0, 1.0 / np.sqrt(model.mass)), 3)
     padded = np.concatenate((scale, np.zeros(HALF_BANDWIDTH)))
     band = np.stack([work.band[: 3 * n, a] * scale * padded[a : a + 3 * n] for a in range(HALF_BANDWIDTH + 1)])

@@ -33,7 +33,7 @@ class Sleeve:
 
     entry_m: ArrayLike
     exit_m: ArrayLike
-    lateral_stiffness_n_m: float = 2000.0
+    lateral_stiffness_n_m: float = 1e5
     friction: float = 0.0
     slip_speed_m_s: float = 1e-3
 

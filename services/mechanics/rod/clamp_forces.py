@@ -1,0 +1,49 @@
+"""Forces of clamped ends, with their positive semidefinite tangent."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from .elasticity import Scale, bending_angle, geometric_bending, joint_gradient, row
+from .model import RodModel, RodWork
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
+    """Add the half joints between the walls' directions and the end segments, stiffness 2 EI/l0 each.
+
+    The same bending spring as inside the rod, with one of its two tangents fixed in space.
+    """
+    last = work.length.shape[0] - 1
+    if not math.isnan(model.walls[0, 0]):
+        wall = row(model.walls, 0)
+        segment = row(work.tangent, 0)
+        theta, b = bending_angle(wall, segment)
+        joint_gradient(wall, segment, (math.inf, work.length[0]), b, work.gradient)
+        _apply_wall(model, work, theta, (0, 3), scale)
+    if not math.isnan(model.walls[1, 0]):
+        wall = row(model.walls, 1)
+        segment = row(work.tangent, last)
+        theta, b = bending_angle(segment, wall)
+        joint_gradient(segment, wall, (work.length[last], math.inf), b, work.gradient)
+        _apply_wall(model, work, theta, (last, 0), scale)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _apply_wall(model: RodModel, work: RodWork, theta: float, where: tuple[int, int], scale: Scale) -> None:
+    """The gradient has three particles; `where` is (first real particle, where it starts in the gradient)."""
+    first, shift = where
+    gradient = work.gradient
+    k = model.wall_stiffness[0 if shift else 1]
+    rate = 0.0
+    for a in range(6):
+        rate += gradient[0, shift + a] * work.velocity[first + a // 3, a % 3]
+    for a in range(6):
+        work.force[first + a // 3, a % 3] -= k * (theta + model.beta * rate) * gradient[0, shift + a]
+    if scale[0] > 0.0:
+        for kind, factor in ((0, scale[0] * k), (1, scale[1] * k * geometric_bending(theta))):
+            for c in range(6):
+                for a in range(6 - c):
+                    work.band[3 * first + c, a] += factor * gradient[kind, shift + c] * gradient[kind, shift + c + a]
