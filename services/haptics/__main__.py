@@ -15,6 +15,7 @@ from services.haptics.tool_tracker import ToolTracker
 from services.haptics.world import World
 from services.mechanics.collision import ToolContactDetector
 from services.mechanics.contact.pairs import ContactPairs
+from services.mechanics.forceps.grasp import Grasp
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow
 from services.runtime.process import Process, cache_directory, main
@@ -37,6 +38,8 @@ class Haptics:
             self.world.surface, catheter.n_segments + 1, 0.5 * catheter.outer_diameter_m, contact.margin_m
         )
         self._pairs = ContactPairs.allocate(contact.capacity)
+        segment_m = catheter.length_m / catheter.n_segments
+        self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in enumerate(self._scene.forceps)]
         self._ttl_s = 0.02
 
     def answer(self, frame: Frame) -> None:
@@ -50,7 +53,8 @@ class Haptics:
         hands = self.tools.take_hands(state)
         self._detect()
         detected = time.monotonic_ns()
-        body = tool_contacts(state.tick, hands, self._pairs)
+        holds = [hold for i in range(len(hands)) for hold in self._grasps[i].update(self._pairs, self.tools.jaws(i))]
+        body = tool_contacts(state.tick, hands, self._pairs, holds)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         self._count(started, modelled, detected)
 

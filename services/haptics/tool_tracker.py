@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from protocol.bodies import GatewayState, InstrumentState, PhysicsContacts, ToolReaction, ToolState
+from services.mechanics.forceps.grasp import JawState
 from services.mechanics.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.forceps.tool_body import ToolBody
 from services.mechanics.scene import SceneModel
@@ -30,6 +31,7 @@ class ToolTracker:
         self._forceps = scene.forceps
         self._body = ToolBody(scene.forceps)
         self._stretch_m = np.zeros((N_TOOLS, 3))
+        self._asked_rad = [0.0] * N_TOOLS
         self.segments_m = self._body.segments
         self.radius_m = self._body.radius_m
         self.present = np.zeros(N_TOOLS, np.bool_)
@@ -56,6 +58,10 @@ class ToolTracker:
         self._body.update_pose()
         return tools
 
+    def jaws(self, i: int) -> JawState:
+        """Return where the jaws of tool `i` are, and where its handle wants them."""
+        return JawState(float(self._body.proxy[i, 3]), self._asked_rad[i])
+
     def _hand(self, i: int, instrument: InstrumentState) -> ToolState:
         forceps, body = self._forceps[i], self._body
         jaw = jaw_angle_from_handle(instrument.handle_angle_rad, forceps.jaw_ratio, forceps.jaw_max_angle_rad)
@@ -64,8 +70,9 @@ class ToolTracker:
         body.roll_rad[i] = instrument.roll_rad
         body.proxy[i, :3] = instrument.position_m
         body.proxy[i, :3] += self._stretch_m[i]
-        # What is between the jaws keeps them open.
-        body.proxy[i, 3] = max(jaw, self.reactions[i].proxy_jaw_angle_rad if self.reactions[i].holds else jaw)
+        self._asked_rad[i] = jaw
+        reaction = self.reactions[i]  # what is between the jaws keeps them open
+        body.proxy[i, 3] = reaction.proxy_jaw_angle_rad if reaction.contacts or reaction.holds else jaw
         return ToolState(
             position_m=instrument.position_m,
             velocity_m_s=instrument.velocity_m_s,

@@ -56,6 +56,7 @@ class Outputs:
             velocity_m_s=pack(catheter.state.velocity_m_s),
             radius_m=catheter.radius_m,
             twist_rad=_NO_TWIST,
+            inserted_length_m=self._simulation.inserted_length_m,
         )
 
     def _contacts(self, tick: int, answered: Frame) -> PhysicsContacts:
