@@ -5,11 +5,10 @@ from __future__ import annotations
 import sys
 import time
 
-from services.mechanics.scene import SceneModel
-from services.mechanics.scene_duct import build_scene_duct
-from services.runtime import config, log
+from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, cache_directory, main
+from services.scenes import load_duct, load_scene
 from services.visualization.composer import Composer
 from services.visualization.outputs import open_output
 from services.visualization.rig_state import RigState
@@ -23,8 +22,8 @@ def run(process: Process) -> None:
     settings = process.rig.visualization
     health = process.health
     painted = health.path("device_pixel", PICTURE_DEADLINE_NS)
-    scene = config.load(SceneModel, config.find("scene", process.scene_name))[0]
-    duct = build_scene_duct(scene, cache_directory() / "bases", log.progress)
+    scene = load_scene(process.scene_name, process.scene_overrides)
+    duct = load_duct(scene, cache_directory(), progress)
     composer = Composer(process.bus, scene, process.scene_name, duct)
     rig_state = RigState(process.bus)
     output = open_output(settings, painted, process.log)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import time
 from typing import Protocol
 
@@ -12,6 +11,7 @@ from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
 from services.visualization import codec
 from services.visualization.camera_feed import CameraFeed
+from services.visualization.display import has_display, record
 from services.visualization.feed import Feeds, Message
 from services.visualization.picture import Layout, Picture
 from services.visualization.server import ViewServer
@@ -76,11 +76,6 @@ class WebOutput:
         self._bytes = 0
         log.info("view on ws://%s:%d/ws", settings.host, self._server.port)
 
-    @property
-    def port(self) -> int:
-        """Where the server listens."""
-        return self._server.port
-
     def show(self, layout: Layout, picture: Picture, notice: str) -> None:
         """Hand the picture to every client; without one, sending is where the path ends."""
         self._feeds.tell(notice)
@@ -100,25 +95,16 @@ class WebOutput:
         self._server.run_until(deadline_ns)
 
     def gauges(self) -> dict[str, float]:
-        """Return clients and bytes of a frame."""
-        return {"clients": float(len(self._feeds)), "frame_bytes": float(self._bytes)}
+        """Return where the view is served, clients and bytes of a frame."""
+        return {
+            "view_port": float(self._server.port),
+            "clients": float(len(self._feeds)),
+            "frame_bytes": float(self._bytes),
+        }
 
     def close(self) -> None:
         """Stop serving."""
         self._server.close()
-
-
-def record(path: Path, picture: Picture) -> None:
-    """Count a picture that ends its path here."""
-    if picture.origin_ns:
-        path.asked += 1
-        path.answered += 1
-        path.latency.record(time.monotonic_ns() - picture.origin_ns)
-
-
-def has_display() -> bool:
-    """Return whether this host has a screen for us."""
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def open_output(settings: ViewSettings, painted: Path, log: logging.Logger) -> Output:
@@ -138,4 +124,4 @@ def open_output(settings: ViewSettings, painted: Path, log: logging.Logger) -> O
         return WebOutput(settings, painted, log)
     from services.visualization.window import WindowOutput  # pyvista costs a second and needs a display
 
-    return WindowOutput(settings, painted)
+    return WindowOutput(painted)

@@ -20,6 +20,7 @@ new RigStream({
   onRig: (rig) => {
     document.getElementById("rig-name").textContent = [rig.name, rig.scene].filter(Boolean).join(" · ");
     document.title = rig.name ? `Trocar · ${rig.name}` : "Trocar";
+    dashboard.setContracts(rig.contracts);
     view.connect(viewAddress(rig.view_ws, location));
   },
   onState: (state) => dashboard.update(state),

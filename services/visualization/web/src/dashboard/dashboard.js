@@ -59,6 +59,12 @@ export class Dashboard {
     $("path-now").append(...this.quantiles);
   }
 
+  // Limits of the rig file. One line for all loops: the strictest budget.
+  setContracts(contracts) {
+    const budgets = Object.values(contracts?.loops ?? {}).map((loop) => loop.miss_ratio);
+    this.missBudget = budgets.length ? Math.min(...budgets) : null;
+  }
+
   link(message) {
     $("link-message").hidden = !message;
     text($("link-message"), message ?? "");
@@ -112,7 +118,7 @@ export class Dashboard {
     if (!names.length) return;
     if (names.join() !== this.missNames) {
       $("miss-chart").replaceChildren();
-      this.misses = missChart($("miss-chart"), names, () => this.state?.contract_miss_ratio ?? 0.001);
+      this.misses = missChart($("miss-chart"), names, () => this.missBudget);
       this.missNames = names.join();
       this.missLegend(names);
     }

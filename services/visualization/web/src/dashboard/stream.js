@@ -18,7 +18,7 @@ export class RigStream {
       if (!answer.ok) throw new Error(`status ${answer.status}`);
       const rig = await answer.json();
       this.handlers.onRig(rig);
-      this.follow(rig.events || "api/events");
+      this.follow("events");
     } catch {
       this.lost();
       setTimeout(() => this.open(), RETRY_MS);

@@ -1,0 +1,22 @@
+"""What every kind of output shares: whether there is a screen, and where a picture's path ends."""
+
+from __future__ import annotations
+
+import os
+import time
+
+from services.runtime.health import Path
+from services.visualization.picture import Picture
+
+
+def has_display() -> bool:
+    """Return whether this host has a screen for us."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def record(path: Path, picture: Picture) -> None:
+    """Count a picture whose path ends here, unless it shows no new device sample."""
+    if picture.origin_ns:
+        path.asked += 1
+        path.answered += 1
+        path.latency.record(time.monotonic_ns() - picture.origin_ns)

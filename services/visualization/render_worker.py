@@ -1,0 +1,48 @@
+"""The process that renders for others: reads view messages on stdin, answers with images on stdout."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+
+from PIL import Image
+
+from services.visualization import codec
+from services.visualization.picture import Layout
+from services.visualization.render import Renderer
+from services.visualization.render_pipe import FRAME, HELLO, IMAGE, RENDER, pack, read
+
+_JPEG_QUALITY = 80
+
+
+def main() -> int:
+    """Serve until stdin ends."""
+    os.nice(max(0, 19 - os.nice(0)))
+    renderer = Renderer(off_screen=True)
+    layout: Layout | None = None
+    while (message := read(sys.stdin.buffer)) is not None:
+        kind, data = message
+        if kind == HELLO:
+            layout = codec.decode_hello(data.decode())
+        elif kind == FRAME and layout is not None:
+            renderer.update(layout, codec.decode(data, layout)[0])
+        elif kind == RENDER:
+            sys.stdout.buffer.write(pack(IMAGE, _encode(renderer, data.decode())))
+            sys.stdout.buffer.flush()
+    renderer.close()
+    return 0
+
+
+def _encode(renderer: Renderer, kind: str) -> bytes:
+    stream = io.BytesIO()
+    image = Image.fromarray(renderer.image())
+    if kind == "jpeg":
+        image.save(stream, "jpeg", quality=_JPEG_QUALITY)
+    else:
+        image.save(stream, "png", compress_level=1)
+    return stream.getvalue()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The page: JavaScript sources, and the command that builds them."""

