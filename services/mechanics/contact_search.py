@@ -13,6 +13,7 @@ from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.duct_body import DuctBody
 from services.mechanics.forceps.tool_body import ToolBody
 from services.mechanics.reduction import ReducedDuct
+from services.mechanics.residual_field import ResidualField
 from services.mechanics.scene import SceneModel
 
 
@@ -41,6 +42,7 @@ class DuctSearch:
         margin_m = scene.contact.margin_m
         radius_m = 0.5 * scene.catheter.outer_diameter_m
         self.surface = DuctSurface(duct.mesh, duct.basis.Phi, duct.basis.omega_rad_s, half_thickness_m)
+        self._dents = ResidualField(duct)
         n_particles = scene.catheter.n_segments + 1
         self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
         self.tools = ToolContactDetector(self.surface, n_particles, radius_m, margin_m)
@@ -53,7 +55,9 @@ class DuctSearch:
     def start(self, duct: DuctBody) -> None:
         """Move the wall."""
         n = duct.n_loads
-        self.surface.update(duct.q_start, duct.load_nodes[:n], duct.load_displacement_m[:n])
+        self._dents.update(duct.load_nodes[:n], duct.load_force_n[:n])
+        n = self._dents.count
+        self.surface.update(duct.q_start, self._dents.nodes[:n], self._dents.displacement_m[:n])
 
     def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
         """Append those of the catheter against the duct."""

@@ -27,7 +27,7 @@ from services.mechanics.contact.geometry import (
 )
 from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import mark_sliding, solve_contacts
+from services.mechanics.contact.solver import SolverScratch, mark_sliding, solve_contacts
 from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_forces
 from services.mechanics.duct_body import DuctBody
 from services.mechanics.forceps.tool_body import ToolBody
@@ -79,6 +79,7 @@ class ContactSystem:
         self._w = np.zeros(9 * capacity * capacity)
         self._residual = np.zeros(9 * capacity * capacity)
         self._motion = np.zeros(3 * capacity)
+        self._scratch = SolverScratch.allocate(3 * capacity)
         duct, catheter, tools = bodies.duct, bodies.catheter, bodies.tools
         self.tool_geometry = ToolGeometry(
             tools.segments, tools.radius_m, tools.frame, tools.length_m, tools.motion, tools.held
@@ -137,14 +138,9 @@ class ContactSystem:
         k = rows.n_contacts
         free_motion(rows, self.settings.recovery, self._motion)
         force = rows.force_n[:k].reshape(-1)
+        effort = (iterations, self.settings.tolerance_n)
         self.sweeps = solve_contacts(
-            self.compliance_m_n,
-            self.motion_m,
-            rows.kind[:k],
-            rows.limit[:k],
-            force,
-            iterations,
-            self.settings.tolerance_n,
+            self.compliance_m_n, self.motion_m, rows.kind[:k], rows.limit[:k], force, effort, self._scratch
         )
         mark_sliding(rows.kind[:k], rows.limit[:k], force, self.slides)
         world_forces(rows, self.force_n)
