@@ -72,7 +72,7 @@ class ImplicitIntegrator:
         Raises
         ------
         FloatingPointError
-            If the matrix is not positive definite, which takes a state or force that is not finite.
+            If the state or a force is not finite; `state` is then left as it was.
         """
         self._dt_s = dt_s
         motion = (state.position_m, state.velocity_m_s)
@@ -82,7 +82,7 @@ class ImplicitIntegrator:
             add_frame_forces(self.twist, state, self._external)
             external_force_n = self._external
         if not kernels.predict(self.model, self.work, motion, external_force_n, self.held_target_m, step):
-            raise FloatingPointError("the rod's matrix is not positive definite: its state or a force is not finite")
+            raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
         """Fill `out` (n, 3, m) with the end-of-step position changes of `force_n` (n, 3, m), m right-hand sides."""

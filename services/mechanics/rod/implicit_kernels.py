@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ def predict(
     model: RodModel, work: RodWork, motion: Motion, external: FloatArray, target: FloatArray,
     step: tuple[float, float, int]
 ) -> bool:
-    """Advance motion = (x, v) in place without contacts; False where the matrix is not positive definite."""
+    """Advance motion = (x, v) in place without contacts; False, and motion as it was, where a number is not finite."""
     x, v = motion
     dt_s, theta, iterations = step
     dv = work.velocity_change
@@ -31,9 +33,13 @@ def predict(
         if not factor_ldl(work.band):
             return False
         solve_ldl(work.band, work.rhs)
+        size = 0.0
         for i in range(x.shape[0]):
             for c in range(3):
                 dv[i, c] += work.rhs[3 * i + c]
+                size += abs(dv[i, c])
+        if not math.isfinite(size):
+            return False
     for i in range(x.shape[0]):
         for c in range(3):
             x[i, c] += dt_s * (v[i, c] + theta * dv[i, c])
