@@ -17,7 +17,8 @@ export function hz(x) {
 export function share(x) {
   if (!known(x)) return "–";
   if (x === 0) return "0";
-  return x < 0.0001 ? `${(1e6 * x).toFixed(0)} ppm` : `${(100 * x).toPrecision(2)} %`;
+  if (x < 0.0001) return `${(1e6 * x).toFixed(0)} ppm`;
+  return `${x < 0.1 ? (100 * x).toPrecision(2) : (100 * x).toFixed(0)} %`;
 }
 
 export function count(x) {

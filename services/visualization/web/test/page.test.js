@@ -1,0 +1,35 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { viewAddress } from "../src/address.js";
+import { duration, hz, percent, share, us } from "../src/dashboard/format.js";
+
+const page = (href) => new URL(href);
+
+test("the view is found under the name of the page, through tunnels too", () => {
+  assert.equal(viewAddress("ws://127.0.0.1:8081/ws", page("http://127.0.0.1:8080/")), "ws://127.0.0.1:8081/ws");
+  assert.equal(viewAddress("ws://0.0.0.0:9000/ws", page("http://rig:8080/")), "ws://rig:9000/ws");
+  assert.equal(viewAddress("ws://127.0.0.1:8081/ws", page("https://rig/")), "wss://rig:8081/ws");
+  assert.equal(viewAddress("ws://other:8081/ws", page("http://rig:8080/")), "ws://other:8081/ws");
+});
+
+test("unknown figures are dashes, never NaN", () => {
+  for (const format of [us, hz, share, percent, duration]) {
+    for (const unknown of [null, undefined, NaN, Infinity, "1"]) assert.equal(format(unknown), "–");
+  }
+});
+
+test("figures are short and keep their meaning", () => {
+  assert.equal(us(22.34), "22.3");
+  assert.equal(us(1587.4), "1587");
+  assert.equal(us(12345), "12.3 ms");
+  assert.equal(us(123456), "123 ms");
+  assert.equal(hz(999.7), "1000");
+  assert.equal(hz(59.94), "59.9");
+  assert.equal(share(0), "0");
+  assert.equal(share(0.00002), "20 ppm");
+  assert.equal(share(0.0013), "0.13 %");
+  assert.equal(share(0.99731), "100 %");
+  assert.equal(percent(0.99731), "99.73 %");
+  assert.equal(duration(59), "59 s");
+  assert.equal(duration(600), "10 min");
+});

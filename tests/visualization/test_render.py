@@ -1,0 +1,80 @@
+"""Off-screen pictures: in a process of their own, because a wrong graphics driver ends in a segmentation fault."""
+
+import ctypes.util
+import io
+import subprocess
+import sys
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from services.visualization import codec
+from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read
+from tests.visualization.small_duct import make_duct
+
+pytestmark = [
+    pytest.mark.skipif(find_spec("pyvista") is None, reason="pyvista is not installed (extra `view`)"),
+    pytest.mark.skipif(ctypes.util.find_library("EGL") is None, reason="no libEGL here: apt-get install libegl1"),
+]
+
+
+def a_scene() -> tuple[Layout, Picture]:
+    mesh = make_duct().mesh
+    rest = mesh.vertices_m.astype(np.float32)
+    tool = ToolShape("left", (0.02, 0.0, 0.15), 2.5e-3, 15e-3, 1e-3)
+    layout = Layout(1, "test", rest, mesh.triangles, 5e-4, (), (), 10, 8e-4, (tool,))
+    line = np.linspace([0.06, 0.0, 0.0], [0.03, 0.0, 0.0], 10, dtype=np.float32)
+    pose = np.array([[0.02, 0.0, 0.02, 0.7071, 0.0, 0.7071, 0.0]], np.float32)  # shaft straight down
+    picture = Picture(1, 1, 0, 0, rest, line, pose, np.array([0.4], np.float32), np.zeros((1, 3), np.float32))
+    return layout, picture
+
+
+def render(*messages: bytes) -> list[bytes]:
+    """Return what the worker answers; a worker that dies fails the test."""
+    done = subprocess.run(
+        [sys.executable, "-m", "services.visualization.render_worker"],
+        input=b"".join(messages), capture_output=True, timeout=100,
+    )  # fmt: skip
+    assert done.returncode == 0, f"the worker ended with {done.returncode}: {done.stderr.decode()[-2000:]}"
+    stream, images = io.BytesIO(done.stdout), []
+    while (message := read(stream)) is not None:
+        images.append(message[1])
+    return images
+
+
+def pixels(data: bytes) -> np.ndarray:
+    from PIL import Image
+
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
+
+
+def test_the_picture_shows_duct_catheter_and_tool_and_follows_the_deformation():
+    layout, picture = a_scene()
+    hello = pack(HELLO, codec.encode_hello(layout).encode())
+    sheared = picture.points_m.copy()
+    sheared[:, 2] += 0.5 * sheared[:, 0]
+    flattened = picture.points_m * np.array([1.0, 1.0, 0.05], np.float32)
+    shapes = (picture.points_m, sheared, flattened, picture.points_m)
+    frames = [pack(FRAME, codec.encode(replace(picture, points_m=points), 0)) for points in shapes]
+    messages = [part for frame in frames for part in (frame, pack(RENDER, b"png"))]
+    rest, tilted, flat, again = (pixels(image) for image in render(hello, *messages))
+
+    assert rest.shape == (600, 800, 3)
+    red, green, blue = rest[..., 0], rest[..., 1], rest[..., 2]
+    assert ((red > 120) & (green < 0.75 * red) & (blue < 0.75 * red)).mean() > 0.01, "no tissue"
+    assert ((red > 100) & (green > 0.6 * red) & (blue < 0.5 * red)).mean() > 0.001, "no catheter"
+    assert ((red > 150) & (abs(red - blue) < 30)).mean() > 0.001, "no steel"
+    assert np.abs(tilted - rest).mean() > 1.0
+    assert np.abs(flat - rest).mean() > 1.0
+    np.testing.assert_array_equal(again, rest)  # nothing of the frames between is left, normals included
+
+
+def test_a_jpeg_is_a_jpeg():
+    layout, picture = a_scene()
+    hello, frame = pack(HELLO, codec.encode_hello(layout).encode()), pack(FRAME, codec.encode(picture, 0))
+    (image,) = render(hello, frame, pack(RENDER, b"jpeg"))
+    assert image[:2] == b"\xff\xd8"
+    assert pixels(image).shape == (600, 800, 3)

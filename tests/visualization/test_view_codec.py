@@ -1,0 +1,121 @@
+"""The view protocol: what the server packs is what a client unpacks, in Python and in the page's JavaScript."""
+
+import base64
+import json
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.visualization import codec
+from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.web import build
+
+_MILLIMETRES = 1000.0
+
+
+def a_layout(n: int = 6, m: int = 4) -> Layout:
+    random = np.random.default_rng(1)
+    tools = tuple(ToolShape(name, (0.1, i * 0.2, 0.3), 2.5e-3, 15e-3, 1e-3) for i, name in enumerate(("left", "right")))
+    return Layout(
+        epoch=3,
+        scene="test",
+        rest_m=random.normal(size=(n, 3)).astype(np.float32),
+        triangles=random.integers(0, n, size=(2 * n, 3)).astype(np.int32),
+        thickness_m=0.5e-3,
+        mouth=(0, 1),
+        clamped=(2, 3),
+        n_particles=m,
+        catheter_radius_m=0.8e-3,
+        tools=tools,
+    )
+
+
+def a_picture(layout: Layout) -> Picture:
+    random = np.random.default_rng(2)
+
+    def numbers(*shape: int) -> np.ndarray:
+        return random.normal(size=shape).astype(np.float32)
+
+    k = len(layout.tools)
+    return Picture(
+        layout.epoch, 2**40 + 1, 12345, 10**15, numbers(len(layout.rest_m), 3), numbers(layout.n_particles, 3),
+        numbers(k, 7), numbers(k), numbers(k, 3), 0.0125,
+    )  # fmt: skip
+
+
+def test_a_layout_comes_back_as_it_was():
+    layout = a_layout()
+    back = codec.decode_hello(codec.encode_hello(layout))
+    np.testing.assert_array_equal(back.rest_m, layout.rest_m)
+    np.testing.assert_array_equal(back.triangles, layout.triangles)
+    plain = {"rest_m": layout.rest_m, "triangles": layout.triangles}
+    assert replace(back, **plain) == layout
+
+
+def test_a_picture_comes_back_as_it_was():
+    layout = a_layout()
+    picture = a_picture(layout)
+    back, sent_ns = codec.decode(codec.encode(picture, 99), layout)
+    assert (back.epoch, back.sequence, back.tick, back.origin_ns, sent_ns) == (3, 2**40 + 1, 12345, 10**15, 99)
+    for name in ("points_m", "centreline_m", "poses", "jaw_rad", "force_n"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(picture, name))
+    assert back.inserted_length_m == np.float32(0.0125)
+
+
+def test_a_frame_of_another_layout_is_refused():
+    layout = a_layout()
+    data = codec.encode(a_picture(layout), 0)
+    with pytest.raises(ValueError, match="its layout says"):
+        codec.decode(data, a_layout(m=5))
+
+
+def test_a_hello_of_another_protocol_is_refused():
+    hello = json.loads(codec.encode_hello(a_layout())) | {"protocol": "trocar-view/9"}
+    with pytest.raises(ValueError, match="trocar-view/9"):
+        codec.decode_hello(json.dumps(hello))
+
+
+def test_a_frame_is_small():
+    layout = a_layout(n=500, m=100)
+    assert len(codec.encode(a_picture(layout), 0)) < 7400
+
+
+_READ = """
+import { decodeFrame, decodeHello } from "./src/view/protocol.js";
+const [hello, frame] = JSON.parse(process.argv[1]);
+const layout = decodeHello(JSON.parse(hello));
+const bytes = Uint8Array.from(Buffer.from(frame, "base64"));
+const { sequence, sent_ns, origin_ns, ...rest } = decodeFrame(bytes.buffer, layout);
+const plain = Object.fromEntries(Object.entries(rest).map(([k, v]) => [k, v.buffer ? [...v] : v]));
+console.log(JSON.stringify({ ...plain, sequence: String(sequence), sent_ns: String(sent_ns),
+  triangles: [...layout.triangles], rest: [...layout.rest],
+  short: decodeFrame(bytes.buffer.slice(0, -4), layout) }));
+"""
+
+
+def test_the_page_reads_what_the_server_writes():
+    try:
+        node, _ = build.find_node()
+    except build.BuildError as error:
+        pytest.skip(str(error))
+    layout = a_layout()
+    picture = a_picture(layout)
+    message = json.dumps([codec.encode_hello(layout), base64.b64encode(codec.encode(picture, 77)).decode()])
+    done = subprocess.run(
+        [node, "--input-type=module", "-e", _READ, message], cwd=build.WEB, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    assert (seen["sequence"], seen["sent_ns"], seen["tick"]) == (str(2**40 + 1), "77", 12345)
+    assert seen["triangles"] == layout.triangles.ravel().tolist()
+    np.testing.assert_allclose(seen["rest"], layout.rest_m.ravel() * _MILLIMETRES, rtol=1e-6)
+    np.testing.assert_allclose(seen["points"], picture.points_m.ravel() * _MILLIMETRES, rtol=1e-6)
+    np.testing.assert_allclose(seen["centreline"], picture.centreline_m.ravel() * _MILLIMETRES, rtol=1e-6)
+    np.testing.assert_allclose(seen["jaws"], picture.jaw_rad, rtol=1e-6)
+    np.testing.assert_allclose(seen["forces"], picture.force_n.ravel(), rtol=1e-6)
+    poses = picture.poses * np.array([_MILLIMETRES] * 3 + [1.0] * 4)
+    np.testing.assert_allclose(seen["poses"], poses.ravel(), rtol=1e-6)
+    assert seen["inserted_mm"] == pytest.approx(12.5)
+    assert seen["short"] is None

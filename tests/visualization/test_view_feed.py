@@ -1,0 +1,120 @@
+"""A client of the view gets the newest picture, whatever its speed, and what it paints is measured."""
+
+import asyncio
+import functools
+import time
+from collections.abc import Awaitable, Callable
+
+from services.runtime.health import Path
+from services.runtime.histogram import LatencyHistogram
+from services.visualization.feed import IN_FLIGHT, Feed, Feeds, Message
+
+
+def on_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
+    """Run an asynchronous test."""
+
+    @functools.wraps(test)
+    def run() -> None:
+        asyncio.run(test())
+
+    return run
+
+
+def message(sequence: int, epoch: int = 1, origin_ns: int = 0) -> Message:
+    return Message(epoch, f"hello {epoch}", sequence, origin_ns, f"frame {sequence}".encode())
+
+
+def a_path() -> Path:
+    return Path(LatencyHistogram(33_000_000))
+
+
+async def taken(feed: Feed) -> list[str | bytes] | None:
+    """Return what the client may be sent now, None if nothing."""
+    try:
+        return await asyncio.wait_for(feed.next(), 0.02)
+    except TimeoutError:
+        return None
+
+
+@on_a_loop
+async def test_only_the_newest_of_many_frames_is_sent():
+    feed = Feed(a_path())
+    for sequence in range(1000):
+        feed.offer(message(sequence))
+    assert await taken(feed) == ["hello 1", b"frame 999"]
+    assert feed.superseded == 999
+    assert await taken(feed) is None
+
+
+@on_a_loop
+async def test_a_client_that_paints_nothing_is_sent_no_more_and_wakes_to_the_newest():
+    feed = Feed(a_path())
+    sent = []
+    for sequence in range(100):
+        feed.offer(message(sequence))
+        parts = await taken(feed)
+        sent += [part for part in parts or [] if isinstance(part, bytes)]
+        if len(sent) == IN_FLIGHT:
+            break
+    for sequence in range(100, 200):
+        feed.offer(message(sequence))
+    assert await taken(feed) is None
+    feed.acknowledge(IN_FLIGHT - 1)
+    assert await taken(feed) == [b"frame 199"]
+
+
+@on_a_loop
+async def test_the_hello_comes_again_with_a_new_layout():
+    feed = Feed(a_path())
+    feed.offer(message(1))
+    await feed.next()
+    feed.offer(message(2))
+    assert await feed.next() == [b"frame 2"]
+    feed.offer(message(3, epoch=2))
+    assert await feed.next() == ["hello 2", b"frame 3"]
+
+
+@on_a_loop
+async def test_the_painted_picture_is_measured_from_its_device_sample():
+    path = a_path()
+    feed = Feed(path)
+    age_ns = 5_000_000
+    feed.offer(message(1, origin_ns=time.monotonic_ns() - age_ns))
+    await feed.next()
+    feed.acknowledge(1)
+    assert (path.asked, path.answered, path.latency.total) == (1, 1, 1)
+    assert path.latency.max_ns >= age_ns
+
+
+@on_a_loop
+async def test_an_echo_of_something_never_sent_changes_nothing():
+    path = a_path()
+    feed = Feed(path)
+    feed.offer(message(1, origin_ns=1))
+    await feed.next()
+    for sequence in (0, 2, 2**64 - 1):
+        feed.acknowledge(sequence)
+    assert (path.answered, path.latency.total, len(feed.origins)) == (0, 0, 1)
+
+
+@on_a_loop
+async def test_an_echo_twice_counts_once():
+    path = a_path()
+    feed = Feed(path)
+    feed.offer(message(1, origin_ns=1))
+    await feed.next()
+    feed.acknowledge(1)
+    feed.acknowledge(1)
+    assert path.latency.total == 1
+
+
+@on_a_loop
+async def test_a_new_client_is_told_the_state_of_the_rig_at_once_and_only_changes_after():
+    feeds = Feeds(a_path())
+    feeds.tell("running")
+    feed = feeds.add()
+    assert await taken(feed) == ["running"]
+    feeds.tell("running")
+    assert await taken(feed) is None
+    feeds.tell("degraded")
+    assert await taken(feed) == ["degraded"]

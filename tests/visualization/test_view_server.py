@@ -1,0 +1,162 @@
+"""The view's server over a real socket: newest frames to every client, nothing that a client says can hurt it."""
+
+import logging
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+
+import httpx
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from services.runtime.errors import UserError
+from services.runtime.health import Path
+from services.runtime.histogram import LatencyHistogram
+from services.runtime.rig import ViewSettings
+from services.visualization import codec
+from services.visualization.feed import IN_FLIGHT
+from services.visualization.outputs import WebOutput
+from services.visualization.picture import Picture
+from services.visualization.server import same_host
+from tests.visualization.test_view_codec import a_layout, a_picture
+
+LOG = logging.getLogger("test")
+PERIOD_NS = 4_000_000
+
+
+class Show:
+    """An output that shows a picture every few milliseconds in a thread of its own, as the process does in its loop."""
+
+    def __init__(self) -> None:
+        self.path = Path(LatencyHistogram(33_000_000))
+        self.layout = a_layout()
+        self.picture = a_picture(self.layout)
+        self.ready, self._stop = threading.Event(), threading.Event()
+        self.port, self.shown, self.clients = 0, 0, 0.0
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self) -> "Show":
+        self._thread.start()
+        assert self.ready.wait(10)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        output = WebOutput(ViewSettings(port=0), self.path, LOG)
+        self.port = int(output.gauges()["view_port"])
+        while not self._stop.is_set():
+            self.shown += 1
+            picture = Picture(
+                self.layout.epoch, self.shown, self.shown, time.monotonic_ns(), self.picture.points_m,
+                self.picture.centreline_m, self.picture.poses, self.picture.jaw_rad, self.picture.force_n,
+            )  # fmt: skip
+            output.show(self.layout, picture, '{"type": "rig"}')
+            output.wait_until(time.monotonic_ns() + PERIOD_NS)
+            self.clients = output.gauges()["clients"]
+            self.ready.set()
+        output.close()
+
+    def connect(self, **options: object) -> ClientConnection:
+        return connect(f"ws://127.0.0.1:{self.port}/ws", compression=None, **options)
+
+
+@pytest.fixture
+def show() -> Iterator[Show]:
+    with Show() as running:
+        yield running
+
+
+def frame_of(client: ClientConnection, show: Show) -> Picture:
+    while True:
+        message = client.recv(timeout=5)
+        if isinstance(message, bytes):
+            return codec.decode(message, show.layout)[0]
+
+
+def echo(client: ClientConnection, picture: Picture) -> None:
+    client.send(struct.pack("<Q", picture.sequence))
+
+
+def test_a_client_gets_state_hello_and_then_frames(show):
+    with show.connect() as client:
+        assert client.recv(timeout=5) == '{"type": "rig"}'
+        assert codec.decode_hello(client.recv(timeout=5)).scene == "test"
+        last = 0
+        for _ in range(20):
+            picture = frame_of(client, show)
+            assert picture.sequence > last
+            last = picture.sequence
+            echo(client, picture)
+    assert show.path.latency.total > 0
+
+
+def test_a_slow_client_wakes_to_the_newest_frame_and_does_not_slow_a_fast_one(show):
+    with show.connect() as slow, show.connect() as fast:
+        for _ in range(60):
+            echo(fast, frame_of(fast, show))
+        waiting = [frame_of(slow, show) for _ in range(IN_FLIGHT)]
+        with pytest.raises(TimeoutError):
+            slow.recv(timeout=0.2)
+        before = show.shown
+        echo(slow, waiting[-1])
+        assert frame_of(slow, show).sequence >= before - 1
+
+
+def test_nonsense_from_a_client_is_ignored(show):
+    with show.connect() as client:
+        for nonsense in ("hello", b"", b"123", b"\xff" * 8, b"x" * 900, "\0"):
+            client.send(nonsense)
+        for _ in range(10):
+            echo(client, frame_of(client, show))
+
+
+def test_a_client_that_sends_too_much_is_closed_and_the_others_stay(show):
+    with show.connect() as good, show.connect() as bad:
+        bad.send(b"x" * 5000)
+        with pytest.raises(ConnectionClosed):
+            list(bad)
+        echo(good, frame_of(good, show))
+        frame_of(good, show)
+
+
+def test_a_client_that_vanishes_is_forgotten(show):
+    with show.connect() as client:
+        frame_of(client, show)
+        client.socket.shutdown(socket.SHUT_RDWR)  # no closing handshake
+    deadline = time.monotonic() + 5
+    while show.clients and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert show.clients == 0
+
+
+def test_a_page_of_another_site_may_not_look(show):
+    with pytest.raises(InvalidStatus):
+        show.connect(origin="http://elsewhere.example")
+    with show.connect(origin="http://127.0.0.1:8080") as client:
+        frame_of(client, show)
+
+
+def test_origins():
+    assert same_host(None, "rig:8081")
+    assert same_host("http://rig:8080", "rig:8081")
+    assert same_host("http://[::1]:8080", "[::1]:8081")
+    assert not same_host("http://rig.elsewhere.example", "rig:8081")
+    assert not same_host("null", "rig:8081")
+    assert not same_host("http://rig", None)
+
+
+def test_the_server_says_that_it_lives(show):
+    assert httpx.get(f"http://127.0.0.1:{show.port}/healthz").text == "ok\n"
+
+
+def test_a_port_that_is_taken_is_one_sentence():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        settings = ViewSettings(port=taken.getsockname()[1])
+        with pytest.raises(UserError, match=r"visualization\.port: cannot listen on 127\.0\.0\.1:\d+: Address already"):
+            WebOutput(settings, Path(LatencyHistogram(1)), LOG)
