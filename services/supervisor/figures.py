@@ -14,6 +14,10 @@ import protocol.bodies as bodies
 from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns, late, quantiles_us
 
 
+#: What a bucket is believed to hold at most: sums over all buckets then stay within 64 bits, whatever a peer sends.
+_COUNT_MAX = 1 << 50
+
+
 @dataclass(frozen=True, slots=True)
 class Latencies:
     """Bucket counts of durations. `max_ns` bounds the maximum from above: it is the largest since the process began."""
@@ -25,11 +29,11 @@ class Latencies:
 
     @classmethod
     def of(cls, body: bodies.Histogram) -> Latencies:
-        """Return the counts of a histogram body; one of another size counts as empty."""
+        """Return the counts of a histogram body; one of another size counts as empty, as it comes from a stranger."""
         counts = body.counts.view()
         if len(counts) != BUCKETS:
             return cls(body.deadline_ns, np.zeros(BUCKETS, np.int64))
-        return cls(body.deadline_ns, counts, body.sum_ns, body.max_ns)
+        return cls(body.deadline_ns, np.clip(counts, 0, _COUNT_MAX), body.sum_ns, max(0, body.max_ns))
 
     @property
     def total(self) -> int:
@@ -56,7 +60,11 @@ class Latencies:
         return quantiles_us(self.counts, self.deadline_ns, float(self.max_ns) if self.max_ns else np.inf)
 
     def __sub__(self, older: Latencies) -> Latencies:
-        return Latencies(self.deadline_ns, self.counts - older.counts, self.sum_ns - older.sum_ns, self.max_ns)
+        if older.deadline_ns != self.deadline_ns:  # other edges: nothing to compare
+            return self
+        # Counts only grow; where one fell the peer is confused, and less than nothing was not counted.
+        counts = np.maximum(self.counts - older.counts, 0)
+        return Latencies(self.deadline_ns, counts, self.sum_ns - older.sum_ns, self.max_ns)
 
     def __add__(self, other: Latencies) -> Latencies:
         counts, total_ns = self.counts + other.counts, self.sum_ns + other.sum_ns
@@ -91,7 +99,8 @@ class Loop:
 
     def __sub__(self, older: Loop) -> Loop:
         return Loop(
-            self.target_hz, self.ticks - older.ticks, self.misses - older.misses, self.skipped - older.skipped,
+            self.target_hz, max(0, self.ticks - older.ticks), max(0, self.misses - older.misses),
+            max(0, self.skipped - older.skipped),
             self.lateness - older.lateness, self.work - older.work, self.period - older.period,
         )  # fmt: skip
 

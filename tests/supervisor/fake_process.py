@@ -48,7 +48,7 @@ def run(process: Process) -> None:
     if "crash" in words:
         os.kill(os.getpid(), signal.SIGKILL)
     if "stubborn" in words:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
     log.progress("building what a fake needs", 0.5)
     meter = LoopMeter(RATE_HZ)
     if "mute" not in words:

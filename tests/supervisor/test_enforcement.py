@@ -1,0 +1,70 @@
+"""The order of enforcement: quality, restart, safe stop; and the way back."""
+
+from __future__ import annotations
+
+from services.supervisor.contracts import Breach
+from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
+
+SLIGHT = Breach("haptics", "path", "device_model slow", 2.0, False)
+SEVERE = Breach("physics", "rate", "physics slow", 3.0, True)
+
+
+def _climb(enforcement: Enforcement, standing: list[Breach], seconds: float, start_s: float = 0.0) -> list[Action]:
+    actions = []
+    for step in range(round(seconds / 0.1)):
+        action = enforcement.decide(start_s + step * 0.1, standing)
+        if action is not None:
+            actions.append(action)
+    return actions
+
+
+def test_severe_breach_climbs_every_rung_in_order() -> None:
+    enforcement = Enforcement(Ladder(levels=3, patience_s=1.0))
+    actions = _climb(enforcement, [SEVERE], 6.0)
+    assert [action.rung for action in actions] == [
+        Rung.LOWER, Rung.LOWER, Rung.RESTART, Rung.SAFE_STOP, Rung.SAFE_STOP,
+    ]  # fmt: skip
+    assert actions[2].process == "physics"
+    assert enforcement.level == 2
+
+
+def test_slight_breach_stays_on_the_last_level() -> None:
+    enforcement = Enforcement(Ladder(levels=2, patience_s=1.0))
+    assert [action.rung for action in _climb(enforcement, [SLIGHT], 30.0)] == [Rung.LOWER]
+
+
+def test_each_rung_waits_its_patience() -> None:
+    enforcement = Enforcement(Ladder(levels=3, patience_s=1.0))
+    assert _climb(enforcement, [SEVERE], 1.0) == []
+    assert len(_climb(enforcement, [SEVERE], 1.0, 1.0)) == 1
+    assert _climb(enforcement, [], 0.1, 2.0) == []  # gone: the next breach waits anew
+    assert _climb(enforcement, [SEVERE], 1.0, 2.1) == []
+
+
+def test_where_nobody_may_restart_the_rung_is_skipped() -> None:
+    enforcement = Enforcement(Ladder(levels=1, patience_s=1.0, may_restart=False))
+    assert _climb(enforcement, [SEVERE], 1.2)[0].rung is Rung.SAFE_STOP
+
+
+def test_the_severe_one_is_acted_on_even_if_another_is_further_over_its_limit() -> None:
+    enforcement = Enforcement(Ladder(levels=1, patience_s=1.0))
+    far = Breach("haptics", "path", "far over", 50.0, False)
+    assert _climb(enforcement, [far, SEVERE], 1.2)[0].process == "physics"
+
+
+def test_quality_returns_after_calm_and_later_after_a_failed_try() -> None:
+    enforcement = Enforcement(Ladder(levels=2, patience_s=1.0, calm_s=5.0))
+    _climb(enforcement, [SLIGHT], 1.5)
+    (up,) = _climb(enforcement, [], 5.5, 2.0)
+    assert (up.rung, enforcement.level) == (Rung.RAISE, 0)
+    _climb(enforcement, [SLIGHT], 1.5, 8.0)
+    assert enforcement.level == 1
+    assert _climb(enforcement, [], 9.5, 10.0) == []
+    assert [action.rung for action in _climb(enforcement, [], 1.0, 19.6)] == [Rung.RAISE]
+
+
+def test_arming_allows_a_restart_again() -> None:
+    enforcement = Enforcement(Ladder(levels=1, patience_s=1.0))
+    assert [action.rung for action in _climb(enforcement, [SEVERE], 2.2)] == [Rung.RESTART, Rung.SAFE_STOP]
+    enforcement.reset()
+    assert _climb(enforcement, [SEVERE], 1.2, 10.0)[0].rung is Rung.RESTART

@@ -1,0 +1,291 @@
+"""Real processes, tiny ones, on the real bus: started, killed, stopped, started again, ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from services.runtime.errors import BusError
+from services.runtime.process import Options
+from services.supervisor import run_report, session
+from services.supervisor.member import MemberState
+from services.supervisor.processes import TABLE, ProcessSpec
+from services.supervisor.state_machine import RigState
+from services.supervisor.supervisor import Supervisor
+
+pytestmark = pytest.mark.rig
+
+HERE = Path(__file__).parent
+#: 100 ms is what the supervisor promises; the machine that runs the tests may be busy.
+NOTICED_S = 0.25
+Scenario = Iterator[None]
+
+
+@dataclass
+class Fakes:
+    """A rig of fake processes in a folder of its own."""
+
+    options: Options
+
+    def table(self, **words: str) -> tuple[ProcessSpec, ...]:
+        path = os.pathsep.join((str(HERE), str(HERE.parents[1])))
+        return tuple(
+            replace(
+                spec,
+                module="fake_process",
+                environment={
+                    **spec.environment, "PYTHONPATH": path, "FAKE_NAME": spec.name,
+                    "FAKE_WORDS": words.get(spec.name, ""),
+                },
+            )
+            for spec in TABLE
+        )  # fmt: skip
+
+    def play(self, scenario: Callable[[Supervisor], Scenario], **words: str) -> list[str]:
+        """Run the rig for as long as the scenario lasts; return the events."""
+        table = self.table(**words)
+        events: list[str] = []
+        playing: list[Scenario] = []
+
+        def turn(supervisor: Supervisor, _now_s: float) -> bool:
+            if not playing:
+                playing.append(scenario(supervisor))
+            return next(playing[0], "end") == "end"
+
+        process = session.open_session(self.options, table)
+        try:
+            plan = session.Plan(self.options, table, lambda event: events.append(event.text), turn)
+            session.run_session(process, plan)
+        finally:
+            process.bus.close()
+        return events
+
+
+@pytest.fixture
+def fakes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fakes]:
+    folder = tmp_path_factory.mktemp("rig")
+    file = folder / "fakes.yaml"
+    file.write_text(
+        f"name: fakes\ntransport: {{directory: {folder}}}\n"
+        "supervisor: {web: {port: 0}, max_restarts_per_minute: 2}\n"
+    )
+    kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    yield Fakes(Options(str(file), None, ()))
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+def until(condition: Callable[[], bool], patience_s: float = 20.0) -> Scenario:
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen"
+        yield
+
+
+def until_running(supervisor: Supervisor) -> Scenario:
+    yield from until(lambda: supervisor.state is RigState.RUNNING)
+
+
+def gone(pid: int) -> bool:
+    return not Path(f"/proc/{pid}").exists()
+
+
+def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> None:
+    pids: list[int] = []
+    progress: dict[str, tuple[str, float] | None] = {}
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        pids.extend(member.pid for member in supervisor.crew.members.values())
+        progress.update({name: member.progress for name, member in supervisor.crew.members.items()})
+        with pytest.raises(BusError, match=r"a rig is running here already: .* `trocar down` ends it"):
+            session.open_session(fakes.options, fakes.table())
+
+    events = fakes.play(scenario)
+    assert len(set(pids)) == 5
+    assert all(gone(pid) for pid in pids)
+    assert progress["physics"] == ("building what a fake needs", 0.5)
+    started = [event.split(":")[0] for event in events if "started as process" in event]
+    assert set(started[:3]) == {"gateway", "physics", "recorder"}  # the others wait for physics' basis
+    ready = next(i for i, event in enumerate(events) if event.startswith("physics: ready"))
+    assert next(i for i, event in enumerate(events) if event.startswith("haptics: started")) > ready
+
+
+@pytest.mark.parametrize(("name", "number"), [("haptics", signal.SIGKILL), ("physics", signal.SIGSTOP)])
+def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes, name: str, number: signal.Signals) -> None:
+    noticed_s: list[float] = []
+    back_s: list[float] = []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        member = supervisor.crew.members[name]
+        others = {n: m.pid for n, m in supervisor.crew.members.items() if n != name}
+        first = member.pid
+        os.kill(first, number)
+        struck = time.monotonic()
+        yield from until(lambda: supervisor.state is RigState.DEGRADED)
+        noticed_s.append(time.monotonic() - struck)
+        assert name in supervisor.reason
+        yield from until(lambda: member.up and member.pid != first)
+        ready = time.monotonic()
+        yield from until_running(supervisor)
+        back_s.append(time.monotonic() - ready)
+        assert member.restarts.count == 1
+        assert {n: m.pid for n, m in supervisor.crew.members.items() if n != name} == others
+        assert not supervisor.body().safe_stop
+
+    fakes.play(scenario)
+    assert noticed_s[0] < NOTICED_S
+    assert back_s[0] < 3.0
+
+
+def test_too_many_restarts_are_a_safe_stop_until_armed(fakes: Fakes) -> None:
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        physics = supervisor.crew.members["physics"]
+        for _ in range(3):  # the limit of this rig is two a minute
+            yield from until(lambda: physics.child is not None)
+            pid = physics.pid
+            physics.kill()
+            yield from until(lambda pid=pid: physics.pid != pid)
+        yield from until(lambda: supervisor.state is RigState.SAFE_STOP)
+        assert physics.state is MemberState.FAILED
+        assert "physics: ended by SIGKILL; restarted too often within a minute" in supervisor.reason
+        assert supervisor.body().safe_stop
+        supervisor.arm("the test")
+        yield from until_running(supervisor)
+
+    fakes.play(scenario)
+
+
+def test_a_process_that_cannot_start_ends_the_rig_with_its_sentence(fakes: Fakes) -> None:
+    pids: list[int] = []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        while True:
+            pids.extend(m.pid for m in supervisor.crew.members.values() if m.pid)
+            yield
+
+    with pytest.raises(session.StartError, match=r"^haptics: configs/made_up.yaml: this key is missing$") as told:
+        fakes.play(scenario, haptics="exit")
+    assert told.value.exit_code == 2
+    assert all(gone(pid) for pid in set(pids))
+
+
+def test_a_process_that_does_not_end_is_killed(fakes: Fakes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.supervisor.crew.END_S", 0.5)
+    pids: list[int] = []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        pids.append(supervisor.crew.members["recorder"].pid)
+
+    events = fakes.play(scenario, recorder="stubborn")
+    assert gone(pids[0])
+    assert any(event.startswith("recorder: did not end within") for event in events)
+
+
+def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> None:
+    report: list[run_report.RunReport] = []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        report.append(run_report.RunReport(supervisor))
+        while report[0].measured_s < 0.5:
+            report[0].turn(time.monotonic())
+            yield
+        os.kill(supervisor.crew.members["haptics"].pid, signal.SIGKILL)
+        while report[0].measured_s < 3.0:
+            report[0].turn(time.monotonic())
+            yield
+
+    fakes.play(scenario, recorder="slow")
+    run_report.write(tmp_path / "out.json", report[0].result())
+    (written,) = tmp_path.iterdir()
+    result = json.loads(written.read_text())
+    assert result.keys() >= {"loops", "paths", "answered_next_tick", "topics", "restarts", "realtime", "machine"}
+    assert result["restarts"] == {"gateway": 0, "physics": 0, "haptics": 1, "visualization": 0, "recorder": 0}
+    gateway, slow = result["loops"]["gateway"], result["loops"]["recorder"]
+    assert gateway.keys() >= {"rate_hz", "ticks", "misses", "miss_ratio", "lateness_us", "work_us"}
+    assert gateway["lateness_us"].keys() == {"p50", "p99", "p99_9", "max"}
+    # 200 Hz over three seconds, give or take a report at either end; what came before RUNNING is not in it.
+    assert gateway["ticks"] + gateway["skipped"] == pytest.approx(200 * 3, abs=60)
+    assert slow["miss_ratio"] > 0.2
+    assert slow["work_us"]["p99"] > 5000
+    assert result["topics"]["gateway.state"]["rate_hz"] == pytest.approx(200, rel=0.3)
+    assert any(fact["name"] == "scheduling" for fact in result["realtime"]["gateway"])
+
+
+UP = """
+import sys
+sys.path.insert(0, {root!r})
+from pathlib import Path
+from tests.supervisor.test_rig_of_fakes import Fakes
+from services.runtime.process import Options
+from services.supervisor import session
+from services.cli import up
+
+fakes = Fakes(Options({rig!r}, None, ()))
+real = session.Plan
+session.TABLE = fakes.table()
+session.Plan = lambda options, **rest: real(options, fakes.table(), **rest)
+sys.argv = ["trocar", "up", "--rig", {rig!r}, *sys.argv[1:]]
+from services.cli.app import main
+main()
+"""
+
+
+def _command(fakes: Fakes, *arguments: str) -> list[str]:
+    script = UP.format(root=str(HERE.parents[1]), rig=fakes.options.rig)
+    return [sys.executable, "-c", script, *arguments]
+
+
+def _trocar(fakes: Fakes, verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "services.cli.app", verb, "--rig", fakes.options.rig, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=30, check=False, cwd=HERE.parents[1])
+
+
+def test_up_announces_the_page_and_ctrl_c_still_writes_the_report(fakes: Fakes, tmp_path: Path) -> None:
+    file = tmp_path / "run.json"
+    up = subprocess.Popen(_command(fakes, "--json", str(file)), stderr=subprocess.PIPE, text=True)
+    assert up.stderr is not None
+    line = up.stderr.readline()
+    while "is running: open http://127.0.0.1:" not in line:
+        assert line, "it ended"
+        line = up.stderr.readline()
+    time.sleep(2.0)
+    up.send_signal(signal.SIGINT)
+    assert up.wait(20) == 0
+    up.stderr.close()
+    assert json.loads(file.read_text())["loops"]["gateway"]["ticks"] > 0
+
+
+def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes) -> None:
+    up = subprocess.Popen(_command(fakes), stderr=subprocess.PIPE, text=True)
+    assert up.stderr is not None
+    while "is running: open" not in up.stderr.readline():
+        assert up.poll() is None
+    armed = _trocar(fakes, "arm")
+    assert (armed.returncode, armed.stderr) == (0, "")
+    up.kill()
+    up.wait()
+    up.stderr.close()
+    again = subprocess.run(_command(fakes), capture_output=True, text=True, timeout=30, check=False)
+    assert again.returncode == 3
+    assert again.stderr.count("\n") == 1
+    assert "a rig is running here already: physics (process" in again.stderr
+    shown = json.loads(_trocar(fakes, "top", "--once", "--json").stdout)
+    assert {row["name"] for row in shown["processes"]} >= {"gateway", "haptics", "physics"}
+    sniffed = _trocar(fakes, "sniff", "gateway.state", "--count", "2", "--json")
+    assert [json.loads(text)["topic"] for text in sniffed.stdout.splitlines()] == ["gateway.state"] * 2
+    down = _trocar(fakes, "down", "--json")
+    assert set(json.loads(down.stdout)["ended"]) == {"gateway", "haptics", "physics", "visualization", "recorder"}
+    assert json.loads(_trocar(fakes, "down", "--json").stdout) == {"ended": []}

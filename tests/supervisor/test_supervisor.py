@@ -1,0 +1,235 @@
+"""The whole supervisor over simulated time: processes on the memory bus, a clock that the test holds."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+
+import msgspec
+import pytest
+from prometheus_client import generate_latest
+
+import protocol.bodies as bodies
+from protocol.arrays import pack
+from services.runtime.histogram import BUCKETS
+from services.supervisor.dashboard import snapshot
+from services.supervisor.member import MemberState
+from services.supervisor.metrics import RigSource, Source, registry
+from services.supervisor.state_machine import RigState
+from tests.supervisor.made_up import MS, Bench, rig
+
+STRICT = {"contracts": {"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.01}}}}
+
+
+def running(bench: Bench) -> Bench:
+    bench.run(5.0, lambda: bench.supervisor.state is RigState.RUNNING)
+    assert bench.supervisor.state is RigState.RUNNING
+    return bench
+
+
+def test_from_off_to_running() -> None:
+    bench = Bench(rig())
+    bench.run(3.0)
+    states = list(dict.fromkeys(body.state for body in bench.told()))
+    assert states == ["starting", "ready", "running"]
+
+
+def test_it_speaks_ten_times_a_second_and_at_once_on_change() -> None:
+    bench = running(Bench(rig()))
+    bench.told()
+    bench.run(1.0)
+    assert 9 <= len(bench.told()) <= 11
+    bench.supervisor.safe_stop("a test")
+    bench.run(0.01)
+    (body,) = bench.told()
+    assert body.safe_stop
+    assert body.state == "safe_stop"
+
+
+def test_a_process_that_builds_for_long_is_waited_for() -> None:
+    bench = Bench(rig())
+    bench.peers["physics"].state = "starting"
+    bench.run(30.0)
+    assert bench.supervisor.state is RigState.STARTING
+    bench.peers["physics"].state = "ready"
+    running(bench)
+
+
+@pytest.mark.parametrize("name", ["gateway", "haptics", "physics"])
+def test_silence_of_a_fast_stream_is_noticed_within_100_ms(name: str) -> None:
+    bench = running(Bench(rig()))
+    bench.peers[name].alive = False
+    passed = bench.run(1.0, lambda: bench.supervisor.state is RigState.DEGRADED)
+    assert passed <= 0.1
+    assert f"{bench.peers[name].spec.stream}: silent for" in bench.supervisor.reason
+    assert "limit 60 ms" in bench.supervisor.reason
+
+
+@pytest.mark.parametrize("name", ["visualization", "recorder"])
+def test_silence_of_a_slow_process_is_noticed_by_its_heartbeat(name: str) -> None:
+    bench = running(Bench(rig()))
+    bench.peers[name].alive = False
+    assert bench.run(2.0, lambda: bench.supervisor.state is RigState.DEGRADED) <= 0.7
+    assert f"{name}.health: silent for" in bench.supervisor.reason
+
+
+def test_running_again_soon_after_the_process_is_back() -> None:
+    bench = running(Bench(rig()))
+    bench.peers["physics"].alive = False
+    bench.run(5.0)
+    assert bench.supervisor.crew.members["physics"].state is MemberState.LOST
+    bench.peers["physics"].reborn(bench.now_s)
+    assert bench.run(5.0, lambda: bench.supervisor.state is RigState.RUNNING) <= 3.0
+    assert bench.supervisor.crew.members["physics"].restarts.count == 1
+    assert not bench.supervisor.body().safe_stop
+
+
+def test_a_brief_silence_costs_nothing_but_the_state() -> None:
+    bench = running(Bench(rig()))
+    bench.peers["haptics"].alive = False
+    bench.run(0.2)
+    bench.peers["haptics"].alive = True
+    assert bench.run(3.0, lambda: bench.supervisor.state is RigState.RUNNING) <= 1.2
+    assert bench.supervisor.crew.members["haptics"].restarts.count == 0
+
+
+def test_its_own_absence_counts_against_nobody() -> None:
+    """The supervisor was stopped for ten seconds: on return it accuses no one."""
+    bench = running(Bench(rig()))
+    bench.now_s += 10.0
+    bench.supervisor.step(bench.now_s)
+    assert bench.supervisor.state is RigState.RUNNING
+    assert any("supervisor: held up for 1" in event.text for event in bench.supervisor.events)
+
+
+def test_enforcement_in_order_and_only_arming_leads_back() -> None:
+    bench = running(Bench(rig(**STRICT), levels=3))
+    bench.peers["physics"].miss_ratio = 0.6
+    seen = []
+    for _ in range(300):
+        bench.run(0.1)
+        body = bench.supervisor.body()
+        seen.append((body.state, body.quality_level))
+        if body.safe_stop:
+            break
+    # Somebody else's processes: judged and commanded, not restarted.
+    assert list(dict.fromkeys(seen)) == [
+        ("running", 0), ("degraded", 0), ("degraded", 1), ("degraded", 2), ("safe_stop", 2),
+    ]  # fmt: skip
+    assert "physics: 60.00 % of the ticks missed" in bench.supervisor.reason
+    assert "limit 1.00 %" in bench.supervisor.reason
+
+    bench.peers["physics"].miss_ratio = 0.0
+    bench.run(10.0)
+    assert bench.supervisor.state is RigState.SAFE_STOP
+    bench.supervisor.arm("a test")
+    running(bench)
+    assert not bench.supervisor.body().safe_stop
+
+
+def test_one_stall_degrades_and_passes() -> None:
+    """40 late ticks: 2 % of the window. The rig says so for a while and does nothing about it."""
+    bench = running(Bench(rig(**STRICT), levels=2))
+    bench.run(2.0)
+    bench.peers["physics"].misses += 40
+    bench.run(0.5)
+    assert bench.supervisor.state is RigState.DEGRADED
+    assert "of the ticks missed over 2." in bench.supervisor.reason
+    running(bench)
+    assert bench.supervisor.enforcement.level == 0
+
+
+def test_a_slight_breach_never_stops_the_rig() -> None:
+    bench = running(Bench(rig(**STRICT), levels=2))
+    bench.peers["physics"].miss_ratio = 0.1
+    bench.run(60.0)
+    assert bench.supervisor.state is RigState.DEGRADED
+    assert bench.supervisor.enforcement.level == 1
+    assert not bench.supervisor.body().safe_stop
+
+
+def test_a_breach_of_what_is_not_critical_touches_no_quality() -> None:
+    contracts = {"contracts": {"loops": {"visualization": {"rate_hz": 1000, "miss_ratio": 0.01}}}}
+    bench = running(Bench(rig(**contracts), levels=2))
+    bench.peers["visualization"].miss_ratio = 0.9
+    bench.run(30.0)
+    assert bench.supervisor.state is RigState.DEGRADED
+    assert bench.supervisor.enforcement.level == 0
+    assert not bench.supervisor.body().safe_stop
+
+
+def test_commanded_safe_stop_stays_until_armed() -> None:
+    bench = running(Bench(rig()))
+    bench.supervisor.safe_stop("the web page")
+    bench.run(20.0)
+    assert bench.supervisor.state is RigState.SAFE_STOP
+    assert bench.supervisor.reason == "commanded by the web page"
+    bench.supervisor.arm("a person")
+    assert bench.run(5.0, lambda: bench.supervisor.state is RigState.RUNNING) <= 2.0
+
+
+def test_a_safe_stop_survives_the_supervisor_that_made_it(tmp_path: Path) -> None:
+    """Compose restarts a dead supervisor; that arms nobody."""
+    memory = tmp_path / "safe_stop"
+    bench = running(Bench(rig(), memory=memory))
+    bench.supervisor.safe_stop("a test")
+    bench.run(0.1)
+    second = Bench(rig(), memory=memory)
+    second.run(5.0)
+    assert second.supervisor.state is RigState.SAFE_STOP
+    second.supervisor.arm("a person")
+    running(second)
+    assert not memory.exists()
+
+
+def test_nothing_a_process_says_of_itself_breaks_the_supervisor() -> None:
+    """Well-formed health bodies with absurd figures, in any order: judged, shown and exported, never fatal."""
+    generator = random.Random(7)
+    bench = Bench(rig(**STRICT), levels=2)
+    bench.run(1.5)
+    numbers = [0.0, -1.0, 1e300, math.nan, math.inf, 3.0, 1e-300]
+    counts = [0, 1, 1 << 40, (1 << 63) - 1]
+
+    def wild() -> bodies.Histogram:
+        values = [generator.choice([*counts, -(1 << 63)]) for _ in range(generator.choice([BUCKETS, BUCKETS, 3]))]
+        deadline = generator.choice([1, MS, 1 << 62])
+        size = generator.choice(counts)
+        return bodies.Histogram(
+            deadline_ns=deadline,
+            counts=pack(values, "<i8"),
+            total=size,
+            sum_ns=-size,
+            max_ns=generator.choice([-1, size]),
+        )
+
+    for turn in range(150):
+        loop = bodies.LoopReport(
+            rate_hz=1.0, ticks=generator.choice(counts), misses=generator.choice(counts),
+            skipped=generator.choice(counts), lateness=wild(), work=wild(), period=wild(),
+        )  # fmt: skip
+        path = bodies.PathLatency(name="device_model", latency=wild(), answered=generator.choice(counts), asked=1)
+        topic = bodies.TopicReport(topic="x", sent=generator.choice(counts), refused={"": 1 << 62}, age=wild())
+        body = bodies.Health(
+            process="physics", pid=generator.choice([1, 2]), state=generator.choice(["ready", "", "mad"]),
+            uptime_s=generator.choice(numbers), loop=loop, paths=(path,), topics=(topic,),
+            gauges={"": generator.choice(numbers)},
+        )  # fmt: skip
+        bench.peers["physics"].bus.publish("physics.health", body)
+        bench.peers["physics"].next_health_s = math.inf
+        bench.run(0.01)
+        if turn % 10 == 0:
+            shown = msgspec.json.encode(snapshot(bench.supervisor, "default", bench.now_s))
+            assert b"NaN" not in shown
+            source = RigSource(bench.supervisor.state, 0, False, [Source("physics", True, 0, body)])
+            assert b"trocar_loop" in generate_latest(registry(lambda source=source: source))
+
+
+def test_events_name_what_happened_in_order() -> None:
+    bench = running(Bench(rig()))
+    bench.peers["gateway"].alive = False
+    bench.run(3.0)
+    texts = [event.text for event in bench.supervisor.events]
+    assert texts[0].startswith("supervisor: starting")
+    assert any(text.startswith("gateway.state: silent") for text in texts)
+    assert any(text.startswith("supervisor: degraded: gateway.state: silent") for text in texts)

@@ -1,0 +1,199 @@
+"""The page's server: events, commands with a token, metrics, and whom it answers."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import httpx
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+from starlette.applications import Starlette
+
+import protocol.bodies as bodies
+from services.supervisor.metrics import RigSource, Source, registry
+from services.supervisor.state_machine import RigState
+from services.supervisor.web import Desk, build_app
+from tests.supervisor.made_up import health, histogram, loop_report, rig
+
+
+@dataclass
+class Asked:
+    arm: list[str] = field(default_factory=list)
+    safe_stop: list[str] = field(default_factory=list)
+
+
+def _source() -> RigSource:
+    path = bodies.PathLatency(name="device_model", latency=histogram([300_000] * 99 + [1_500_000]))
+    topic = bodies.TopicReport(
+        topic="gateway.state", received=100, dropped=2, refused={"flood": 3}, age=histogram([50_000] * 100)
+    )
+    heard = health("haptics", loop=loop_report(1000, misses=7, skipped=3), paths=(path,), topics=(topic,))
+    processes = (Source("haptics", True, 2, heard), Source("physics", False, 0, None))
+    return RigSource(RigState.DEGRADED, 1, False, processes)
+
+
+@pytest.fixture
+def asked() -> Asked:
+    return Asked()
+
+
+@pytest.fixture
+def desk(asked: Asked, tmp_path: Path) -> Desk:
+    return Desk(
+        rig=rig(),
+        scene="default",
+        registry=registry(_source),
+        arm=asked.arm.append,
+        safe_stop=asked.safe_stop.append,
+        healthy=lambda: (True, "running"),
+        view_port=lambda: 8081,
+        dist=tmp_path / "dist",
+        latest=b'{"state":"running"}',
+    )
+
+
+class Client:
+    """Asks the application without a socket, one request at a time."""
+
+    def __init__(self, app: Starlette) -> None:
+        self._transport = httpx.ASGITransport(app)
+
+    def ask(self, method: str, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
+        async def once() -> httpx.Response:
+            async with httpx.AsyncClient(transport=self._transport, base_url="http://localhost:8080") as client:
+                return await client.request(method, path, headers=headers)
+
+        return asyncio.run(once())
+
+    def get(self, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
+        return self.ask("GET", path, headers)
+
+    def post(self, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
+        return self.ask("POST", path, headers)
+
+
+@pytest.fixture
+def client(desk: Desk) -> Client:
+    return Client(build_app(desk))
+
+
+def test_page_that_is_not_built_says_how(client: Client) -> None:
+    answer = client.get("/")
+    assert answer.status_code == 503
+    assert "npm run build" in answer.text
+
+
+def test_page_that_is_built_is_served(desk: Desk) -> None:
+    desk.dist.mkdir()
+    (desk.dist.parent / "made_up.txt").write_text("not for the world")
+    (desk.dist / "index.html").write_text("<title>it is here</title>")
+    (desk.dist / "app.js").write_text("1")
+    client = Client(build_app(desk))
+    assert "it is here" in client.get("/").text
+    assert client.get("/app.js").text == "1"
+    assert client.get("/%2e%2e/made_up.txt").status_code == 404
+    assert client.get("/healthz").status_code == 200
+
+
+def test_rig_names_the_view_on_the_host_that_was_asked(client: Client) -> None:
+    answer = client.get("/api/rig").json()
+    assert answer["name"] == "made up"
+    assert answer["view_ws"] == "ws://localhost:8081/ws"
+    assert answer["token_needed"] is True
+    through = client.get("/api/rig", headers={"Host": "[::1]:8080"}).json()
+    assert through["view_ws"] == "ws://[::1]:8081/ws"
+
+
+@pytest.mark.parametrize("command", ["arm", "safe_stop"])
+def test_commands_need_the_token(client: Client, desk: Desk, asked: Asked, command: str) -> None:
+    assert client.post(f"/api/{command}").status_code == 403
+    assert client.post(f"/api/{command}", headers={"X-Trocar-Token": "guess"}).status_code == 403
+    assert client.get(f"/api/{command}", headers={"X-Trocar-Token": desk.token}).status_code == 405
+    assert getattr(asked, command) == []
+    answer = client.post(f"/api/{command}", headers={"X-Trocar-Token": desk.token})
+    assert answer.status_code == 200
+    assert len(getattr(asked, command)) == 1
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", ""])
+def test_another_sites_name_for_this_machine_is_refused(client: Client, desk: Desk, asked: Asked, host: str) -> None:
+    answer = client.post("/api/arm", headers={"Host": host, "X-Trocar-Token": desk.token})
+    assert answer.status_code == 421
+    assert asked.arm == []
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8080", "LOCALHOST", "192.168.1.7:8080", "[::1]:8080", "rig.localhost"])
+def test_this_machines_names_are_known(client: Client, host: str) -> None:
+    assert client.get("/healthz", headers={"Host": host}).status_code == 200
+
+
+def test_healthz_follows_the_rig(client: Client, desk: Desk) -> None:
+    desk.healthy = lambda: (False, "safe_stop: because")
+    answer = client.get("/healthz")
+    assert answer.status_code == 503
+    assert answer.json() == {"ok": False, "state": "safe_stop: because"}
+
+
+def test_events_carry_the_newest_state_only(desk: Desk) -> None:
+    """A client that was away for many states gets the newest one; the stream ends with the page."""
+
+    async def read() -> list[str]:
+        states = []
+        transport = httpx.ASGITransport(build_app(desk))
+        desk.latest = b'{"n":1}'
+
+        async def later() -> None:
+            for n in (2, 3, 4):
+                desk.latest = json.dumps({"n": n}).encode()
+            await asyncio.sleep(0.3)
+            desk.closing = True
+
+        task = asyncio.create_task(later())
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            answer = await client.get("/events")
+        await task
+        assert answer.headers["content-type"].startswith("text/event-stream")
+        for block in answer.text.strip().split("\n\n"):
+            lines = block.split("\n")
+            if lines[0] == "event: state":
+                states.append(lines[1].removeprefix("data: "))
+        return states
+
+    states = asyncio.run(read())
+    assert states[0] == '{"n": 4}'
+    assert set(states) == {'{"n": 4}'}
+
+
+def test_metrics_are_what_prometheus_reads(client: Client) -> None:
+    text = client.get("/metrics").text
+    families = {family.name: family for family in text_string_to_metric_families(text)}
+    for name in (
+        "trocar_loop_lateness_seconds", "trocar_loop_period_seconds", "trocar_loop_work_seconds",
+        "trocar_loop_iterations", "trocar_deadline_misses", "trocar_path_latency_seconds", "trocar_topic_age_seconds",
+        "trocar_topic_messages", "trocar_topic_drops", "trocar_queue_depth", "trocar_service_up",
+        "trocar_service_restarts", "trocar_device_link_up", "trocar_can_errors", "trocar_build_info",
+    ):  # fmt: skip
+        assert name in families, name
+    value = {
+        (sample.name, tuple(sorted(sample.labels.items()))): sample.value
+        for family in families.values()
+        for sample in family.samples
+    }
+    assert value["trocar_deadline_misses_total", (("loop", "haptics"),)] == 7
+    assert value["trocar_service_restarts_total", (("service", "haptics"),)] == 2
+    assert value["trocar_service_up", (("service", "physics"),)] == 0
+    drops = {labels: v for (name, labels), v in value.items() if name == "trocar_topic_drops_total"}
+    assert sorted(drops.values()) == [2, 3]
+
+
+def test_the_deadline_is_an_edge_so_miss_ratios_are_exact(client: Client) -> None:
+    text = client.get("/metrics").text
+    family = next(f for f in text_string_to_metric_families(text) if f.name == "trocar_path_latency_seconds")
+    buckets = {s.labels["le"]: s.value for s in family.samples if s.name.endswith("_bucket")}
+    assert buckets["0.001"] == 99
+    assert buckets["+Inf"] == 100
+    ordered = [count for _, count in sorted(buckets.items(), key=lambda item: float(item[0]))]
+    assert ordered == sorted(ordered)
