@@ -10,7 +10,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 from rich.table import Table
 
 from services.runtime import config
-from services.runtime.errors import ConfigError
+from services.runtime.errors import ConfigError, UserError
 from services.studies.fem_case import FemCase
 from services.studies.fem_output import save_vtu, to_json
 from services.studies.fem_run import FemResult, solve_case
@@ -62,10 +62,12 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
         result = _solve_with_progress(case, file)
         if json_file is not None:
             json_file.write_text(json.dumps(to_json(result), indent=1))
+        if vtu_file is not None:
+            save_vtu(result, vtu_file)
+    except ModuleNotFoundError as error:
+        raise UserError(f"{file}: this needs the package '{error.name}', install trocar[mesh]") from error
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from error
-    if vtu_file is not None:
-        save_vtu(result, vtu_file)
     _print(result, Console(soft_wrap=True))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
@@ -25,28 +26,29 @@ def crossing_triangles(mesh: TriangleMesh) -> IntArray:
     crossing = np.zeros(mesh.n_triangles, bool)
     for start in range(0, mesh.n_triangles, CHUNK):
         chunk = np.arange(start, min(start + CHUNK, mesh.n_triangles))
-        near = tree.query_ball_point(centres[chunk], radii[chunk] + radii.max())
-        first = np.repeat(chunk, [len(found) for found in near])
-        pairs = np.stack([first, np.concatenate([np.asarray(found, np.int64) for found in near])], axis=1)
-        pairs = _candidates(mesh, corners, pairs)
-        hit = _edges_pierce(corners[pairs[:, 0]], corners[pairs[:, 1]])
-        crossing[pairs[hit].ravel()] = True
+        # Every pair is found from its larger triangle, so that one long sliver does not make all look far.
+        near = tree.query_ball_point(centres[chunk], 2.0 * radii[chunk])
+        larger = np.repeat(chunk, [len(found) for found in near])
+        smaller = np.concatenate([np.asarray(found, np.int64) for found in near])
+        is_ordered = (radii[smaller] < radii[larger]) | ((radii[smaller] == radii[larger]) & (smaller < larger))
+        pairs = _candidates(mesh, corners, np.stack([larger[is_ordered], smaller[is_ordered]], axis=1))
+        one, other = corners[pairs[:, 0]], corners[pairs[:, 1]]
+        crossing[pairs[_edges_pierce(one, other) | _edges_pierce(other, one)].ravel()] = True
     return np.flatnonzero(crossing).astype(np.int32)
 
 
-def _candidates(mesh: TriangleMesh, corners: FloatArray, pairs: IntArray) -> IntArray:
-    """Ordered pairs whose boxes overlap and which share no vertex."""
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    a, b = pairs.T
-    overlap = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
-    pairs = pairs[overlap]
-    one, other = mesh.triangles[pairs[:, 0]], mesh.triangles[pairs[:, 1]]
-    shared = (one[:, :, None] == other[:, None, :]).any(axis=(1, 2))
-    separate: IntArray = pairs[~shared]
+def _candidates(mesh: TriangleMesh, corners: FloatArray, pairs: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Those pairs whose boxes overlap and which share no vertex."""
+    one, other = corners[pairs[:, 0]], corners[pairs[:, 1]]
+    overlap = (one.min(axis=1) <= other.max(axis=1)) & (other.min(axis=1) <= one.max(axis=1))
+    pairs = pairs[overlap.all(axis=1)]
+    names = mesh.triangles[pairs]
+    shared = (names[:, 0, :, None] == names[:, 1, None, :]).any(axis=(1, 2))
+    separate: npt.NDArray[np.int64] = pairs[~shared]
     return separate
 
 
-def _edges_pierce(edges_of: FloatArray, triangles: FloatArray) -> FloatArray:
+def _edges_pierce(edges_of: FloatArray, triangles: FloatArray) -> npt.NDArray[np.bool_]:
     """(k,) whether an edge of the first triangle passes through the second."""
     a, b, c = triangles.transpose(1, 0, 2)
     hit = np.zeros(len(triangles), bool)

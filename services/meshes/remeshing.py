@@ -14,6 +14,8 @@ FEWEST_VERTICES = 32
 """Below this no tube keeps its ends."""
 SAMPLES_PER_CLUSTER = 20
 """Vertices of the subdivided surface that one vertex of the new mesh gathers, at least."""
+MOST_SAMPLES_PER_CLUSTER = 100
+"""And at most: a scan finer than that is decimated first, clustering it as it is takes time and gains nothing."""
 
 
 def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
@@ -31,9 +33,10 @@ def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
     n_vertices = vertices_for_edge(mesh, edge_m)
     if n_vertices < FEWEST_VERTICES:
         raise MeshError(f"edges of {1e3 * edge_m:.3g} mm are too long for a surface this small")
-    growth = SAMPLES_PER_CLUSTER * n_vertices / mesh.n_vertices
+    source = decimate(mesh, 2 * MOST_SAMPLES_PER_CLUSTER * n_vertices)
+    growth = SAMPLES_PER_CLUSTER * n_vertices / source.n_vertices
     subdivisions = max(0, int(np.ceil(np.log(growth) / np.log(4.0))))
-    return _accept(mesh, _cluster(mesh, n_vertices, subdivisions), f"edges of {1e3 * edge_m:.3g} mm")
+    return _accept(mesh, _cluster(source, n_vertices, subdivisions), f"edges of {1e3 * edge_m:.3g} mm")
 
 
 def _cluster(mesh: TriangleMesh, n_vertices: int, subdivisions: int) -> TriangleMesh:

@@ -8,6 +8,7 @@ import pytest
 from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
 from services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes, point_load
 from services.mechanics.mesh import TriangleMesh, boundary_loops, triangle_areas_m2, unique_edges
+from services.meshes.cached import load_mesh
 from services.meshes.checking import check_surface, smallest_angles_rad
 from services.meshes.crossings import crossing_triangles
 from services.meshes.errors import MeshError
@@ -243,6 +244,43 @@ def test_decimation_keeps_the_shape():
     assert fewer.n_triangles <= 2200
     assert enclosed_volume_m3(fewer) == pytest.approx(enclosed_volume_m3(fine), rel=0.01)
     assert decimate(fewer, 10**6) is fewer
+
+
+def test_the_cache_gives_the_same_mesh_without_reading_the_surface_again(tmp_path, monkeypatch):
+    path = save(CONE, tmp_path / "duct.stl", 1e3)
+    first = load_mesh(path, "mm", edge_m=1.5e-3, cache_dir=tmp_path)
+    monkeypatch.setattr("services.meshes.cached.load_duct_surface", None)
+    again = load_mesh(path, "mm", edge_m=1.5e-3, cache_dir=tmp_path)
+    assert np.array_equal(first.vertices_m, again.vertices_m)
+    assert np.array_equal(first.triangles, again.triangles)
+    assert {k: v.tolist() for k, v in first.vertex_sets.items()} == {
+        k: v.tolist() for k, v in again.vertex_sets.items()
+    }
+
+
+@pytest.mark.parametrize(
+    "change", [{"edge_m": 2e-3}, {"lumen_diameter_m": 7e-3}, {"mouth": "end_0", "clamped": ("end_1",)}]
+)
+def test_the_cache_knows_other_settings_apart(tmp_path, change):
+    path = save(CONE, tmp_path / "duct.stl", 1e3)
+    usual = {"units": "mm", "edge_m": 1.5e-3, "cache_dir": tmp_path}
+    first, other = load_mesh(path, **usual), load_mesh(path, **(usual | change))
+    assert not np.array_equal(first.vertices_m, other.vertices_m)
+
+
+def test_the_cache_refuses_what_loading_refuses(tmp_path):
+    with pytest.raises(MeshError, match="no such file"):
+        load_mesh(tmp_path / "absent.stl", "mm", cache_dir=tmp_path)
+    path = save(CONE, tmp_path / "duct.stl", 1e3)
+    with pytest.raises(MeshError, match="no open end 'end_5'"):
+        load_mesh(path, "mm", mouth="end_5", cache_dir=tmp_path)
+
+
+def test_a_scan_much_finer_than_wanted_is_remeshed_all_the_same():
+    scan = parametric_duct(DuctGeometry(R, L, 160, 180, taper=0.3))
+    coarse = remesh(scan, 2e-3)
+    assert coarse.n_triangles < 700
+    assert enclosed_volume_m3(coarse) == pytest.approx(enclosed_volume_m3(scan), rel=0.15)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,56 @@
+"""Duct meshes from files, made once and kept: every process of a rig gets the very same vertices."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from services.mechanics.mesh import TriangleMesh
+from services.mechanics.reduction.cache import Entry, default_cache_dir, fetch
+from services.mechanics.reduction.content_hash import hash_content, hash_sources
+from services.meshes.errors import MeshError
+from services.meshes.loading import SurfaceSettings, load_duct_surface
+
+MESH_LIBRARIES = ("trimesh", "pyvista", "pyacvd")
+
+
+def load_mesh(
+    path: Path,
+    units: str,
+    clamped: tuple[str, ...] = ("end_0",),
+    mouth: str = "end_1",
+    edge_m: float | None = None,
+    lumen_diameter_m: float | None = None,
+    cache_dir: Path | None = None,
+) -> TriangleMesh:
+    """Return the duct in a surface file, from the cache if this file was made into it before.
+
+    See `services.meshes.loading.SurfaceSettings` for the choices. The entry's name is made of the file's bytes, the
+    choices, this package's code and the versions of the mesh libraries.
+
+    Raises
+    ------
+    MeshError
+        The surface cannot be used; the sentence names the file, the reason and the place.
+    """
+    settings = SurfaceSettings(units, clamped, mouth, edge_m, lumen_diameter_m)
+    if not path.is_file():
+        raise MeshError(f"{path}: no such file")
+    libraries = [f"{name} {version(name)}" for name in MESH_LIBRARIES]
+    code = hash_sources(Path(__file__).parent)
+    name = "mesh-" + hash_content(path.read_bytes(), path.suffix, dataclasses.asdict(settings), libraries, code)
+
+    def make(entry: Entry) -> None:
+        duct = load_duct_surface(path, settings)
+        entry.save("vertices_m", duct.mesh.vertices_m)
+        entry.save("triangles", duct.mesh.triangles)
+        for set_name, vertices in duct.mesh.vertex_sets.items():
+            entry.save(f"set-{set_name}", vertices)
+        entry.describe(path=str(path), sets=list(duct.mesh.vertex_sets), actions=duct.actions)
+
+    entry = fetch(cache_dir or default_cache_dir(), name, make)
+    sets = {set_name: np.array(entry.load(f"set-{set_name}")) for set_name in entry.facts["sets"]}
+    return TriangleMesh(np.array(entry.load("vertices_m")), np.array(entry.load("triangles")), sets)
