@@ -17,6 +17,13 @@ HEARTBEAT_S, ESTIMATE_S = 0.1, 0.001
 #: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
 INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
 _SUBSTEPS = 4
+_SAID_BY_DRIVE = (
+    cansimple.HEARTBEAT,
+    cansimple.GET_ERROR,
+    cansimple.GET_ENCODER_ESTIMATES,
+    cansimple.GET_TEMPERATURE,
+    cansimple.GET_TORQUES,
+)
 
 Frame = tuple[int, bytes]
 
@@ -74,8 +81,10 @@ class EmulatedDrive:
         """Act on a frame of the host; one for another node, or of a wrong length, is ignored. Return the answers."""
         if identifier >> 5 != self.node:
             return []
-        self._fed_s = now_s  # firmware feeds the watchdog from any frame to the axis, polls included
         command = identifier & 0x1F
+        if command in _SAID_BY_DRIVE and not remote:
+            return []  # an own frame that the bus gave back
+        self._fed_s = now_s  # firmware feeds the watchdog from any frame to the axis, polls included
         if remote:
             return list(self._answer(command))
         try:

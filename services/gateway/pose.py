@@ -45,16 +45,16 @@ def tool_orientation(junction: FloatArray, port: FloatArray, roll: float, pose: 
     # Smallest rotation (w, a, b, 0) from (0, 0, -1) to d: its axis (0, 0, -1) x d is (y, -x, 0) / length.
     w = math.sqrt(max(0.5 * (1.0 - z / length), 1e-12))
     a, b = 0.5 * y / (length * w), -0.5 * x / (length * w)
-    # Tool axes of a tool that points straight down: x down, y along the world's x, z along the world's -y.
-    half = math.sqrt(0.5)
-    down = (0.0, half, 0.0, -half)
+    # A tool that points straight down: x down, y along the world's x, z along the world's -y.
+    down = (0.5, 0.5, 0.5, -0.5)
     p = (
-        -a * down[1] - b * down[2],
-        w * down[1] + b * down[3],
-        w * down[2] - a * down[3],
+        w * down[0] - a * down[1] - b * down[2],
+        w * down[1] + a * down[0] + b * down[3],
+        w * down[2] - a * down[3] + b * down[0],
         w * down[3] + a * down[2] - b * down[1],
     )
-    e, f = math.cos(0.5 * roll), math.sin(0.5 * roll)
+    # Roll counts from the world's x to its y where the tool points down: against the tool's own x axis.
+    e, f = math.cos(0.5 * roll), -math.sin(0.5 * roll)
     pose[0] = p[0] * e - p[1] * f
     pose[1] = p[0] * f + p[1] * e
     pose[2] = p[2] * e + p[3] * f

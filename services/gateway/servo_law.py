@@ -63,6 +63,8 @@ HOT, COOL = 0.7, 0.5
 MAX_STEP_S = 0.003
 #: Below this speed the observer's correction would be noise of the encoders.
 STILL_M_S = 0.01
+#: Below this force the hand is free: the rate limit lets a force outlive its contact by some ticks.
+LIMP_N = 1e-3
 #: Energy that the observer remembers: long friction must not pay for a later burst.
 MAX_STORED_J = 0.05
 
@@ -154,8 +156,9 @@ def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: Flo
     for i in range(3):
         memory[MEMORY_ENERGY] -= memory[MEMORY_FORCE + i] * (motion[i] - memory[MEMORY_POSITION + i])
         memory[MEMORY_POSITION + i] = motion[i]
+    held = abs(memory[MEMORY_FORCE]) + abs(memory[MEMORY_FORCE + 1]) + abs(memory[MEMORY_FORCE + 2])
     free = model[MODEL_CONTACT] == 0.0 or now[NOW_GAIN] == 0.0
-    if free or not math.isfinite(memory[MEMORY_ENERGY]):
+    if (free and held < LIMP_N) or not math.isfinite(memory[MEMORY_ENERGY]):
         memory[MEMORY_ENERGY] = 0.0  # a contact begins with an empty account
     memory[MEMORY_ENERGY] = min(memory[MEMORY_ENERGY], MAX_STORED_J)
 

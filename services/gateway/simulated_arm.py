@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy.signal
 
 from services.gateway import premium_model
 from services.gateway.kernel import kernel
@@ -44,8 +43,7 @@ class ArmState:
         self.measured = np.zeros(3)
         measure(self.angles, self.measured)
         self.filter = np.zeros((2, 3))
-        b, a = scipy.signal.butter(2, velocity_filter_hz, fs=1.0 / TICK_S)
-        self.coefficients = np.array([*b, *a[1:]])
+        self.coefficients = butterworth(velocity_filter_hz)
         self._work = np.zeros((4, 3))
         self._jacobian = np.zeros((3, 3))
 
@@ -57,6 +55,14 @@ class ArmState:
         """Write what encoders and temperature model say into `reading`; call once a tick."""
         filter_reading(self.angles, self.measured, self.filter, self.coefficients, centre, reading)
         reading[READ_TEMPERATURE] = (self.heat[0].max() - ROOM_C) / (WINDING_MAX_C - ROOM_C)
+
+
+def butterworth(cut_off_hz: float) -> FloatArray:
+    """Return b0, b1, b2, a1, a2 of a second-order low-pass at the rate of the ticks, by the bilinear transform."""
+    k = math.tan(math.pi * cut_off_hz * TICK_S)
+    scale = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
+    b0 = k * k * scale
+    return np.array([b0, 2.0 * b0, b0, 2.0 * (k * k - 1.0) * scale, (1.0 - math.sqrt(2.0) * k + k * k) * scale])
 
 
 @kernel

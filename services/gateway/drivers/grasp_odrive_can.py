@@ -114,7 +114,7 @@ class OdriveGrasp(Grasp):
         self._link = link
         if not self._find(link):
             self.close()
-            raise DeviceError(f"{self._where}: no heartbeat of node {self._node} within {self.found_timeout_s:.0f} s")
+            raise DeviceError(f"{self._where}: no heartbeat of node {self._node} within {self.found_timeout_s:g} s")
         link.send(cansimple.CLEAR_ERRORS, b"\0")
         link.send(
             cansimple.SET_LIMITS, cansimple.pack_floats(self._file.max_motor_turns_s, self._file.max_motor_current_a)

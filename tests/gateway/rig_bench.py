@@ -1,0 +1,115 @@
+"""A gateway process on the real bus, a fake haptics beside it, and everything that the gateway said."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from protocol import Frame
+from protocol.bodies import SupervisorState
+from services.runtime import config
+from services.runtime.zmq_bus import ZmqBus
+
+RATE_LIMIT_N_S = 200.0
+START_TIMEOUT_S = 40.0
+
+_ARM = {"driver": "phantom_simulated", "device": "phantom_premium_1_5", "settings": {"hand_stiffness_n_m": 300}}
+
+
+class Bench:
+    """Processes of one test, ended with it."""
+
+    def __init__(self, folder: Path, grasp: dict[str, Any] | None = None) -> None:
+        self.rig_file = folder / "rig.yaml"
+        instrument: dict[str, Any] = {"name": "left", "port_m": [0.06, -0.1, 0.13], "arm": _ARM}
+        if grasp is not None:
+            instrument["grasp"] = grasp
+        rig = {
+            "name": "test",
+            "transport": {"directory": str(folder)},
+            "processes": {"gateway": {"core": 0, "priority": 80}, "haptics": {"core": 0, "priority": 70}},
+            "gateway": {"instruments": [instrument], "engage_ramp_s": 0.2, "force_rate_limit_n_s": RATE_LIMIT_N_S},
+        }
+        self.rig_file.write_text(yaml.safe_dump(rig))
+        self.bus = ZmqBus(
+            config.load_rig(self.rig_file).transport,
+            publishes=["supervisor.state"],
+            reads=["gateway.health"],
+            reads_every=["gateway.state"],
+        )
+        self.frames: list[Frame] = []
+        self._processes: list[subprocess.Popen[bytes]] = []
+
+    def start(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen([sys.executable, "-m", module, *arguments])
+        self._processes.append(process)
+        return process
+
+    def gateway(self) -> subprocess.Popen[bytes]:
+        return self.start("services.gateway", "--rig", str(self.rig_file))
+
+    def haptics(self, force_n: float) -> subprocess.Popen[bytes]:
+        return self.start("tests.gateway.fake_haptics", str(self.rig_file), str(force_n))
+
+    def listen(self, seconds: float) -> list[Frame]:
+        """Return the device frames of the next `seconds`."""
+        first = len(self.frames)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.frames += self.bus.drain("gateway.state")
+            time.sleep(0.01)
+        return self.frames[first:]
+
+    def until(self, wanted: Callable[[Any], bool]) -> None:
+        """Listen until the instrument is as `wanted`."""
+        end = time.monotonic() + START_TIMEOUT_S
+        while time.monotonic() < end:
+            heard = self.listen(0.05)
+            if heard and wanted(heard[-1].body.instruments[0]):
+                return
+        last = self.frames[-1].body.instruments[0] if self.frames else "nothing was heard"
+        raise AssertionError(f"never came to it; last: {last}")
+
+    def tell(self, safe_stop: bool) -> None:
+        """Say what a supervisor would, until it has been heard."""
+        while not self.bus.has_reader("supervisor.state"):
+            self.listen(0.02)
+        self.bus.publish("supervisor.state", SupervisorState(state="running", safe_stop=safe_stop))
+
+    def close(self) -> None:
+        for process in self._processes:
+            if process.poll() is None:
+                os.kill(process.pid, signal.SIGCONT)
+                process.kill()
+            process.wait()
+        self.bus.close()
+
+
+def forces(frames: list[Frame]) -> np.ndarray:
+    return np.array([frame.body.instruments[0].applied_force_n for frame in frames])
+
+
+def assert_never_a_kick(frames: list[Frame], ttl_s: float = 0.02) -> None:
+    """Between neighbouring ticks no more than the rate limit; at no age more than can be taken back by the end."""
+    ticks = np.array([frame.body.tick for frame in frames])
+    written = np.linalg.norm(forces(frames), axis=1)
+    sampled_s = np.array([frame.origin_ns for frame in frames]) * 1e-9
+    steps = np.linalg.norm(np.diff(forces(frames), axis=0), axis=1)
+    neighbours = np.diff(ticks) == 1
+    allowed = RATE_LIMIT_N_S * np.minimum(np.diff(sampled_s), 0.003)
+    assert neighbours.sum() > 100
+    assert (steps[neighbours] <= allowed[neighbours] + 1e-9).all()
+    ages_s = np.array([frame.body.instruments[0].model_age_s for frame in frames])
+    punctual = np.append(True, np.diff(sampled_s) < 0.003)  # a tick that came later found more force than it left
+    bound = RATE_LIMIT_N_S * np.maximum(0.0, ttl_s - ages_s)
+    known = punctual & (ages_s >= 0.0) & np.append(True, written[:-1] <= bound[:-1] + 1e-9)
+    assert (written[known] <= bound[known] + 1e-9).all()

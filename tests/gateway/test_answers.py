@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import pytest
+
+from protocol import Frame
+from protocol.bodies import ContactModel, LocalModel
+from services.gateway.answers import Answers
+from services.runtime.health import Path
+from services.runtime.histogram import LatencyHistogram
+
+
+class Stub:
+    """What `Answers` uses of an instrument."""
+
+    def __init__(self) -> None:
+        self.servo = self
+        self.model_sequence = -1
+        self.accepted: list[tuple[float, int, int]] = []
+
+    def accept(self, model: LocalModel, ttl_s: float, answers_ns: int, incarnation: int) -> None:
+        self.accepted.append((ttl_s, answers_ns, incarnation))
+
+
+class Chain:
+    """Answers with two instruments, and frames that come in."""
+
+    def __init__(self) -> None:
+        self.arrival, self.force = Path(LatencyHistogram(800_000)), Path(LatencyHistogram(2_000_000))
+        self.instruments = [Stub(), Stub()]
+        self.answers = Answers(self.instruments, self.arrival, self.force)  # type: ignore[arg-type]
+
+    def come(self, tick: int, now_ns: int = 0, *, valid: bool = True, instruments: int = 2) -> None:
+        body = ContactModel(tick=tick, ttl_s=0.02, instruments=(LocalModel(),) * instruments)
+        self.answers.accept(Frame(1, "haptics.contact_model", 1, 7, tick, 0, 0, valid, body), now_ns)
+
+
+def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
+    chain = Chain()
+    chain.answers.ask(4, 1_000)
+    chain.come(4, 301_000)
+    assert [stub.accepted for stub in chain.instruments] == [[(0.02, 1_000, 7)]] * 2
+    assert (chain.arrival.latency.total, chain.arrival.latency.max_ns) == (1, 300_000)
+    chain.answers.applied(1_001_000)
+    assert chain.force.latency.max_ns == 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        ({"tick": 9}, "not_asked"),
+        ({"tick": 4, "valid": False}, "invalid"),
+        ({"tick": 4, "instruments": 1}, "instruments"),
+        ({"tick": 4 + 128}, "not_asked"),
+    ],
+)
+def test_what_answers_nothing_that_was_asked_is_not_used(frame: dict[str, int], reason: str) -> None:
+    chain = Chain()
+    chain.answers.ask(4, 1_000)
+    chain.come(**frame)  # type: ignore[arg-type]
+    assert chain.answers.refused[reason] == 1
+    assert chain.instruments[0].accepted == []
+    assert chain.answers.outstanding
+
+
+def test_only_the_first_answer_to_a_sample_counts() -> None:
+    chain = Chain()
+    chain.answers.ask(4, 1_000)
+    for _ in range(3):
+        chain.come(4, 300_000)
+    assert chain.arrival.latency.total == 1
+
+
+def test_the_share_answered_in_the_next_tick() -> None:
+    chain = Chain()
+    chain.answers.applied(0)
+    for tick in range(10):
+        chain.answers.ask(tick, 1_000 + tick)
+        if tick % 5 != 4:
+            chain.come(tick, 2_000 + tick)
+        chain.answers.applied(3_000 + tick)
+    assert (chain.arrival.asked, chain.arrival.answered) == (10, 8)

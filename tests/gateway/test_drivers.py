@@ -1,0 +1,317 @@
+"""The contract that every driver file keeps. A new file needs a row in `_rows`, else its tests fail."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from services.gateway import canbus, cansimple, driver, layout
+from services.gateway.cansimple import AxisError, AxisState
+from services.gateway.driver import Arm, Grasp, Place
+from services.gateway.drivers import grasp_odrive_can, grasp_simulated
+from services.gateway.emulated_drive import EmulatedDrive, Handle
+from services.runtime.errors import ConfigError, DeviceError
+from services.runtime.rig import DriverSettings, Mount
+
+PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
+TICK_NS = 1_000_000
+
+
+class NodeThread:
+    """An emulated drive in a thread, on python-can's in-process bus."""
+
+    def __init__(self, channel: str) -> None:
+        self.drive = EmulatedDrive(1, 0.05, Handle(0.5))
+        self.speaking = True
+        self._bus = can.Bus(interface="virtual", channel=channel)
+        self._running = True
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while self._running:
+            now_s = time.monotonic()
+            for message in canbus.drain(self._bus):
+                self.drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s)
+            for identifier, data in self.drive.step(0.5, now_s, 1e-3):
+                if self.speaking:
+                    self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+            time.sleep(1e-3)
+
+    def close(self) -> None:
+        self._running = False
+        self._thread.join()
+        self._bus.shutdown()
+
+
+def _recording(folder: Path) -> Path:
+    path = folder / "recording.csv"
+    path.write_text("time_s,x_m,y_m,z_m,roll_rad,handle_angle_rad\n0,0,0,0,0,1\n1,0.01,0,0,0.1,0.5\n")
+    return path
+
+
+def _rows(folder: Path) -> dict[str, dict[str, Any]]:
+    return {
+        "phantom_simulated": {"device": "phantom_premium_1_5", "settings": {"script": "stroke"}},
+        "grasp_simulated": {"device": "grasp_odrive", "settings": {"recording": "none"}},
+        "replay": {"settings": {"file": _recording(folder)}},
+        "grasp_replay": {"settings": {"file": _recording(folder)}},
+    }
+
+
+@contextmanager
+def _settings(name: str, folder: Path) -> Iterator[DriverSettings]:
+    if name == "grasp_odrive_can":
+        with closing(NodeThread(str(folder))):
+            bus = {"interface": "virtual", "channel": str(folder)}
+            yield DriverSettings(driver=name, device="grasp_odrive", settings={"bus": bus, "node": 1})
+        return
+    rows = _rows(folder)
+    assert name in rows, f"driver {name}: give it settings here, so that the contract runs over it"
+    yield DriverSettings(driver=name, **rows[name])
+
+
+@pytest.fixture
+def settings_of(tmp_path: Path, multicast: None) -> Callable[[str], Any]:
+    return lambda name: _settings(name, tmp_path)
+
+
+def _load(settings: DriverSettings) -> Arm | Grasp:
+    try:
+        return driver.load_arm(settings, PLACE)
+    except DeviceError:
+        return driver.load_grasp(settings, PLACE)
+
+
+def _exchange(device: Arm | Grasp, ticks: int, value: float) -> np.ndarray:
+    out = np.zeros(layout.READ_SIZE if isinstance(device, Arm) else layout.HANDLE_SIZE)
+    begin_ns = time.monotonic_ns()
+    for k in range(ticks):
+        device.read(begin_ns + k * TICK_NS, out)
+        assert np.isfinite(out).all()
+        if isinstance(device, Arm):
+            device.write(np.array([0.0, 0.0, value]))
+        else:
+            device.write(value)
+            time.sleep(1e-3)
+    return out
+
+
+@pytest.mark.parametrize("name", driver.known_drivers())
+def test_a_driver_opens_is_read_and_written_and_closes(name: str, settings_of: Callable[[str], Any]) -> None:
+    with settings_of(name) as settings:
+        device = _load(settings)
+        device.open()
+        try:
+            device.enable()
+            device.enable()
+            _exchange(device, 50, 0.01)
+            assert device.fault == ""
+            device.clear_fault()
+        finally:
+            device.close()
+        _exchange(device, 2, 0.01)
+        device.close()
+
+
+@pytest.mark.parametrize("name", driver.known_drivers())
+def test_a_driver_that_was_never_opened_closes(name: str, settings_of: Callable[[str], Any]) -> None:
+    with settings_of(name) as settings:
+        _load(settings).close()
+
+
+@pytest.mark.parametrize("name", driver.known_drivers())
+def test_an_unknown_setting_is_refused_by_name(name: str, settings_of: Callable[[str], Any]) -> None:
+    with settings_of(name) as settings:
+        spoiled = settings.model_copy(update={"settings": {**settings.settings, "colour": 1}})
+        with pytest.raises(ConfigError, match=rf"instrument 'left', driver '{name}': colour: unknown key"):
+            _load(spoiled)
+
+
+def test_an_unknown_driver_is_told_with_the_known_ones() -> None:
+    with pytest.raises(DeviceError, match=r"no driver 'phantom'; known: .*phantom_simulated"):
+        driver.load_arm(DriverSettings(driver="phantom"), PLACE)
+
+
+def test_a_handle_is_no_arm() -> None:
+    with pytest.raises(DeviceError, match="'left', arm: driver 'grasp_simulated' drives something else"):
+        driver.load_arm(DriverSettings(driver="grasp_simulated"), PLACE)
+
+
+def test_a_missing_library_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "services.gateway.drivers.grasp_odrive_can")
+    monkeypatch.setitem(sys.modules, "can", None)
+    with pytest.raises(DeviceError, match="instrument 'left': driver 'grasp_odrive_can' needs can, which is not"):
+        driver.load_grasp(DriverSettings(driver="grasp_odrive_can"), PLACE)
+
+
+def test_drivers_load_only_what_is_named() -> None:
+    code = "import sys, services.gateway.driver; sys.exit('can' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_device_file_is_asked_for() -> None:
+    with pytest.raises(ConfigError, match="'phantom_simulated' needs a `device` file"):
+        driver.load_arm(DriverSettings(driver="phantom_simulated"), PLACE)
+
+
+def test_a_simulated_arm_leaves_no_force(settings_of: Callable[[str], Any]) -> None:
+    with settings_of("phantom_simulated") as settings:
+        arm = driver.load_arm(settings, PLACE)
+        arm.open()
+        _exchange(arm, 5, 1.0)
+        arm.close()
+        np.testing.assert_array_equal(arm.force_n, 0.0)  # type: ignore[attr-defined]
+
+
+class Odrive:
+    """The CAN driver on an in-process bus with an emulated drive."""
+
+    def __init__(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(grasp_odrive_can.OdriveGrasp, "found_timeout_s", 0.5)
+        self.node = NodeThread(channel)
+        bus = {"interface": "virtual", "channel": channel}
+        settings = DriverSettings(driver="grasp_odrive_can", device="grasp_odrive", settings={"bus": bus})
+        self.grasp = driver.load_grasp(settings, PLACE)
+        self.host = can.Bus(interface="virtual", channel=channel)
+
+    def run(self, seconds: float, torque_nm: float = 0.0, write: bool = True) -> float:
+        handle = np.zeros(2)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.grasp.read(0, handle)
+            if write:
+                self.grasp.write(torque_nm)
+            time.sleep(1e-3)
+        return float(handle[layout.HANDLE_ANGLE])
+
+    def estop(self) -> None:
+        frame = can.Message(arbitration_id=cansimple.identifier(1, cansimple.ESTOP), is_extended_id=False)
+        self.host.send(frame)
+
+    def close(self) -> None:
+        self.grasp.close()
+        self.host.shutdown()
+        self.node.close()
+
+
+@pytest.fixture
+def odrive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Odrive]:
+    bench = Odrive(str(tmp_path), monkeypatch)
+    bench.grasp.open()
+    yield bench
+    bench.close()
+
+
+def test_a_handle_is_measured_before_and_loaded_only_after_it_is_enabled(odrive: Odrive) -> None:
+    assert odrive.run(0.2, torque_nm=0.1) == pytest.approx(0.5, abs=0.01)
+    assert odrive.node.drive.applied_nm == 0.0
+    assert not odrive.grasp.ready
+    odrive.grasp.enable()
+    angle = odrive.run(0.5, torque_nm=0.1)
+    assert odrive.grasp.ready
+    assert angle == pytest.approx(0.55, abs=0.01)
+
+
+def test_closing_leaves_the_drive_idle_without_torque(odrive: Odrive) -> None:
+    odrive.grasp.enable()
+    odrive.run(0.3, torque_nm=0.1)
+    odrive.grasp.close()
+    time.sleep(0.02)
+    assert (odrive.node.drive.state, odrive.node.drive.torque_nm) == (AxisState.IDLE, 0.0)
+
+
+def test_a_watchdog_disarm_ends_with_the_next_engagement(odrive: Odrive) -> None:
+    odrive.grasp.enable()
+    odrive.run(0.3, torque_nm=0.1)
+    odrive.run(0.3, write=False)
+    assert odrive.node.drive.errors == AxisError.WATCHDOG_TIMER_EXPIRED
+    odrive.run(0.2)
+    assert "WATCHDOG_TIMER_EXPIRED" in odrive.grasp.fault
+    assert not odrive.grasp.ready
+    odrive.grasp.enable()
+    odrive.run(0.3)
+    assert odrive.grasp.ready
+    assert odrive.grasp.fault == ""
+
+
+def test_an_estop_stays_until_a_person_arms_the_rig(odrive: Odrive) -> None:
+    odrive.grasp.enable()
+    odrive.run(0.3, torque_nm=0.1)
+    odrive.estop()
+    odrive.run(0.2, torque_nm=0.1)
+    odrive.grasp.enable()
+    odrive.run(0.3, torque_nm=0.1)
+    assert odrive.node.drive.applied_nm == 0.0
+    assert "ESTOP_REQUESTED" in odrive.grasp.fault
+    odrive.grasp.clear_fault()
+    odrive.run(0.3, torque_nm=0.1)
+    assert odrive.grasp.ready
+
+
+def test_a_silent_drive_is_not_ready_and_named(odrive: Odrive) -> None:
+    odrive.grasp.enable()
+    odrive.run(0.3)
+    odrive.node.speaking = False
+    odrive.run(0.05)
+    assert not odrive.grasp.ready
+    odrive.run(0.5)
+    assert "node 1) has been silent" in odrive.grasp.fault
+
+
+def test_own_echoes_strange_frames_and_lies_are_not_believed(odrive: Odrive) -> None:
+    odrive.grasp.enable()
+    odrive.run(0.3)
+    estimates = cansimple.identifier(1, cansimple.GET_ENCODER_ESTIMATES)
+    nan = cansimple.pack_floats(float("nan"), 0.0)
+    for data, options in (
+        (b"\1\2", {}),
+        (nan, {}),
+        (cansimple.pack_floats(9.0, 9.0), {"is_extended_id": True}),
+        (b"", {"is_remote_frame": True}),
+    ):
+        odrive.host.send(can.Message(arbitration_id=estimates, data=data, **({"is_extended_id": False} | options)))
+    assert odrive.run(0.1) == pytest.approx(0.5, abs=0.01)
+
+
+def test_no_drive_on_the_bus_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Odrive(str(tmp_path), monkeypatch)
+    bench.node.speaking = False
+    with pytest.raises(DeviceError, match=r"instrument 'left': no heartbeat of node 1 within 0\.5 s"):
+        bench.grasp.open()
+    bench.close()
+
+
+@pytest.mark.parametrize(
+    ("bus", "sentence"),
+    [
+        ({"interface": "nosuch", "channel": "x"}, "CAN bus nosuch x cannot be opened"),
+        ({"interface": "socketcan", "channel": "nocan0"}, "CAN bus socketcan nocan0 cannot be opened"),
+    ],
+)
+def test_a_bus_that_is_not_there_is_one_sentence(bus: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(DeviceError, match=sentence) as caught:
+        canbus.open_bus(bus, "instrument 'left'")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_host_without_multicast_is_told_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: object) -> None:
+        try:
+            raise OSError(19, "No such device")
+        except OSError as error:
+            raise can.CanInitializationError("could not create or configure socket") from error
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with pytest.raises(DeviceError, match=r"239\.74\.163\.2 .*`ip route add 239\.0\.0\.0/8 dev lo`"):
+        canbus.open_bus(grasp_simulated.private_bus(), "instrument 'left'")

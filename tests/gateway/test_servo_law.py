@@ -1,0 +1,228 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from protocol.bodies import LocalModel
+from services.gateway import layout, servo_law
+from services.gateway.layout import FloatArray
+from services.gateway.servo import ServoLimits
+
+DT_S = 1e-3
+TTL_S = 0.02
+RATE_N_S = 200.0
+STEP_N = RATE_N_S * DT_S
+
+
+class Law:
+    """The kernels with one arm's limits and memory."""
+
+    def __init__(self, force_n: float = 3.0, rate_n_s: float = RATE_N_S, damping_n_s_m: float = 5.0) -> None:
+        self.limits = ServoLimits(force_n, 1.0, rate_n_s, damping_n_s_m, 0.3, 1.2).pack()
+        self.model = np.zeros(layout.MODEL_SIZE)
+        self.now = np.zeros(layout.NOW_SIZE)
+        self.now[layout.NOW_DT] = DT_S
+        self.now[layout.NOW_TTL] = TTL_S
+        self.now[layout.NOW_GAIN] = self.now[layout.NOW_GRASP_GAIN] = 1.0
+        self.memory = np.zeros(layout.MEMORY_SIZE)
+        self.motion = np.zeros(6)
+        self.handle = np.zeros(2)
+
+    def load(self, **fields: object) -> None:
+        layout.pack_model(LocalModel(**fields), self.model)  # type: ignore[arg-type]
+
+    def force(self, age_s: float = 1e-3) -> FloatArray:
+        self.now[layout.NOW_AGE] = age_s
+        servo_law.servo_force(self.model, self.motion, self.limits, self.now, self.memory)
+        return self.memory[:3].copy()
+
+    def torque(self, age_s: float = 1e-3) -> float:
+        self.now[layout.NOW_AGE] = age_s
+        servo_law.servo_torque(self.model, self.handle, self.limits, self.now, self.memory)
+        return float(self.memory[layout.MEMORY_TORQUE])
+
+    def settle(self) -> FloatArray:
+        for _ in range(50):
+            force = self.force()
+        return force
+
+
+def _norm(force: FloatArray) -> float:
+    return float(np.linalg.norm(force))
+
+
+def test_force_is_the_linear_model_at_the_current_pose() -> None:
+    law = Law()
+    rng = np.random.default_rng(1)
+    f0, x0, v0, x, v = (0.1 * rng.standard_normal(3) for _ in range(5))
+    K, B = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
+    law.load(
+        force_n=tuple(f0), stiffness_n_m=tuple(K.ravel()), damping_n_s_m=tuple(B.ravel()),
+        reference_position_m=tuple(x0), reference_velocity_m_s=tuple(v0),
+    )  # fmt: skip
+    law.motion[:3], law.motion[3:] = x, v
+    np.testing.assert_allclose(law.settle(), f0 - K @ (x - x0) - B @ (v - v0), rtol=1e-12)
+
+
+def test_a_model_is_used_as_it_is_up_to_5_ms_and_then_loses_its_spring_before_its_damping() -> None:
+    shares = [
+        (servo_law.elastic_share(a, TTL_S), servo_law.damping_share(a, TTL_S)) for a in (0.005, 0.01, 0.015, 0.02)
+    ]
+    np.testing.assert_allclose(shares, [(1.0, 1.0), (0.5, 1.0), (0.0, 1.0), (0.0, 0.0)], atol=1e-12)
+
+
+def test_a_short_life_is_held_for_a_quarter_only() -> None:
+    assert servo_law.elastic_share(0.002, 0.008) == 1.0
+    assert servo_law.elastic_share(0.0021, 0.008) < 1.0
+
+
+def test_what_is_left_of_an_old_model_only_brakes() -> None:
+    law = Law()
+    law.load(damping_n_s_m=(2.0, 0, 0, 0, 2.0, 0, 0, 0, 2.0), reference_velocity_m_s=(0.5, 0.0, 0.0))
+    law.motion[3] = 0.1
+    assert law.force(0.001)[0] > 0.0, "fresh, it drags the hand along with its reference"
+    for _ in range(20):
+        force = law.force(0.016)
+    assert force[0] < 0.0, "old, it brakes"
+
+
+@pytest.mark.parametrize("ttl_s", [0.02, 0.01, 0.1])
+def test_a_dead_stream_is_zero_at_its_ttl_without_a_step(ttl_s: float) -> None:
+    law = Law()
+    law.now[layout.NOW_TTL] = ttl_s
+    law.load(force_n=(3.0, 4.0, 0.0), in_contact=True)
+    last = law.settle()
+    assert _norm(last) == pytest.approx(min(3.0, RATE_N_S * (ttl_s - DT_S)))
+    for k in range(1, round(ttl_s / DT_S) + 1):
+        force = law.force(k * DT_S)
+        assert _norm(force - last) <= STEP_N * (1 + 1e-12)
+        last = force
+    assert _norm(last) == pytest.approx(0.0, abs=1e-12)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    forces=arrays(float, (40, 3), elements=st.floats(-1e6, 1e6)),
+    ages_s=arrays(float, 40, elements=st.floats(0.0, 0.03)),
+    gains=arrays(float, 40, elements=st.floats(0.0, 1.0)),
+)
+def test_no_sequence_of_models_steps_above_the_rate_limit_or_beyond_what_can_be_taken_back(
+    forces: FloatArray, ages_s: FloatArray, gains: FloatArray
+) -> None:
+    law = Law()
+    last = np.zeros(3)
+    for force_n, age_s, gain in zip(forces, ages_s, gains, strict=True):
+        law.load(force_n=tuple(force_n), in_contact=True)
+        law.now[layout.NOW_GAIN] = gain
+        force = law.force(age_s)
+        assert _norm(force - last) <= STEP_N * (1 + 1e-9)
+        allowed = min(3.0, RATE_N_S * max(0.0, TTL_S - age_s))
+        assert _norm(force) <= max(allowed, _norm(last) - STEP_N) * (1 + 1e-9) + 1e-12
+        last = force
+
+
+def test_a_late_tick_does_not_earn_a_larger_step() -> None:
+    law = Law()
+    law.load(force_n=(3.0, 0.0, 0.0), in_contact=True)
+    law.now[layout.NOW_DT] = 1.0
+    assert _norm(law.force()) == pytest.approx(RATE_N_S * servo_law.MAX_STEP_S)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), 1e308])
+def test_a_force_that_is_not_finite_is_zero_and_counted(bad: float) -> None:
+    law = Law()
+    law.load(force_n=(1.0, 0.0, 0.0), in_contact=True)
+    law.settle()
+    law.load(force_n=(bad, bad, bad), stiffness_n_m=(bad,) * 9, in_contact=True)
+    law.motion[:3] = 10.0
+    for _ in range(6):
+        force = law.force()
+    np.testing.assert_array_equal(force, 0.0)
+    assert law.memory[layout.MEMORY_REFUSED] == 6
+
+
+def test_a_torque_that_is_not_finite_is_zero_and_counted() -> None:
+    law = Law()
+    law.load(grasp_torque_nm=float("nan"))
+    assert law.torque() == 0.0
+    assert law.memory[layout.MEMORY_REFUSED] == 1
+
+
+def test_grasp_torque_follows_its_model_within_rate_and_limit_and_fades() -> None:
+    law = Law()
+    law.load(grasp_torque_nm=0.1, grasp_stiffness_nm_rad=0.2, reference_angle_rad=0.5, grasp_damping_nm_s_rad=0.01)
+    law.handle[:] = 0.6, 1.0
+    torques = [law.torque() for _ in range(30)]
+    assert torques[-1] == pytest.approx(0.1 - 0.2 * 0.1 - 0.01)
+    law.load(grasp_torque_nm=9.0)
+    torques += [law.torque() for _ in range(30)]
+    assert torques[-1] == pytest.approx(0.3)
+    torques += [law.torque(k * DT_S) for k in range(1, 21)]
+    assert torques[-1] == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(np.diff(torques)).max() <= 0.3 * RATE_N_S / 3.0 * DT_S * (1 + 1e-9)
+
+
+def test_a_hot_motor_is_held_to_its_continuous_force_until_it_is_cool() -> None:
+    law = Law()
+    law.load(force_n=(2.5, 0.0, 0.0), in_contact=True)
+    forces = []
+    for temperature in (0.69, 0.71, 0.6, 0.51, 0.49):
+        law.now[layout.NOW_TEMPERATURE] = temperature
+        forces.append(_norm(law.settle()))
+    assert forces == pytest.approx([2.5, 1.0, 1.0, 1.0, 2.5])
+
+
+class Wall:
+    """A virtual wall at x = 0 and a hand's mass pushed into it: energy that comes out of the wall, largest so far."""
+
+    MASS_KG, FRICTION_N_S_M, PUSH_N, COUNT_M = 0.075, 0.02, 0.5, 25e-6
+
+    def __init__(self, stiffness_n_m: float, law: Law) -> None:
+        self.stiffness = stiffness_n_m
+        self.law = law
+        law.now[layout.NOW_TTL] = 0.1
+        self.x, self.v = 0.002, -0.03
+        self.measured, self.filtered = 0.0, 0.0
+
+    def run(self, seconds: float) -> float:
+        out, largest = 0.0, 0.0
+        for _ in range(round(seconds / DT_S)):
+            force, before = self.servo(), self.x
+            for _ in range(10):
+                a = (force - self.FRICTION_N_S_M * self.v - self.PUSH_N) / self.MASS_KG
+                self.v += 0.1 * DT_S * a
+                self.x += 0.1 * DT_S * self.v
+            out += force * (self.x - before)
+            largest = max(largest, out)
+        return largest
+
+    def servo(self) -> float:
+        measured = np.floor(self.x / self.COUNT_M) * self.COUNT_M
+        self.filtered += 0.4 * ((measured - self.measured) / DT_S - self.filtered)
+        self.measured = measured
+        self.law.motion[0], self.law.motion[3] = measured, self.filtered
+        inside = self.x < 0.0
+        self.law.model[layout.MODEL_CONTACT] = float(inside)
+        self.law.model[layout.MODEL_K] = self.stiffness if inside else 0.0
+        return float(self.law.force()[0])
+
+
+@pytest.mark.parametrize(("stiffness_n_m", "rate_n_s"), [(500.0, 200.0), (1000.0, 200.0), (3000.0, 1e4)])
+def test_a_wall_stiffer_than_the_sampled_limit_gives_no_energy_with_the_controller_and_much_without(
+    stiffness_n_m: float, rate_n_s: float
+) -> None:
+    # Colgate and Schenkel: b > K T / 2 = 0.25 to 1.5 N s/m for these walls; the hand has 0.02.
+    with_controller = Wall(stiffness_n_m, Law(8.0, rate_n_s)).run(3.0)
+    without = Wall(stiffness_n_m, Law(8.0, rate_n_s, damping_n_s_m=0.0)).run(3.0)
+    one_count = 8.0 * Wall.COUNT_M
+    assert with_controller < 2 * one_count
+    assert without > 50 * one_count
+
+
+def test_a_free_hand_is_not_braked() -> None:
+    law = Law()
+    law.motion[3] = 0.2
+    np.testing.assert_array_equal(law.settle(), 0.0)

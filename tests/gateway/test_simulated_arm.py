@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from services.gateway import premium_model, simulated_arm
+from services.gateway.layout import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY, FloatArray
+from services.gateway.simulated_arm import ArmState
+
+CENTRE = premium_model.centre()
+FREE = np.zeros(simulated_arm.HAND_SIZE)
+
+
+def _arm() -> ArmState:
+    return ArmState(np.array(premium_model.CENTRE_ANGLES), 100.0)
+
+
+def _hand(stiffness: float, damping: float, grip: float = 50.0) -> FloatArray:
+    hand = np.zeros(simulated_arm.HAND_SIZE)
+    hand[simulated_arm.HAND_TARGET : simulated_arm.HAND_TARGET + 3] = CENTRE
+    hand[simulated_arm.HAND_STIFFNESS :] = stiffness, damping, grip
+    return hand
+
+
+def _place(arm: ArmState) -> FloatArray:
+    out = np.zeros(3)
+    premium_model.forward(arm.angles, out)
+    return out - CENTRE
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_held_arm_yields_by_force_over_stiffness(axis: int) -> None:
+    arm, force, hand = _arm(), np.zeros(3), _hand(500.0, 5.0)
+    for _ in range(2000):
+        arm.step(force, hand)
+    rest = _place(arm)
+    force[axis] = 2.0
+    for _ in range(3000):
+        arm.step(force, hand)
+    moved = _place(arm) - rest
+    expected = np.zeros(3)
+    expected[axis] = 2.0 / 500.0
+    # Friction may hold back what 0.01 N m at 0.17 m can: 0.06 N, twice.
+    np.testing.assert_allclose(moved, expected, atol=0.12 / 500.0)
+
+
+def test_force_saturates_at_motor_stall() -> None:
+    strong, stronger = _arm(), _arm()
+    strong.step(np.array([0.0, 30.0, 0.0]), FREE)
+    stronger.step(np.array([0.0, 60.0, 0.0]), FREE)
+    np.testing.assert_array_equal(strong.rates, stronger.rates)
+
+
+def test_a_hand_lets_slip_what_its_grip_cannot_hold() -> None:
+    arm = _arm()
+    far = _hand(1000.0, 0.0, grip=2.0)
+    far[simulated_arm.HAND_TARGET + 1] += 0.1  # 100 N, were it not for the grip
+    near = _hand(1000.0, 0.0, grip=2.0)
+    near[simulated_arm.HAND_TARGET + 1] += 0.05
+    other = _arm()
+    arm.step(np.zeros(3), far)
+    other.step(np.zeros(3), near)
+    np.testing.assert_allclose(arm.rates, other.rates, rtol=1e-3)
+
+
+def test_encoders_round_down_to_their_counts() -> None:
+    joint = 0
+    count = 2 * math.pi / (simulated_arm.COUNTS * premium_model.GEARS[joint])
+    base = np.array([0.0, 0.4, 0.4])
+    out, again = np.zeros(3), np.zeros(3)
+    simulated_arm.measure(base + np.array([7.01 * count, 0.0, 0.0]), out)
+    simulated_arm.measure(base + np.array([7.99 * count, 0.0, 0.0]), again)
+    np.testing.assert_array_equal(out, again)
+    simulated_arm.measure(base + np.array([8.01 * count, 0.0, 0.0]), again)
+    reach = math.hypot(out[0], out[1])
+    assert np.linalg.norm(again - out) == pytest.approx(reach * count, rel=1e-6)
+    assert 20e-6 < reach * count < 35e-6  # the data sheet's 0.03 mm
+
+
+def test_measured_velocity_follows_a_steady_motion() -> None:
+    arm, reading = _arm(), simulated_arm.empty_reading()
+    speed = 0.05
+    hand = _hand(2000.0, 20.0)
+    velocities = []
+    for k in range(400):
+        hand[simulated_arm.HAND_TARGET + 1] = speed * k * simulated_arm.TICK_S
+        hand[simulated_arm.HAND_RATE + 1] = speed
+        arm.step(np.zeros(3), hand)
+        arm.read(CENTRE, reading)
+        velocities.append(reading[READ_VELOCITY + 1])
+    assert np.mean(velocities[200:]) == pytest.approx(speed, rel=0.02)
+    np.testing.assert_allclose(reading[READ_POSITION : READ_POSITION + 3], _place(arm), atol=60e-6)
+
+
+@pytest.mark.parametrize("cut_off_hz", [20.0, 100.0, 400.0])
+def test_the_velocity_filter_is_scipys(cut_off_hz: float) -> None:
+    b, a = scipy.signal.butter(2, cut_off_hz, fs=1.0 / simulated_arm.TICK_S)
+    np.testing.assert_allclose(simulated_arm.butterworth(cut_off_hz), [*b, *a[1:]], rtol=1e-10)
+
+
+def test_winding_reaches_its_limit_at_the_catalogues_current() -> None:
+    # 1.24 A for ever makes 100 degrees in the catalogue; the two-node model needs 75 K / 17.1 K/W = 4.39 W.
+    heat = np.full((2, 3), simulated_arm.ROOM_C)
+    motor = np.full(3, 1.24 * simulated_arm.TORQUE_NM_A)
+    step = simulated_arm._warm
+    for _ in range(4_000_000):  # 4000 s: six and a half of the housing's time constants
+        step(motor, heat)
+    np.testing.assert_allclose(heat[0], 100.0, atol=2.0)
+
+
+def test_temperature_is_told_as_a_share_of_the_limit() -> None:
+    arm, reading = _arm(), simulated_arm.empty_reading()
+    arm.heat[0, 1] = 62.5
+    arm.read(CENTRE, reading)
+    assert reading[READ_TEMPERATURE] == pytest.approx(0.5)
+
+
+def test_an_arm_without_a_hand_comes_to_rest_and_never_gains_energy() -> None:
+    arm = _arm()
+    arm.rates[:] = 2.0, 0.5, -0.5
+    energies = []
+    for _ in range(1500):
+        arm.step(np.zeros(3), FREE)
+        energies.append(premium_model.energy(arm.angles, arm.rates))
+    assert energies[-1] < energies[0]
+    assert max(energies) <= energies[0] * (1 + 1e-3)
