@@ -32,10 +32,9 @@ def run_command(command: str, rig_name: str, address: str | None, token: str | N
         if there is no supervisor, or it refuses.
     """
     access = Access(address, token or "") if address else find_access(config.load_rig(rig_name))
-    request = urllib.request.Request(
-        f"{access.address.rstrip('/')}/api/{command}", method="POST", headers={"X-Trocar-Token": access.token}
-    )
+    url = f"{access.address.rstrip('/')}/api/{command}"
     try:
+        request = urllib.request.Request(url, method="POST", headers={"X-Trocar-Token": access.token})
         with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
             answer.read()
     except urllib.error.HTTPError as error:

@@ -79,8 +79,9 @@ def run_session(process: Process, plan: Plan) -> None:
     UserError
         if a process cannot start; everything started is ended before.
     """
+    setup = _setup(process, plan)
     sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
-    supervisor = Supervisor(_setup(process, plan), process.bus, time.monotonic(), plan.on_event)
+    supervisor = Supervisor(setup, process.bus, time.monotonic(), plan.on_event)
     with Page(sock, supervisor, process.scene_name) as page:
         process.health.change("ready")
         try:

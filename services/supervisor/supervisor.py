@@ -88,6 +88,8 @@ class Supervisor:
         self._now_s = now_s
         self._obey()
         self.crew.step(now_s)
+        if self.crew.fatal is not None:
+            return
         self._begin_anew_where_someone_came_up()
         if now_s - self._judged_s >= _JUDGE_S:
             self._judged_s = now_s

@@ -1,0 +1,63 @@
+"""Findings and their exit code; probes that crash or hang are findings, not crashes."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+from services.cli import host_checks, probes
+from services.cli.host_checks import Finding, Verdict
+from tests.cli.conftest import Trocar
+
+
+@pytest.fixture
+def no_probes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probes, "graphics", list)
+    monkeypatch.setattr(probes, "can_loopback", lambda: Finding("CAN", Verdict.WARN, "no multicast", "[advice]"))
+
+
+@pytest.mark.usefixtures("no_probes")
+def test_warnings_are_not_failures(trocar: Trocar, rig_file: Path) -> None:
+    ran = trocar("doctor", "--rig", rig_file, "--json")
+    assert ran.code == 0
+    shown = json.loads(ran.out)
+    assert shown["ok"]
+    names = {check["name"] for check in shown["checks"]}
+    assert names >= {"python", "packages", "web page", "cores", "real-time priority", "memlock", "cache folder", "CAN"}
+    assert all(check["advice"] for check in shown["checks"] if check["verdict"] != "ok")
+
+
+@pytest.mark.usefixtures("no_probes")
+def test_what_is_needed_and_missing_is_a_failure(
+    trocar: Trocar, rig_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(host_checks, "_NEEDED", ("numpy", "no_such_package"))
+    ran = trocar("doctor", "--rig", rig_file)
+    assert ran.code == 1
+    assert "missing: no_such_package" in ran.out
+    assert "[advice]" in ran.out
+
+
+def test_a_probe_that_crashes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probes, "_CAN", f"import os; os.kill(os.getpid(), {int(signal.SIGSEGV)})")
+    found = probes.can_loopback()
+    assert (found.verdict, found.found) == (Verdict.WARN, "crashes with SIGSEGV")
+
+
+def test_a_probe_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probes, "_CAN", "import time; time.sleep(60)")
+    monkeypatch.setattr(probes, "_CAN_S", 0.3)
+    assert probes.can_loopback().found.startswith("no answer within")
+
+
+def test_a_probe_that_fails_says_its_last_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probes, "_CAN", "raise SystemExit('a frame sent is not received')")
+    assert probes.can_loopback().found == "a frame sent is not received"
+
+
+def test_a_folder_that_does_not_exist_yet_is_judged_by_the_one_above(tmp_path: Path) -> None:
+    found = host_checks._folder("cache folder", tmp_path / "a" / "b")
+    assert found.verdict is Verdict.OK

@@ -1,0 +1,116 @@
+"""Bad input: one clear sentence, a non-zero exit code, no traceback."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Trocar
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_malformed_yaml(trocar: Trocar, tmp_path: Path) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text("name: bad\nprocesses: [gateway\n")
+    ran = trocar("up", "--rig", file)
+    assert ran.code == 2
+    assert str(file) in ran.sentence()
+    assert "line" in ran.sentence()
+
+
+def test_unknown_key_names_the_known_ones(trocar: Trocar, rig_file: Path) -> None:
+    rig_file.write_text(rig_file.read_text() + "recorder: {folder: here}\n")
+    ran = trocar("up", "--rig", rig_file)
+    assert ran.code == 2
+    assert "recorder.folder: unknown key 'folder'; known: " in ran.sentence()
+
+
+def test_unknown_rig_names_the_known_ones(trocar: Trocar) -> None:
+    ran = trocar("up", "--rig", "moon")
+    assert ran.code == 2
+    assert "known: " in ran.sentence()
+    assert "stub" in ran.sentence()
+
+
+def test_missing_scene(trocar: Trocar, rig_file: Path, tmp_path: Path) -> None:
+    ran = trocar("up", "--rig", rig_file, "--scene", tmp_path / "none.yaml")
+    assert ran.code == 2
+    assert "there is no such scene file" in ran.sentence()
+
+
+def test_bad_override(trocar: Trocar, rig_file: Path) -> None:
+    ran = trocar("up", "--rig", rig_file, "--set", "supervisor.window_s=soon")
+    assert ran.code == 2
+    assert "supervisor.window_s" in ran.sentence()
+
+
+def test_port_taken(trocar: Trocar, rig_file: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        ran = trocar("up", "--rig", rig_file, "--set", f"supervisor.web.port={port}")
+    assert ran.code == 3
+    assert f"127.0.0.1:{port}: address already in use" in ran.sentence()
+    assert "--set supervisor.web.port=" in ran.sentence()
+
+
+def test_no_display(trocar: Trocar, rig_file: Path) -> None:
+    ran = trocar("up", "--rig", rig_file, "--viewer", "native")
+    assert ran.code == 4
+    assert "there is no display" in ran.sentence()
+
+
+def test_report_into_a_folder_that_is_not_there(trocar: Trocar, rig_file: Path, tmp_path: Path) -> None:
+    ran = trocar("up", "--rig", rig_file, "--json", tmp_path / "none" / "run.json")
+    assert ran.code == 2
+    assert "there is no folder" in ran.sentence()
+
+
+def test_unknown_topic(trocar: Trocar, rig_file: Path) -> None:
+    ran = trocar("sniff", "gateway.stat", "--rig", rig_file)
+    assert ran.code == 2
+    assert "known: gateway.state" in ran.sentence()
+
+
+@pytest.mark.parametrize("command", [("sniff", "--seconds", "0.2"), ("top", "--once", "--seconds", "0.3"), ("arm",)])
+def test_no_rig_is_running(trocar: Trocar, rig_file: Path, command: tuple[str, ...]) -> None:
+    ran = trocar(*command, "--rig", rig_file)
+    assert ran.code == 3
+    assert "running" in ran.sentence()
+
+
+def test_arm_where_nobody_answers(trocar: Trocar) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound, not listening: refused
+        ran = trocar("arm", "--address", f"http://127.0.0.1:{taken.getsockname()[1]}")
+    assert ran.code == 3
+    assert "no supervisor answers" in ran.sentence()
+
+
+def test_address_that_is_none(trocar: Trocar) -> None:
+    assert trocar("arm", "--address", "nonsense").code == 3
+
+
+def test_down_of_nothing_is_no_error(trocar: Trocar, rig_file: Path) -> None:
+    ran = trocar("down", "--rig", rig_file)
+    assert (ran.code, ran.err.strip()) == (0, "no rig is running")
+
+
+@pytest.mark.rig
+def test_missing_mesh(rig_file: Path) -> None:
+    """The sentence comes from physics, through the supervisor, and nothing else of the rig stays."""
+    scene = rig_file.parent / "scene.yaml"
+    scene.write_text("duct: {mesh_file: nowhere/duct.stl}\n")
+    rig_file.write_text(rig_file.read_text() + "processes: {visualization: {enabled: false}}\n")
+    command = [sys.executable, "-m", "services.cli.app", "up", "--rig", str(rig_file), "--scene", str(scene)]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT)
+    assert ran.returncode == 2, ran.stderr
+    assert "nowhere/duct.stl" in ran.stderr
+    assert "Traceback" not in ran.stderr
+    assert ran.stderr.strip().count("\n") == 0, ran.stderr

@@ -1,0 +1,70 @@
+"""Plain msgpack reads every golden frame and names its fields."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import protocol
+import protocol.bodies as bodies
+from protocol import Frame, topic
+from protocol.arrays import pack
+from services.cli.raw_frames import unpack
+
+GOLDEN = sorted((Path(__file__).parents[1] / "protocol" / "golden").glob("*.msgpack"))
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
+def test_every_golden_frame_is_named(path: Path) -> None:
+    frame = unpack(path.read_bytes())
+    row = topic(frame["topic"])
+    assert frame["sequence"] >= 0
+    declared = row.body.__struct_fields__
+    assert tuple(frame["body"]) == declared[: len(frame["body"])]
+
+
+def test_nested_structs_and_arrays() -> None:
+    tool = bodies.ToolReaction(force_n=(1.0, 2.0, 3.0), contacts=2)
+    body = bodies.PhysicsContacts(
+        tick=5, tools=(tool, tool), kind=pack(np.zeros(20), "|i1"), point_m=pack(np.ones((20, 3))),
+        force_n=pack(np.arange(60.0).reshape(20, 3)),
+    )  # fmt: skip
+    data = protocol.encode(Frame(1, "physics.contacts", 1, 2, 3, 4, 5, True, body))
+    shown = unpack(data)
+    assert shown["sent_ns"] == 4
+    assert shown["body"]["tools"][1]["force_n"] == [1.0, 2.0, 3.0]
+    assert shown["body"]["tools"][0]["contacts"] == 2
+    assert shown["body"]["force_n"] == {
+        "dtype": "<f8", "shape": [20, 3], "first": [0.0, 1.0, 2.0], "min": 0.0, "max": 59.0,
+    }  # fmt: skip
+
+
+def test_optional_struct() -> None:
+    body = bodies.Health(process="physics", pid=1, state="starting")
+    shown = unpack(protocol.encode(Frame(1, "physics.health", 1, 2, 3, 4, 5, True, body)))
+    assert shown["body"]["loop"] is None
+    assert shown["body"]["state"] == "starting"
+
+
+def test_unknown_topic_and_newer_body_are_still_shown() -> None:
+    stranger = msgspec.msgpack.encode([1, "some.topic", 9, 2, 3, 4, 5, True, [1, "x"]])
+    assert unpack(stranger)["body"] == [1, "x"]
+    newer = msgspec.msgpack.encode([1, "gateway.state", 2, 2, 3, 4, 5, True, [7, [], "a new field"]])
+    assert unpack(newer)["body"]["tick"] == 7
+
+
+@pytest.mark.parametrize("data", [b"", b"\xc1", b"\x93\x01", b"nonsense", msgspec.msgpack.encode({"a": 1})])
+def test_what_is_no_frame_is_a_sentence(data: bytes) -> None:
+    with pytest.raises(ValueError, match=r"msgpack|not an array"):
+        unpack(data)
+
+
+def test_an_array_that_lies_is_shown_as_bytes() -> None:
+    lie = msgspec.msgpack.encode(
+        [1, "physics.contacts", 1, 2, 3, 4, 5, True, [5, [], ["|i1", [9], b"12"], ["?", [1], b""], "none"]]
+    )
+    body = unpack(lie)["body"]
+    assert body["kind"] == {"dtype": "|i1", "shape": [9], "bytes": 2}
