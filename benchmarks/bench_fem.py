@@ -1,0 +1,45 @@
+"""Time of assembling and factorising a shell of 20,000 triangles, element by element.
+
+python benchmarks/bench_fem.py
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from functools import partial
+
+from report import Row, measure, write_report
+
+from services.mechanics.fem import ElementChoice, ShellModel, clamp
+from services.mechanics.fem.assembly import assemble_stiffness
+from services.studies.shell_problems import REFERENCE_SECTION, reference_duct
+
+CHOICES = [ElementChoice(m, b) for m in ("cst", "opt") for b in ("dkt", "paper")]
+
+
+def factorise(model: ShellModel) -> None:
+    """Supports, elimination and sparse factors, from the assembled model on."""
+    fresh = ShellModel(model.mesh, model.section, [clamp(model.mesh)], model.elements)
+    _ = fresh.factor
+
+
+def main() -> None:
+    """Measure and write benchmarks/results/fem.*."""
+    model = reference_duct(100, 100, CHOICES[0])
+    calls = {
+        f"assembly, {c.membrane} + {c.bending}": partial(assemble_stiffness, model.mesh, REFERENCE_SECTION, c)
+        for c in CHOICES
+    }
+    timings = measure(calls, samples=7, warmup=1)
+    rows = [Row.from_timing(name, timing, limit_s=2.0) for name, timing in timings.items()]
+    whole = measure({"model and sparse factors, cst + dkt": partial(factorise, model)}, samples=3, warmup=1)
+    rows += [Row.from_timing(name, timing) for name, timing in whole.items()]
+    notes = f"{model.mesh.n_triangles} triangles, {len(model.free_dofs)} free dofs, one thread."
+    write_report("fem", "Shell finite elements", rows, notes)
+
+
+if __name__ == "__main__":
+    main()
