@@ -16,6 +16,9 @@ from services.mechanics.reduction import ReducedDuct
 from services.mechanics.residual_field import ResidualField
 from services.mechanics.scene import SceneModel
 
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
+
 
 class ContactSearch(Protocol):
     """Finds candidate pairs from positions at the start of the step."""
@@ -26,6 +29,9 @@ class ContactSearch(Protocol):
 
     def start(self, duct: DuctBody) -> None:
         """Take over the duct's shape at the start of the step."""
+
+    def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write where ``nodes`` (k,) of the wall are into ``out`` (k, 3), in m."""
 
     def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
         """Append those of the catheter against the duct."""
@@ -58,6 +64,10 @@ class DuctSearch:
         self._dents.update(duct.load_nodes[:n], duct.load_force_n[:n])
         n = self._dents.count
         self.surface.update(duct.q_start, self._dents.nodes[:n], self._dents.displacement_m[:n])
+
+    def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write where ``nodes`` (k,) of the wall are into ``out`` (k, 3), in m."""
+        self.surface.node_positions(nodes, out)
 
     def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
         """Append those of the catheter against the duct."""

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from services.mechanics.catheter_body import CatheterBody
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.pairs import ContactPairs
+from services.mechanics.contact.persistence import PressedPoints
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.system import Bodies, ContactSystem
 from services.mechanics.contact.tool_loads import (
@@ -73,6 +74,7 @@ class Simulation:
         self._mouth = Mouth(duct)
         self.max_penetration_m = 0.0
         self.quality_level = 0
+        self._pressed = PressedPoints(duct.mesh.triangles, scene.contact.margin_m)
         self._catheter_pairs = ContactPairs.allocate(capacity)
         self._tool_pairs = ContactPairs.allocate(capacity)
         self._tool_force = np.zeros((N_TOOLS, 4))
@@ -204,6 +206,8 @@ class Simulation:
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)
+        half_thickness_m = self.bodies.half_thickness_m
+        self._pressed.append_to(pairs, self.search, system.tool_geometry, half_thickness_m)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
         self._catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, self._catheter_pairs)
@@ -225,6 +229,7 @@ class Simulation:
     def _correct(self, dt_s: float) -> None:
         system = self.system
         self.holds.slide()
+        self._pressed.keep(system.rows)
         generalised_forces(system.rows, system.force_n, self._tool_force)
         system.apply(self._tool_force)
         for effect in self._stages["after_solve"]:

@@ -61,14 +61,24 @@ def contact_lever(frame: FloatArray, length: float, segment: int, arm: FloatArra
     r"""Write the lever G (3, 4) of a point at ``arm`` = p - J: its motion is G (dJ, dtheta).
 
     The port only lets the shaft turn about it and slide through it, so a point moves by
-    :math:`dJ + (d \times dJ) / L \times (p - J)`, and a point of a jaw also by half the change of the opening.
+    :math:`dJ + \omega \times (p - J)` with :math:`\omega = (d \times dJ) / L + d\,\sigma`, and a point of a jaw also
+    by half the change of the opening. :math:`\sigma = dJ \cdot (d \times a) / (L (1 + a \cdot d))`, a straight down, is
+    the spin of the frame that carries the roll when the shaft swings about the port.
     A force f on the point loads the hand at J with G^T f; the rest of it is carried by the port.
     """
-    r_d = arm[0] * frame[2, 0] + arm[1] * frame[2, 1] + arm[2] * frame[2, 2]
+    d_x, d_y, d_z = frame[2, 0], frame[2, 1], frame[2, 2]
+    r_d = arm[0] * d_x + arm[1] * d_y + arm[2] * d_z
+    spin = (-d_y, d_x, 0.0)
+    spin_scale = 1.0 / (max(1.0 - d_z, 1e-9) * length)
+    d_cross_r = (
+        d_y * arm[2] - d_z * arm[1],
+        d_z * arm[0] - d_x * arm[2],
+        d_x * arm[1] - d_y * arm[0],
+    )
     for column in range(3):
         for row in range(3):
             # (d x e) x r = e (d . r) - d (e . r)
-            value = -frame[2, row] * arm[column] / length
+            value = -frame[2, row] * arm[column] / length + d_cross_r[row] * spin[column] * spin_scale
             if row == column:
                 value += 1.0 + r_d / length
             out[row, column] = value

@@ -25,6 +25,9 @@ class BruteSearch:
         duct.reduced.residual.apply(duct.load_nodes[:n], duct.load_force_n[:n], every, u)
         self.x = self.mesh.vertices_m + u
 
+    def node_positions(self, nodes, out):
+        out[:] = self.x[nodes]
+
     def catheter_pairs(self, catheter, pairs):
         x = self.x
         for i, p in enumerate(catheter.start_m):

@@ -1,0 +1,156 @@
+"""Contacts of tools with the wall that outlive detection, so that a tool rests on several points at once.
+
+Detection reports the closest point. A wall that gives way under a force is then closest somewhere else, and a single
+contact would hop round its own dent. Points of the wall that were pressed in the last tick stay candidates until
+they are let go: a contact manifold, as rigid-body engines keep for boxes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from services.mechanics.contact.geometry import PairArrays, ToolGeometry
+from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver import UNILATERAL
+from services.mechanics.mesh import IntArray
+
+FloatArray = npt.NDArray[np.float64]
+
+CAPACITY = 32
+# A point seen from more than 60 degrees off its normal has slid round the tool.
+FACING = 0.5
+
+
+class NodePositions(Protocol):
+    """Where nodes of the wall are at the start of the step."""
+
+    def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write the positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
+
+
+class PressedPoints:
+    """Points of the wall that tools pressed on in the last tick."""
+
+    def __init__(self, triangles: IntArray, margin_m: float) -> None:
+        self._triangles = triangles
+        self._margin_m = margin_m
+        self._pairs = ContactPairs.allocate(CAPACITY)
+        self._arrays = PairArrays.of(self._pairs)
+        self._nodes = np.zeros(3 * CAPACITY, np.int32)
+        self._corners = np.zeros((3 * CAPACITY, 3))
+
+    def keep(self, rows: ContactRows) -> None:
+        """Remember the pressed points of the rows just solved."""
+        self._pairs.count = keep_pressed(rows, self._arrays)
+
+    def append_to(self, pairs: ContactPairs, wall: NodePositions, tools: ToolGeometry, half_thickness_m: float) -> None:
+        """Append those that are still within reach and that ``pairs`` does not have."""
+        kept = self._pairs.count
+        if kept == 0:
+            return
+        list_corners(self._arrays, kept, self._triangles, self._nodes)
+        corners = self._corners[: 3 * kept]
+        wall.node_positions(self._nodes[: 3 * kept], corners)
+        pairs.count = append_pressed(
+            self._arrays, kept, corners, tools, (half_thickness_m, self._margin_m), PairArrays.of(pairs), pairs.count
+        )
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def keep_pressed(rows: ContactRows, out: PairArrays) -> int:
+    """Copy pressed contacts of tools with the wall into ``out`` and return how many; names are decoded from `rows`."""
+    count = 0
+    for row in range(rows.used[0]):
+        on_wall = rows.body[row] % 2 == DUCT_TRIANGLE
+        if rows.kind[row] != UNILATERAL or rows.tool[row] == NO_TOOL or not on_wall or rows.force_n[row, 0] <= 0.0:
+            continue
+        if count == out.target.shape[0]:
+            break
+        out.tool[count] = rows.tool[row]
+        out.tool_segment[count] = (rows.body[row] >> 21) % 4
+        out.particle[count] = -1
+        out.target_kind[count] = DUCT_TRIANGLE
+        out.target[count] = rows.identity[row] % (1 << 24)
+        for axis in range(3):
+            out.target_weights[count, axis] = rows.duct_weight[row, axis]
+            out.normal[count, axis] = rows.frame[row, 0, axis]
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def list_corners(pairs: PairArrays, count: int, triangles: IntArray, nodes: IntArray) -> None:
+    """Write the corners of the target triangles into ``nodes`` (3 count,)."""
+    for i in range(count):
+        for corner in range(3):
+            nodes[3 * i + corner] = triangles[pairs.target[i], corner]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def append_pressed(
+    kept: PairArrays,
+    n_kept: int,
+    corners: FloatArray,
+    tools: ToolGeometry,
+    sizes: tuple[float, float],
+    out: PairArrays,
+    count: int,
+) -> int:
+    """Append kept points to ``out``, which holds ``count`` pairs, with fresh normals; return how many it holds then.
+
+    ``sizes`` are half the wall's thickness and the gap up to which a point is a candidate.
+    """
+    n_detected = count
+    for i in range(n_kept):
+        if count == out.target.shape[0] or _is_known(kept, i, out, n_detected):
+            continue
+        tool, segment = kept.tool[i], kept.tool_segment[i]
+        ends = tools.segments[tool, segment]
+        along, length_2 = 0.0, 0.0
+        for axis in range(3):
+            edge = ends[1, axis] - ends[0, axis]
+            point = 0.0
+            for corner in range(3):
+                point += kept.target_weights[i, corner] * corners[3 * i + corner, axis]
+            out.normal[count, axis] = point
+            along += edge * (point - ends[0, axis])
+            length_2 += edge * edge
+        s = min(max(along / length_2, 0.0), 1.0) if length_2 > 0.0 else 0.0
+        distance_2, facing = 0.0, 0.0
+        for axis in range(3):
+            away = (1.0 - s) * ends[0, axis] + s * ends[1, axis] - out.normal[count, axis]
+            out.normal[count, axis] = away
+            distance_2 += away * away
+            facing += away * kept.normal[i, axis]
+        distance = math.sqrt(distance_2)
+        reach = tools.radius[tool, segment] + sizes[0] + sizes[1]
+        if distance == 0.0 or distance > reach or facing < FACING * distance:
+            continue
+        out.tool[count], out.tool_segment[count], out.particle[count] = tool, segment, -1
+        out.target_kind[count], out.target[count] = DUCT_TRIANGLE, kept.target[i]
+        out.tool_parameter[count] = s
+        for axis in range(3):
+            out.normal[count, axis] /= distance
+            out.target_weights[count, axis] = kept.target_weights[i, axis]
+        count += 1
+    return count
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _is_known(kept: PairArrays, i: int, pairs: PairArrays, count: int) -> bool:
+    """Whether detection reports the same triangle for the same segment of the tool."""
+    for k in range(count):
+        if (
+            pairs.tool[k] == kept.tool[i]
+            and pairs.tool_segment[k] == kept.tool_segment[i]
+            and pairs.target_kind[k] == DUCT_TRIANGLE
+            and pairs.target[k] == kept.target[i]
+        ):
+            return True
+    return False

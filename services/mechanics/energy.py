@@ -1,0 +1,227 @@
+"""Energy books of a simulation: what the hands put in, what is stored, and where the rest went.
+
+Every entry is taken from its own quantity, never as the difference of others, so that the books can fail to balance.
+They allocate and evaluate forces again: for tests and studies, not for the 1 kHz step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.contact.compliance import GRIP_COMPLIANCE_M_N, SURFACE_COMPLIANCE_M_N
+from services.mechanics.contact.solver import HOLD
+from services.mechanics.reduction import ModalState
+from services.mechanics.rod.energy import rod_energy
+from services.mechanics.rod.forces import add_internal_forces
+from services.mechanics.rod.model import allocate_work
+from services.mechanics.simulation import Simulation
+from services.mechanics.tools import ToolInputs
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class EnergyFlow:
+    """Energy in J since the books were opened; everything but ``input_j`` and ``stored_j`` is dissipated.
+
+    Attributes
+    ----------
+    input_j
+        Work of the hands on the couplings and jaws, and of loads that are no potential.
+    stored_j
+        Change of everything stored: kinetic, elastic, in gravity, couplings and grips.
+    coupling_j
+        Dampers of the virtual couplings.
+    rod_j
+        Damping of the catheter's material, its drag and its needle's friction.
+    duct_j
+        Damping of the modes.
+    friction_j
+        Sliding in contacts and slipping holds.
+    impact_j
+        Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
+    numerical_j
+        What implicit steps take out: of the catheter (backward Euler), the couplings and the residual compliance.
+    """
+
+    input_j: float = 0.0
+    stored_j: float = 0.0
+    coupling_j: float = 0.0
+    rod_j: float = 0.0
+    duct_j: float = 0.0
+    friction_j: float = 0.0
+    impact_j: float = 0.0
+    numerical_j: float = 0.0
+
+    @property
+    def dissipated_j(self) -> float:
+        """Sum of all that was dissipated."""
+        return sum(float(getattr(self, f.name)) for f in fields(self)[2:])
+
+    @property
+    def imbalance_j(self) -> float:
+        """Input less stored less dissipated: zero if the books balance."""
+        return self.input_j - self.stored_j - self.dissipated_j
+
+
+class EnergyBook:
+    """Steps a simulation and keeps its books."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.flow = EnergyFlow()
+        self._opening_j = stored_energy_j(simulation)
+
+    def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
+        """Take one step of the simulation and enter it."""
+        before = _Snapshot.of(self.simulation)
+        slipped_j = self.simulation.holds.dissipated_j
+        self.simulation.step(tools, None, dt_s)
+        self._enter_tools(before, dt_s)
+        self._enter_rod(before, dt_s)
+        self._enter_duct(before, dt_s)
+        self._enter_contacts()
+        self.flow.friction_j += self.simulation.holds.dissipated_j - slipped_j
+        self.flow.stored_j = stored_energy_j(self.simulation) - self._opening_j
+
+    def _enter_tools(self, before: _Snapshot, dt_s: float) -> None:
+        tools = self.simulation.tools
+        hand_motion = tools.hand - before.hand
+        change = tools.stretch - before.stretch
+        force = tools.stiffness * tools.stretch + tools.damping * change / dt_s
+        self.flow.input_j -= float(np.sum(force * hand_motion))
+        self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
+        self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
+
+    def _enter_rod(self, before: _Snapshot, dt_s: float) -> None:
+        catheter = self.simulation.catheter
+        model = catheter.integrator.model
+        state = catheter.state
+        motion = state.position_m - before.rod_m
+        elastic = internal_forces(model, state.position_m, np.zeros_like(motion))
+        viscous = internal_forces(model, state.position_m, state.velocity_m_s) - elastic
+        viscous -= model.drag[:, None] * state.velocity_m_s
+        self.flow.rod_j -= float(np.sum(viscous * motion))
+        change = state.velocity_m_s - before.rod_m_s
+        elastic_change_j = rod_elastic_j(self.simulation) - before.rod_elastic_j
+        self.flow.numerical_j += 0.5 * float(model.mass @ np.sum(change**2, axis=1))
+        self.flow.numerical_j -= float(np.sum(elastic * motion)) + elastic_change_j
+        if "gravity" not in self.simulation.effects:
+            self.flow.input_j += float(np.sum(catheter.external_force_n * motion))
+
+    def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
+        duct = self.simulation.duct
+        basis = duct.reduced.basis
+        impulse = dt_s * duct.contact_impulse
+        jumped = before.modal.qdot + impulse
+        mean_rate = 0.5 * (jumped + duct.state.qdot)
+        damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio
+        self.flow.duct_j += dt_s * float(np.sum(damping * mean_rate**2))
+        change = duct.state.q - before.modal.q
+        self.flow.input_j += float(np.sum((duct.modal_force - duct.constant_modal_force) * change))
+        # The impulse acts at the start of the step; the rows below count its force over the whole of it.
+        self.flow.impact_j += float(np.sum(duct.contact_impulse * change - impulse * (jumped - 0.5 * impulse)))
+        self._enter_residual(before)
+
+    def _enter_residual(self, before: _Snapshot) -> None:
+        duct = self.simulation.duct
+        change = nodal_loads(self.simulation) - before.loads
+        nodes = np.flatnonzero(np.any(change != 0.0, axis=1)).astype(np.int32)
+        moved = np.zeros((len(nodes), 3))
+        duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
+        self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
+
+    def _enter_contacts(self) -> None:
+        """Work of the contact forces on the relative motion, friction and normal apart."""
+        system = self.simulation.system
+        rows = system.rows
+        for row in range(rows.n_contacts):
+            force = rows.force_n[row]
+            end = system.motion_m[3 * row : 3 * row + 3] - SURFACE_COMPLIANCE_M_N * force
+            if rows.kind[row] == HOLD:
+                continue
+            self.flow.friction_j -= float(force[1:] @ end[1:])
+            gap = float(rows.gap_m[row])
+            start = gap if gap > 0.0 else system.settings.recovery * gap
+            self.flow.impact_j -= float(force[0] * (end[0] - start))
+
+
+@dataclass(slots=True)
+class _Snapshot:
+    """What the books need of the state before a step."""
+
+    hand: FloatArray
+    stretch: FloatArray
+    rod_m: FloatArray
+    rod_m_s: FloatArray
+    rod_elastic_j: float
+    modal: ModalState
+    loads: FloatArray
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> _Snapshot:
+        rod, tools = simulation.catheter.state, simulation.tools
+        return cls(
+            tools.hand.copy(),
+            tools.stretch.copy(),
+            rod.position_m.copy(),
+            rod.velocity_m_s.copy(),
+            rod_elastic_j(simulation),
+            simulation.duct.state.copy(),
+            nodal_loads(simulation),
+        )
+
+
+def stored_energy_j(simulation: Simulation) -> float:
+    """Return everything stored in the scene at the end of the last step."""
+    return float(sum(stored_energies_j(simulation).values()))
+
+
+def stored_energies_j(simulation: Simulation) -> dict[str, float]:
+    """Return what is stored where: catheter, duct, couplings, grips, and effects with a potential."""
+    tools, duct = simulation.tools, simulation.duct
+    rod = rod_energy(simulation.catheter.integrator.model, simulation.catheter.state)
+    stored = {
+        "catheter": rod.total_j,
+        "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
+        "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
+        "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
+        "grips": _grip_energy_j(simulation),
+    }
+    for name, effect in simulation.effects.items():
+        if hasattr(effect, "potential_energy_j"):
+            stored[name] = float(effect.potential_energy_j(simulation))
+    return stored
+
+
+def _grip_energy_j(simulation: Simulation) -> float:
+    rows = simulation.system.rows
+    held = rows.kind[: rows.n_contacts] == HOLD
+    return 0.5 * GRIP_COMPLIANCE_M_N * float(np.sum(rows.force_n[: rows.n_contacts][held] ** 2))
+
+
+def rod_elastic_j(simulation: Simulation) -> float:
+    """Return the elastic energy of the catheter and of the springs of its supports."""
+    energy = rod_energy(simulation.catheter.integrator.model, simulation.catheter.state)
+    return energy.total_j - energy.kinetic_j
+
+
+def internal_forces(model: object, position_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
+    """Return the catheter's own forces (n, 3) in a configuration."""
+    work = allocate_work(len(position_m))
+    work.position[:] = position_m
+    work.velocity[:] = velocity_m_s
+    add_internal_forces(model, work, (0.0, 0.0), 0.0)
+    force: FloatArray = work.force
+    return force
+
+
+def nodal_loads(simulation: Simulation) -> FloatArray:
+    """Return the contact loads (n, 3) on every node of the duct."""
+    loads = np.zeros((simulation.duct.reduced.mesh.n_vertices, 3))
+    n = simulation.n_loads
+    loads[simulation.load_nodes[:n]] = simulation.load_force_n[:n]
+    return loads
