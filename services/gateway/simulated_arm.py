@@ -54,7 +54,7 @@ class ArmState:
     def read(self, centre: FloatArray, reading: FloatArray) -> None:
         """Write what encoders and temperature model say into `reading`; call once a tick."""
         filter_reading(self.angles, self.measured, self.filter, self.coefficients, centre, reading)
-        reading[READ_TEMPERATURE] = (self.heat[0].max() - ROOM_C) / (WINDING_MAX_C - ROOM_C)
+        reading[READ_TEMPERATURE] = hottest(self.heat)
 
 
 def butterworth(cut_off_hz: float) -> FloatArray:
@@ -123,6 +123,34 @@ def _warm(motor: FloatArray, heat: FloatArray) -> None:
         out = (winding - housing) / WINDING_K_W
         heat[0, joint] += TICK_S * (power - out) / WINDING_J_K
         heat[1, joint] += TICK_S * (out - (housing - ROOM_C) / HOUSING_K_W) / HOUSING_J_K
+
+
+@kernel
+def hottest(heat: FloatArray) -> float:
+    """Return the warmest winding: 0 at room temperature, 1 at what it can bear."""
+    return float((max(heat[0, 0], heat[0, 1], heat[0, 2]) - ROOM_C) / (WINDING_MAX_C - ROOM_C))
+
+
+@kernel
+def place_hand(value: FloatArray, rate: FloatArray, stand: FloatArray, hand: FloatArray) -> None:
+    """Write where a script wants the hand, in the world, into the frame of the arm's base.
+
+    Parameters
+    ----------
+    value, rate : (3+,) float64
+        Position and velocity in the world.
+    stand : (8,) float64
+        Cosine and sine of the arm's yaw, its centre in the world, its centre in the frame of its base.
+    hand : (HAND_SIZE,) float64
+    """
+    c, s = stand[0], stand[1]
+    x, y = value[0] - stand[2], value[1] - stand[3]
+    hand[HAND_TARGET] = stand[5] + c * x + s * y
+    hand[HAND_TARGET + 1] = stand[6] + c * y - s * x
+    hand[HAND_TARGET + 2] = stand[7] + value[2] - stand[4]
+    hand[HAND_RATE] = c * rate[0] + s * rate[1]
+    hand[HAND_RATE + 1] = c * rate[1] - s * rate[0]
+    hand[HAND_RATE + 2] = rate[2]
 
 
 @kernel

@@ -139,9 +139,12 @@ class OdriveGrasp(Grasp):
         self._arm(link)
 
     def _arm(self, link: OdriveLink) -> None:
-        link.send(cansimple.CLEAR_ERRORS, b"\0")
-        link.send_torque(0.0)
-        link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.CLOSED_LOOP))
+        try:
+            link.send(cansimple.CLEAR_ERRORS, b"\0")
+            link.send_torque(0.0)
+            link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.CLOSED_LOOP))
+        except can.CanError as error:
+            self.fault = f"CAN: {error}"
         self._arming_until_ns = time.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
 
     def clear_fault(self) -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from services.gateway import driver, premium_model, simulated_arm
+from services.gateway import driver, pose, premium_model, simulated_arm
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.layout import READ_ROLL, FloatArray
-from services.gateway.script import HIP, ROLL, read_player
-from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_RATE, HAND_STIFFNESS, HAND_TARGET
+from services.gateway.script import ROLL, read_player
+from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from services.runtime.errors import ConfigError
 from services.runtime.rig import DriverSettings, Settings
 
@@ -42,8 +41,7 @@ class Driver(Arm):
         script = self._settings.script
         self._player = read_player(script, place.instrument) if script is not None else None
         self._centre = premium_model.centre()
-        self._cosine, self._sine = math.cos(place.mount.yaw_rad), math.sin(place.mount.yaw_rad)
-        self._mount_m = place.mount.centre_m
+        self._stand = np.array([*pose.pack_mount(place.mount), *self._centre])
         self._force = np.zeros(3)
         self._hand = np.zeros(simulated_arm.HAND_SIZE)
         self._hand[HAND_STIFFNESS] = self._settings.hand_stiffness_n_m
@@ -65,7 +63,8 @@ class Driver(Arm):
         return self._force
 
     def open(self) -> None:
-        """Calibrate at once."""
+        """Calibrate at once. A step of a copy makes the kernels ready."""
+        simulated_arm.ArmState(self.arm.angles, 100.0).step(self._force, self._hand)
         self.calibrated = True
 
     def enable(self) -> None:
@@ -98,11 +97,4 @@ class Driver(Arm):
             self._hand[HAND_TARGET : HAND_TARGET + 3] = self._centre
             return
         self._player.sample(self._script_s)
-        value, rate, hand, c, s = self._player.value, self._player.rate, self._hand, self._cosine, self._sine
-        x, y = value[HIP] - self._mount_m[0], value[HIP + 1] - self._mount_m[1]
-        hand[HAND_TARGET] = self._centre[0] + c * x + s * y
-        hand[HAND_TARGET + 1] = self._centre[1] + c * y - s * x
-        hand[HAND_TARGET + 2] = self._centre[2] + value[HIP + 2] - self._mount_m[2]
-        hand[HAND_RATE] = c * rate[HIP] + s * rate[HIP + 1]
-        hand[HAND_RATE + 1] = c * rate[HIP + 1] - s * rate[HIP]
-        hand[HAND_RATE + 2] = rate[HIP + 2]
+        simulated_arm.place_hand(self._player.value, self._player.rate, self._stand, self._hand)
