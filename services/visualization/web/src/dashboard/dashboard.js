@@ -107,7 +107,7 @@ export class Dashboard {
     const now = this.path();
     QUANTILES.forEach((q, i) => text(this.quantiles[i].lastChild, us(now?.[q])));
     const p99 = this.quantiles[1].lastChild;
-    p99.className = known(now?.limit_p99) ? (now.ok ? "good" : "bad") : "";
+    p99.className = known(now?.limit_p99) && known(now.p99) ? (now.ok ? "good" : "bad") : "";
     text(this.quantiles[4].lastChild, percent(this.state?.answered_next_tick));
     const rows = this.history.map(({ paths }) => paths.find((path) => path.name === this.paths.chosen));
     this.latency.set(this.history.map(({ t }) => t), QUANTILES.map((q) => rows.map((row) => row?.[q] ?? null)));

@@ -12,6 +12,7 @@ export class ViewStream {
     this.layout = null;
     this.newest = null;
     this.attempts = 0;
+    this.seen = false;
     this.afterPaint = new MessageChannel();
     this.afterPaint.port1.onmessage = ({ data }) => this.echo(data);
     this.connect();
@@ -22,12 +23,13 @@ export class ViewStream {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.attempts = 0;
+      this.seen = true;
       this.handlers.onLink(null);
     };
     socket.onmessage = ({ data }) => (typeof data === "string" ? this.text(JSON.parse(data)) : this.frame(data));
     socket.onclose = () => {
       this.layout = this.newest = null;
-      this.handlers.onLink("The view is not reachable. Trying again…");
+      this.handlers.onLink(this.seen ? "The view is not reachable. Trying again…" : "Waiting for the view to start…");
       setTimeout(() => this.connect(), RETRY_MS[Math.min(this.attempts++, RETRY_MS.length - 1)]);
     };
     this.socket = socket;

@@ -48,6 +48,7 @@ export class View {
 
   setLayout(layout) {
     this.stage.setLayout(layout);
+    $("view").classList.add("ready");
     $("tools").replaceChildren(...layout.tools.map((tool) => toolRow(tool.name)));
     this.rows = [...$("tools").children].map((row) => ({
       bar: row.querySelector("i"), value: row.querySelector("output"), jaw: row.querySelector("small"),
