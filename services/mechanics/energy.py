@@ -11,10 +11,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.contact.compliance import GRIP_COMPLIANCE_M_N, SURFACE_COMPLIANCE_M_N
+from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N
 from services.mechanics.contact.solver import HOLD
 from services.mechanics.reduction import ModalState
-from services.mechanics.rod.energy import rod_energy
+from services.mechanics.rod.energy import RodEnergy, rod_energy
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.model import allocate_work
 from services.mechanics.simulation import Simulation
@@ -140,7 +140,7 @@ class EnergyBook:
         rows = system.rows
         for row in range(rows.n_contacts):
             force = rows.force_n[row]
-            end = system.motion_m[3 * row : 3 * row + 3] - SURFACE_COMPLIANCE_M_N * force
+            end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
             if rows.kind[row] == HOLD:
                 continue
             self.flow.friction_j -= float(force[1:] @ end[1:])
@@ -183,7 +183,7 @@ def stored_energy_j(simulation: Simulation) -> float:
 def stored_energies_j(simulation: Simulation) -> dict[str, float]:
     """Return what is stored where: catheter, duct, couplings, grips, and effects with a potential."""
     tools, duct = simulation.tools, simulation.duct
-    rod = rod_energy(simulation.catheter.integrator.model, simulation.catheter.state)
+    rod = _rod_energy(simulation)
     stored = {
         "catheter": rod.total_j,
         "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
@@ -200,12 +200,17 @@ def stored_energies_j(simulation: Simulation) -> dict[str, float]:
 def _grip_energy_j(simulation: Simulation) -> float:
     rows = simulation.system.rows
     held = rows.kind[: rows.n_contacts] == HOLD
-    return 0.5 * GRIP_COMPLIANCE_M_N * float(np.sum(rows.force_n[: rows.n_contacts][held] ** 2))
+    return 0.5 * GRIP_SOFTNESS_M_N * float(np.sum(rows.force_n[: rows.n_contacts][held] ** 2))
+
+
+def _rod_energy(simulation: Simulation) -> RodEnergy:
+    integrator = simulation.catheter.integrator
+    return rod_energy(integrator.model, simulation.catheter.state, integrator.twist)
 
 
 def rod_elastic_j(simulation: Simulation) -> float:
     """Return the elastic energy of the catheter and of the springs of its supports."""
-    energy = rod_energy(simulation.catheter.integrator.model, simulation.catheter.state)
+    energy = _rod_energy(simulation)
     return energy.total_j - energy.kinetic_j
 
 

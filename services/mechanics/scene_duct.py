@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.duct_recipe import duct_recipe
 from services.mechanics.effects import build_effects
-from services.mechanics.effects.base import acts_in
-from services.mechanics.fem import ElementChoice, ShellSection, clamp
+from services.mechanics.effects.base import Effect, acts_in
 from services.mechanics.mesh import TriangleMesh
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice, reduce_duct
+from services.mechanics.reduction.recipe import DuctRecipe, reduce_duct
 from services.mechanics.scene import DuctScene, SceneModel
 
 FloatArray = npt.NDArray[np.float64]
@@ -50,9 +51,10 @@ def build_scene_duct(
     """
     if mesh is None:
         mesh = scene_mesh(scene.duct)
-    recipe = duct_recipe(scene.duct, mesh)
+    effects = build_effects(scene)
+    recipe = duct_recipe(scene.duct, mesh, effects)
     duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
-    load = constant_load(scene, mesh)
+    load = constant_load(effects, mesh)
     if load is None:
         return duct
     progress("rest shape", 0.0)
@@ -79,17 +81,9 @@ def scene_mesh(duct: DuctScene) -> TriangleMesh:
     return parametric_duct(geometry)
 
 
-def duct_recipe(duct: DuctScene, mesh: TriangleMesh) -> DuctRecipe:
-    """Collect what decides the modes and the residual compliance."""
-    section = ShellSection(duct.thickness_m, duct.youngs_modulus_pa, duct.poisson_ratio, duct.density_kg_m3)
-    elements = ElementChoice(membrane=duct.membrane, bending=duct.bending)
-    residual = ResidualChoice(kind=duct.residual)
-    return DuctRecipe(mesh, section, (clamp(mesh),), duct.n_modes, elements, residual)
-
-
-def constant_load(scene: SceneModel, mesh: TriangleMesh) -> FloatArray | None:
+def constant_load(effects: Mapping[str, Effect], mesh: TriangleMesh) -> FloatArray | None:
     """Return the sum (n, 3) of the effects' constant loads on the duct's nodes in N, None without any."""
-    loads = [e.nodal_load_n(mesh) for e in build_effects(scene).values() if acts_in(e, "nodal_load_n")]
+    loads = [e.nodal_load_n(mesh) for e in effects.values() if acts_in(e, "nodal_load_n")]
     return np.sum(loads, axis=0) if loads else None
 
 

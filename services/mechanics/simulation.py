@@ -82,7 +82,7 @@ class Simulation:
         self._stiffness_scratch = np.zeros((3 * STIFFNESS_CAPACITY) * (3 * STIFFNESS_CAPACITY + 3))
         self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
         self._mark_ns = 0
-        load = constant_load(scene, duct.mesh)
+        load = constant_load(self.effects, duct.mesh)
         if load is not None:
             self.duct.set_constant_load(load)
         for effect in self._stages["prepare"]:
@@ -113,6 +113,9 @@ class Simulation:
         for effect in self._stages["set_limits"]:
             effect.set_limits(self, self.system.rows)
         self.system.assemble(self._n_modes)
+        for effect in self._stages["add_compliance"]:
+            effect.add_compliance(self, self.system.compliance_m_n, dt_s)
+        self.system.finish_compliance()
         self._lap(3)
         self.system.solve(self._iterations)
         self._lap(4)
@@ -215,6 +218,8 @@ class Simulation:
             effect.add_pairs(self, self._catheter_pairs)
         system.append(pairs)
         system.append(self._catheter_pairs)
+        for effect in self._stages["add_rows"]:
+            effect.add_rows(self, system.rows)
         self.holds.append_rows()
 
     def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:

@@ -12,7 +12,7 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 ByteArray = npt.NDArray[np.int8]
 
-UNILATERAL, HOLD = 0, 1
+UNILATERAL, HOLD, FILM = 0, 1, 2
 # The block solves put a sliding force on its limit to rounding; anything closer than this is on it.
 ON_THE_LIMIT = 1.0 - 1e-9
 
@@ -131,7 +131,7 @@ def add_step(kind: ByteArray, limit: FloatArray, force: FloatArray, rows: IntArr
             radius = limit[block]
             norm = math.sqrt(force[row] ** 2 + force[row + 1] ** 2 + force[row + 2] ** 2)
         if norm > radius:
-            if kind[block] == HOLD:
+            if kind[block] != UNILATERAL:
                 force[row] *= radius / norm
             force[row + 1] *= radius / norm
             force[row + 2] *= radius / norm

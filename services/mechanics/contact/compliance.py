@@ -10,17 +10,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from services.mechanics.contact.active_set import HOLD
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.rows import ContactRows
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
-
-# Pads of the jaws and the catheter's wall give way; held points do not fight over rounding.
-GRIP_COMPLIANCE_M_N = 1e-4
-# A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
-SURFACE_COMPLIANCE_M_N = 1e-6
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -128,7 +122,7 @@ def to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
                     W[3 * a + i, 3 * b + j] = value
                     W[3 * b + j, 3 * a + i] = value
         for i in range(3):
-            W[3 * a + i, 3 * a + i] += GRIP_COMPLIANCE_M_N if rows.kind[a] == HOLD else SURFACE_COMPLIANCE_M_N
+            W[3 * a + i, 3 * a + i] += rows.softness_m_n[a, i]
 
 
 @njit(cache=True, nogil=True, fastmath=False)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from numba import njit
 
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
 from services.mechanics.contact.solver import HOLD, UNILATERAL
 from services.mechanics.forceps.kinematics import contact_lever
 
@@ -83,6 +83,8 @@ def append_pairs(
             return count - index
         rows.kind[row] = UNILATERAL
         rows.limit[row] = 0.0
+        rows.softness_m_n[row] = SURFACE_SOFTNESS_M_N
+        rows.sphere[row] = -1
         rows.duct_weight[row] = 0.0
         rows.rod_weight[row] = 0.0
         rows.tool[row] = pairs.tool[index]

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, JAW_A, NO_TOOL
+from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N
 from services.mechanics.contact.solver import HOLD, ON_THE_LIMIT
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.forceps.kinematics import contact_lever
@@ -116,6 +117,8 @@ class HoldRegistry:
         rows.identity[row] = rows.body[row] = -1 - hold.request.hold_id
         rows.frame[row] = np.eye(3)
         rows.limit[row] = math.inf
+        rows.softness_m_n[row] = GRIP_SOFTNESS_M_N
+        rows.sphere[row] = -1
         rows.gap_m[row] = 0.0
         rows.duct_weight[row] = 0.0
         rows.rod_weight[row] = 0.0

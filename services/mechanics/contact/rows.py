@@ -15,6 +15,10 @@ IntArray = npt.NDArray[np.int32]
 LongArray = npt.NDArray[np.int64]
 ByteArray = npt.NDArray[np.int8]
 
+# A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
+SURFACE_SOFTNESS_M_N = 1e-6
+# Pads of the jaws and the catheter's wall give way; held points do not fight over rounding.
+GRIP_SOFTNESS_M_N = 1e-4
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 
 
@@ -27,7 +31,7 @@ class ContactRows(NamedTuple):
     ----------
     used : (1,) int64
     kind : (C,) int8
-        `solver.UNILATERAL` or `solver.HOLD`.
+        `solver.UNILATERAL`, `solver.HOLD` or `solver.FILM`.
     identity : (C,) int64
         Names the pair of bodies, to find last tick's force again; negative for holds.
     body : (C,) int64
@@ -42,12 +46,16 @@ class ContactRows(NamedTuple):
         Motion of the first body relative to the target over the step without contact forces, in world axes.
     limit : (C,) float64
         Coefficient of friction, or the largest force of a hold in N.
+    softness_m_n : (C, 3) float64
+        Compliance of the touching surfaces themselves, along the rows of the frame.
     force_n : (C, 3) float64
         Solved force on the first body, along the rows of the frame.
     duct_node : (C, 3) int32, duct_weight : (C, 3) float64
         Barycentric point of the duct, always the target; weights are zero where the duct has no part.
     rod_node : (C, 4) int32, rod_weight : (C, 4) float64
         Particles of the catheter; positive weights where it is the first body, negative where it is the target.
+    sphere : (C,) int8, sphere_sign : (C,) float64
+        A gallstone that takes part, -1 for none: + where it is the first body, - where it is the target.
     tool : (C,) int8, lever : (C, 3, 4) float64
         The tool that is the first body, and how its coordinates move the point.
     """
@@ -61,11 +69,14 @@ class ContactRows(NamedTuple):
     gap_m: FloatArray
     slip_m: FloatArray
     limit: FloatArray
+    softness_m_n: FloatArray
     force_n: FloatArray
     duct_node: IntArray
     duct_weight: FloatArray
     rod_node: IntArray
     rod_weight: FloatArray
+    sphere: ByteArray
+    sphere_sign: FloatArray
     tool: ByteArray
     lever: FloatArray
 
@@ -82,11 +93,14 @@ class ContactRows(NamedTuple):
             gap_m=np.zeros(capacity),
             slip_m=np.zeros((capacity, 3)),
             limit=np.zeros(capacity),
+            softness_m_n=np.zeros((capacity, 3)),
             force_n=np.zeros((capacity, 3)),
             duct_node=np.zeros((capacity, 3), np.int32),
             duct_weight=np.zeros((capacity, 3)),
             rod_node=np.zeros((capacity, N_ROD_POINTS), np.int32),
             rod_weight=np.zeros((capacity, N_ROD_POINTS)),
+            sphere=np.full(capacity, -1, np.int8),
+            sphere_sign=np.zeros(capacity),
             tool=np.full(capacity, NO_TOOL, np.int8),
             lever=np.zeros((capacity, 3, N_COORDINATES)),
         )

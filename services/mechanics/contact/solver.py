@@ -10,6 +10,7 @@ import numpy.typing as npt
 from numba import njit
 
 from services.mechanics.contact.active_set import (
+    FILM,
     HOLD,
     ON_THE_LIMIT,
     UNILATERAL,
@@ -61,7 +62,7 @@ def solve_contacts(
 
     - unilateral: :math:`0 \le u_n \perp f_n \ge 0` and Coulomb's law with maximal dissipation,
       :math:`|f_t| \le \mu f_n`, sliding against :math:`f_t`;
-    - hold: :math:`u = 0` while :math:`|f| \le limit`, else slip against :math:`f`.
+    - hold: :math:`u = 0` while :math:`|f| \le limit`, else slip against :math:`f`; a film is the same with a softness.
 
     Numerically: a sweep of block Gauss-Seidel solves each block exactly with the others fixed, normal first, then
     tangent in its cone. That finds who is pressed and who sticks, but converges slowly where a stiff catheter ties
@@ -77,7 +78,7 @@ def solve_contacts(
         In: gap (normal rows) and slip (tangential rows) at the end of the step without contact forces, in m.
         Out: the same with them.
     kind : (k,) int8
-        `UNILATERAL` or `HOLD`.
+        `UNILATERAL`, `HOLD` or `FILM`.
     limit : (k,) float64
         Coefficient of friction, or the largest force of a hold in N; zero means frictionless, or no hold.
     force : (m,) float64
@@ -212,4 +213,4 @@ def mark_sliding(kind: ByteArray, limit: FloatArray, force: FloatArray, slides: 
             slides[block] = math.hypot(f_n, tangent) >= ON_THE_LIMIT * limit[block]
 
 
-__all__ = ["HOLD", "ON_THE_LIMIT", "UNILATERAL", "SolverScratch", "mark_sliding", "solve_contacts"]
+__all__ = ["FILM", "HOLD", "ON_THE_LIMIT", "UNILATERAL", "SolverScratch", "mark_sliding", "solve_contacts"]

@@ -119,7 +119,7 @@ class ContactSystem:
         recall_forces(self._memory, rows, self.slides)
 
     def assemble(self, n_modes: int) -> None:
-        """Gather W with the lowest ``n_modes`` modes of the duct."""
+        """Gather the lower blocks of W along world axes, with the lowest ``n_modes`` modes of the duct."""
         duct, rows = self.bodies.duct, self.rows
         k = rows.n_contacts
         size = 3 * k
@@ -130,7 +130,10 @@ class ContactSystem:
         add_lower(residual, W)
         add_rod_compliance(rows, self.bodies.catheter.slot, self.bodies.catheter.compliance(rows), W)
         add_tool_compliance(rows, self.bodies.tools.compliance, W)
-        to_contact_frames(rows, W)
+
+    def finish_compliance(self) -> None:
+        """Turn W into the contacts' frames."""
+        to_contact_frames(self.rows, self.compliance_m_n)
 
     def solve(self, iterations: int) -> None:
         """Find the contact forces."""

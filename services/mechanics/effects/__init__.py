@@ -7,10 +7,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from services.mechanics.effects.anisotropy import Anisotropy
 from services.mechanics.effects.base import STAGES, Effect, acts_in, read_settings
 from services.mechanics.effects.friction import Friction
+from services.mechanics.effects.gallstones import Gallstones
 from services.mechanics.effects.grasp_slip import GraspSlip
 from services.mechanics.effects.gravity import Gravity
+from services.mechanics.effects.insufflation import Insufflation
+from services.mechanics.effects.mucus_drag import MucusDrag
+from services.mechanics.effects.nonlinear_membrane import NonlinearMembrane
+from services.mechanics.effects.self_contact import SelfContact
+from services.mechanics.effects.twist import Twist
+from services.mechanics.effects.viscoelasticity import Viscoelasticity
 from services.mechanics.scene import SceneModel
 
 
@@ -29,7 +37,15 @@ class EffectEntry:
 
 
 EFFECTS: dict[str, EffectEntry] = {
-    "gravity": EffectEntry(Gravity, (), "weight of catheter and wall"),
+    "anisotropy": EffectEntry(Anisotropy, (), "a wall stiffer round the duct than along it"),
+    "insufflation": EffectEntry(Insufflation, (), "gas pressure outside against the pressure in the lumen"),
+    "gravity": EffectEntry(Gravity, (), "weight of catheter, stones and, if wanted, wall"),
+    "twist": EffectEntry(Twist, (), "torsion of the catheter; rest curvature turns with it"),
+    "nonlinear_membrane": EffectEntry(NonlinearMembrane, (), "a wall that stiffens as it stretches"),
+    "viscoelasticity": EffectEntry(Viscoelasticity, (), "a wall that relaxes: Prony terms on every mode"),
+    "gallstones": EffectEntry(Gallstones, (), "rigid spheres that catheter and wall push about"),
+    "self_contact": EffectEntry(SelfContact, (), "the catheter touching itself"),
+    "mucus_drag": EffectEntry(MucusDrag, (), "viscous film between catheter and wall"),
     "friction": EffectEntry(Friction, (), "Coulomb friction, static and kinetic, in every contact"),
     "grasp_slip": EffectEntry(GraspSlip, (), "a grasp carries no more than its grip friction"),
 }

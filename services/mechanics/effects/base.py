@@ -35,6 +35,7 @@ class Effect:
 
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
+        self.scene = scene
 
     def nodal_load_n(self, mesh: TriangleMesh) -> FloatArray:
         """Before the duct is reduced: a constant load (n, 3) on its nodes, part of its rest shape."""
@@ -52,8 +53,16 @@ class Effect:
         """Append candidate pairs of the catheter to those already found."""
         raise NotImplementedError
 
+    def add_rows(self, simulation: Simulation, rows: ContactRows) -> None:
+        """Append contact rows of the effect's own bodies or laws."""
+        raise NotImplementedError
+
     def set_limits(self, simulation: Simulation, rows: ContactRows) -> None:
         """Set coefficients of friction, and limits of holds."""
+        raise NotImplementedError
+
+    def add_compliance(self, simulation: Simulation, W: FloatArray, dt_s: float) -> None:
+        """Add what the effect's own bodies give way to the lower blocks of W, along world axes."""
         raise NotImplementedError
 
     def after_solve(self, simulation: Simulation, dt_s: float) -> None:
@@ -61,7 +70,16 @@ class Effect:
         raise NotImplementedError
 
 
-STAGES = ("nodal_load_n", "prepare", "add_loads", "add_pairs", "set_limits", "after_solve")
+STAGES = (
+    "nodal_load_n",
+    "prepare",
+    "add_loads",
+    "add_pairs",
+    "add_rows",
+    "set_limits",
+    "add_compliance",
+    "after_solve",
+)
 
 
 def acts_in(effect: Effect | type[Effect], stage: str) -> bool:

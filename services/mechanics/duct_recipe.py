@@ -1,0 +1,34 @@
+"""What decides the modes of a scene's duct."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from services.mechanics.effects.base import Effect
+from services.mechanics.fem import ElementChoice, Orthotropy, ShellSection, clamp
+from services.mechanics.mesh import TriangleMesh
+from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice
+from services.mechanics.scene import DuctScene
+
+
+def duct_recipe(duct: DuctScene, mesh: TriangleMesh, effects: Mapping[str, Effect]) -> DuctRecipe:
+    """Collect section, supports, elements and number of modes; the effect ``anisotropy`` changes the section."""
+    section = ShellSection(
+        duct.thickness_m,
+        duct.youngs_modulus_pa,
+        duct.poisson_ratio,
+        duct.density_kg_m3,
+        _orthotropy(effects.get("anisotropy")),
+    )
+    elements = ElementChoice(membrane=duct.membrane, bending=duct.bending)
+    residual = ResidualChoice(kind=duct.residual)
+    return DuctRecipe(mesh, section, (clamp(mesh),), duct.n_modes, elements, residual)
+
+
+def _orthotropy(effect: Effect | None) -> Orthotropy | None:
+    if effect is None:
+        return None
+    settings = effect.settings
+    return Orthotropy(np.array(settings.axis), settings.modulus_ratio, settings.shear_modulus_ratio)

@@ -1,0 +1,25 @@
+"""Anisotropic wall: stiffer round the duct than along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from services.mechanics.effects.base import Effect
+
+
+@dataclass(frozen=True, slots=True)
+class AnisotropySettings:
+    """Stiffness round the duct over that along its axis; the scene's modulus is the one along it.
+
+    About 6 follows from the inflation of porcine common bile ducts (Duch 2004), read as uniaxial.
+    """
+
+    modulus_ratio: float = 6.0
+    shear_modulus_ratio: float = 0.34
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+
+class Anisotropy(Effect):
+    """Orthotropic membrane and bending: it acts in the assembly, costs nothing in a step, and changes the basis."""
+
+    Settings = AnisotropySettings

@@ -1,0 +1,31 @@
+"""Gas pressure of the abdomen on the duct, against the pressure in its lumen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from services.mechanics.effects.base import Effect, FloatArray
+from services.mechanics.fem import pressure_load
+from services.mechanics.mesh import TriangleMesh
+
+
+@dataclass(frozen=True, slots=True)
+class InsufflationSettings:
+    """Pressures above the atmosphere: 12 mmHg of carbon dioxide outside, bile inside."""
+
+    outside_pa: float = 1600.0
+    inside_pa: float = 1500.0
+
+
+class Insufflation(Effect):
+    """Constant load p n on the wall with p = inside - outside, on the undeformed normals (not a follower load).
+
+    Conservative. A thin tube of radius R and thickness t collapses at about E t^3 / (4 (1 - nu^2) R^3) from
+    outside, which this linear load does not see: stay well below.
+    """
+
+    Settings = InsufflationSettings
+
+    def nodal_load_n(self, mesh: TriangleMesh) -> FloatArray:
+        """Pressure force (n, 3) on the nodes."""
+        return pressure_load(mesh, self.settings.inside_pa - self.settings.outside_pa)

@@ -1,0 +1,42 @@
+"""Viscoelastic wall: a Prony series on every mode of the duct."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from services.mechanics.effects.base import Effect
+from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
+
+if TYPE_CHECKING:
+    from services.mechanics.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class ViscoelasticitySettings:
+    """Shares and times of the Prony terms: an assumption, no duct data is in print."""
+
+    g: tuple[float, ...] = (0.2, 0.15, 0.1)
+    tau_s: tuple[float, ...] = (0.1, 1.0, 10.0)
+
+
+class Viscoelasticity(Effect):
+    """The duct's modulus is the instantaneous one and relaxes by sum(g); what the modes leave out stays elastic.
+
+    Dissipative at any step. The lagging coordinates are the effect's own state.
+    """
+
+    Settings = ViscoelasticitySettings
+
+    def prepare(self, simulation: Simulation) -> None:
+        """Start relaxed."""
+        series = PronySeries(tuple(self.settings.g), tuple(self.settings.tau_s))
+        self._modes = ViscousModes(simulation.duct.reduced.basis.omega_rad_s, series)
+
+    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
+        """Drive the modes with what the wall has relaxed."""
+        self._modes.add_force(simulation.duct.modal_force)
+
+    def after_solve(self, simulation: Simulation, dt_s: float) -> None:
+        """Let the wall relax towards where it is."""
+        self._modes.relax(simulation.duct.state.q, dt_s)
