@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 import protocol.bodies as bodies
 from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns, late, quantiles_us
 
-
 #: What a bucket is believed to hold at most: sums over all buckets then stay within 64 bits, whatever a peer sends.
 _COUNT_MAX = 1 << 50
 

@@ -39,6 +39,7 @@ class Child:
         self.pid = self._popen.pid
         self.descriptor = os.pidfd_open(self.pid)
         self._status = os.open(f"/proc/{self.pid}/stat", os.O_RDONLY)
+        self._schedule = _open_if_there(f"/proc/{self.pid}/schedstat")
         self._log = log_file.open("rb")
         self._rest = b""
 
@@ -62,6 +63,15 @@ class Child:
         state = text.rpartition(b")")[2].split(maxsplit=1)
         return bool(state) and state[0] in (b"T", b"t")
 
+    def waited_s(self) -> float:
+        """Return for how long the main thread has waited for a processor since its start, 0 where unknown."""
+        if self._schedule is None:
+            return 0.0
+        try:
+            return int(os.pread(self._schedule, 128, 0).split()[1]) * 1e-9
+        except (OSError, IndexError, ValueError):
+            return 0.0  # it has just ended
+
     def send(self, number: signal.Signals) -> None:
         """Send a signal; one to a process that has ended is nothing."""
         if self.end() is None:
@@ -80,4 +90,14 @@ class Child:
         """Let go of the descriptors of a process that has ended."""
         os.close(self.descriptor)
         os.close(self._status)
+        if self._schedule is not None:
+            os.close(self._schedule)
         self._log.close()
+
+
+def _open_if_there(path: str) -> int | None:
+    """Return a descriptor of a file that not every kernel has."""
+    try:
+        return os.open(path, os.O_RDONLY)
+    except FileNotFoundError:
+        return None

@@ -41,6 +41,7 @@ class Member:
     since_s: float = 0.0
     health: bodies.Health | None = None
     heard_s: float = 0.0
+    waited_s: float = 0.0  # for a processor, up to when it was heard
     stream_s: float | None = None
     exit_status: int | None = None
     last_lines: list[str] = field(default_factory=list)
@@ -73,6 +74,8 @@ class Member:
         if self.child is not None and health.pid != self.child.pid:
             return None
         self.health, self.heard_s = health, now_s
+        if self.child is not None:
+            self.waited_s = self.child.waited_s()
         return self.window.add(health.pid, figures.of(health))
 
     def forget(self) -> None:

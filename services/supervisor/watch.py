@@ -36,10 +36,12 @@ def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
 def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) -> bool:
     """Return whether a hung process is to be ended: held by a signal, or silent altogether, for the heartbeat's limit.
 
-    A process that only starves on a busy machine still beats now and then; killing it would make matters worse.
+    Time that it waited for a processor does not count: on a busy machine a process starves without hanging, and to
+    start it anew would make matters worse.
     """
     hung_s, silent_s = now_s - member.since_s, now_s - member.heard_s
-    return hung_s >= limits.heartbeat_s and (stopped or silent_s >= limits.heartbeat_s)
+    starved_s = member.child.waited_s() - member.waited_s if member.child is not None else 0.0
+    return hung_s >= limits.heartbeat_s and (stopped or silent_s - starved_s >= limits.heartbeat_s)
 
 
 def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
