@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 
 from services.mechanics.collision.kernel import floats, ints, kernel
-from services.mechanics.collision.primitives import Vector, dot, put, subtract, vector
-from services.mechanics.collision.surface import Body, Patch, node_position
+from services.mechanics.collision.primitives import Vector, along, cross, dot, put, subtract, unit, vector
+from services.mechanics.collision.surface import Body, Patch, corner_positions, node_position
 from services.mechanics.collision.tree import LEAF
 
 Box = tuple[Vector, Vector]
-# Two contacts of one probe look more than 60 degrees apart.
-APART = 0.5
+# Cosine between the directions of the two contacts of one probe at which they count as opposite walls.
+OPPOSITE = -0.25
 # A looser box than this part of the distance in question is worth tightening.
 _LOOSE = 0.1
 _STILL = (0.0, 0.0, 0.0)
@@ -30,27 +30,27 @@ def distance2_below(
 ) -> float:
     """Return a lower bound of the squared distance from segment ab to every deformed triangle below a node.
 
-    Infinite where all of them lie so far along ``direction`` that none within the limit is `APART` from it.
+    Infinite where none of them lies `OPPOSITE` to ``direction``, unless that is zero.
     """
     body.tree_visits += 1
     loose = _LOOSE * math.sqrt(limit2)
     drift = _drift(body, patch, node)
     if drift < loose:
-        return _bound2(_box(patch.seen_box, node, _STILL, drift), a, b, limit2, direction)
+        return _seen_bound2(patch, node, drift, a, b, direction)
     slack = floats(patch.reach)[node] * body.energy_norm + body.largest_residual
-    d2 = _bound2(_box(patch.box, node, _STILL, slack), a, b, limit2, direction)
+    d2 = _bound2(_box(patch.box, node, _STILL, slack), a, b, direction)
     if d2 >= limit2:
         return d2
     if ints(patch.child)[2 * node] == LEAF:
         _look_at_leaf(body, patch, node)
-        return _bound2(_box(patch.seen_box, node, _STILL, 0.0), a, b, limit2, direction)
+        return _seen_bound2(patch, node, 0.0, a, b, direction)
     tight = floats(patch.spread)[node] * body.energy_norm + 2.0 * body.largest_residual
     if slack - tight > loose:
         vertex = ints(patch.representative)[node]
         shift = subtract(node_position(body, vertex), vector(floats(body.rest), vertex))
-        d2 = max(d2, _bound2(_box(patch.box, node, shift, tight), a, b, limit2, direction))
+        d2 = max(d2, _bound2(_box(patch.box, node, shift, tight), a, b, direction))
     if drift < math.inf:
-        d2 = max(d2, _bound2(_box(patch.seen_box, node, _STILL, drift), a, b, limit2, direction))
+        d2 = max(d2, _seen_bound2(patch, node, drift, a, b, direction))
     return d2
 
 
@@ -68,13 +68,20 @@ def join_children(body: Body, patch: Patch, node: int) -> None:
 
 @kernel
 def _look_at_leaf(body: Body, patch: Patch, node: int) -> None:
-    low, high = (math.inf, math.inf, math.inf), (-math.inf, -math.inf, -math.inf)
-    span, order, corner = ints(patch.span), ints(patch.order), ints(patch.triangles)
+    """Note the box of a leaf and the slab about its mean normal, which is thin where the wall is tilted."""
+    low, high, normal = (math.inf, math.inf, math.inf), (-math.inf, -math.inf, -math.inf), _STILL
+    span, order = ints(patch.span), ints(patch.order)
     for k in range(span[2 * node], span[2 * node + 1]):
-        for c in range(3):
-            p = node_position(body, corner[3 * order[k] + c])
-            low, high = _lower(low, p), _upper(high, p)
+        p0, p1, p2 = corner_positions(body, patch, order[k])
+        normal = along(normal, cross(subtract(p1, p0), subtract(p2, p0)), 1.0)
+        low, high = _lower(_lower(low, p0), _lower(p1, p2)), _upper(_upper(high, p0), _upper(p1, p2))
+    normal = unit(normal)
+    bottom, top = math.inf, -math.inf
+    for k in range(span[2 * node], span[2 * node + 1]):
+        for p in corner_positions(body, patch, order[k]):
+            bottom, top = min(bottom, dot(p, normal)), max(top, dot(p, normal))
     _note(body, patch, node, low, high)
+    _note_slab(patch, node, normal, bottom, top)
 
 
 @kernel
@@ -82,6 +89,26 @@ def _note(body: Body, patch: Patch, node: int, low: Vector, high: Vector) -> Non
     put(floats(patch.seen_box), 2 * node, low)
     put(floats(patch.seen_box), 2 * node + 1, high)
     floats(patch.seen_travel)[node] = body.travel
+
+
+@kernel
+def _note_slab(patch: Patch, node: int, normal: Vector, bottom: float, top: float) -> None:
+    slab = floats(patch.seen_slab + 40 * node)
+    put(slab, 0, normal)
+    slab[3], slab[4] = bottom, top
+
+
+@kernel
+def _seen_bound2(patch: Patch, node: int, drift: float, a: Vector, b: Vector, direction: Vector) -> float:
+    """Return the bound from what was last seen of a node: its box, and a leaf's slab."""
+    d2 = _bound2(_box(patch.seen_box, node, _STILL, drift), a, b, direction)
+    if ints(patch.child)[2 * node] != LEAF:
+        return d2
+    slab = floats(patch.seen_slab + 40 * node)
+    normal = vector(slab, 0)
+    from_a, from_b = dot(a, normal), dot(b, normal)
+    gap = max(slab[3] - max(from_a, from_b), min(from_a, from_b) - slab[4]) - drift
+    return max(d2, gap * gap) if gap > 0.0 else d2
 
 
 @kernel
@@ -101,8 +128,8 @@ def _box(address: int, node: int, shift: Vector, slack: float) -> Box:
 
 
 @kernel
-def _bound2(box: Box, a: Vector, b: Vector, limit2: float, direction: Vector) -> float:
-    """Return the squared distance between a box and the bounds of ab, infinite beyond the excluded cone."""
+def _bound2(box: Box, a: Vector, b: Vector, direction: Vector) -> float:
+    """Return the squared distance between a box and the bounds of ab, infinite if nothing in it is opposite."""
     low, high = box
     total, nearest = 0.0, -max(dot(a, direction), dot(b, direction))
     for axis in range(3):
@@ -110,7 +137,9 @@ def _bound2(box: Box, a: Vector, b: Vector, limit2: float, direction: Vector) ->
         if gap > 0.0:
             total += gap * gap
         nearest += direction[axis] * (low[axis] if direction[axis] > 0.0 else high[axis])
-    return math.inf if nearest > APART * math.sqrt(limit2) else total
+    if nearest > OPPOSITE * math.sqrt(total) and dot(direction, direction) > 0.0:
+        return math.inf
+    return total
 
 
 @kernel

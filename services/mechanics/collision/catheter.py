@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
@@ -18,6 +16,7 @@ from services.mechanics.collision.probes import (
     ProbeSet,
     advance,
     forget,
+    is_near,
 )
 from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN
@@ -82,7 +81,7 @@ def _detect(
     probes.early = EARLY_SEARCHES
     for i in range(positions.shape[0]):
         p = (positions[i, 0], positions[i, 1], positions[i, 2])
-        if math.isnan(p[0] + p[1] + p[2]):
+        if not is_near(p):
             forget(probes, i)
             continue
         _follow_particle(shell, probes, lumen, i, p, thickness + margin)

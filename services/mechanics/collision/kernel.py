@@ -26,6 +26,13 @@ def kernel(function: F) -> F:
     return compiled
 
 
+def summing_kernel(function: F) -> F:
+    """Compile a long sum in vectorised parts: only the order of its terms is left to the compiler; decorator."""
+    compile_it = njit(cache=True, nogil=True, fastmath={"reassoc"}, error_model="numpy", _nrt=False)
+    compiled: F = compile_it(function)
+    return compiled
+
+
 Struct = Any
 """A struct as the kernels see it: a numpy record passed by reference."""
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.collision.boxes import APART
+from services.mechanics.collision.boxes import OPPOSITE
 from services.mechanics.collision.kernel import Struct, fill, flags, floats, ints, kernel, struct_type
 from services.mechanics.collision.primitives import (
     Vector,
@@ -29,7 +29,7 @@ from services.mechanics.collision.search import (
     NOTHING,
     Touch,
     closest,
-    closest_apart,
+    closest_opposite,
     distance_to_all,
     offset,
     walk,
@@ -38,9 +38,12 @@ from services.mechanics.collision.sides import UNKNOWN, Contact, settle
 from services.mechanics.collision.surface import Body, Patch
 
 MINIMA = 2
+# The second minimum is given up when the walls no longer face each other; later than it is taken up.
+STILL_OPPOSITE = OPPOSITE + 0.25
 SKIN_M = 1e-3
 # A longer jump in one tick is not motion: 20 m/s.
 JUMP_M = 20e-3
+ROOM_M = 1e3
 # Searches done ahead of need in a tick, so that probes that move together do not all search together.
 EARLY_SEARCHES = 4
 
@@ -96,6 +99,12 @@ def forget(probes: Probes, i: int) -> None:
 
 
 @kernel
+def is_near(p: Vector) -> bool:
+    """Return whether a point is in the room: no number that is not one, and none that overflows squared."""
+    return max(abs(p[0]), abs(p[1]), abs(p[2])) < ROOM_M and p[0] == p[0] and p[1] == p[1] and p[2] == p[2]
+
+
+@kernel
 def advance(
     body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float, hint: int
 ) -> None:
@@ -105,10 +114,10 @@ def advance(
     """
     last = floats(probes.ends)
     old_a, old_b = vector(last, 2 * i), vector(last, 2 * i + 1)
-    motion = math.sqrt(max(squared_distance(ends[0], old_a), squared_distance(ends[1], old_b)))
-    if math.isnan(motion):
+    if not (is_near(ends[0]) and is_near(ends[1])):
         forget(probes, i)
         return
+    motion = math.sqrt(max(squared_distance(ends[0], old_a), squared_distance(ends[1], old_b)))
     steps = 1
     if motion > JUMP_M or floats(probes.slack)[i] < 0.0:
         forget(probes, i)
@@ -138,25 +147,25 @@ def _update(
     body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float, hint: int
 ) -> None:
     triangle, side = ints(probes.triangle), flags(probes.side)
-    first = _follow(body, wall, triangle[MINIMA * i], ends)
-    second = _follow(body, wall, triangle[MINIMA * i + 1], ends)
+    first = _follow(body, wall, triangle[MINIMA * i], ends, reach)
+    second = _follow(body, wall, triangle[MINIMA * i + 1], ends, reach)
     is_lost = first[0] == NOTHING and triangle[MINIMA * i] != NOTHING
     if is_lost or _is_search_due(body, probes, i, ends):
         _search(body, wall, probes, i, ends, (first, second), (reach, hint))
         return
     if first[0] != NOTHING:
         _store(probes, i, 0, settle(body, wall, first, ends[0], ends[1], side[MINIMA * i]))
-    if second[0] != NOTHING and _is_apart(body, wall, first, second, ends):
+    if second[0] != NOTHING and _is_opposite(body, wall, first, second, ends):
         _store(probes, i, 1, settle(body, wall, second, ends[0], ends[1], side[MINIMA * i + 1]))
     else:
         triangle[MINIMA * i + 1] = NOTHING
 
 
 @kernel
-def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector]) -> Touch:
+def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector], reach: float) -> Touch:
     if triangle == NOTHING:
         return (NOTHING, math.inf, 0.0, (1.0, 0.0, 0.0))
-    return walk(body, wall, triangle, ends[0], ends[1])
+    return walk(body, wall, triangle, ends[0], ends[1], reach)
 
 
 @kernel
@@ -171,10 +180,10 @@ def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vecto
 
 
 @kernel
-def _is_apart(body: Body, wall: Patch, first: Touch, second: Touch, ends: tuple[Vector, Vector]) -> bool:
+def _is_opposite(body: Body, wall: Patch, first: Touch, second: Touch, ends: tuple[Vector, Vector]) -> bool:
     u = unit(offset(body, wall, first, ends[0], ends[1]))
     v = unit(offset(body, wall, second, ends[0], ends[1]))
-    return dot(u, v) < APART
+    return dot(u, v) < STILL_OPPOSITE
 
 
 @kernel
@@ -205,7 +214,7 @@ def _search(
     away = offset(body, wall, first, a, b)
     if dot(away, away) == 0.0:
         return
-    second = closest_apart(body, wall, a, b, reach + SKIN_M, scaled(unit(away), -1.0))
+    second = closest_opposite(body, wall, a, b, reach + SKIN_M, scaled(unit(away), -1.0))
     if second[0] != NOTHING:
         second_side = _remembered_side(second, followed, sides, hint)
         _store(probes, i, 1, settle(body, wall, second, a, b, second_side))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.boxes import APART, distance2_below, join_children
+from services.mechanics.collision.boxes import OPPOSITE, distance2_below, join_children
 from services.mechanics.collision.kernel import floats, ints, kernel
 from services.mechanics.collision.primitives import (
     Vector,
@@ -59,15 +59,20 @@ def better_neighbour(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vecto
     best, w = touch, touch[3]
     for corner in range(3):
         if w[corner] == 1.0:
-            vertex = ints(patch.triangles)[3 * touch[0] + corner]
-            start, ring = ints(patch.ring_start), ints(patch.ring)
-            for k in range(start[vertex], start[vertex + 1]):
-                best = _closer(best, touch_triangle(body, patch, ring[k], a, b))
-            return best
+            return _best_round(body, patch, ints(patch.triangles)[3 * touch[0] + corner], best, a, b)
     for edge in range(3):
         other = ints(patch.neighbour)[3 * touch[0] + edge]
         if w[(edge + 2) % 3] == 0.0 and other != NO_NEIGHBOUR:
             best = _closer(best, touch_triangle(body, patch, other, a, b))
+    return best
+
+
+@kernel
+def _best_round(body: Body, patch: Patch, vertex: int, best: Touch, a: Vector, b: Vector) -> Touch:
+    """Return the closest touch on the triangles round a vertex, ``best`` if none is closer."""
+    start, ring = ints(patch.ring_start), ints(patch.ring)
+    for k in range(start[vertex], start[vertex + 1]):
+        best = _closer(best, touch_triangle(body, patch, ring[k], a, b))
     return best
 
 
@@ -77,14 +82,20 @@ def _closer(best: Touch, other: Touch) -> Touch:
 
 
 @kernel
-def walk(body: Body, patch: Patch, triangle: int, a: Vector, b: Vector) -> Touch:
+def walk(body: Body, patch: Patch, triangle: int, a: Vector, b: Vector, near_m: float) -> Touch:
     """Descend over neighbouring triangles to a local minimum of the distance.
 
-    The distance falls strictly, so the walk ends; past `WALK_LIMIT` steps it gives up with triangle `NOTHING`.
+    Seen from within a bend every facet can be a local minimum of its own. Closer than ``near_m`` the minimum
+    is therefore one over all triangles that share a corner with it. The distance falls strictly, so the walk
+    ends; past `WALK_LIMIT` steps it gives up with triangle `NOTHING`.
     """
     touch = touch_triangle(body, patch, triangle, a, b)
     for _ in range(WALK_LIMIT):
         following = better_neighbour(body, patch, touch, a, b)
+        if following[0] == touch[0] and touch[1] < near_m * near_m:
+            for corner in range(3):
+                vertex = ints(patch.triangles)[3 * touch[0] + corner]
+                following = _best_round(body, patch, vertex, following, a, b)
         if following[0] == touch[0]:
             return touch
         touch = following
@@ -100,18 +111,18 @@ def closest(body: Body, patch: Patch, a: Vector, b: Vector, radius: float, guess
     """
     best: Touch = (NOTHING, radius * radius, 0.0, (1.0, 0.0, 0.0))
     if guess != NOTHING:
-        start = walk(body, patch, guess, a, b)
+        start = walk(body, patch, guess, a, b, 0.0)
         if start[0] != NOTHING and start[1] < best[1]:
             best = start
     return _descend(body, patch, a, b, best, (0.0, 0.0, 0.0))
 
 
 @kernel
-def closest_apart(body: Body, patch: Patch, a: Vector, b: Vector, radius: float, direction: Vector) -> Touch:
-    """Return the closest local minimum within ``radius`` that lies more than 60 degrees off ``direction``.
+def closest_opposite(body: Body, patch: Patch, a: Vector, b: Vector, radius: float, direction: Vector) -> Touch:
+    """Return the closest local minimum within ``radius`` that lies opposite to ``direction``.
 
-    ``direction`` is the unit vector from the probe to the closest touch. In a collapsed lumen or a crease
-    this is the other wall.
+    ``direction`` is the unit vector from the probe to the closest touch. In a collapsed lumen this is the
+    other wall.
     """
     return _descend(body, patch, a, b, (NOTHING, radius * radius, 0.0, (1.0, 0.0, 0.0)), direction)
 
@@ -153,15 +164,15 @@ def distance_to_all(body: Body, patch: Patch, a: Vector, b: Vector) -> float:
 
 @kernel
 def _search_leaf(body: Body, patch: Patch, node: int, a: Vector, b: Vector, best: Touch, direction: Vector) -> Touch:
-    wants_apart = dot(direction, direction) > 0.0
+    wants_opposite = dot(direction, direction) > 0.0
     span, order = ints(patch.span), ints(patch.order)
     for k in range(span[2 * node], span[2 * node + 1]):
         touch = touch_triangle(body, patch, order[k], a, b)
         if touch[1] >= best[1]:
             continue
-        if wants_apart:
+        if wants_opposite:
             towards = scaled(offset(body, patch, touch, a, b), -1.0)
-            if dot(towards, direction) > APART * math.sqrt(touch[1]):
+            if dot(towards, direction) > OPPOSITE * math.sqrt(touch[1]):
                 continue
             if better_neighbour(body, patch, touch, a, b)[0] != touch[0]:
                 continue

@@ -136,7 +136,7 @@ def _settle_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b: Ve
     from_a = dot(_above(body, patch, touch, a), normal)
     from_b = dot(_above(body, patch, touch, b), normal)
     end, s = (a, 0.0) if side * from_a < side * from_b else (b, 1.0)
-    found = walk(body, patch, touch[0], end, end)
+    found = walk(body, patch, touch[0], end, end, math.inf)
     if found[0] == NOTHING:
         return (touch, scaled(normal, float(side)), 0.0, side)
     there: Touch = (found[0], found[1], s, found[3])

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.collision.kernel import Struct, fill, floats, ints, kernel, longs, nest, struct_type
+from services.mechanics.collision.kernel import (
+    Struct,
+    fill,
+    floats,
+    ints,
+    kernel,
+    longs,
+    nest,
+    struct_type,
+    summing_kernel,
+)
 from services.mechanics.collision.primitives import Vector, dot, vector
 from services.mechanics.collision.topology import (
     fill_rim,
@@ -60,6 +70,7 @@ PATCH = struct_type(
         "reach",
         "spread",
         "seen_box",  # (k, 6) bounds of the deformed triangles when they were last looked at
+        "seen_slab",  # (k, 5) normal, lowest and highest offset of a leaf along it, at the same moment
         "seen_travel",  # (k,) the surface's travel then; negative if never
         "stack",  # (MAX_DEPTH,) nodes still to visit
         "bound",  # (MAX_DEPTH,) their distances
@@ -130,10 +141,16 @@ class DuctSurface:
         """Start a tick: modal coordinates (r,), and residual displacements (l, 3) at ``load_nodes`` (l,).
 
         A node may be named once; the residuals of the previous tick are forgotten.
+
+        Raises
+        ------
+        ValueError
+            A coordinate or displacement that is not finite; the surface stays as it was.
         """
         nodes = _NO_NODES if load_nodes is None else load_nodes
         residuals = _NO_VECTORS if load_displacements_m is None else load_displacements_m
-        _start_tick(self.shell, q, nodes, residuals)
+        if not _start_tick(self.shell, q, nodes, residuals):
+            raise ValueError("modal coordinates and residual displacements must be finite")
 
     def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
         """Write the deformed positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
@@ -178,6 +195,7 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, scaled_modes: FloatAr
         "on_rim": rim_vertices(triangles, neighbour, n),
         **tree._asdict(),
         "seen_box": tree.box.copy(),
+        "seen_slab": np.zeros((len(tree.box), 5)),
         "seen_travel": np.full(len(tree.box), -1.0),
         "stack": np.zeros(MAX_DEPTH, np.int32),
         "bound": np.zeros(MAX_DEPTH),
@@ -185,18 +203,24 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, scaled_modes: FloatAr
 
 
 @kernel
-def _start_tick(shell: Shell, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> None:
-    """Take over q and the residuals; add this tick's largest possible node motion to the travel."""
+def _start_tick(shell: Shell, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
+    """Take over q and the residuals if finite; add this tick's largest possible node motion to the travel."""
     body = shell.body
     omega, old = floats(body.omega), floats(body.q)
-    norm, change = 0.0, 0.0
+    norm, change, nothing = 0.0, 0.0, 0.0
     for k in range(body.n_modes):
         norm += (omega[k] * q[k]) ** 2
         change += (omega[k] * (q[k] - old[k])) ** 2
+    for k in range(residuals.shape[0]):
+        nothing += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0
+    if not math.isfinite(norm + change + nothing):
+        return False
+    for k in range(body.n_modes):
         old[k] = q[k]
     body.tick += 1
     body.energy_norm = math.sqrt(norm)
     body.travel += body.largest_reach * math.sqrt(change) + _replace_residuals(body, nodes, residuals)
+    return True
 
 
 @kernel
@@ -236,24 +260,17 @@ def node_position(body: Body, node: int) -> Vector:
     return vector(position, node)
 
 
-@kernel
+@summing_kernel
 def _place(body: Body, node: int) -> None:
-    """Evaluate rest + Phi q + residual in four partial sums, which vectorise without reordering anything."""
+    """Evaluate rest + Phi q + residual."""
     body.nodes_placed += 1
     q, r = floats(body.q), body.n_modes
     rest, residual, position = floats(body.rest), floats(body.residual), floats(body.position)
-    for axis in range(3):
-        row = 3 * node + axis
-        Phi = floats(body.Phi + 8 * r * row)
-        s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-        for k in range(0, r - 3, 4):
-            s0 += Phi[k] * q[k]
-            s1 += Phi[k + 1] * q[k + 1]
-            s2 += Phi[k + 2] * q[k + 2]
-            s3 += Phi[k + 3] * q[k + 3]
-        for k in range(r - r % 4, r):
-            s0 += Phi[k] * q[k]
-        position[row] = rest[row] + ((s0 + s1) + (s2 + s3)) + residual[row]
+    for row in range(3 * node, 3 * node + 3):
+        Phi, modal = floats(body.Phi + 8 * r * row), 0.0
+        for k in range(r):
+            modal += Phi[k] * q[k]
+        position[row] = rest[row] + modal + residual[row]
 
 
 @kernel

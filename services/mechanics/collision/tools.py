@@ -7,7 +7,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.collision.boxes import APART
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, segment_ends
 from services.mechanics.collision.kernel import floats, ints, kernel
 from services.mechanics.collision.primitives import (
@@ -34,6 +33,8 @@ N_SEGMENTS = 3
 SHAFT_PROBES, JAW_PROBES = 9, 5
 PROBES_PER_TOOL = SHAFT_PROBES + 2 * JAW_PROBES
 PIECE_M = 5e-3
+# Cosine between normals from which two contacts at one place count as the same.
+SAME_WAY = 0.5
 
 
 class ToolContactDetector:
@@ -188,7 +189,7 @@ def _is_repeated(probes: Probes, row: int, span: tuple[int, int]) -> bool:
             deeper = floats(probes.distance)[other] - mine
             if ints(probes.triangle)[other] == NOTHING or deeper > 0.0 or (deeper == 0.0 and j > i):
                 continue
-            is_same_way = dot(normal, vector(floats(probes.normal), other)) > APART
+            is_same_way = dot(normal, vector(floats(probes.normal), other)) > SAME_WAY
             if is_same_way and squared_distance(point, _axis_point(probes, other)) < near2:
                 return True
     return False

@@ -1,0 +1,145 @@
+"""The tree finds the closest point of a deformed duct exactly, whatever it knew before."""
+
+import numpy as np
+import pytest
+from collision_cases import (
+    deformed,
+    distance_of_hulls,
+    distances_to_triangles,
+    duct_mesh,
+    random_coordinates,
+    wavy_surface,
+)
+
+from services.mechanics.collision import search
+from services.mechanics.collision.topology import fill_rim
+
+EVERYWHERE_M = 1.0
+
+
+def closest(surface, ends, radius=EVERYWHERE_M, guess=search.NOTHING):
+    a, b = (tuple(map(float, end)) for end in ends)
+    shell = surface.shell
+    return search.closest(shell["body"], shell["wall"], a, b, radius, guess)
+
+
+def points_about(rng, n):
+    x = rng.uniform(-5e-3, 45e-3, n)
+    return np.stack([x, *rng.uniform(-7e-3, 7e-3, (2, n))], axis=1)
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return wavy_surface(duct_mesh(), np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("deformation_m", [0.0, 1e-3, 5e-3])
+def test_closest_point_equals_brute_force(surface, deformation_m):
+    rng = np.random.default_rng(int(deformation_m * 1e4))
+    for _ in range(3):
+        loaded = rng.choice(surface.mesh.n_vertices, 5, replace=False).astype(np.int32)
+        residual = rng.normal(size=(5, 3)) * 0.3 * deformation_m
+        surface.update(random_coordinates(rng, deformation_m), loaded, residual)
+        vertices = deformed(surface)
+        for p in points_about(rng, 40):
+            expected = distances_to_triangles(p, vertices, surface.mesh.triangles)
+            triangle, d2, _, w = closest(surface, (p, p), guess=int(rng.integers(-1, 50)))
+            assert np.sqrt(d2) == pytest.approx(expected.min(), abs=1e-12)
+            assert expected[triangle] == pytest.approx(expected.min(), abs=1e-12)
+            foot = np.array(w) @ vertices[surface.mesh.triangles[triangle]]
+            assert np.linalg.norm(p - foot) == pytest.approx(expected.min(), abs=1e-12)
+
+
+def test_the_residual_of_one_tick_is_forgotten_in_the_next(surface):
+    node = np.array([100], np.int32)
+    surface.update(random_coordinates(np.random.default_rng(0), 1e-3))
+    plain = deformed(surface)
+    surface.update(random_coordinates(np.random.default_rng(0), 1e-3), node, np.array([[1e-3, 2e-3, 3e-3]]))
+    moved = deformed(surface) - plain
+    assert moved[100] == pytest.approx([1e-3, 2e-3, 3e-3])
+    assert np.count_nonzero(np.abs(moved).max(axis=1) > 1e-15) == 1
+    surface.update(random_coordinates(np.random.default_rng(0), 1e-3))
+    assert deformed(surface) == pytest.approx(plain, abs=0.0)
+
+
+def test_closest_segment_equals_brute_force(surface):
+    rng = np.random.default_rng(11)
+    surface.update(random_coordinates(rng, 2e-3))
+    vertices = deformed(surface)
+    corners = vertices[surface.mesh.triangles]
+    for p in points_about(rng, 25):
+        ends = np.array([p, p + rng.normal(size=3) * 3e-3])
+        near = np.argsort(distances_to_triangles(ends.mean(0), vertices, surface.mesh.triangles))[:60]
+        expected = min(distance_of_hulls(ends, corners[k]) for k in near[:12])
+        _, d2, s, _ = closest(surface, ends)
+        assert np.sqrt(d2) <= expected + 1e-12
+        middle = ends[0] + s * (ends[1] - ends[0])
+        reached = distances_to_triangles(middle, vertices, surface.mesh.triangles).min()
+        assert np.sqrt(d2) == pytest.approx(reached, abs=1e-12)
+
+
+def test_nothing_is_found_outside_the_radius(surface):
+    surface.update(random_coordinates(np.random.default_rng(0), 0.0))
+    p = np.array([20e-3, 0.0, 12e-3])
+    expected = distances_to_triangles(p, deformed(surface), surface.mesh.triangles).min()
+    assert closest(surface, (p, p), radius=0.999 * expected)[0] == search.NOTHING
+    assert closest(surface, (p, p), radius=1.001 * expected)[0] != search.NOTHING
+
+
+def test_old_looks_never_hide_a_triangle_that_has_moved(surface):
+    """Boxes seen ticks ago are used again: they must have grown by what the wall has moved since."""
+    rng = np.random.default_rng(5)
+    q = random_coordinates(rng, 2e-3)
+    points = points_about(rng, 10)
+    for _ in range(40):
+        q = q + random_coordinates(rng, 0.3e-3)
+        loaded = rng.choice(surface.mesh.n_vertices, 3, replace=False).astype(np.int32)
+        surface.update(q, loaded, rng.normal(size=(3, 3)) * 0.5e-3)
+        vertices = deformed(surface)
+        for p in points:
+            expected = distances_to_triangles(p, vertices, surface.mesh.triangles).min()
+            assert np.sqrt(closest(surface, (p, p))[1]) == pytest.approx(expected, abs=1e-12)
+
+
+def test_second_minimum_is_the_other_wall_of_a_collapsed_duct():
+    mesh = duct_mesh()
+    flattening = np.zeros((mesh.n_vertices, 3, 1))
+    flattening[:, 1, 0] = -mesh.vertices_m[:, 1]
+    surface = type(wavy_surface(mesh, np.random.default_rng(0)))(mesh, flattening, np.ones(1), 0.25e-3)
+    surface.update(np.array([0.7]))  # a lumen 8 mm wide and 2.4 mm high
+    p, shell = (20e-3, 0.3e-3, 0.0), surface.shell
+    first = closest(surface, (p, p))
+    assert np.sqrt(first[1]) == pytest.approx(0.9e-3, abs=0.02e-3)
+    second = search.closest_opposite(shell["body"], shell["wall"], p, p, 2e-3, (0.0, 1.0, 0.0))
+    assert np.sqrt(second[1]) == pytest.approx(1.5e-3, abs=0.02e-3)
+    none = search.closest_opposite(shell["body"], shell["wall"], p, p, 1.4e-3, (0.0, 1.0, 0.0))
+    assert none[0] == search.NOTHING
+
+
+def test_cost_grows_with_the_logarithm_of_the_mesh():
+    """Triangle tests and nodes placed per search, from nothing known, over a 16-fold finer mesh."""
+    costs = []
+    for n in (24, 48, 96):
+        rng = np.random.default_rng(1)
+        surface = wavy_surface(duct_mesh(n, 2 * n), rng)
+        surface.update(random_coordinates(rng, 1e-3))
+        before = surface.cost
+        for p in points_about(rng, 60):
+            closest(surface, (p, p))
+        after = surface.cost
+        costs.append((after.triangle_tests - before.triangle_tests) / 60.0)
+    growth = np.diff(costs)
+    assert (growth < 0.6 * costs[0]).all(), f"triangle tests per search: {costs}"
+
+
+def test_a_cap_of_least_area_closes_a_rim():
+    mesh = duct_mesh(n_around=36)
+    rim = mesh.vertex_sets["mouth"]
+    a, b, c = (mesh.vertices_m[fill_rim(mesh.vertices_m, rim)[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    assert area == pytest.approx(0.5 * 36 * np.sin(2.0 * np.pi / 36) * 16e-6)
+    surface = wavy_surface(mesh, np.random.default_rng(0))
+    edges = np.concatenate([mesh.triangles, *(fill_rim(mesh.vertices_m, loop) for loop in surface.rims)])
+    directed = edges[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    assert len({tuple(e) for e in directed}) == len(directed)
+    assert {tuple(e) for e in directed} == {tuple(e[::-1]) for e in directed}
