@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from services.mechanics.effects.base import Effect
 from services.mechanics.fem import ElementChoice, Orthotropy, ShellSection, clamp
 from services.mechanics.mesh import TriangleMesh
 from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice
 from services.mechanics.scene import DuctScene
+
+if TYPE_CHECKING:  # the effect of the nonlinear membrane needs this module
+    from services.mechanics.effects.base import Effect
 
 
 def duct_recipe(duct: DuctScene, mesh: TriangleMesh, effects: Mapping[str, Effect]) -> DuctRecipe:
