@@ -53,7 +53,7 @@ class Device(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Make the device ready to be read; force stays off. May take seconds.
+        """Make the device ready to be read; force stays off. May take seconds. `close` follows, failed or not.
 
         Raises
         ------

@@ -113,7 +113,6 @@ class OdriveGrasp(Grasp):
         link = OdriveLink(canbus.open_bus(self._bus_settings, self._where), self._node)
         self._link = link
         if not self._find(link):
-            self.close()
             raise DeviceError(f"{self._where}: no heartbeat of node {self._node} within {self.found_timeout_s:g} s")
         link.send(cansimple.CLEAR_ERRORS, b"\0")
         link.send(
@@ -123,9 +122,13 @@ class OdriveGrasp(Grasp):
         link.send(cansimple.SET_CONTROLLER_MODE, mode)
         link.send_torque(0.0)
 
+    def may_come(self) -> bool:
+        """Return whether it makes sense to wait for the drive."""
+        return True
+
     def _find(self, link: OdriveLink) -> bool:
         until_ns = time.monotonic_ns() + round(self.found_timeout_s * 1e9)
-        while link.state is None and time.monotonic_ns() < until_ns:
+        while link.state is None and self.may_come() and time.monotonic_ns() < until_ns:
             time.sleep(0.005)
             link.receive()
         return link.state is not None

@@ -39,7 +39,7 @@ class Driver(OdriveGrasp):
     """Spawns the node, then is an ordinary ODrive handle."""
 
     #: A process takes a while to start on a busy machine.
-    found_timeout_s = 20.0
+    found_timeout_s = 60.0
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         own = driver.read_settings(SimulatedGraspSettings, settings, place)
@@ -63,13 +63,16 @@ class Driver(OdriveGrasp):
         """Start the node and find it on its bus."""
         command = [sys.executable, "-m", "services.gateway.drive_node", msgspec.json.encode(self.task).decode()]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True)
-        process = self.process
         try:
             super().open()
-        except DeviceError as error:
-            process.poll()
-            ended = "" if process.returncode is None else f"; its process ended with code {process.returncode}"
-            raise DeviceError(f"{error}{ended}") from None
+        except DeviceError:
+            if self.may_come():
+                raise
+            raise DeviceError(f"{self._where}: the emulated drive ended with code {self.process.returncode}") from None
+
+    def may_come(self) -> bool:
+        """Return whether the node's process lives."""
+        return self.process is not None and self.process.poll() is None
 
     def close(self) -> None:
         """End the node after the drive was let go."""
