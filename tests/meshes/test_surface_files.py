@@ -84,6 +84,14 @@ def test_scaling_gives_the_wanted_lumen(tmp_path):
     assert lumen_diameter_m(duct.mesh) == pytest.approx(9e-3, rel=1e-6)
 
 
+def test_edge_length_is_that_of_the_scaled_duct(tmp_path):
+    path = save(CONE, tmp_path / "duct.stl")
+    duct = load_duct_surface(path, SurfaceSettings("m", lumen_diameter_m=14e-3, edge_m=2e-3))
+    edges, _ = unique_edges(duct.mesh)
+    lengths = np.linalg.norm(duct.mesh.vertices_m[edges[:, 0]] - duct.mesh.vertices_m[edges[:, 1]], axis=1)
+    assert np.median(lengths) == pytest.approx(2e-3, rel=0.1)
+
+
 def test_a_surface_wound_inwards_is_turned_out():
     repaired = repair_surface(TriangleMesh(CONE.vertices_m, CONE.triangles[:, ::-1]))
     assert enclosed_volume_m3(repaired.mesh) > 0
@@ -118,6 +126,7 @@ def test_dust_is_dropped_and_a_fin_is_cut_off():
     dust = TriangleMesh(np.array([[0.1, 0, 0], [0.1, 1e-4, 0], [0.1, 0, 1e-4]]), np.array([[0, 1, 2]]))
     fin = np.array([[0, 0, 3 * R]]) + CONE.vertices_m[400]
     with_fin = TriangleMesh(np.vstack([CONE.vertices_m, fin]), np.vstack([CONE.triangles, [400, 401, CONE.n_vertices]]))
+    assert "1 edges shared by more than two triangles" in str(check_surface(with_fin)[0])
     repaired = repair_surface(joined(with_fin, dust))
     assert repaired.mesh.n_triangles == CONE.n_triangles
     assert triangle_areas_m2(repaired.mesh).sum() == pytest.approx(triangle_areas_m2(CONE).sum(), rel=1e-9)
@@ -133,6 +142,18 @@ def crossing_tubes():
     pushed = np.hypot(vertices[:, 0] - 0.5 * L, vertices[:, 1] - R) < 2.5e-3
     vertices[pushed, 1] -= 2.5 * R
     return TriangleMesh(vertices, CONE.triangles)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize("size", [1.0, 0.01])
+def test_a_needle_through_a_triangle_is_found_whichever_is_larger(swap, size):
+    """The needle's edge pierces the triangle; none of the triangle's edges pierces the needle."""
+    plate = size * np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1.5, 0]])
+    needle = 0.1 * np.array([[0.0, 0, -1], [0.01, 0, 1], [0, 0.01, 1]]) * [min(size, 1), min(size, 1), 1]
+    parts = [needle, plate] if swap else [plate, needle]
+    apart = np.array([[5.0, 0, 0], [6, 0, 0], [5, 1, 0]])
+    mesh = TriangleMesh(np.concatenate([*parts, apart]), np.arange(9).reshape(3, 3))
+    assert crossing_triangles(mesh).tolist() == [0, 1]
 
 
 def moebius_band():
