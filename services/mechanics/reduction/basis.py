@@ -109,20 +109,28 @@ def gather_modes(nodes: IntArray, weights: FloatArray, Phi: FloatArray, out: Flo
 
 @njit(cache=True, nogil=True, fastmath=False)
 def add_modal_compliance(rows: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
-    """Add rows diag(gain) rows^T, (c, r) by (r,), to ``out`` (c, c); ``scratch`` has at least c * r items.
+    """Add rows diag(gain) rows^T, (c, r) by (r,), to the symmetric ``out`` (c, c); ``scratch`` holds c * r items.
 
-    The sum runs over modes in the outer loop: the inner one then needs no reordering of a sum and is
-    vectorised without relaxing the arithmetic.
+    The sum runs over modes outside and rows inside: nothing needs to be reordered for it to be vectorised. Four
+    modes at a time are added to a row, and only below the diagonal, which is then mirrored.
     """
     n_rows, n_modes = rows.shape
     columns = scratch[: n_modes * n_rows].reshape(n_modes, n_rows)
     for row in range(n_rows):
         for mode in range(n_modes):
             columns[mode, row] = rows[row, mode]
-    for mode in range(n_modes):
-        column = columns[mode]
-        for row in range(n_rows):
-            factor = gain[mode] * column[row]
-            target = out[row]
-            for other in range(n_rows):
-                target[other] += factor * column[other]
+    whole = n_modes - n_modes % 4
+    for row in range(n_rows):
+        for m in range(0, whole, 4):
+            a, b = gain[m] * columns[m, row], gain[m + 1] * columns[m + 1, row]
+            c, d = gain[m + 2] * columns[m + 2, row], gain[m + 3] * columns[m + 3, row]
+            for other in range(row + 1):
+                out[row, other] += (a * columns[m, other] + b * columns[m + 1, other]) + (
+                    c * columns[m + 2, other] + d * columns[m + 3, other]
+                )
+        for m in range(whole, n_modes):
+            a = gain[m] * columns[m, row]
+            for other in range(row + 1):
+                out[row, other] += a * columns[m, other]
+        for other in range(row):
+            out[other, row] = out[row, other]

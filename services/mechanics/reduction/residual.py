@@ -85,6 +85,10 @@ class Residual:
         apply(self.blocks, self.starts, self.neighbours, self.n_nodes, load_nodes, load_forces, nodes, out)
 
 
+# The kernels index whole arrays instead of slicing blocks out of them: a slice in numba counts references, which
+# costs more than the nine products of a block.
+
+
 @njit(cache=True, nogil=True, fastmath=False)
 def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, column: int) -> int:
     """Return where the block of two nodes lies, -1 where there is none."""
@@ -109,11 +113,12 @@ def gather(
     """Copy the blocks between ``nodes`` (k,) into ``out`` (3 k, 3 k), using their symmetry."""
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
-            _clear_block(out, a, b)
             place = block_index(starts, neighbours, n_nodes, nodes[a], nodes[b])
-            if place >= 0:
-                _add_block(out, a, b, 1.0, blocks[place])
-            _mirror_block(out, a, b)
+            for i in range(3):
+                for j in range(3):
+                    value = blocks[place, i, j] if place >= 0 else 0.0
+                    out[3 * a + i, 3 * b + j] = value
+                    out[3 * b + j, 3 * a + i] = value
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -129,15 +134,31 @@ def gather_points(
     """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
-            _clear_block(out, a, b)
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for corner in range(3):
                 for other in range(3):
                     weight = weights[a, corner] * weights[b, other]
-                    if weight != 0.0:
-                        place = block_index(starts, neighbours, n_nodes, nodes[a, corner], nodes[b, other])
-                        if place >= 0:
-                            _add_block(out, a, b, weight, blocks[place])
-            _mirror_block(out, a, b)
+                    if weight == 0.0:
+                        continue
+                    place = block_index(starts, neighbours, n_nodes, nodes[a, corner], nodes[b, other])
+                    if place < 0:
+                        continue
+                    xx += weight * blocks[place, 0, 0]
+                    xy += weight * blocks[place, 0, 1]
+                    xz += weight * blocks[place, 0, 2]
+                    yx += weight * blocks[place, 1, 0]
+                    yy += weight * blocks[place, 1, 1]
+                    yz += weight * blocks[place, 1, 2]
+                    zx += weight * blocks[place, 2, 0]
+                    zy += weight * blocks[place, 2, 1]
+                    zz += weight * blocks[place, 2, 2]
+            row, column = 3 * a, 3 * b
+            out[row, column], out[row, column + 1], out[row, column + 2] = xx, xy, xz
+            out[row + 1, column], out[row + 1, column + 1], out[row + 1, column + 2] = yx, yy, yz
+            out[row + 2, column], out[row + 2, column + 1], out[row + 2, column + 2] = zx, zy, zz
+            for i in range(3):
+                for j in range(3):
+                    out[column + j, row + i] = out[row + i, column + j]
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -153,30 +174,15 @@ def apply(
 ) -> None:
     """Add R f of the loads (l, 3) to the displacements ``out`` (k, 3) of ``nodes``."""
     for a in range(nodes.shape[0]):
+        x, y, z = 0.0, 0.0, 0.0
         for b in range(load_nodes.shape[0]):
             place = block_index(starts, neighbours, n_nodes, nodes[a], load_nodes[b])
-            if place >= 0:
-                block, force = blocks[place], load_forces[b]
-                for i in range(3):
-                    out[a, i] += block[i, 0] * force[0] + block[i, 1] * force[1] + block[i, 2] * force[2]
-
-
-@njit(cache=True, nogil=True, fastmath=False)
-def _clear_block(out: FloatArray, a: int, b: int) -> None:
-    for i in range(3):
-        for j in range(3):
-            out[3 * a + i, 3 * b + j] = 0.0
-
-
-@njit(cache=True, nogil=True, fastmath=False)
-def _add_block(out: FloatArray, a: int, b: int, weight: float, block: BlockArray) -> None:
-    for i in range(3):
-        for j in range(3):
-            out[3 * a + i, 3 * b + j] += weight * block[i, j]
-
-
-@njit(cache=True, nogil=True, fastmath=False)
-def _mirror_block(out: FloatArray, a: int, b: int) -> None:
-    for i in range(3):
-        for j in range(3):
-            out[3 * b + j, 3 * a + i] = out[3 * a + i, 3 * b + j]
+            if place < 0:
+                continue
+            fx, fy, fz = load_forces[b, 0], load_forces[b, 1], load_forces[b, 2]
+            x += blocks[place, 0, 0] * fx + blocks[place, 0, 1] * fy + blocks[place, 0, 2] * fz
+            y += blocks[place, 1, 0] * fx + blocks[place, 1, 1] * fy + blocks[place, 1, 2] * fz
+            z += blocks[place, 2, 0] * fx + blocks[place, 2, 1] * fy + blocks[place, 2, 2] * fz
+        out[a, 0] += x
+        out[a, 1] += y
+        out[a, 2] += z
