@@ -20,7 +20,7 @@ class Topic:
     """A row of the table.
 
     `delivery` "latest": a reader keeps the newest frame only; "every": all frames in order, drops counted.
-    `command`: a reader acts on it, so a number that is not finite refuses the whole frame.
+    `command`: a reader acts or computes with it, so a number that is not finite refuses the whole frame.
     """
 
     name: str
@@ -37,10 +37,10 @@ class Topic:
 _MOTION = 0.005  # seconds: five ticks; what moves the hand is stale after that
 
 
-def _row(name: str, readers: str, body: type[msgspec.Struct], version: int, *, command: bool = False) -> Topic:
-    """Return a 1 kHz state topic."""
+def _row(name: str, readers: str, body: type[msgspec.Struct], version: int) -> Topic:
+    """Return a 1 kHz state topic: others compute with it, so that every number must be one."""
     publisher = name.split(".")[0]
-    return Topic(name, publisher, tuple(readers.split()), body, version, 1000.0, "latest", _MOTION, command)
+    return Topic(name, publisher, tuple(readers.split()), body, version, 1000.0, "latest", _MOTION, command=True)
 
 
 def _health(process: str) -> Topic:
@@ -52,8 +52,8 @@ _EVERYONE = ("physics", "haptics", "gateway", "visualization", "recorder")
 
 _ROWS = (
     _row("gateway.state", "haptics visualization recorder", bodies.GatewayState, 1),
-    _row("haptics.contact_model", "gateway recorder", bodies.ContactModel, 1, command=True),
-    _row("haptics.contacts", "physics recorder", bodies.ToolContacts, 1, command=True),
+    _row("haptics.contact_model", "gateway recorder", bodies.ContactModel, 1),
+    _row("haptics.contacts", "physics recorder", bodies.ToolContacts, 1),
     _row("physics.duct", "haptics visualization recorder", bodies.Duct, 1),
     _row("physics.catheter", "haptics visualization recorder", bodies.Catheter, 1),
     _row("physics.contacts", "haptics visualization recorder", bodies.PhysicsContacts, 1),

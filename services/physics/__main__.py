@@ -41,14 +41,17 @@ class Physics:
         if not self._reader.take(frame.body):
             self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
             return
-        for _ in range(steps):
-            self.simulation.step(self._reader.tools, self._reader.pairs)
-            for stage, cost_ns in self.simulation.stage_cost_ns.items():
-                self._process.health.stages.add(stage, cost_ns)
-        healthy = self._guard.watch()
+        healthy = all(self._step() for _ in range(steps))
         if not healthy:
             self._reset()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
+
+    def _step(self) -> bool:
+        """Take one step; False if the state it leads to is not a number, which no kernel may ever see."""
+        self.simulation.step(self._reader.tools, self._reader.pairs)
+        for stage, cost_ns in self.simulation.stage_cost_ns.items():
+            self._process.health.stages.add(stage, cost_ns)
+        return self._guard.watch()
 
     def _reset(self) -> None:
         self.resets += 1

@@ -64,12 +64,12 @@ class Outputs:
         rows = s.contacts
         n = rows.n_contacts
         tools, forces = rows.tool[:n], s.contact_force_n
-        pressed = forces.any(axis=1)
-        held = rows.kind[:n] == HOLD
+        pressed: Mask = np.asarray(forces.any(axis=1))
+        held: Mask = np.asarray(rows.kind[:n] == HOLD)
         return PhysicsContacts(
             tick=tick,
             tools=tuple(
-                self._tool(i, tool.position_m, tools == i, pressed, held)
+                self._tool(i, tool.position_m, np.equal(tools, i), pressed, held)
                 for i, tool in enumerate(answered.body.tools[:N_TOOLS])
             ),
             kind=pack(_kinds(rows), "|i1"),

@@ -1,0 +1,83 @@
+"""A rig in memory: haptics and physics on one hub, with a hand that the test moves."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from protocol import TOPICS
+from protocol.bodies import GatewayState, InstrumentState
+from protocol.topics import published_by, read_by
+from services.haptics.__main__ import Haptics
+from services.physics.__main__ import Physics
+from services.runtime.health import HealthReporter
+from services.runtime.loop import LoopMeter, TickClock
+from services.runtime.memory_bus import MemoryBus, MemoryHub
+
+SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
+STALE_S = 1.0
+PORTS = ((0.06, -0.10, 0.13), (0.08, 0.10, 0.13))
+
+
+@dataclass
+class FakeProcess:
+    """What `Physics` and `Haptics` ask of their process."""
+
+    name: str
+    hub: MemoryHub
+    scene_name: str = str(SMALL)
+    scene_overrides: tuple[str, ...] = ()
+    log: logging.Logger = field(default_factory=lambda: logging.getLogger("test"))
+
+    def __post_init__(self) -> None:
+        topics = {"publishes": [r.name for r in published_by(self.name)], "reads": [r.name for r in read_by(self.name)]}
+        self.bus = MemoryBus(self.hub, **topics)
+        self.health = HealthReporter(self.name, self.bus)
+
+
+class Rig:
+    """Gateway by hand, haptics and physics for real, on a bus in memory."""
+
+    def __init__(self) -> None:
+        self.hub = MemoryHub()
+        self.gateway = MemoryBus(self.hub, publishes=["gateway.state"], reads=["haptics.contact_model"])
+        self.haptics_process, self.physics_process = FakeProcess("haptics", self.hub), FakeProcess("physics", self.hub)
+        self.haptics = Haptics(self.haptics_process)  # type: ignore[arg-type]
+        self.physics = Physics(self.physics_process)  # type: ignore[arg-type]
+        self.clock = TickClock(LoopMeter(1000.0))
+        self.tick = 0
+
+    def turn(self, *hips_m: tuple[float, float, float], handle_rad: float = 0.5) -> None:
+        """One millisecond: device frame, haptics, physics."""
+        instruments = tuple(
+            InstrumentState(name=f"{i}", position_m=hip, port_m=PORTS[i], handle_angle_rad=handle_rad)
+            for i, hip in enumerate(hips_m)
+        )
+        state = GatewayState(tick=self.tick, instruments=instruments)
+        self.gateway.publish("gateway.state", state, origin_ns=time.monotonic_ns())
+        self.tick += 1
+        frame = self.haptics_process.bus.latest("gateway.state")
+        assert frame is not None
+        self.haptics.answer(frame)
+        contacts = self.physics_process.bus.latest("haptics.contacts")
+        assert contacts is not None, self.physics_process.bus.reports()
+        self.physics.advance(contacts, self.clock.steps(contacts.body.tick))
+
+    def model(self) -> object:
+        """Return the newest contact model's first instrument."""
+        frame = self.gateway.latest("haptics.contact_model")
+        assert frame is not None
+        return frame.body.instruments[0]
+
+
+@pytest.fixture
+def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
+    # Turns are made faster than a rig's; the flood limit is tested elsewhere.
+    monkeypatch.setattr("services.runtime.bus.FLOOD_FACTOR", 1e6)
+    # A turn may take longer than a tick on a busy machine: what is old is decided by the test.
+    monkeypatch.setitem(TOPICS, "physics.contacts", replace(TOPICS["physics.contacts"], stale_after_s=STALE_S))
+    return Rig()

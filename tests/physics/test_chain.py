@@ -1,0 +1,167 @@
+"""Haptics and physics together: forces out of mechanics, wrong frames refused, a NaN survived."""
+
+from __future__ import annotations
+
+import time
+
+import msgspec
+import numpy as np
+import pytest
+
+from protocol.arrays import pack
+from protocol.bodies import GatewayState, GraspHold, InstrumentState
+from services.physics.inputs import ContactsReader
+from tests.physics.conftest import STALE_S, Rig
+
+FAR = (0.02, -0.05, 0.08)
+
+
+def _hold(rig: Rig, height_m: float, ticks: int) -> None:
+    """Keep J of the first tool at a height above the axis, half way along the duct."""
+    for _ in range(ticks):
+        rig.turn((0.02, 0.0, height_m), FAR)
+
+
+def _press(rig: Rig, ticks: int, down_to_m: float = 0.006) -> None:
+    """Lower J from above until the jaws are in the wall."""
+    for k in range(ticks):
+        _hold(rig, 0.010 - (0.010 - down_to_m) * min(1.0, 2.0 * k / ticks), 1)
+
+
+def test_free_tools_feel_nothing(rig: Rig) -> None:
+    for _ in range(20):
+        rig.turn(FAR, FAR)
+    model = rig.model()
+    assert model.force_n == (0.0, 0.0, 0.0)
+    assert not model.in_contact
+
+
+def test_pressing_the_wall_pushes_back(rig: Rig) -> None:
+    """The force grows with depth and lifts the tool; K lies between the static slope and the coupling's spring.
+
+    K is what the hand meets within a tick, when inertia still holds the wall: at least the slope of settled forces.
+    """
+    _press(rig, 200)
+    forces = []
+    for height in (0.0060, 0.0056):
+        _hold(rig, height, 400)
+        forces.append(rig.physics.simulation.tool_results.force_n[0].copy())
+    assert 0.0 < forces[0][2] < forces[1][2]
+    model = rig.model()
+    K = np.array(model.stiffness_n_m).reshape(3, 3)
+    symmetric = np.linalg.eigvalsh(0.5 * (K + K.T))
+    coupling = rig.physics.simulation.scene.forceps[0].coupling_stiffness_n_m
+    assert model.in_contact
+    assert symmetric.min() > -1e-9 * coupling
+    assert symmetric.max() <= coupling * (1.0 + 1e-9)
+    assert K[2, 2] >= 0.9 * (forces[1][2] - forces[0][2]) / 0.0004
+
+
+def test_when_physics_falls_silent_no_force_is_known(rig: Rig) -> None:
+    _press(rig, 100)
+    assert rig.model().in_contact
+    time.sleep(STALE_S + 0.01)
+    state = GatewayState(tick=rig.tick, instruments=(InstrumentState(name="0", position_m=(0.02, 0.0, 0.006)),))
+    rig.gateway.publish("gateway.state", state)
+    frame = rig.haptics_process.bus.latest("gateway.state")
+    assert frame is not None
+    rig.haptics.answer(frame)
+    answer = rig.gateway.latest("haptics.contact_model")
+    assert answer is not None
+    assert not answer.valid
+    assert not answer.body.instruments[0].in_contact
+
+
+def test_indices_that_point_nowhere_are_refused_whole(rig: Rig) -> None:
+    """Kernels trust indices: one that is out of range must never reach them."""
+    _press(rig, 60)
+    reader = ContactsReader(rig.physics.simulation)
+    bodies = []
+    rig.turn((0.02, 0.0, 0.006), FAR)
+    sender = rig.haptics_process.bus
+    spy = type(rig.gateway)(rig.hub, reads=["haptics.contacts"])
+    rig.turn((0.02, 0.0, 0.006), FAR)
+    frame = spy.latest("haptics.contacts")
+    assert frame is not None
+    good = frame.body
+    n = len(good.target.view())
+    assert n > 0
+    assert reader.take(good)
+    for field, value, dtype in [
+        ("target", 10**6, "<i4"), ("target", -1, "<i4"), ("tool", 2, "|i1"), ("tool", -1, "|i1"),
+        ("tool_segment", 3, "|i1"), ("target_kind", 2, "|i1"), ("target_kind", -1, "|i1"),
+    ]:  # fmt: skip
+        column = getattr(good, field).view().copy()
+        column[-1] = value
+        bodies.append(msgspec.structs.replace(good, **{field: pack(column, dtype)}))
+    hold = GraspHold(
+        hold_id=1, tool=0, target_kind=1, target=20, target_weights=(1.0, 0.0, 0.0), limit_n=1.0, jaw_angle_rad=0.1
+    )
+    bodies.append(msgspec.structs.replace(good, holds=(hold,)))
+    bodies.append(msgspec.structs.replace(good, holds=(msgspec.structs.replace(hold, tool=5, target=1),)))
+    for body in bodies:
+        assert not reader.take(body)
+    assert reader.refused == len(bodies)
+    assert sender is not None
+
+
+def test_the_same_frames_give_the_same_physics(rig: Rig) -> None:
+    """Bit for bit, however late each frame was: what the hands did decides, not when."""
+    spy = type(rig.gateway)(rig.hub, reads_every=["haptics.contacts"])
+    _press(rig, 80)
+    frames = spy.drain("haptics.contacts")
+    states = []
+    for _ in range(2):
+        rig.physics._begin()
+        for frame in frames:
+            rig.physics.advance(frame, 1)
+        states.append(
+            (rig.physics.simulation.duct_state.q.copy(), rig.physics.simulation.catheter.state.position_m.copy())
+        )
+    np.testing.assert_array_equal(states[0][0], states[1][0])
+    np.testing.assert_array_equal(states[0][1], states[1][1])
+
+
+def test_a_state_that_is_no_number_is_written_down_and_replaced(
+    rig: Rig, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _press(rig, 40)
+    simulation = rig.physics.simulation
+    step = simulation.step
+
+    def diverge(*arguments: object) -> None:
+        step(*arguments)  # type: ignore[arg-type]
+        simulation.duct_state.q[3] = np.nan
+
+    monkeypatch.setattr(simulation, "step", diverge)
+    spy = type(rig.gateway)(rig.hub, reads=["physics.contacts"])
+    rig.turn(FAR, FAR)
+    assert rig.physics.resets == 1
+    assert "not a number" in caplog.text
+    answer = spy.latest("physics.contacts")
+    assert answer is not None
+    assert not answer.valid
+    rig.turn(FAR, FAR)
+    assert rig.physics.resets == 1
+    assert np.isfinite(rig.physics.simulation.duct_state.q).all()
+
+
+def test_frames_that_do_not_fit_the_scene_are_refused(rig: Rig) -> None:
+    for _ in range(3):
+        rig.turn(FAR, FAR)
+    world = rig.haptics.world
+    spy = type(rig.gateway)(rig.hub, reads=["physics.duct", "physics.catheter"])
+    rig.turn(FAR, FAR)
+    duct, catheter = spy.latest("physics.duct"), spy.latest("physics.catheter")
+    assert duct is not None
+    assert catheter is not None
+    for body in (
+        msgspec.structs.replace(duct.body, basis_hash="another"),
+        msgspec.structs.replace(duct.body, q=pack(np.zeros(3)), q_rate=pack(np.zeros(3))),
+        msgspec.structs.replace(duct.body, load_node=pack([10**6], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
+        msgspec.structs.replace(duct.body, load_node=pack([-1], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
+    ):
+        world.take_duct(msgspec.structs.replace(duct, body=body))
+    few = msgspec.structs.replace(catheter.body, position_m=pack(np.zeros((4, 3))), velocity_m_s=pack(np.zeros((4, 3))))
+    world.take_catheter(msgspec.structs.replace(catheter, body=few))
+    assert world.refused == {"basis": 2, "load_node": 2, "particles": 1}

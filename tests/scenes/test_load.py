@@ -1,0 +1,52 @@
+"""Scene files: every one of the repository loads, and every mistake is one sentence that names the key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.scenes import load_scene, scene_origins
+
+SMALL = Path(__file__).parent / "small.yaml"
+SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
+def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
+    load_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("duct: {radius: 4}", r"a.yaml: duct.radius: unknown key 'radius'; known: .*radius_m"),
+        ("tube: {}", r"a.yaml: tube: unknown key 'tube'; known: .*duct"),
+        ("duct: {radius_m: wide}", r"a.yaml: duct.radius_m: input should be a valid number"),
+        ("forceps: [{jaw: 1}, {}]", r"forceps.0.jaw: unknown key 'jaw'; known: .*jaw_length_m"),
+        ("effects: {magic: {}}", r"a.yaml: effects: unknown effect 'magic'; known: gravity, "),
+        ("effects: {friction: {mu: 0.3}}", r"effects.friction: unknown key 'mu'; known: "),
+        ("contact: {model: hope}", r"contact.model: input should be 'implicit' or 'penalty'"),
+    ],
+)
+def test_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        load_scene(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_overrides_win_and_are_remembered() -> None:
+    scene, origins = scene_origins(SMALL, ["duct.n_modes=12", "effects.friction.mu_static=0.4"])
+    assert scene.duct.n_modes == 12
+    assert origins["duct.n_modes"] == "--set"
+    assert origins["duct.n_along"] == str(SMALL)
+
+
+def test_options_are_told_apart_by_their_first_key() -> None:
+    rig, scene = config.split_overrides(["gateway.force_limit_n=1", "duct.n_modes=12", "scene=paper"])
+    assert rig == ("gateway.force_limit_n=1", "scene=paper")
+    assert scene == ("duct.n_modes=12",)
