@@ -78,6 +78,11 @@ class Servo:
         return float(self._memory[layout.MEMORY_TORQUE])
 
     @property
+    def limp(self) -> bool:
+        """Whether neither force nor torque is on."""
+        return not self.force_n.any() and self.torque_nm == 0.0
+
+    @property
     def scale(self) -> float:
         """How much of the model reaches the hand: 0 limp to 1."""
         return float(self._memory[layout.MEMORY_SCALE])

@@ -166,7 +166,8 @@ def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: Flo
 @kernel
 def _passivity_damping(motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> float:
     v2 = motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2
-    if memory[MEMORY_ENERGY] >= 0.0 or v2 < STILL_M_S**2 or now[NOW_DT] <= 0.0:
+    still = v2 < STILL_M_S**2 or now[NOW_DT] <= 0.0
+    if memory[MEMORY_ENERGY] >= 0.0 or still or now[NOW_GAIN] == 0.0:
         return 0.0
     return float(min(-memory[MEMORY_ENERGY] / (now[NOW_DT] * v2), limits[LIMIT_DAMPING]))
 

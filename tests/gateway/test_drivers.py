@@ -172,6 +172,22 @@ def test_a_simulated_arm_leaves_no_force(settings_of: Callable[[str], Any]) -> N
         np.testing.assert_array_equal(arm.force_n, 0.0)  # type: ignore[attr-defined]
 
 
+def test_a_stall_of_the_gateway_is_not_a_fast_hand(settings_of: Callable[[str], Any]) -> None:
+    reading = np.zeros(layout.READ_SIZE)
+    with settings_of("phantom_simulated") as settings:
+        arm = driver.load_arm(settings, PLACE)
+        arm.open()
+        arm.enable()
+        speeds = []
+        # One in two hundred ticks comes 15 ms late: the hand of the script never moves faster than 0.03 m/s.
+        time_ns = 1
+        for k in range(2000):
+            time_ns += TICK_NS * (15 if k % 200 == 0 else 1)
+            arm.read(time_ns, reading)
+            speeds.append(float(np.linalg.norm(reading[layout.READ_VELOCITY : layout.READ_VELOCITY + 3])))
+    assert 0.01 < max(speeds) < 0.06
+
+
 class Odrive:
     """The CAN driver on an in-process bus with an emulated drive."""
 

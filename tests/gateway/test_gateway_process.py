@@ -62,16 +62,18 @@ def _assert_goes_limp(bench: Bench) -> None:
 
 def test_a_safe_stop_is_limp_until_armed_and_a_gateway_ends_when_asked(bench: Bench) -> None:
     gateway = bench.gateway()
-    bench.haptics(0.2)
-    bench.until(lambda i: i.state == "active" and i.applied_force_n[2] > 0.19)
+    bench.haptics(FORCE_N)
+    bench.until(_felt)
     bench.tell(safe_stop=True)
     bench.until(lambda i: i.state == "ready")
     np.testing.assert_array_equal(forces(bench.listen(0.4))[50:], 0.0)
     bench.tell(safe_stop=False)
     bench.until(lambda i: i.state == "active")
-    assert_never_a_kick(bench.frames)
+    bench.until(_felt)
     gateway.terminate()
     assert gateway.wait(10) == 0
+    np.testing.assert_array_equal(forces(bench.listen(0.1))[-1], 0.0)  # let go at the rate limit, not dropped
+    assert_never_a_kick(bench.frames)
     frame = bench.bus.latest("gateway.health")
     assert frame is not None
     assert frame.body.state == "stopping"

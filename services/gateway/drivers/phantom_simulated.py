@@ -10,7 +10,7 @@ from pydantic import Field
 from services.gateway import driver, pose, premium_model, simulated_arm
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
-from services.gateway.layout import READ_ROLL, FloatArray
+from services.gateway.layout import READ_ROLL, READ_SIZE, FloatArray
 from services.gateway.script import ROLL, read_player
 from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from services.runtime.errors import ConfigError
@@ -43,6 +43,7 @@ class Driver(Arm):
         self._centre = premium_model.centre()
         self._stand = np.array([*pose.pack_mount(place.mount), *self._centre])
         self._force = np.zeros(3)
+        self._reading = np.zeros(READ_SIZE)
         self._hand = np.zeros(simulated_arm.HAND_SIZE)
         self._hand[HAND_STIFFNESS] = self._settings.hand_stiffness_n_m
         self._hand[HAND_DAMPING] = self._settings.hand_damping_n_s_m
@@ -65,6 +66,7 @@ class Driver(Arm):
     def open(self) -> None:
         """Calibrate at once. A step of a copy makes the kernels ready."""
         simulated_arm.ArmState(self.arm.angles, 100.0).step(self._force, self._hand)
+        self.arm.read(self._centre, self._reading)
         self.calibrated = True
 
     def enable(self) -> None:
@@ -80,7 +82,8 @@ class Driver(Arm):
                 self._script_s += simulated_arm.TICK_S
             self._move_hand()
             self.arm.step(self._force, self._hand)
-        self.arm.read(self._centre, reading)
+            self.arm.read(self._centre, self._reading)  # its velocity filter counts in ticks, those too that were lost
+        reading[:] = self._reading
         reading[READ_ROLL] = self._player.value[ROLL] if self._player else 0.0
 
     def write(self, force_n: FloatArray) -> None:

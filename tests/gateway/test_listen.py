@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+from typing import Any
+
+from services.gateway import __main__ as gateway
+from services.gateway.engagement import State
+from services.gateway.servo import Servo, ServoLimits
+
+
+class Flood:
+    """A bus whose reader always has a frame, never one that may be used."""
+
+    def __init__(self) -> None:
+        self.looks = 0
+
+    def wait(self, _topic: str, _until_ns: int) -> bool:
+        return True
+
+    def latest(self, _topic: str) -> None:
+        self.looks += 1
+
+
+def test_a_publisher_that_floods_gets_a_few_looks_a_tick_and_no_more() -> None:
+    flood: Any = Flood()
+    answers: Any = SimpleNamespace(outstanding=True)
+    gateway.listen(flood, answers, time.monotonic_ns() + 10_000_000_000)
+    assert flood.looks == gateway._LOOKS
+
+
+def test_an_answered_tick_listens_no_longer() -> None:
+    flood: Any = Flood()
+    answers: Any = SimpleNamespace(outstanding=False)
+    gateway.listen(flood, answers, time.monotonic_ns() + 10_000_000_000)
+    assert flood.looks == 0
+
+
+def test_hands_are_let_go_before_the_process_ends() -> None:
+    servo = Servo(ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2), ramp_s=0.0)
+    servo.engagement.state = State.ACTIVE
+    servo.engagement.gain = 1.0
+    servo.force_n[2] = 1.0
+    instrument: Any = SimpleNamespace(servo=servo)
+    assert not gateway.let_go([instrument])
+    assert (servo.engagement.state, servo.engagement.gain) == (State.READY, 0.0)
+    servo.force_n[2] = 0.0
+    assert gateway.let_go([instrument])
