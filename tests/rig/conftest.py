@@ -1,0 +1,120 @@
+"""A whole rig, launched as a user would, and an observer on its bus."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from protocol.bodies import GatewayState, SupervisorState
+from services.runtime.rig import Transport
+from services.runtime.zmq_bus import ZmqBus
+
+HERE = Path(__file__).parent
+SCENE = HERE.parent / "scenes" / "small.yaml"
+START_S = 170.0  # compiling every kernel on a busy machine
+
+
+@dataclass
+class Sample:
+    """The first instrument at one tick."""
+
+    sent_ns: int
+    incarnation: int
+    tick: int
+    force_n: tuple[float, float, float]
+    state: str
+
+
+@dataclass
+class Observer:
+    """Everything that the gateway and the supervisor said."""
+
+    bus: ZmqBus
+    samples: list[Sample] = field(default_factory=list)
+    states: list[tuple[int, SupervisorState]] = field(default_factory=list)
+
+    def look(self) -> None:
+        for frame in self.bus.drain("gateway.state"):
+            body: GatewayState = frame.body
+            left = body.instruments[0]
+            self.samples.append(Sample(frame.sent_ns, frame.incarnation, body.tick, left.applied_force_n, left.state))
+        self.states.extend((frame.sent_ns, frame.body) for frame in self.bus.drain("supervisor.state"))
+
+    def until(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
+        """Look until `condition` holds."""
+        deadline = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < deadline, f"not within {seconds} s: {what}; last: {self.states[-1:]}"
+            time.sleep(0.005)
+            self.look()
+
+    @property
+    def rig_state(self) -> str:
+        return self.states[-1][1].state if self.states else "unknown"
+
+    def pids(self) -> dict[str, int]:
+        return {p.name: p.pid for p in self.states[-1][1].processes}
+
+    def report(self, name: str) -> str:
+        return next(p.state for p in self.states[-1][1].processes if p.name == name)
+
+
+@dataclass
+class Rig:
+    """A launched rig."""
+
+    directory: Path
+    process: subprocess.Popen[bytes]
+    observer: Observer
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """Return a running rig whose left hand presses on the duct."""
+    directory = tmp_path_factory.mktemp("rig")
+    bus = directory / "bus"
+    overrides = [
+        f"transport.directory={bus}",
+        f"recorder.directory={directory / 'recordings'}",
+        f"supervisor.web.port={_free_port()}",
+        f"visualization.port={_free_port()}",
+        f"gateway.instruments.0.arm.settings.script={HERE / 'press.yaml'}",
+        f"gateway.instruments.1.arm.settings.script={HERE / 'press.yaml'}",
+    ]
+    options = [word for override in overrides for word in ("--set", override)]
+    log = (directory / "log").open("wb")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "services.supervisor", "--rig", "stub", "--scene", str(SCENE), *options],
+        stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+    )  # fmt: skip
+    observer = Observer(ZmqBus(Transport(directory=bus), reads_every=["gateway.state", "supervisor.state"]))
+    try:
+        observer.until(
+            lambda: observer.rig_state in ("running", "degraded") or process.poll() is not None, START_S, "run"
+        )
+        assert process.poll() is None, (directory / "log").read_text()[-3000:]
+        yield Rig(directory, process, observer)
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(20)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        observer.bus.close()
+        log.close()
