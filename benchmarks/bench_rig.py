@@ -1,7 +1,8 @@
-"""The whole rig for a minute: loops, paths, answered samples. ``python benchmarks/bench_rig.py [--seconds 60] [--runs 3]``
+"""The whole rig for a minute: loops, paths, answered samples.
 
-Runs `trocar up --seconds N --json FILE` several times and tabulates medians over the runs, with the machine's own stalls
-beside them: a thread that only sleeps and looks at the clock, in the ordinary class, while nothing of the rig runs.
+``python benchmarks/bench_rig.py [--seconds 60] [--runs 3]`` runs `trocar up --seconds N --json FILE` several times and
+tabulates medians over the runs, with the machine's own stalls beside them: a thread that only sleeps and looks at the
+clock, in the ordinary class, while nothing of the rig runs.
 """
 
 from __future__ import annotations
@@ -25,7 +26,15 @@ def run_rig(seconds: float, options: list[str]) -> dict[str, Any]:
     """Return the report of one run."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.json"
-        command = [sys.executable, "-m", "services.cli", "up", "--seconds", str(seconds), "--json", str(file), *options]
+        command = [
+            str(Path(sys.executable).with_name("trocar")),
+            "up",
+            "--seconds",
+            str(seconds),
+            "--json",
+            str(file),
+            *options,
+        ]
         subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         report: dict[str, Any] = json.loads(file.read_text())
     return report
@@ -91,8 +100,9 @@ def main() -> None:
     after = machine_stalls(5.0)
     stalls = np.concatenate([before, after])
     notes = (
-        f"{arguments.runs} runs of {arguments.seconds:g} s, all processes on this machine, web view, stub devices; medians "
-        f"over the runs. The machine alone, a sleeping thread before and after: median {np.median(stalls):.0f} us late, "
+        f"{arguments.runs} runs of {arguments.seconds:g} s, all processes on this machine, web view, stub devices; "
+        f"medians over the runs. The machine alone, a sleeping thread before and after: "
+        f"median {np.median(stalls):.0f} us late, "
         f"99 % {np.percentile(stalls, 99):.0f} us, worst {stalls.max():.0f} us of {len(stalls)} sleeps."
     )
     write_report("rig", "The rig", rows_of(runs), notes)
