@@ -24,6 +24,8 @@ END_S = 5.0
 _HELD_UP_S = 0.05
 #: Within this a lost process is noticed, unless the supervisor itself is held up: then it says so.
 _NOTICE_S = 0.1
+#: A busy machine holds it up many times a second: the worst of them is told so often.
+_SAY_EVERY_S = 10.0
 #: Ends last: it holds the arms, and lets go of them by itself when the others fall silent.
 _LAST = "gateway"
 
@@ -57,6 +59,8 @@ class Crew:
     fatal: FatalStart | None = None
     stopping: bool = False
     _last_step_s: float | None = None
+    _held_up_s: float = 0.0
+    _said_held_up_s: float = float("-inf")
     _was_ready: set[str] = field(default_factory=set)
 
     def step(self, now_s: float) -> None:
@@ -133,8 +137,11 @@ class Crew:
         if last is None or now_s - last <= _HELD_UP_S:
             return
         held_up_s = now_s - last
-        if held_up_s > _NOTICE_S:
-            self.say("warning", f"supervisor: held up for {held_up_s * 1e3:.0f} ms, limit {_NOTICE_S * 1e3:.0f} ms")
+        self._held_up_s = max(self._held_up_s, held_up_s)
+        if self._held_up_s > _NOTICE_S and now_s - self._said_held_up_s >= _SAY_EVERY_S:
+            worst_ms, self._held_up_s, self._said_held_up_s = self._held_up_s * 1e3, 0.0, now_s
+            level = "warning" if self.all_ready else "debug"  # while processes import and build, everyone is held up
+            self.say(level, f"supervisor: held up for {worst_ms:.0f} ms, limit {_NOTICE_S * 1e3:.0f} ms")
         for member in self.members.values():
             member.heard_s += held_up_s
             if member.state is MemberState.HUNG:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from services.supervisor.page import Page, listen
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
-_TURN_S = 0.01
+_TURN_S = 0.02
 
 
 class StartError(UserError):
@@ -41,7 +42,7 @@ class Plan:
     on_event
         Called with every event.
     on_turn
-        Called after every turn, a hundred times a second; True ends the session.
+        called after every turn, fifty times a second; True ends the session.
     """
 
     options: Options
@@ -60,7 +61,9 @@ def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Proc
     """
     _refuse_second_rig(options)
     streams = [spec.stream for spec in table if spec.stream is not None]
-    return open_process("supervisor", options, reads=[*(f"{spec.name}.health" for spec in table), *streams])
+    process = open_process("supervisor", options, reads=[*(f"{spec.name}.health" for spec in table), *streams])
+    signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed: nobody is left to end it
+    return process
 
 
 def _refuse_second_rig(options: Options) -> None:

@@ -47,7 +47,7 @@ class Setup:
 
 
 class Supervisor:
-    """State of the rig. `step` is called about a hundred times a second; nothing in it waits."""
+    """State of the rig. `step` is called about fifty times a second; nothing in it waits."""
 
     def __init__(self, setup: Setup, bus: Bus, now_s: float, on_event: Callable[[Event], None] | None = None) -> None:
         settings = setup.rig.supervisor

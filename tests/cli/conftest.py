@@ -36,7 +36,7 @@ Trocar = Callable[..., Ran]
 def trocar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Trocar]:
     for name in ("TROCAR_RIG", "TROCAR_SCENE", "TROCAR_SET", "DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
 
     def run(*arguments: object) -> Ran:
         monkeypatch.setattr(sys, "argv", ["trocar", *map(str, arguments)])

@@ -21,7 +21,7 @@ from services.runtime.errors import ConfigError
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, main
 
-RATE_HZ = 200.0
+RATE_HZ = float(os.environ.get("FAKE_RATE", "200"))
 
 
 def stream_body(name: str, tick: int) -> msgspec.Struct | None:

@@ -78,13 +78,13 @@ def fakes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fakes]:
         f"name: fakes\ntransport: {{directory: {folder}}}\n"
         "supervisor: {web: {port: 0}, max_restarts_per_minute: 2}\n"
     )
-    kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
     yield Fakes(Options(str(file), None, ()))
     for number, handler in kept.items():
         signal.signal(number, handler)
 
 
-def until(condition: Callable[[], bool], patience_s: float = 20.0) -> Scenario:
+def until(condition: Callable[[], bool], patience_s: float = 45.0) -> Scenario:
     deadline = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"
