@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from services.mechanics.contact.solver import HOLD, UNILATERAL, SolverScratch, mark_sliding, solve_contacts
+
+
+def solve(W, free, kind, limit, force=None, effort=(200, 1e-12)):
+    force = np.zeros(len(free)) if force is None else force
+    motion = free.copy()
+    sweeps = solve_contacts(W, motion, kind, limit, force, effort, SolverScratch.allocate(len(free)))
+    return force, motion, sweeps
+
+
+def random_problem(seed, k=12, n_holds=2):
+    rng = np.random.default_rng(seed)
+    J = rng.standard_normal((3 * k, 60)) * np.linspace(1.0, 0.02, 60)
+    W = 1e-3 * (J @ J.T) + 1e-6 * np.eye(3 * k)
+    free = 1e-4 * rng.standard_normal(3 * k)
+    free[::3] -= 5e-5
+    kind = np.full(k, UNILATERAL, np.int8)
+    kind[k - n_holds :] = HOLD
+    limit = np.where(kind == HOLD, 0.02, rng.uniform(0.0, 0.6, k))
+    return W, free, kind, limit
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_signorini_and_coulomb_hold_at_the_solution(seed):
+    W, free, kind, limit = random_problem(seed)
+    force, motion, sweeps = solve(W, free, kind, limit)
+    assert sweeps < 200
+    assert np.allclose(motion, W @ force + free, atol=1e-15)
+    slides = np.zeros(len(kind), np.bool_)
+    mark_sliding(kind, limit, force, slides)
+    for block, mu in enumerate(limit):
+        f, u = force[3 * block : 3 * block + 3], motion[3 * block : 3 * block + 3]
+        if kind[block] == HOLD:
+            assert np.linalg.norm(f) <= mu * (1 + 1e-9)
+            assert slides[block] or np.linalg.norm(u) < 1e-11
+            assert f @ u <= 1e-15
+            continue
+        assert f[0] >= 0.0
+        assert u[0] > -1e-11
+        assert abs(f[0] * u[0]) < 1e-12
+        assert np.linalg.norm(f[1:]) <= mu * f[0] * (1 + 1e-9)
+        if f[0] > 0.0 and slides[block] and mu > 0.0:
+            assert f[1:] @ u[1:] <= 0.0
+            assert abs(f[1] * u[2] - f[2] * u[1]) <= 1e-7 * np.linalg.norm(f[1:]) * np.linalg.norm(u[1:]) + 1e-18
+        elif f[0] > 0.0 and mu > 0.0:
+            assert np.linalg.norm(u[1:]) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_forces_are_in_their_cones_after_any_number_of_sweeps(seed):
+    W, free, kind, limit = random_problem(seed)
+    for sweeps in (1, 2, 5, 9):
+        force, _, used = solve(W, free, kind, limit, effort=(sweeps, 0.0))
+        assert used == sweeps
+        for block, mu in enumerate(limit):
+            f = force[3 * block : 3 * block + 3]
+            bound = mu if kind[block] == HOLD else mu * f[0]
+            assert np.linalg.norm(f if kind[block] == HOLD else f[1:]) <= bound * (1 + 1e-9)
+
+
+def test_warm_start_from_the_solution_takes_one_sweep():
+    W, free, kind, limit = random_problem(1)
+    force, _, cold = solve(W, free, kind, limit)
+    _, _, warm = solve(W, free, kind, limit, force=force.copy(), effort=(200, 1e-9))
+    assert cold > 2
+    assert warm == 1
+
+
+@pytest.mark.parametrize(("pull", "slides"), [(0.299, False), (0.301, True)])
+def test_a_pressed_point_sticks_below_mu_n_and_slides_above(pull, slides):
+    """1 N of pressure on a free particle of compliance c: the tangent pull is 0.3 N at the threshold."""
+    c = 1e-3
+    W = c * np.eye(3)
+    free = c * np.array([-1.0, pull, 0.0])
+    force, motion, _ = solve(W, free, np.zeros(1, np.int8), np.array([0.3]))
+    assert force[0] == pytest.approx(1.0)
+    assert force[1] == pytest.approx(-min(pull, 0.3))
+    assert (abs(motion[1]) > 1e-9) == slides
+
+
+def test_chain_of_rigidly_tied_contacts_converges_in_few_sweeps():
+    """Contacts on a stiff rod: plain Gauss-Seidel needs hundreds of sweeps, the joint step a handful."""
+    k = 20
+    arc = np.linspace(0.0, 1.0, k)
+    W = np.zeros((3 * k, 3 * k))
+    W[::3, ::3] = 1e-2 * np.exp(-np.abs(arc[:, None] - arc) / 0.3)
+    W[1::3, 1::3] = 1e-3
+    W[2::3, 2::3] = 1e-2 * np.exp(-np.abs(arc[:, None] - arc) / 0.3)
+    W += 1e-6 * np.eye(3 * k)
+    free = np.zeros(3 * k)
+    free[::3] = -1e-4
+    free[1::3] = 2e-5
+    force, motion, sweeps = solve(W, free, np.zeros(k, np.int8), np.full(k, 0.2), effort=(40, 1e-9))
+    assert sweeps <= 30
+    assert motion[::3].min() > -1e-10
