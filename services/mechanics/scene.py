@@ -30,6 +30,10 @@ class DuctScene:
     slit_width_m: float = 0.0
     mesh_file: str | None = None
     mesh_unit: str = "mm"
+    mesh_clamped: tuple[str, ...] = ("end_0",)
+    mesh_mouth: str = "end_1"
+    mesh_edge_m: float | None = None
+    mesh_lumen_diameter_m: float | None = None
     thickness_m: float = 0.5e-3
     youngs_modulus_pa: float = 100e3
     poisson_ratio: float = 0.45

@@ -21,14 +21,22 @@ def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct
         if the mesh or the settings of the duct cannot be used.
     """
     try:
-        return build_scene_duct(scene, cache / "bases", progress, mesh=_mesh(scene.duct))
+        return build_scene_duct(scene, cache / "bases", progress, mesh=_mesh(scene.duct, cache))
     except ValueError as error:
         raise ConfigError(f"scene: {error}") from None
 
 
-def _mesh(duct: DuctScene) -> TriangleMesh | None:
+def _mesh(duct: DuctScene, cache: Path) -> TriangleMesh | None:
     if duct.mesh_file is None:
         return None
     from services.meshes import load_mesh  # mesh libraries take a second to import and most scenes need none
 
-    return load_mesh(Path(duct.mesh_file), duct.mesh_unit)
+    return load_mesh(
+        Path(duct.mesh_file),
+        duct.mesh_unit,
+        duct.mesh_clamped,
+        duct.mesh_mouth,
+        duct.mesh_edge_m,
+        duct.mesh_lumen_diameter_m,
+        cache / "meshes",
+    )
