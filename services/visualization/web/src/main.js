@@ -21,7 +21,9 @@ new RigStream({
     document.getElementById("rig-name").textContent = [rig.name, rig.scene].filter(Boolean).join(" · ");
     document.title = rig.name ? `Trocar · ${rig.name}` : "Trocar";
     dashboard.setContracts(rig.contracts);
-    view.connect(viewAddress(rig.view_ws, location));
+    if (rig.viewer === "native") view.say("The picture is in a window of the rig's own screen.");
+    else if (rig.viewer === "none") view.say("This rig draws no picture (visualization.viewer: none).");
+    else view.connect(viewAddress(rig.view_ws, location));
   },
   onState: (state) => dashboard.update(state),
   onLink: (text) => dashboard.link(text),
