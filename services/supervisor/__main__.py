@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from services.runtime.errors import UserError
 from services.runtime.process import parse
 from services.supervisor.session import Plan, open_session, run_session
-from services.supervisor.supervisor import Event
+from services.supervisor.supervisor import Event, Supervisor
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -17,13 +17,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parse("supervisor", arguments)
         process = open_session(options)
         try:
-            run_session(process, Plan(options, on_event=_print))
+            run_session(process, Plan(options, on_event=_print, on_turn=_Greeting().turn))
         finally:
             process.bus.close()
     except UserError as error:
         print(f"supervisor: {error}", file=sys.stderr)  # noqa: T201
         return error.exit_code
     return 0
+
+
+class _Greeting:
+    """Tells once where the page is. Never an event: events are shown on the page, and the token is for its owner."""
+
+    def __init__(self) -> None:
+        self._told = False
+
+    def turn(self, supervisor: Supervisor, _now_s: float) -> bool:
+        if not self._told:
+            self._told = True
+            print(f"the page is at {supervisor.page_address}", file=sys.stderr, flush=True)  # noqa: T201
+        return False
 
 
 def _print(event: Event) -> None:

@@ -141,7 +141,6 @@ class Supervisor:
             self._safe_stop_file.unlink(missing_ok=True)
         self.crew.rearm(self._now_s)
         self.enforcement.reset()
-        self._standing.clear()
 
     def _stop_safely(self, reason: str) -> None:
         if self._safe_stop:

@@ -38,12 +38,13 @@ def test_nothing_due_is_unknown_not_zero() -> None:
     assert math.isnan(figures.Loop.of(loop_report(0)).miss_ratio)
 
 
-def test_a_restart_empties_the_window_and_counts_what_the_new_process_did() -> None:
+@pytest.mark.parametrize("first_heard_s", [0.5, 9.0])
+def test_a_restart_empties_the_window_and_counts_what_the_new_process_did(first_heard_s: float) -> None:
     window = figures.Window(5.0)
     for k in range(5):
         body = health("physics", uptime_s=float(k), loop=loop_report(1000 * k, misses=k), pid=7)
         window.add(body.pid, figures.of(body))
-    fresh = health("physics", uptime_s=0.5, loop=loop_report(400), pid=8)
+    fresh = health("physics", uptime_s=first_heard_s, loop=loop_report(400), pid=8)
     since = window.add(fresh.pid, figures.of(fresh))
     assert window.figures() is None
     assert since.loop is not None
