@@ -40,10 +40,11 @@ class RodModel(NamedTuple):
 class RodWork(NamedTuple):
     """What a step fills: the configuration that forces are taken at, the forces, and the banded system.
 
-    position, velocity, force (n, 3); tangent (n-1, 3); length (n-1,); gradient (2, 9) of one joint; band, rhs and
-    velocity_change (n, 3) of the implicit step.
+    settled (n, 3), where the last step ended; position, velocity, force (n, 3); tangent (n-1, 3); length (n-1,);
+    gradient (2, 9) of one joint; band, rhs, its copy residual, and velocity_change (n, 3) of the implicit step.
     """
 
+    settled: FloatArray
     position: FloatArray
     velocity: FloatArray
     force: FloatArray
@@ -52,6 +53,7 @@ class RodWork(NamedTuple):
     gradient: FloatArray
     band: FloatArray
     rhs: FloatArray
+    residual: FloatArray
     velocity_change: FloatArray
 
 
@@ -80,13 +82,15 @@ def allocate_work(n_particles: int) -> RodWork:
     """Zeroed arrays for one rod; nothing else is allocated while stepping."""
     n = n_particles
     return RodWork(
+        settled=np.zeros((n, 3)),
         position=np.zeros((n, 3)),
         velocity=np.zeros((n, 3)),
         force=np.zeros((n, 3)),
-        tangent=np.zeros((n - 1, 3)),
+        tangent=np.tile([1.0, 0.0, 0.0], (n - 1, 1)),
         length=np.zeros(n - 1),
         gradient=np.zeros((2, 9)),
         band=empty_band(3 * n),
         rhs=np.zeros(3 * n + HALF_BANDWIDTH),
+        residual=np.zeros(3 * n + HALF_BANDWIDTH),
         velocity_change=np.zeros((n, 3)),
     )

@@ -35,7 +35,7 @@ def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
             after = _axial(model.sleeve, work.position, i + 1)
             for plane in (0.0, model.sleeve[6]):
                 if (here < plane) != (after < plane):
-                    _hold_crossing(model, work, i, (plane - here) / (after - here), scale)
+                    _hold_crossing(model, work, i, plane, scale)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -97,14 +97,25 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
     along = 0.5 * model.sleeve[7] * slope * dot(o, o)
     for c in range(3):
         work.force[i, c] -= k * o[c] + along * model.sleeve[3 + c]
-    drag = _friction(model, work, (i, 0.0), k * math.sqrt(dot(o, o)), scale)
+    drag = _friction(model, work, (i, 0.0, 0.0), k, scale)
     if scale[0] > 0.0:
         _add_tangent(model, work, (i, 0.0), (0.0, 0.0, 0.0), (scale[0] * k, scale[1] * drag))
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _hold_crossing(model: RodModel, work: RodWork, i: int, s: float, scale: Scale) -> None:
+def _crossing(sleeve: FloatArray, x: FloatArray, i: int, plane: float) -> float:
+    """Where along segment i (0 to 1) it passes an end plane; the nearer end of a segment that does not."""
+    here = _axial(sleeve, x, i)
+    after = _axial(sleeve, x, i + 1)
+    if after == here:
+        return 0.0
+    return float(min(max((plane - here) / (after - here), 0.0), 1.0))
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _hold_crossing(model: RodModel, work: RodWork, i: int, plane: float, scale: Scale) -> None:
     """Hold the point of segment i that lies in an end plane; as the segment tilts, the push is normal to the rod."""
+    s = _crossing(model.sleeve, work.position, i, plane)
     t = row(work.tangent, i)
     a = (model.sleeve[3], model.sleeve[4], model.sleeve[5])
     cosine = dot(a, t)
@@ -116,22 +127,28 @@ def _hold_crossing(model: RodModel, work: RodWork, i: int, s: float, scale: Scal
         push = k * (o[c] - along * a[c])
         work.force[i, c] -= (1.0 - s) * push
         work.force[i + 1, c] -= s * push
-    drag = _friction(model, work, (i, s), k * math.sqrt(dot(o, o)), scale)
+    drag = _friction(model, work, (i, s, _crossing(model.sleeve, work.settled, i, plane)), k, scale)
     if scale[0] > 0.0:
         _add_tangent(model, work, (i, s), tilt, (scale[0] * k, scale[1] * drag))
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _friction(model: RodModel, work: RodWork, at: tuple[int, float], push: float, scale: Scale) -> float:
-    """Brake the point by Coulomb friction along the axis, viscous below the slip speed; return force per speed."""
-    i, s = at
+def _friction(model: RodModel, work: RodWork, at: tuple[int, float, float], k: float, scale: Scale) -> float:
+    """Brake the point by Coulomb friction along the axis, viscous below the slip speed; return force per speed.
+
+    The wall's push is the one that the last step solved for: at the prediction that forces are taken at, the stiff
+    springs stand under loads that never come about. `at` is (particle, share of the segment behind it that the point
+    lies at now, and did then).
+    """
+    i, s, settled = at
     if model.sleeve[8] == 0.0:
         return 0.0
     j = i + 1 if s > 0.0 else i
     speed = 0.0
     for c in range(3):
         speed += ((1.0 - s) * work.velocity[i, c] + s * work.velocity[j, c]) * model.sleeve[3 + c]
-    drag = model.sleeve[8] * push / max(abs(speed), model.sleeve[9])
+    o = _offset(model.sleeve, work.settled, i, settled)
+    drag = model.sleeve[8] * k * math.sqrt(dot(o, o)) / max(abs(speed), model.sleeve[9])
     if scale[0] == 0.0:
         drag = min(drag, 0.25 * model.mass[i] / scale[1])
     for c in range(3):

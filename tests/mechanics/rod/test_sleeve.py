@@ -1,0 +1,109 @@
+"""The introducer needle."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.rod import ImplicitIntegrator, SemiImplicitIntegrator, Sleeve, Supports, straight_rod
+
+from .helpers import EA, EI, example_rod
+
+X = (1.0, 0.0, 0.0)
+NEEDLE = ((0.0, 0.0, 0.0), (0.03, 0.0, 0.0))
+
+
+def in_needle(properties, supports, integrator=ImplicitIntegrator):
+    """A rod that starts 41 mm before the needle's entry, so that no particle is in an end plane."""
+    return integrator(properties, supports), straight_rod(properties, (-0.041, 0, 0), X)
+
+
+def push(integrator, state, load, speed_m_s, steps, dt_s=1e-3):
+    tip = []
+    for _ in range(steps):
+        integrator.held_target_m[0] = state.position_m[0] + np.array(X) * speed_m_s * dt_s
+        integrator.predict(state, load, dt_s)
+        tip.append(state.position_m[-1].copy())
+    return np.array(tip)
+
+
+def test_the_part_beyond_the_needle_bends_like_a_cantilever_clamped_at_its_exit():
+    properties = example_rod(100, internal_damping_s=5e-3, viscous_drag_n_s_m2=0.05)
+    integrator, state = in_needle(properties, Supports(held=(0,), sleeve=Sleeve(*NEEDLE)))
+    load = np.zeros((101, 3))
+    load[-1, 2] = -1e-4
+    push(integrator, state, load, 0.0, 2000)
+    free = state.position_m[-1, 0] - 0.03
+    assert -state.position_m[-1, 2] == pytest.approx(1e-4 * free**3 / (3.0 * EI), rel=0.10)
+    # a clamp that gives a little: the particles that hold the slope are one or two segments back
+    assert -state.position_m[-1, 2] > 1e-4 * free**3 / (3.0 * EI)
+    inside = (state.position_m[:, 0] > 0.0) & (state.position_m[:, 0] < 0.03)
+    assert inside.sum() >= 29
+    assert np.abs(state.position_m[inside, 1:]).max() < 1e-5
+
+
+def test_sliding_through_moves_the_tip_without_jumps():
+    properties = example_rod(internal_damping_s=5e-3, viscous_drag_n_s_m2=0.05)
+    integrator, state = in_needle(properties, Supports(held=(0,), sleeve=Sleeve(*NEEDLE)))
+    load = np.zeros((51, 3))
+    load[-1, 2] = -1e-3
+    push(integrator, state, load, 0.0, 1500)
+    tip = push(integrator, state, load, 0.02, 1000)  # ten segments pass each plane
+    velocity = np.diff(tip, axis=0) / 1e-3
+    assert tip[-1, 0] - tip[0, 0] == pytest.approx(0.02, rel=0.02)
+    assert np.abs(velocity[100:, 0] - 0.02).max() < 2e-3
+    assert np.abs(np.diff(velocity[:, 2])).max() < 2e-3
+
+
+def test_without_friction_the_needle_lets_the_rod_slide_freely():
+    properties = example_rod()
+    integrator, state = in_needle(properties, Supports(sleeve=Sleeve(*NEEDLE)))
+    pull = np.zeros((51, 3))
+    pull[:, 0] = 0.1 * properties.particle_mass_kg()
+    for _ in range(100):
+        integrator.predict(state, pull, 1e-3)
+    np.testing.assert_allclose(state.velocity_m_s[:, 0], 0.01, rtol=1e-9)
+
+
+def test_thrust_through_the_needle_is_mu_times_the_pushes_of_its_wall():
+    """A cross load at the tip presses the rod to the wall near the exit, up and down; pushing it on takes their sum."""
+    properties = example_rod(viscous_drag_n_s_m2=0.05, internal_damping_s=5e-3)
+    needle = Sleeve(*NEEDLE, friction=0.2)
+    integrator, state = in_needle(properties, Supports(held=(0,), start_direction=X, sleeve=needle))
+    load = np.zeros((51, 3))
+    load[-1, 2] = -2e-3
+    push(integrator, state, load, 0.0, 1500)
+    push(integrator, state, load, 0.02, 300)
+    thrust, pushes = [], []
+    for _ in range(200):  # two segments long: the pushes change as particles pass the exit
+        push(integrator, state, load, 0.02, 1)
+        strain = np.linalg.norm(np.diff(state.position_m, axis=0), axis=1) / properties.segment_length_m - 1.0
+        thrust.append(-EA * strain[5] - 0.05 * 0.02 * 0.1)  # less the viscous drag of the rod
+        pushes.append(wall_pushes(state.position_m, needle.lateral_stiffness_n_m))
+    assert np.mean(thrust) == pytest.approx(0.2 * np.mean(pushes), rel=0.05)
+    assert np.mean(pushes) > 0.05
+
+
+def wall_pushes(position, stiffness_n_m):
+    """Sum of the wall's push magnitudes on a rod in NEEDLE, from how far it stands off the axis."""
+    x, off = position[:, 0], np.linalg.norm(position[:, 1:], axis=1)
+    inside = (x > 0.0) & (x < 0.03)
+    depth = np.minimum(x, 0.03 - x)[inside]
+    total = np.sum(np.minimum(depth / 0.002, 1.0) * off[inside])
+    for plane in (0.0, 0.03):
+        total += np.linalg.norm([np.interp(plane, x, position[:, axis]) for axis in (1, 2)])
+    return stiffness_n_m * total
+
+
+def test_explicit_friction_brings_the_rod_to_rest_without_feeding_it():
+    properties = example_rod()
+    needle = Sleeve(*NEEDLE, lateral_stiffness_n_m=1e4, friction=0.5)
+    integrator, state = in_needle(properties, Supports(sleeve=needle), SemiImplicitIntegrator)
+    load = np.zeros((51, 3))
+    load[22, 2], load[28, 2] = 0.05, -0.05
+    state.velocity_m_s[:, 0] = 0.05
+    speed = [0.05]
+    for _ in range(60):
+        integrator.predict(state, load, 1e-3)
+        mass = properties.particle_mass_kg()
+        speed.append(abs(mass @ state.velocity_m_s[:, 0]) / mass.sum())
+    assert max(speed) == speed[0]
+    assert max(speed[30:]) < 0.02 * speed[0]
