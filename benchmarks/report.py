@@ -158,17 +158,33 @@ def _markdown(title: str, rows: list[Row], notes: str, context: dict[str, str]) 
     lines = [f"# {title}", ""]
     if notes:
         lines += [notes.strip(), ""]
-    lines += ["| what | median | 99 % | noise | budget | kept |", "|---|---|---|---|---|---|"]
-    for row in rows:
-        p99 = "" if row.p99 is None else f"{_round(row.p99)} {row.unit}"
-        noise = "" if row.noise is None else f"{row.noise:.0%}"
-        sign = "≥" if row.at_least else "≤"
-        limit = "" if row.limit is None else f"{sign} {_round(row.limit)} {row.unit}"
-        kept = {None: "", True: "yes", False: "**no**"}[row.passed]
-        what = f"{row.name} ({row.note})" if row.note else row.name
-        lines.append(f"| {what} | {_round(row.value)} {row.unit} | {p99} | {noise} | {limit} | {kept} |")
+    lines += _table([_cells(row) for row in rows])
     lines += ["", *(f"- {key}: {value}" for key, value in context.items()), ""]
     return "\n".join(lines)
+
+
+def _cells(row: Row) -> dict[str, str]:
+    sign = "≥" if row.at_least else "≤"
+    value = "median" if row.p99 is not None else "value"
+    return {
+        "what": f"{row.name} ({row.note})" if row.note else row.name,
+        value: f"{_round(row.value)} {row.unit}",
+        "99 %": "" if row.p99 is None else f"{_round(row.p99)} {row.unit}",
+        "noise": "" if row.noise is None else f"{row.noise:.0%}",
+        "budget": "" if row.limit is None else f"{sign} {_round(row.limit)} {row.unit}",
+        "kept": {None: "", True: "yes", False: "**no**"}[row.passed],
+    }
+
+
+def _table(cells: list[dict[str, str]]) -> list[str]:
+    """Markdown table; a column that no row fills is left out, medians and single values share one."""
+    names = ["what", "median", "99 %", "noise", "budget", "kept"]
+    if not any("median" in row for row in cells):
+        names[1] = "value"
+    merged = [{**row, names[1]: row.get("median") or row.get("value", "")} for row in cells]
+    shown = [name for name in names if any(row.get(name) for row in merged)]
+    lines = ["| " + " | ".join(shown) + " |", "|---" * len(shown) + "|"]
+    return lines + ["| " + " | ".join(row.get(name, "") for name in shown) + " |" for row in merged]
 
 
 def _time_unit(seconds: float) -> tuple[float, str]:
