@@ -41,16 +41,16 @@ def distance2_below(
     d2 = _bound2(_box(patch.box, node, _STILL, slack), a, b, direction)
     if d2 >= limit2:
         return d2
-    if ints(patch.child)[2 * node] == LEAF:
-        _look_at_leaf(body, patch, node)
-        return _seen_bound2(patch, node, 0.0, a, b, direction)
+    if drift < math.inf:
+        d2 = max(d2, _seen_bound2(patch, node, drift, a, b, direction))
     tight = floats(patch.spread)[node] * body.energy_norm + 2.0 * body.largest_residual
-    if slack - tight > loose:
+    if d2 < limit2 and slack - tight > loose:
         vertex = ints(patch.representative)[node]
         shift = subtract(node_position(body, vertex), vector(floats(body.rest), vertex))
         d2 = max(d2, _bound2(_box(patch.box, node, shift, tight), a, b, direction))
-    if drift < math.inf:
-        d2 = max(d2, _seen_bound2(patch, node, drift, a, b, direction))
+    if d2 < limit2 and ints(patch.child)[2 * node] == LEAF:
+        _look_at_leaf(body, patch, node)
+        return _seen_bound2(patch, node, 0.0, a, b, direction)
     return d2
 
 

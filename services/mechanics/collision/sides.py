@@ -104,9 +104,9 @@ def settle(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: i
     height = dot(away, normal)
     if side == UNKNOWN:
         # An axis that pierces the wall came from the side of its start.
-        start = height if distance > 0.0 else dot(_above(body, patch, touch, a), normal)
+        start = height if touch[1] > 0.0 else dot(_above(body, patch, touch, a), normal)
         side = OUTSIDE if start >= 0.0 else INSIDE
-    if a != b and (distance == 0.0 or side * height < 0.0):
+    if a != b and (touch[1] == 0.0 or side * height < 0.0):
         return _settle_deepest_end(body, patch, touch, a, b, side)
     return _settle_point(touch, away, distance, normal, side)
 

@@ -1,0 +1,251 @@
+"""Forceps against the duct and the catheter: sides kept at any speed, few and steady points, all accounted for."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from collision_cases import (
+    CATHETER_M,
+    HALF_M,
+    MARGIN_M,
+    RADIUS_M,
+    deformed,
+    distance_of_hulls,
+    distances_to_triangles,
+    duct_mesh,
+    random_coordinates,
+    rigid_surface,
+    rows,
+    wavy_surface,
+)
+
+from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
+from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
+
+SHAFT_M, JAW_M = 2.5e-3, 1e-3
+RADII = np.array([[SHAFT_M, JAW_M, JAW_M]])
+NO_CATHETER = np.zeros((0, 3))
+AWAY = np.array([[0.3, 0.3, 0.3], [0.3, 0.3, 0.31]])
+
+
+@pytest.fixture(scope="module")
+def duct():
+    return rigid_surface(duct_mesh(36, 45))
+
+
+def one_jaw(start, end):
+    return np.array([[AWAY, [start, end], AWAY]])
+
+
+def forceps(junction, port, opening_rad=0.6, jaw_m=15e-3):
+    """Shaft and jaws of one tool, the jaws opening along y."""
+    junction, port = np.asarray(junction, float), np.asarray(port, float)
+    d = (junction - port) / np.linalg.norm(junction - port)
+    side = np.array([0.0, 1.0, 0.0])
+    jaws = [
+        junction + jaw_m * (np.cos(opening_rad / 2) * d + sign * np.sin(opening_rad / 2) * side) for sign in (1, -1)
+    ]
+    return np.array([[[port, junction], [junction, jaws[0]], [junction, jaws[1]]]])
+
+
+def detect(detector, segments, catheter=NO_CATHETER, capacity=64, **options):
+    pairs = ContactPairs.allocate(capacity)
+    detector.detect(segments, np.repeat(RADII, len(segments), axis=0), catheter, pairs, **options)
+    return rows(pairs)
+
+
+def tool_detector(surface, n_particles=0, n_tools=1):
+    return ToolContactDetector(surface, n_particles, CATHETER_M, MARGIN_M, n_tools)
+
+
+def test_pairs_agree_with_brute_force_while_everything_moves():
+    rng = np.random.default_rng(6)
+    surface = wavy_surface(duct_mesh(), rng)
+    detector = tool_detector(surface)
+    q, drift = random_coordinates(rng, 0.5e-3), random_coordinates(rng, 0.02e-3)
+    seen = 0
+    for tick in range(50):
+        q = q + drift
+        surface.update(q)
+        vertices = deformed(surface)
+        top = vertices[:, 1].max() + HALF_M + JAW_M
+        start = np.array([14e-3 + tick * 0.05e-3, top + 0.4e-3 - tick * 0.01e-3, 1e-3])
+        jaw = np.array([start, start + np.array([12e-3, -0.3e-3, 2e-3])])
+        found = detect(detector, one_jaw(*jaw))
+        near = distances_to_triangles(jaw.mean(0), vertices, surface.mesh.triangles) < 9e-3
+        corners = vertices[surface.mesh.triangles[near]]
+        expected = min(distance_of_hulls(jaw, corner) for corner in corners) - JAW_M - HALF_M
+        if expected >= MARGIN_M:
+            assert not found
+            continue
+        seen += 1
+        assert min(row["gap_m"] for row in found) == pytest.approx(expected, abs=1e-12)
+        for row in found:
+            assert (row["tool_segment"], row["target_kind"], row["particle"]) == (JAW_A, DUCT_TRIANGLE, -1)
+            p = jaw[0] + row["tool_parameter"] * (jaw[1] - jaw[0])
+            foot = row["target_weights"] @ vertices[surface.mesh.triangles[row["target"]]]
+            assert (p - foot) @ row["normal"] == pytest.approx(row["gap_m"] + JAW_M + HALF_M, abs=1e-12)
+            assert np.linalg.norm(p - foot) == pytest.approx(row["gap_m"] + JAW_M + HALF_M, abs=1e-12)
+    assert seen > 25
+
+
+@pytest.mark.parametrize("speed_m_s", [0.05, 1.0, 5.0, 15.0])
+@pytest.mark.parametrize("origin", ["outside", "inside"])
+def test_no_jaw_passes_the_wall_unnoticed(duct, speed_m_s, origin):
+    rng = np.random.default_rng(9)
+    sign = 1.0 if origin == "outside" else -1.0
+    begin, stop = (8e-3, 2.5e-3) if origin == "outside" else (1.5e-3, 5.5e-3)
+    for _ in range(15):
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        out = np.array([0.0, np.cos(angle), np.sin(angle)])
+        along = np.array([1.0, 0.0, 0.0]) + 0.1 * rng.normal(size=3)
+        detector = tool_detector(duct)
+        n = max(1, int(np.ceil(abs(stop - begin) / (speed_m_s * 1e-3))))
+        for height in np.linspace(begin, stop, n + 1):
+            duct.update(np.zeros(0))
+            centre = height * out + [20e-3, 0.0, 0.0]
+            found = detect(detector, one_jaw(centre - 6e-3 * along, centre + 6e-3 * along))
+        assert found
+        deepest = min(found, key=lambda row: row["gap_m"])
+        assert deepest["gap_m"] < -HALF_M - JAW_M - 0.5e-3
+        assert sign * deepest["normal"] @ out > 0.8
+
+
+@pytest.mark.parametrize("speed_m_s", [0.05, 1.0, 5.0])
+def test_a_tip_pushed_through_the_wall_is_pushed_back(duct, speed_m_s):
+    detector, gaps = tool_detector(duct), []
+    depth = np.arange(-4e-3, 2e-3, speed_m_s * 1e-3)
+    for d in depth:
+        duct.update(np.zeros(0))
+        tip = np.array([20e-3, RADIUS_M - d, 0.0])
+        found = detect(detector, one_jaw(tip + np.array([2e-3, 12e-3, 0.0]), tip))
+        if found:
+            deepest = min(found, key=lambda row: row["gap_m"])
+            gaps.append((d, deepest["gap_m"]))
+            assert deepest["normal"][1] > 0.9
+    d, gap = np.array(gaps).T
+    assert gap == pytest.approx(-d - HALF_M - JAW_M, abs=0.03e-3)
+
+
+def test_a_jaw_on_the_wall_rests_on_few_points_that_stay(duct):
+    """Sliding along the wall by a triangle or more, the points keep their places on the jaw."""
+    detector, last = tool_detector(duct), None
+    y = RADIUS_M + HALF_M + JAW_M - 0.1e-3
+    for shift in np.linspace(0.0, 3e-3, 150):
+        duct.update(np.zeros(0))
+        found = detect(detector, one_jaw([8e-3 + shift, y, 0.0], [23e-3 + shift, y, 0.0]))
+        places = np.sort([row["tool_parameter"] for row in found])
+        assert 3 <= len(found) <= 6
+        assert np.ptp(places) > 0.6
+        if last is not None and len(places) == len(last):
+            assert np.abs(places - last).max() <= 0.2, "a point left its stretch of the jaw"
+        last = places
+
+
+def test_a_jaw_in_the_mouth_and_one_outside_pinch_the_wall(duct):
+    detector = tool_detector(duct)
+    for opening in np.linspace(0.5, 0.1, 60):
+        duct.update(np.zeros(0))
+        tool = forceps([50e-3, RADIUS_M, 0.0], [150e-3, RADIUS_M, 0.0], opening)
+        found = detect(detector, tool)
+    inner = [r for r in found if r["tool_segment"] in (JAW_A, JAW_B) and r["normal"][1] < -0.9]
+    outer = [r for r in found if r["tool_segment"] in (JAW_A, JAW_B) and r["normal"][1] > 0.9]
+    assert inner
+    assert outer
+    assert len({int(r["tool_segment"]) for r in inner} & {int(r["tool_segment"]) for r in outer}) == 0
+
+
+def test_the_shaft_touches_too_and_a_sliding_shaft_keeps_its_points(duct):
+    detector = tool_detector(duct)
+    y = RADIUS_M + HALF_M + SHAFT_M - 0.2e-3
+    for x in np.linspace(60e-3, 70e-3, 50):
+        duct.update(np.zeros(0))
+        found = detect(detector, np.array([[[[-0.1, y, 0.0], [x, y, 0.0]], AWAY, AWAY]]))
+        assert all(row["tool_segment"] == SHAFT for row in found)
+        assert 5 <= len(found) <= 9
+        gaps = np.sort([float(row["gap_m"]) for row in found])
+        assert gaps[:5] == pytest.approx(-0.2e-3, abs=5e-6)
+
+
+def test_an_absent_tool_touches_nothing_and_comes_back_fresh(duct):
+    detector = tool_detector(duct, n_tools=2)
+    inside = one_jaw([10e-3, 0.0, 0.0], [20e-3, 0.0, 0.0])[0]
+    touching = one_jaw([10e-3, 5.2e-3, 0.0], [20e-3, 5.2e-3, 0.0])[0]
+    both = detect(detector, np.array([touching, touching]))
+    assert {int(row["tool"]) for row in both} == {0, 1}
+    one = detect(detector, np.array([touching, touching]), present=np.array([True, False]))
+    assert {int(row["tool"]) for row in one} == {0}
+    detect(detector, np.array([touching, inside]))
+    back = detect(detector, np.array([touching, touching]))
+    assert min(row["gap_m"] for row in back if row["tool"] == 0) == pytest.approx(-0.05e-3, abs=0.02e-3)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.05, 1.0, 2.5])
+def test_no_catheter_passes_through_a_jaw(duct, speed_m_s):
+    """Crossed bars pushed through each other: the normal stays that of the side they came from."""
+    detector = tool_detector(duct, 6)
+    catheter = np.stack([np.linspace(90e-3, 100e-3, 6), np.zeros(6), np.zeros(6)], axis=1)
+    for y in np.arange(5e-3, -1.5e-3, -speed_m_s * 1e-3):
+        found = detect(detector, one_jaw([95.3e-3, y, -7e-3], [95.3e-3, y, 7e-3]), catheter)
+        for row in found:
+            assert row["target_kind"] == CATHETER_SEGMENT
+            assert row["normal"][1] == pytest.approx(1.0)
+            assert row["gap_m"] == pytest.approx(y - JAW_M - CATHETER_M, abs=1e-12)
+    assert len(found) == 1
+
+
+def test_a_catheter_may_go_around_the_tip_of_a_jaw(duct):
+    detector = tool_detector(duct, 2)
+    catheter = np.array([[100e-3, 0.0, 0.0], [110e-3, 0.0, 0.0]])
+    radius = JAW_M + CATHETER_M + 0.1e-3
+    for angle in np.linspace(-0.5 * np.pi, 1.5 * np.pi, 200):
+        tip = np.array([105e-3, radius * np.cos(angle), radius * np.sin(angle)])
+        found = detect(detector, one_jaw(tip * [1, 10, 10], tip), catheter)
+        assert found[0]["gap_m"] == pytest.approx(0.1e-3, abs=1e-9)
+
+
+def test_a_catheter_along_a_jaw_is_carried_by_spread_points(duct):
+    detector = tool_detector(duct, 51)
+    catheter = np.stack([np.linspace(60e-3, 160e-3, 51), np.zeros(51), np.zeros(51)], axis=1)
+    found = detect(detector, one_jaw([80e-3, 1.75e-3, 0.0], [95e-3, 1.75e-3, 0.0]), catheter)
+    assert 4 <= len(found) <= 6
+    assert np.ptp([row["tool_parameter"] for row in found]) > 0.7
+
+
+def test_full_arrays_keep_the_deepest_and_count_the_rest(duct):
+    detector = tool_detector(duct)
+    jaw = one_jaw([10e-3, 5.3e-3, 0.0], [25e-3, 4.9e-3, 0.0])
+    everything = sorted(detect(detector, jaw), key=lambda row: row["gap_m"])
+    pairs = ContactPairs.allocate(2)
+    detector.detect(jaw, RADII, NO_CATHETER, pairs)
+    assert (pairs.count, pairs.dropped) == (2, len(everything) - 2)
+    assert sorted(pairs.gap_m) == pytest.approx([float(row["gap_m"]) for row in everything[:2]])
+
+
+def test_a_tick_allocates_nothing(duct):
+    """Numba kernels cannot (they are compiled without its runtime); neither does the Python around them."""
+    tools, catheter = tool_detector(duct, 51), CatheterContactDetector(duct, 51, CATHETER_M, MARGIN_M)
+    particles = np.stack([np.linspace(10e-3, 60e-3, 51), np.full(51, -2.9e-3), np.zeros(51)], axis=1)
+    segments, pairs = one_jaw([10e-3, 5.2e-3, 0.0], [25e-3, 5.2e-3, 0.0]), ContactPairs.allocate(96)
+    q = np.zeros(0)
+
+    def tick():
+        pairs.clear()
+        duct.update(q)
+        tools.detect(segments, RADII, particles, pairs)
+        catheter.detect(particles, pairs)
+
+    for _ in range(3):
+        tick()
+    tracemalloc.start()
+    tick()
+    before, _ = tracemalloc.get_traced_memory()
+    tracemalloc.reset_peak()
+    for _ in range(100):
+        tick()
+    after, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert pairs.count > 10
+    # A few interned integers come and go; an array of all particles or of one mode shape would be seen.
+    assert after - before < 4000
+    assert peak - before < 4000
