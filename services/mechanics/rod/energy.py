@@ -6,12 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
+from .forces import add_internal_forces
 from .model import RodModel, RodWork, allocate_work
 from .sleeve_forces import sleeve_energy
 from .state import RodState
 from .twist import TwistModel, twist_energy
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,19 @@ def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None
         twist_j=twist_energy(twist, state) if twist is not None else 0.0,
         support_j=float(sleeve_energy(model, work)) if model.sleeve.size else 0.0,
     )
+
+
+def internal_forces(model: RodModel, state: RodState) -> FloatArray:
+    """The rod's own forces (n, 3): elastic, damping, of clamps and sleeve, but not the drag and the frame's.
+
+    With a state at rest they are the elastic ones. Allocates: not for the 1 kHz step.
+    """
+    work = allocate_work(len(state.position_m))
+    work.settled[:] = state.position_m
+    work.position[:] = state.position_m
+    work.velocity[:] = state.velocity_m_s
+    add_internal_forces(model, work, (0.0, 0.0), 0.0)
+    return work.force
 
 
 def _wall_energy(model: RodModel, work: RodWork) -> float:

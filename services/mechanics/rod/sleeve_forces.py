@@ -24,7 +24,7 @@ def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the forces that keep the rod on the axis of the sleeve, and friction along it.
 
     scale is ((theta dt)^2, theta dt): what stiffness and damping are multiplied with in the band; (0, dt) is an
-    explicit step, in which friction may stop the rod but not turn it round.
+    explicit step, in which friction may stop the rod but not turn it round; (0, 0) is no step, only forces.
     """
     after = _axial(model.sleeve, work.position, 0)
     for i in range(work.position.shape[0]):
@@ -149,7 +149,7 @@ def _friction(model: RodModel, work: RodWork, at: tuple[int, float, float], k: f
         speed += ((1.0 - s) * work.velocity[i, c] + s * work.velocity[j, c]) * model.sleeve[3 + c]
     o = _offset(model.sleeve, work.settled, i, settled)
     drag = model.sleeve[8] * k * math.sqrt(dot(o, o)) / max(abs(speed), model.sleeve[9])
-    if scale[0] == 0.0:
+    if scale[0] == 0.0 and scale[1] > 0.0:
         drag = min(drag, 0.25 * model.mass[i] / scale[1])
     for c in range(3):
         work.force[i, c] -= (1.0 - s) * drag * speed * model.sleeve[3 + c]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.rod import Supports, build_integrator, straight_rod
-
-from .helpers import example_rod
+from services.studies.rod_problems import example_rod
 
 DT_S = 1e-3
 

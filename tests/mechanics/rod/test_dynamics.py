@@ -4,77 +4,38 @@ import numpy as np
 import pytest
 
 from services.mechanics.rod import ImplicitIntegrator, SemiImplicitIntegrator, clamped, rod_energy, straight_rod
-
-from .helpers import EI, LENGTH_M, LINE_DENSITY, example_rod
-
-X = (1.0, 0.0, 0.0)
-BETA_L = (1.87510, 4.69409, 7.85476)
-
-
-def angular_frequency(mode):
-    return BETA_L[mode] ** 2 / LENGTH_M**2 * np.sqrt(EI / LINE_DENSITY)
-
-
-def mode_shape(mode, n=51):
-    """Cantilever eigenfunction of Euler-Bernoulli theory, unit tip deflection."""
-    z = BETA_L[mode] * np.linspace(0.0, 1.0, n)
-    end = BETA_L[mode]
-    ratio = (np.cosh(end) + np.cos(end)) / (np.sinh(end) + np.sin(end))
-    shape = np.cosh(z) - np.cos(z) - ratio * (np.sinh(z) - np.sin(z))
-    return shape / shape[-1]
-
-
-def ring(mode, theta, steps_per_period, periods, plane=1):
-    """Modal amplitude over time of a cantilever let go from a small deflection in one mode, and the step."""
-    properties = example_rod()
-    integrator = ImplicitIntegrator(properties, clamped(X), theta=theta)
-    state = straight_rod(properties, (0, 0, 0), X)
-    shape = mode_shape(mode)
-    state.position_m[:, plane] += 1e-5 * shape
-    dt_s = 2.0 * np.pi / angular_frequency(mode) / steps_per_period
-    weight = shape * properties.particle_mass_kg()
-    amplitude = []
-    for _ in range(round(periods * steps_per_period)):
-        integrator.predict(state, np.zeros((51, 3)), dt_s)
-        amplitude.append(weight @ state.position_m[:, plane])
-    return np.array(amplitude), dt_s
-
-
-def frequency_from(amplitude, dt_s):
-    """Angular frequency from the upward zero crossings."""
-    k = np.flatnonzero((amplitude[:-1] < 0.0) & (amplitude[1:] >= 0.0))
-    crossing = k + amplitude[k] / (amplitude[k] - amplitude[k + 1])
-    return 2.0 * np.pi * (len(crossing) - 1) / ((crossing[-1] - crossing[0]) * dt_s)
+from services.studies.rod_problems import (
+    EI,
+    LENGTH_M,
+    X,
+    example_rod,
+    measured_frequency_rad_s,
+    mode_frequency_rad_s,
+    ring,
+)
 
 
 @pytest.mark.parametrize("mode", range(3))
 def test_cantilever_frequencies(mode):
-    amplitude, dt_s = ring(mode, theta=0.5, steps_per_period=400, periods=6)
-    assert frequency_from(amplitude, dt_s) == pytest.approx(angular_frequency(mode), rel=5e-3)
+    assert measured_frequency_rad_s(mode) == pytest.approx(mode_frequency_rad_s(mode), rel=5e-3)
+
+
+def damping_ratio(amplitude):
+    """From the logarithmic decrement of successive peaks, two a period."""
+    height = np.abs(amplitude)
+    tops = height[1:-1][(height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])]
+    return -np.polyfit(np.arange(len(tops)), np.log(tops), 1)[0] / np.pi
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.75])
 def test_numerical_damping_ratio_is_theta_minus_half_times_omega_dt(theta):
-    amplitude, dt_s = ring(0, theta, steps_per_period=157, periods=5)  # 1 ms for the example rod
-    peaks = np.abs(amplitude)
-    tops = peaks[1:-1][(peaks[1:-1] > peaks[:-2]) & (peaks[1:-1] > peaks[2:])]
-    decrement = -np.polyfit(np.arange(len(tops)), np.log(tops), 1)[0] / np.pi
-    assert decrement == pytest.approx((theta - 0.5) * angular_frequency(0) * dt_s, rel=0.05)
+    ratio = damping_ratio(ring(example_rod(), 0, theta, 1e-3, 800))
+    assert ratio == pytest.approx((theta - 0.5) * mode_frequency_rad_s(0) * 1e-3, rel=0.05)
 
 
 def test_internal_damping_ratio_is_beta_omega_over_two():
-    properties = example_rod(internal_damping_s=2e-3)
-    integrator = ImplicitIntegrator(properties, clamped(X), theta=0.5)
-    state = straight_rod(properties, (0, 0, 0), X)
-    state.position_m[:, 1] += 1e-5 * mode_shape(0)
-    height = []
-    for _ in range(4000):
-        integrator.predict(state, np.zeros((51, 3)), 2e-4)
-        height.append(abs(state.position_m[-1, 1]))
-    h = np.array(height)
-    tops = h[1:-1][(h[1:-1] > h[:-2]) & (h[1:-1] > h[2:])]
-    ratio = -np.polyfit(np.arange(len(tops)), np.log(tops), 1)[0] / np.pi
-    assert ratio == pytest.approx(2e-3 * angular_frequency(0) / 2.0, rel=0.03)
+    ratio = damping_ratio(ring(example_rod(internal_damping_s=2e-3), 0, 0.5, 2e-4, 4000))
+    assert ratio == pytest.approx(2e-3 * mode_frequency_rad_s(0) / 2.0, rel=0.03)
 
 
 @pytest.mark.parametrize(("theta", "order"), [(1.0, 1.0), (0.5, 2.0)])

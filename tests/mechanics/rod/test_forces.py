@@ -7,8 +7,7 @@ from services.mechanics.rod import RodState, Sleeve, Supports, initial_frame, ro
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.model import allocate_work, build_model
 from services.mechanics.rod.twist import add_frame_forces, build_twist_model, twist_energy
-
-from .helpers import example_rod
+from services.studies.rod_problems import example_rod
 
 N = 10
 

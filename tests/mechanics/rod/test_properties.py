@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.rod import RodProperties, RoundTube, Sleeve, Supports, build_integrator, rod_along, straight_rod
-
-from .helpers import example_rod
+from services.studies.rod_problems import example_rod
 
 
 @pytest.mark.parametrize(("outer_mm", "inner_mm", "EI_n_mm2"), [(1.33, 0.8, 13.0), (1.67, 1.0, 33.0)])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.rod import ImplicitIntegrator, SemiImplicitIntegrator, Sleeve, Supports, straight_rod
-
-from .helpers import EA, EI, example_rod
+from services.studies.rod_problems import EA, EI, example_rod
 
 X = (1.0, 0.0, 0.0)
 NEEDLE = ((0.0, 0.0, 0.0), (0.03, 0.0, 0.0))

@@ -12,8 +12,7 @@ from services.mechanics.rod import (
     straight_rod,
 )
 from services.mechanics.rod.semi_implicit import _predict
-
-from .helpers import example_rod
+from services.studies.rod_problems import example_rod
 
 X = (1.0, 0.0, 0.0)
 NOTHING = np.zeros((51, 3))
