@@ -226,3 +226,15 @@ def test_a_free_hand_is_not_braked() -> None:
     law = Law()
     law.motion[3] = 0.2
     np.testing.assert_array_equal(law.settle(), 0.0)
+
+
+def test_a_hand_that_presses_feels_the_wall_and_no_damping_beside_it() -> None:
+    law = Law()
+    law.load(stiffness_n_m=(200.0, 0, 0, 0, 200.0, 0, 0, 0, 200.0), in_contact=True)
+    speed = 0.05
+    law.motion[3] = -speed
+    for k in range(1, 100):
+        law.motion[0] = -speed * k * DT_S
+        force = law.force()
+        assert force[0] == pytest.approx(-200.0 * law.motion[0])
+    assert law.memory[layout.MEMORY_ENERGY] == pytest.approx(0.5 * 200.0 * law.motion[0] ** 2, rel=0.05)

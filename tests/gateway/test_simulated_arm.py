@@ -66,18 +66,19 @@ def test_a_hand_lets_slip_what_its_grip_cannot_hold() -> None:
     np.testing.assert_allclose(arm.rates, other.rates, rtol=1e-3)
 
 
-def test_encoders_round_down_to_their_counts() -> None:
-    joint = 0
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_encoders_round_down_to_their_counts(joint: int) -> None:
     count = 2 * math.pi / (simulated_arm.COUNTS * premium_model.GEARS[joint])
-    base = np.array([0.0, 0.4, 0.4])
-    out, again = np.zeros(3), np.zeros(3)
-    simulated_arm.measure(base + np.array([7.01 * count, 0.0, 0.0]), out)
-    simulated_arm.measure(base + np.array([7.99 * count, 0.0, 0.0]), again)
-    np.testing.assert_array_equal(out, again)
-    simulated_arm.measure(base + np.array([8.01 * count, 0.0, 0.0]), again)
-    reach = math.hypot(out[0], out[1])
-    assert np.linalg.norm(again - out) == pytest.approx(reach * count, rel=1e-6)
-    assert 20e-6 < reach * count < 35e-6  # the data sheet's 0.03 mm
+    lever = (premium_model.L1 * math.cos(0.4) + premium_model.L2 * math.sin(0.4), premium_model.L1, premium_model.L2)
+    first = math.ceil(0.4 / count)
+    seen = np.zeros((3, 3))
+    for row, counts in enumerate((first + 0.01, first + 0.99, first + 1.01)):
+        angles = np.array([0.0, 0.4, 0.4])
+        angles[joint] = counts * count
+        simulated_arm.measure(angles, seen[row])
+    np.testing.assert_array_equal(seen[0], seen[1])
+    assert np.linalg.norm(seen[2] - seen[0]) == pytest.approx(lever[joint] * count, rel=1e-3)
+    assert 20e-6 < lever[joint] * count < 35e-6  # the data sheet's 0.03 mm
 
 
 def test_measured_velocity_follows_a_steady_motion() -> None:
