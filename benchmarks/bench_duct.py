@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from report import Row, measure, write_report
 
+from services.mechanics.contact.compliance import add_lower, modal_compliance
 from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction import (
@@ -35,7 +36,7 @@ from services.mechanics.reduction import (
     ResidualChoice,
     reduce_duct,
 )
-from services.mechanics.reduction.basis import add_modal_compliance, add_modal_force, gather_modes
+from services.mechanics.reduction.basis import add_modal_force, gather_modes
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.manifold import relaxed_membrane_force
 from services.mechanics.reduction.patches import largest_radius_m, patch_pattern
@@ -137,24 +138,27 @@ class ContactTick:
         k, r = len(triangles), basis.n_modes
         self.basis, self.residual, self.triangles = basis, residual, triangles
         self.weights = np.full((k, 3), 1.0 / 3.0)
-        self.flat = np.ascontiguousarray(triangles.reshape(-1))
+        # Loads are merged on nodes, as the simulation does: neighbouring contacts share corners.
+        self.loaded = np.unique(triangles).astype(np.int32)
         self.integrator = Newmark(basis.omega_rad_s, np.full(r, 0.1))
         self.gain = self.integrator.gains(DT_S).position
         self.state, self.force = ModalState.at_rest(r), np.zeros(r)
         self.modes, self.scratch = np.zeros((3 * k, r)), np.zeros(3 * k * r)
-        self.W, self.loads, self.out = np.zeros((3 * k, 3 * k)), np.ones((3 * k, 3)), np.zeros((3 * k, 3))
+        self.W, self.R = np.zeros((2, 3 * k, 3 * k))
+        self.loads, self.out = np.ones((self.loaded.size, 3)), np.zeros((self.loaded.size, 3))
 
     def step(self) -> None:
         self.integrator.predict(self.state, self.force, DT_S)
 
     def contacts(self) -> None:
         gather_modes(self.triangles, self.weights, self.basis.Phi, self.modes)
-        self.residual.gather_points(self.triangles, self.weights, self.W)
-        add_modal_compliance(self.modes, self.gain, self.scratch, self.W)
+        modal_compliance(self.modes, self.gain, self.scratch, self.W)
+        self.residual.gather_points(self.triangles, self.weights, self.R)
+        add_lower(self.R, self.W)
         self.force[:] = 0.0
-        add_modal_force(self.flat, self.loads, self.basis.Phi, self.force)
+        add_modal_force(self.loaded, self.loads, self.basis.Phi, self.force)
         self.out[:] = 0.0
-        self.residual.apply(self.flat, self.loads, self.flat, self.out)
+        self.residual.apply(self.loaded, self.loads, self.loaded, self.out)
 
 
 def contact_rows() -> list[Row]:

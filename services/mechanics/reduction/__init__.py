@@ -7,7 +7,7 @@ from services.mechanics.reduction.newmark import Newmark
 from services.mechanics.reduction.oscillator import ExactOscillator
 from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice, find_basis, reduce_duct
 from services.mechanics.reduction.residual import Residual
-from services.mechanics.reduction.state import ModalGains, ModalIntegrator, ModalState, correct
+from services.mechanics.reduction.state import ModalGains, ModalIntegrator, ModalState, correct, modal_reaction
 
 __all__ = [
     "CacheError",
@@ -24,6 +24,7 @@ __all__ = [
     "correct",
     "default_cache_dir",
     "find_basis",
+    "modal_reaction",
     "rayleigh_damping_ratio",
     "reduce_duct",
 ]

@@ -59,6 +59,15 @@ class ModalBasis:
         field: FloatArray = self.Phi @ q
         return field
 
+    def nodal_forces(self, modal_force: FloatArray, mass_kg: FloatArray) -> FloatArray:
+        """Return the nodal forces (n, 3) in N that make ``modal_force`` (r,) and load no other mode.
+
+        F = M Phi f with the lumped masses (n,). The paper's step 4 prints Phi f, which is no force: with
+        mass normalised modes Phi^T M Phi = 1, so it is M Phi that undoes f = Phi^T F.
+        """
+        field: FloatArray = mass_kg[:, None] * (self.Phi @ modal_force)
+        return field
+
 
 @njit(cache=True, nogil=True, fastmath=False)
 def node_displacement(node: int, Phi: FloatArray, q: FloatArray, out: FloatArray) -> None:
@@ -105,32 +114,3 @@ def gather_modes(nodes: IntArray, weights: FloatArray, Phi: FloatArray, out: Flo
                     shapes = Phi[nodes[point, corner], axis]
                     for mode in range(row.shape[0]):
                         row[mode] += weight * shapes[mode]
-
-
-@njit(cache=True, nogil=True, fastmath=False)
-def add_modal_compliance(rows: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
-    """Add rows diag(gain) rows^T, (c, r) by (r,), to the symmetric ``out`` (c, c); ``scratch`` holds c * r items.
-
-    The sum runs over modes outside and rows inside: nothing needs to be reordered for it to be vectorised. Four
-    modes at a time are added to a row, and only below the diagonal, which is then mirrored.
-    """
-    n_rows, n_modes = rows.shape
-    columns = scratch[: n_modes * n_rows].reshape(n_modes, n_rows)
-    for row in range(n_rows):
-        for mode in range(n_modes):
-            columns[mode, row] = rows[row, mode]
-    whole = n_modes - n_modes % 4
-    for row in range(n_rows):
-        for m in range(0, whole, 4):
-            a, b = gain[m] * columns[m, row], gain[m + 1] * columns[m + 1, row]
-            c, d = gain[m + 2] * columns[m + 2, row], gain[m + 3] * columns[m + 3, row]
-            for other in range(row + 1):
-                out[row, other] += (a * columns[m, other] + b * columns[m + 1, other]) + (
-                    c * columns[m + 2, other] + d * columns[m + 3, other]
-                )
-        for m in range(whole, n_modes):
-            a = gain[m] * columns[m, row]
-            for other in range(row + 1):
-                out[row, other] += a * columns[m, other]
-        for other in range(row):
-            out[other, row] = out[row, other]

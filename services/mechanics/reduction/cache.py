@@ -27,8 +27,8 @@ class CacheError(RuntimeError):
 
 
 def default_cache_dir() -> Path:
-    """Return where entries are kept unless the caller says otherwise: ~/.cache/trocar/bases."""
-    return Path.home() / ".cache" / "trocar" / "bases"
+    """Return where entries are kept unless the caller says otherwise: $TROCAR_CACHE_DIR, else ~/.cache/trocar."""
+    return Path(os.environ.get("TROCAR_CACHE_DIR") or Path.home() / ".cache" / "trocar")
 
 
 class Entry:

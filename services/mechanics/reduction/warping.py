@@ -25,7 +25,9 @@ from services.mechanics.reduction.warping_kernels import (
     interpolate_turn,
     node_positions,
     node_rows,
+    point_rows,
     rotation_matrix,
+    turn_blocks,
     update_axis,
 )
 
@@ -92,6 +94,7 @@ class SectionFrame:
         self._centre = np.zeros((stations, 3))
         self._centre_rate = np.zeros((stations, 3, modes))
         self._scratch = (np.zeros((9, 3)), np.zeros((3, modes)))
+        self._corner_row = np.zeros((1, 3, modes))
         self.update(self._q)
 
     def update(self, q: FloatArray) -> None:
@@ -119,6 +122,26 @@ class SectionFrame:
         place = (sections.segment, sections.fraction)
         axis = (self._turn, self._centre_rate, warp.turn)
         node_rows(nodes, place, axis, (warp.arm_m, warp.local), self._q, out, self._scratch)
+
+    def gather_rows(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+        """Write d position / d q at points of triangles into ``out`` (3 k, r), as `gather_modes` does for Phi.
+
+        ``nodes`` (k, 3) are the corners, ``weights`` (k, 3) the barycentric coordinates. Loads act on the modes
+        through these rows too: then their power is that of the warped points.
+        """
+        warp, sections = self._warp, self._warp.sections
+        place = (sections.segment, sections.fraction)
+        axis = (self._turn, self._centre_rate, warp.turn)
+        shape = (warp.arm_m, warp.local)
+        point_rows(nodes, weights, place, axis, shape, self._q, out, self._scratch, self._corner_row)
+
+    def turn_blocks(self, nodes: IntArray, out: FloatArray) -> None:
+        """Turn a compliance ``out`` (3 k, 3 k) between ``nodes`` (k,), in place, from undeformed into world axes.
+
+        The residual compliance belongs to the wall and turns with its sections: Q_a R_ab Q_b^T.
+        """
+        sections = self._warp.sections
+        turn_blocks(nodes, (sections.segment, sections.fraction), self._turn, out, self._scratch)
 
     def node_rotation(self, node: int, out: FloatArray) -> None:
         """Write the rotation (3, 3) of one node's section: it turns the residual compliance."""

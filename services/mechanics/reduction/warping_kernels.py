@@ -198,3 +198,50 @@ def node_rows(
         _rotate(R, carried, vector)
         _add_turned_rates(A, between, vector, out[index])
         _add_rotated(R, local[node], out[index])
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def point_rows(
+    nodes: IntArray,
+    weights: FloatArray,
+    place: tuple[IntArray, FloatArray],
+    axis: tuple[FloatArray, FloatArray, FloatArray],
+    shape: tuple[FloatArray, FloatArray],
+    q: FloatArray,
+    out: FloatArray,
+    scratch: Scratch,
+    corner_row: FloatArray,
+) -> None:
+    """Weigh the rows of the corners ``nodes`` (k, 3) into ``out`` (3 k, r); the rest as in `node_rows`."""
+    for point in range(nodes.shape[0]):
+        out[3 * point : 3 * point + 3] = 0.0
+        for corner in range(3):
+            weight = weights[point, corner]
+            if weight == 0.0:
+                continue
+            node_rows(nodes[point, corner : corner + 1], place, axis, shape, q, corner_row, scratch)
+            for i in range(3):
+                for mode in range(q.shape[0]):
+                    out[3 * point + i, mode] += weight * corner_row[0, i, mode]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def turn_blocks(
+    nodes: IntArray, place: tuple[IntArray, FloatArray], turn: FloatArray, out: FloatArray, scratch: Scratch
+) -> None:
+    """Replace each block (a, b) of ``out`` (3 k, 3 k) by Q_a block Q_b^T, with the nodes' rotations Q."""
+    small = scratch[0]
+    Q, vector, column = small[:3], small[6], small[7]
+    for a in range(nodes.shape[0]):
+        interpolate_turn(turn, place[0][nodes[a]], place[1][nodes[a]], vector)
+        rotation_matrix(vector, Q)
+        for other in range(out.shape[0]):
+            for i in range(3):
+                column[i] = out[3 * a + i, other]
+            for i in range(3):
+                out[3 * a + i, other] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]
+        for other in range(out.shape[0]):
+            for i in range(3):
+                column[i] = out[other, 3 * a + i]
+            for i in range(3):
+                out[other, 3 * a + i] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]

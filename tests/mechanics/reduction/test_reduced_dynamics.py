@@ -2,9 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_array, diags_array
 
-from services.mechanics.reduction import ExactOscillator, ModalState, rayleigh_damping_ratio
+from services.mechanics.reduction import (
+    ExactOscillator,
+    ModalState,
+    Newmark,
+    modal_reaction,
+    rayleigh_damping_ratio,
+)
 from services.mechanics.reduction.direct import CentralDifference, CondensedStiffness, DirectNewmark
+from services.mechanics.reduction.free_dofs import factorise
 
 DT_S, STEPS = 1e-3, 500
 # Tissue damps what is fast as well as what is slow: 10 % of critical in the first mode, loss factor 0.13 at 100 Hz.
@@ -113,3 +121,26 @@ def test_central_difference_refuses_a_step_beyond_its_limit_and_diverges_there(m
         unbounded.step(nodal)
     assert np.abs(bounded.u).max() < 0.1
     assert np.abs(unbounded.u).max() > 10.0
+
+
+def test_reduced_reaction_force_is_the_full_one_for_a_load_within_the_modes(model, basis):
+    weights = np.random.default_rng(4).standard_normal(basis.n_modes)
+    nodal = model.mass_kg[:, None] * (basis.Phi @ weights)
+    alpha = 2.0 * 0.1 * basis.omega_rad_s[0]
+    zeta = rayleigh_damping_ratio(basis.omega_rad_s, alpha, 0.0)
+    full, reduced = DirectNewmark(model, DT_S, alpha), Newmark(basis.omega_rad_s, zeta)
+    state = ModalState.at_rest(basis.n_modes)
+    for _ in range(40):
+        full.step(nodal)
+        reduced.predict(state, np.einsum("nir,ni->r", basis.Phi, nodal), DT_S)
+    reaction = basis.nodal_forces(modal_reaction(state, basis.omega_rad_s, zeta), model.mass_kg)
+    assert reaction == pytest.approx(nodal, abs=1e-9 * np.abs(nodal).max())
+    assert reaction == pytest.approx(full.reaction_force(), abs=1e-8 * np.abs(nodal).max())
+
+
+def test_no_mode_is_missing_below_the_highest_one(model, basis):
+    """Sylvester's law of inertia: as many negative pivots of K - s M as modes below sqrt(s), double ones counted."""
+    shift = (basis.omega_rad_s[-1] * (1.0 + 1e-6)) ** 2
+    factor = factorise(csc_array(model.K_free - shift * diags_array(model.free_mass_kg)))
+    assert np.array_equal(factor.perm_r, factor.perm_c)
+    assert np.sum(factor.U.diagonal() < 0.0) == basis.n_modes
