@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.compliance import list_particles
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.rod import (
@@ -110,7 +110,7 @@ def rod_supports(scene: CatheterScene) -> Supports:
     return Supports()
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def spread_rod_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> None:
     """Write the contact forces on the particles (n, 3)."""
     out[:] = 0.0

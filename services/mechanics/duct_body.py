@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.duct import ReducedDuct
@@ -137,7 +137,7 @@ class DuctBody:
         self._gains_dt_s = dt_s
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def weigh_corners(corners: FloatArray, weights: FloatArray, out: FloatArray) -> None:
     """Interpolate values at corners (3 k, 3) with barycentric ``weights`` (k, 3) into ``out`` (k, 3)."""
     for point in range(weights.shape[0]):
@@ -148,7 +148,7 @@ def weigh_corners(corners: FloatArray, weights: FloatArray, out: FloatArray) -> 
             out[point, axis] = total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def spread_loads(rows: ContactRows, forces: FloatArray, slot: IntArray, nodes: IntArray, loads: FloatArray) -> int:
     """Write the reactions on the duct's nodes, each node once, and return how many; ``slot`` (n,) is scratch."""
     count = 0
@@ -170,7 +170,7 @@ def spread_loads(rows: ContactRows, forces: FloatArray, slot: IntArray, nodes: I
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def modal_contact_force(modes: FloatArray, n_contacts: int, forces: FloatArray, out: FloatArray) -> None:
     """Write the modal force (r,) of the reactions to ``forces`` (k, 3)."""
     out[:] = 0.0
@@ -182,7 +182,7 @@ def modal_contact_force(modes: FloatArray, n_contacts: int, forces: FloatArray, 
                     out[mode] -= modes[3 * row + axis, mode] * force
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_impulse(force: FloatArray, gains: FloatArray, q: FloatArray, qdot: FloatArray, qddot: FloatArray) -> None:
     """Add to the end state, in place, what a modal contact force (r,) changes; ``gains`` (3, r)."""
     for mode in range(force.shape[0]):

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.mesh import TriangleMesh, vertex_adjacency
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual import BlockArray, block_index
@@ -61,7 +61,7 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
     return reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def displace_round_loads(
     residual: tuple[BlockArray, IntArray, IntArray, int],
     neighbourhood: tuple[IntArray, IntArray],

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from services.mechanics.collision.kernel import kernel
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -17,7 +18,7 @@ UNILATERAL, HOLD, FILM = 0, 1, 2
 ON_THE_LIMIT = 1.0 - 1e-9
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def list_closed(kind: ByteArray, limit: FloatArray, force: FloatArray, rows: IntArray) -> int:
     """Fill ``rows`` with those that do not move in the present state, and return how many.
 
@@ -45,7 +46,7 @@ def list_closed(kind: ByteArray, limit: FloatArray, force: FloatArray, rows: Int
     return n
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def closed_step(
     W: FloatArray,
     motion: FloatArray,
@@ -80,7 +81,7 @@ def closed_step(
     return solved
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def solve_dense(A: FloatArray, b: FloatArray) -> bool:
     """Solve A x = b in place of b by elimination with row pivots, destroying A; False where A is singular."""
     n = b.shape[0]
@@ -110,7 +111,7 @@ def solve_dense(A: FloatArray, b: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_step(kind: ByteArray, limit: FloatArray, force: FloatArray, rows: IntArray, step: FloatArray) -> None:
     """Add the step to the forces and put every block back into its cone or ball."""
     for i in range(rows.shape[0]):

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from services.mechanics.collision.kernel import kernel
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -14,7 +15,7 @@ _NEWTON_STEPS = 12
 _CLOSE = 1e-12
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def bounded_2(a: float, b: float, c: float, r_1: float, r_2: float, radius: float) -> tuple[float, float]:
     r"""Minimise :math:`\tfrac12 f^T W f + r^T f` over :math:`|f| \le radius`, W = ((a, b), (b, c)) positive.
 
@@ -39,7 +40,7 @@ def bounded_2(a: float, b: float, c: float, r_1: float, r_2: float, radius: floa
     return scale * f_1, scale * f_2
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def bounded_3(W: FloatArray, row: int, r: tuple[float, float, float], radius: float, out: FloatArray) -> None:
     """Three-dimensional `bounded_2` for the block of ``W`` at ``row``; the minimiser goes to ``out`` (3,)."""
     shift = 0.0
@@ -57,7 +58,7 @@ def bounded_3(W: FloatArray, row: int, r: tuple[float, float, float], radius: fl
         out[axis] *= scale
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def solve_3(W: FloatArray, row: int, shift: float, r_1: float, r_2: float, r_3: float) -> tuple[float, float, float]:
     """Solve the symmetric positive 3 x 3 block of ``W`` at ``row``, plus ``shift`` on its diagonal (LDL')."""
     d_1 = W[row, row] + shift

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.rows import ContactRows
 
@@ -28,7 +29,7 @@ def modal_compliance(modes: FloatArray, gain: FloatArray, scratch: FloatArray, o
     np.dot(scaled, modes.T, out)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_lower(block: FloatArray, out: FloatArray) -> None:
     """Add the lower triangle of ``block`` (m, m) to ``out`` (m, m)."""
     for row in range(out.shape[0]):
@@ -36,7 +37,7 @@ def add_lower(block: FloatArray, out: FloatArray) -> None:
             out[row, column] += block[row, column]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def list_particles(rows: ContactRows, slot: IntArray, particles: IntArray) -> int:
     """Fill ``particles`` with those that contacts touch, ascending, and ``slot`` (n,) with their place or -1."""
     slot[:] = -1
@@ -53,7 +54,7 @@ def list_particles(rows: ContactRows, slot: IntArray, particles: IntArray) -> in
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, out: FloatArray) -> None:
     """Add the catheter's compliance between its touched particles, ``rod`` (3 p, 3 p), to the blocks of ``out``."""
     n_points = rows.rod_node.shape[1]
@@ -70,7 +71,7 @@ def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, out: 
                         _add_block(out, 3 * a, 3 * b, weight, rod, first, 3 * slot[rows.rod_node[b, j]])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _add_block(
     out: FloatArray, row: int, column: int, weight: float, block: FloatArray, first: int, second: int
 ) -> None:
@@ -79,7 +80,7 @@ def _add_block(
             out[row + i, column + j] += weight * block[first + i, second + j]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArray) -> None:
     """Add G diag(c) G^T of the contacts of each tool; ``compliance`` (2, 4) is the couplings' c."""
     for a in range(rows.used[0]):
@@ -97,35 +98,36 @@ def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArr
                     out[3 * a + i, 3 * b + j] += total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
     """Turn the lower blocks of ``W`` (m, m) into the contacts' frames in place, and mirror them."""
-    half = np.empty((3, 3))
     for a in range(rows.used[0]):
-        F = rows.frame[a]
+        for i in range(3):
+            for j in range(i + 1, 3):
+                W[3 * a + i, 3 * a + j] = W[3 * a + j, 3 * a + i]
         for b in range(a + 1):
-            if b == a:
-                for i in range(3):
-                    for j in range(i + 1, 3):
-                        W[3 * a + i, 3 * a + j] = W[3 * a + j, 3 * a + i]
-            G = rows.frame[b]
-            for i in range(3):
-                for j in range(3):
-                    half[i, j] = (
-                        F[i, 0] * W[3 * a, 3 * b + j]
-                        + F[i, 1] * W[3 * a + 1, 3 * b + j]
-                        + F[i, 2] * W[3 * a + 2, 3 * b + j]
-                    )
-            for i in range(3):
-                for j in range(3):
-                    value = half[i, 0] * G[j, 0] + half[i, 1] * G[j, 1] + half[i, 2] * G[j, 2]
-                    W[3 * a + i, 3 * b + j] = value
-                    W[3 * b + j, 3 * a + i] = value
+            _turn_block(rows.frame[a], rows.frame[b], W, 3 * a, 3 * b)
         for i in range(3):
             W[3 * a + i, 3 * a + i] += rows.softness_m_n[a, i]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
+def _turn_block(F: FloatArray, G: FloatArray, W: FloatArray, row: int, column: int) -> None:
+    """Replace a block B by F B G^T in place, columns first, and its mirror image by the transpose."""
+    for j in range(column, column + 3):
+        x, y, z = W[row, j], W[row + 1, j], W[row + 2, j]
+        for i in range(3):
+            W[row + i, j] = F[i, 0] * x + F[i, 1] * y + F[i, 2] * z
+    for i in range(row, row + 3):
+        x, y, z = W[i, column], W[i, column + 1], W[i, column + 2]
+        for j in range(3):
+            W[i, column + j] = G[j, 0] * x + G[j, 1] * y + G[j, 2] * z
+    for i in range(3):
+        for j in range(3):
+            W[column + j, row + i] = W[row + i, column + j]
+
+
+@kernel
 def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
     """Write what the contact law asks to be zero or positive without contact forces into ``out`` (3 k,), in m.
 
@@ -142,7 +144,7 @@ def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
         out[3 * row] += gap if gap > 0.0 else recovery * gap
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def world_forces(rows: ContactRows, out: FloatArray) -> None:
     """Write the forces on the first bodies along world axes into ``out`` (k, 3), in N."""
     for row in range(rows.used[0]):

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
 from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
 from services.mechanics.contact.solver import HOLD, UNILATERAL
@@ -65,7 +65,7 @@ class DuctGeometry(NamedTuple):
     half_thickness: float
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def append_pairs(
     pairs: PairArrays, count: int, tools: ToolGeometry, rod: RodGeometry, duct: DuctGeometry, rows: ContactRows
 ) -> int:
@@ -101,7 +101,7 @@ def append_pairs(
     return 0
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def write_frame(normal: FloatArray, out: FloatArray) -> None:
     """Complete a unit normal to an orthonormal frame in the rows of ``out`` (3, 3).
 
@@ -116,7 +116,7 @@ def write_frame(normal: FloatArray, out: FloatArray) -> None:
     out[2, 0], out[2, 1], out[2, 2] = b, sign + y * y * a, -y
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _tool_side(pairs: PairArrays, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
     tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
     ends = tools.segments[tool, segment]
@@ -136,7 +136,7 @@ def _tool_side(pairs: PairArrays, index: int, tools: ToolGeometry, rows: Contact
             rows.slip_m[row, axis] += lever[axis, coordinate] * tools.motion[tool, coordinate]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _catheter_side(pairs: PairArrays, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
     first, s = pairs.particle[index], pairs.tool_parameter[index]
     second = min(first + 1, rod.position.shape[0] - 1)
@@ -150,7 +150,7 @@ def _catheter_side(pairs: PairArrays, index: int, rod: RodGeometry, rows: Contac
         rows.slip_m[row, axis] = (1.0 - s) * rod.motion[first, axis] + s * rod.motion[second, axis]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _target_side(
     pairs: PairArrays, index: int, rod: RodGeometry, duct: DuctGeometry, rows: ContactRows, row: int
 ) -> None:
@@ -175,7 +175,7 @@ def _target_side(
                 rows.gap_m[row] -= pairs.normal[index, axis] * weight * duct.vertices[node, axis]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _name(pairs: PairArrays, index: int, rows: ContactRows, row: int) -> None:
     """Give the pair numbers that are the same in the next tick."""
     first = (np.int64(pairs.tool[index]) + 1) * 4 + pairs.tool_segment[index]
@@ -184,7 +184,7 @@ def _name(pairs: PairArrays, index: int, rows: ContactRows, row: int) -> None:
     rows.identity[row] = rows.body[row] * (1 << 24) + pairs.target[index]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def subtract_duct_motion(
     rows: ContactRows, modes: FloatArray, q: FloatArray, dq: FloatArray, offset: FloatArray, change: FloatArray
 ) -> None:

@@ -12,8 +12,8 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.geometry import PairArrays, ToolGeometry
 from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
 from services.mechanics.contact.rows import ContactRows
@@ -62,7 +62,7 @@ class PressedPoints:
         )
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def keep_pressed(rows: ContactRows, out: PairArrays) -> int:
     """Copy pressed contacts of tools with the wall into ``out`` and return how many; names are decoded from `rows`."""
     count = 0
@@ -84,7 +84,7 @@ def keep_pressed(rows: ContactRows, out: PairArrays) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def list_corners(pairs: PairArrays, count: int, triangles: IntArray, nodes: IntArray) -> None:
     """Write the corners of the target triangles into ``nodes`` (3 count,)."""
     for i in range(count):
@@ -92,7 +92,7 @@ def list_corners(pairs: PairArrays, count: int, triangles: IntArray, nodes: IntA
             nodes[3 * i + corner] = triangles[pairs.target[i], corner]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def append_pressed(
     kept: PairArrays,
     n_kept: int,
@@ -142,7 +142,7 @@ def append_pressed(
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _is_known(kept: PairArrays, i: int, pairs: PairArrays, count: int) -> bool:
     """Whether detection reports the same triangle for the same segment of the tool."""
     for k in range(count):

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.active_set import (
     FILM,
     HOLD,
@@ -46,7 +46,7 @@ class SolverScratch(NamedTuple):
         return cls(matrix, step, rows.astype(np.int32), force, free, change)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def solve_contacts(
     W: FloatArray,
     motion: FloatArray,
@@ -88,7 +88,7 @@ def solve_contacts(
     scratch : SolverScratch
     """
     iterations, tolerance_n = effort
-    scratch.free[: motion.shape[0]] = motion
+    _copy(motion, scratch.free)
     _update_motion(W, scratch.free, force, motion)
     sweeps = 0
     while sweeps < iterations:
@@ -107,12 +107,12 @@ def solve_contacts(
         if after <= tolerance_n:
             return sweeps
         if after > largest:
-            force[:] = scratch.force[: force.shape[0]]
+            _restore(scratch.force, force)
             _update_motion(W, scratch.free, force, motion)
     return sweeps
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _sweep(
     W: FloatArray, motion: FloatArray, kind: ByteArray, limit: FloatArray, force: FloatArray, change: FloatArray
 ) -> float:
@@ -127,7 +127,7 @@ def _sweep(
     return largest
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _try_closed_step(
     W: FloatArray, motion: FloatArray, kind: ByteArray, limit: FloatArray, force: FloatArray, scratch: SolverScratch
 ) -> bool:
@@ -137,13 +137,25 @@ def _try_closed_step(
     matrix = scratch.matrix[: n * n].reshape(n, n)
     if n == 0 or not closed_step(W, motion, kind, limit, force, rows, matrix, step):
         return False
-    scratch.force[: force.shape[0]] = force
+    _copy(force, scratch.force)
     add_step(kind, limit, force, rows, step)
     _update_motion(W, scratch.free, force, motion)
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
+def _copy(source: FloatArray, target: FloatArray) -> None:
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
+def _restore(source: FloatArray, target: FloatArray) -> None:
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
 def _update_motion(W: FloatArray, free: FloatArray, force: FloatArray, motion: FloatArray) -> None:
     for row in range(motion.shape[0]):
         motion[row] = free[row]
@@ -151,7 +163,7 @@ def _update_motion(W: FloatArray, free: FloatArray, force: FloatArray, motion: F
         _add_row(motion, W, row, force[row])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _add_row(motion: FloatArray, W: FloatArray, row: int, change: float) -> None:
     """Keep ``motion`` up to date; an update along a row of the symmetric W vectorises, a dot would not."""
     if change != 0.0:
@@ -159,7 +171,7 @@ def _add_row(motion: FloatArray, W: FloatArray, row: int, change: float) -> None
             motion[column] += W[row, column] * change
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _relax_unilateral(
     W: FloatArray, motion: FloatArray, mu: float, force: FloatArray, row: int, change: FloatArray
 ) -> None:
@@ -182,7 +194,7 @@ def _relax_unilateral(
     _add_row(motion, W, row + 2, change[2])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _relax_hold(
     W: FloatArray, motion: FloatArray, limit: float, force: FloatArray, row: int, change: FloatArray
 ) -> None:
@@ -201,7 +213,7 @@ def _relax_hold(
         _add_row(motion, W, row + axis, change[axis])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def mark_sliding(kind: ByteArray, limit: FloatArray, force: FloatArray, slides: BoolArray) -> None:
     """Write for each block (k,) whether its friction is on its limit, or its hold slips."""
     for block in range(kind.shape[0]):

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import HOLD
@@ -18,7 +18,7 @@ BoolArray = npt.NDArray[np.bool_]
 STIFFNESS_CAPACITY = 24  # contacts of one tool that enter its local stiffness
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def generalised_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> None:
     """Write sum of G^T f of each tool into ``out`` (2, 4): force at J in N and opening torque in N m."""
     out[:] = 0.0
@@ -31,7 +31,7 @@ def generalised_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -
                 out[tool, coordinate] += rows.lever[row, axis, coordinate] * forces[row, axis]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def resultants(rows: ContactRows, forces: FloatArray, about: FloatArray, force: FloatArray, moment: FloatArray) -> None:
     """Write each tool's plain sum of forces (2, 3) and their moment about its point in ``about`` (2, 3)."""
     force[:] = 0.0
@@ -51,7 +51,7 @@ def resultants(rows: ContactRows, forces: FloatArray, about: FloatArray, force: 
         moment[tool, 2] += x * f[1] - y * f[0]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def local_stiffness(
     rows: ContactRows, W: FloatArray, slides: BoolArray, coupling: FloatArray, scratch: FloatArray, out: FloatArray
 ) -> None:
@@ -78,7 +78,7 @@ def local_stiffness(
                         out[tool, i, j] += G[k, i] * G[k, j]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _closed_axes(rows: ContactRows, slides: BoolArray, row: int, tool: int) -> int:
     """How many of a row's three axes stay closed: 0, 1 (normal) or 3."""
     if rows.tool[row] != tool:
@@ -90,7 +90,7 @@ def _closed_axes(rows: ContactRows, slides: BoolArray, row: int, tool: int) -> i
     return 1 if slides[row] or rows.limit[row] <= 0.0 else 3
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _count_closed(rows: ContactRows, slides: BoolArray, tool: int) -> int:
     count = 0
     for row in range(rows.used[0]):
@@ -100,7 +100,7 @@ def _count_closed(rows: ContactRows, slides: BoolArray, tool: int) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _fill_closed(
     rows: ContactRows,
     W: FloatArray,
@@ -136,7 +136,7 @@ def _fill_closed(
                 S[i, j] += coupling[axis] * G[i, axis] * G[j, axis]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _whiten(S: FloatArray, G: FloatArray) -> bool:
     """Overwrite G (n, 3) by L^-1 G with S = L L^T (in place); False where S is not positive."""
     n = S.shape[0]
@@ -160,7 +160,7 @@ def _whiten(S: FloatArray, G: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def deepest_overlap(rows: ContactRows) -> float:
     """Return how deep the catheter overlaps wall or itself at the start of the step, in m."""
     deepest = 0.0

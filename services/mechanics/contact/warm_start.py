@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.rows import ContactRows
 
 FloatArray = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ class ForceMemory(NamedTuple):
         )
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> None:
     """Fill ``rows.force_n`` and ``slides`` (C,) with what is remembered, zero where nothing is.
 
@@ -57,7 +57,7 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> 
             _match(memory, memory.body, rows.body[row], rows, row, slides)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _match(memory: ForceMemory, names: LongArray, name: int, rows: ContactRows, row: int, slides: BoolArray) -> bool:
     for old in range(memory.used[0]):
         if names[old] == name and not memory.taken[old]:
@@ -73,7 +73,7 @@ def _match(memory: ForceMemory, names: LongArray, name: int, rows: ContactRows, 
     return False
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def store_forces(memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray) -> None:
     """Remember the solved forces (C, 3) along world axes and who slides."""
     memory.used[0] = rows.used[0]

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from numba import njit
-
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import UNILATERAL
 from services.mechanics.contact.warm_start import BoolArray
@@ -58,7 +57,7 @@ class Friction(Effect):
         set_coefficients(rows, simulation.slides, self._mu)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def set_coefficients(rows: ContactRows, slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]) -> None:
     """Write the coefficients of the unilateral rows; ``mu`` is (static, kinetic) without and with a tool."""
     for row in range(rows.used[0]):

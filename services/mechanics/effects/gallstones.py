@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from services.mechanics.collision import CatheterContactDetector
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.geometry import PairArrays, RodGeometry, append_pairs, write_frame
 from services.mechanics.contact.pairs import NO_TOOL, ContactPairs
 from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows, FloatArray
@@ -110,7 +110,7 @@ class Gallstones(Effect):
         self.velocity_m_s += change / dt_s
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def mark_sphere(rows: ContactRows, first: int, stone: int) -> None:
     """Turn rows from ``first`` on, built with a stone in the place of a particle, into rows of that stone."""
     for row in range(first, rows.used[0]):
@@ -120,7 +120,7 @@ def mark_sphere(rows: ContactRows, first: int, stone: int) -> None:
         rows.identity[row] |= (stone + 1) << 54
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def append_on_catheter(rows: ContactRows, rod: RodGeometry, sphere: RodGeometry, stone: int, reach: float) -> None:
     """Append the stone against the closest point of each catheter segment within ``reach`` of its surface."""
     centre = sphere.position[0]
@@ -152,7 +152,7 @@ def append_on_catheter(rows: ContactRows, rod: RodGeometry, sphere: RodGeometry,
             rows.slip_m[row, axis] = sphere.motion[0, axis] - (
                 (1.0 - s) * rod.motion[segment, axis] + s * rod.motion[segment + 1, axis]
             )
-        write_frame(normal.copy(), rows.frame[row])
+        write_frame(normal, rows.frame[row])
         rows.kind[row], rows.tool[row], rows.limit[row] = UNILATERAL, NO_TOOL, 0.0
         rows.gap_m[row] = distance - sphere.radius - rod.radius
         rows.softness_m_n[row] = SURFACE_SOFTNESS_M_N
@@ -166,7 +166,7 @@ def append_on_catheter(rows: ContactRows, rod: RodGeometry, sphere: RodGeometry,
         rows.used[0] = row + 1
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_sphere_compliance(rows: ContactRows, compliance: FloatArray, W: FloatArray) -> None:
     """Add the compliance of each stone between all rows it takes part in, lower blocks, world axes."""
     for a in range(rows.used[0]):
@@ -177,7 +177,7 @@ def add_sphere_compliance(rows: ContactRows, compliance: FloatArray, W: FloatArr
                     W[3 * a + axis, 3 * b + axis] += value
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def sphere_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> FloatArray:
     """Add the contact forces on the stones to ``out`` (s, 3) and return it."""
     for row in range(rows.used[0]):

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from numba import njit
-
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import FILM
@@ -53,7 +52,7 @@ class MucusDrag(Effect):
 _NO_NORMAL_M_N = 1e3
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def append_films(rows: ContactRows, softness: float) -> None:
     """Append one film per present row of a particle against the wall."""
     for source in range(rows.used[0]):

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from numba import njit
-
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.collision.primitives import closest_of_segments
 from services.mechanics.contact.geometry import PairArrays
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
@@ -47,7 +46,7 @@ class SelfContact(Effect):
         pairs.count = append_self_pairs(position, self._skip, reach, PairArrays.of(pairs), pairs.count)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def append_self_pairs(position: FloatArray, skip: int, reach: float, out: PairArrays, count: int) -> int:
     """Append the closest points of segments i and j > i + skip that are within ``reach``; return the new count.
 

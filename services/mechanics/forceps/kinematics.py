@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import JAW_A, JAW_B, SHAFT
 
 FloatArray = npt.NDArray[np.float64]
@@ -21,7 +21,7 @@ N_SEGMENTS = 3
 N_COORDINATES = 4  # J and the opening angle
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def tool_frame(junction: FloatArray, port: FloatArray, roll: float, out: FloatArray) -> float:
     """Write b, h and d into the rows of ``out`` (3, 3) and return the length of shaft inside the port, in m."""
     length = math.sqrt((junction[0] - port[0]) ** 2 + (junction[1] - port[1]) ** 2 + (junction[2] - port[2]) ** 2)
@@ -41,7 +41,7 @@ def tool_frame(junction: FloatArray, port: FloatArray, roll: float, out: FloatAr
     return length
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def tool_segments(
     junction: FloatArray, port: FloatArray, frame: FloatArray, jaw_angle: float, jaw_length: float, out: FloatArray
 ) -> None:
@@ -56,7 +56,7 @@ def tool_segments(
         out[JAW_B, 1, axis] = junction[axis] + cosine * frame[2, axis] - sine * frame[0, axis]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def contact_lever(frame: FloatArray, length: float, segment: int, arm: FloatArray, out: FloatArray) -> None:
     r"""Write the lever G (3, 4) of a point at ``arm`` = p - J: its motion is G (dJ, dtheta).
 

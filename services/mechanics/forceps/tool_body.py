@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.collision.kernel import kernel
 from services.mechanics.forceps.kinematics import N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.tools import N_TOOLS, ToolInputs
@@ -107,7 +107,7 @@ class ToolBody:
         )
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def predict_proxies(
     hand: FloatArray,
     stretch: FloatArray,
@@ -125,7 +125,7 @@ def predict_proxies(
             free[tool, axis] = hand[tool, axis] + compliance[tool, axis] * rate * stretch[tool, axis]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def update_poses(
     proxy: FloatArray,
     port: FloatArray,
