@@ -164,6 +164,13 @@ def main() -> None:
     except UserError as error:
         print(f"trocar: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in ("services", "protocol"):
+            raise
+        print(
+            f"trocar: the package {error.name} is not installed; `trocar doctor` says what brings it", file=sys.stderr
+        )
+        sys.exit(1)
     except BrokenPipeError:  # `trocar sniff | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from services.runtime import config
 from services.runtime.errors import BusError, UserError
 from services.runtime.rig import Rig
-from services.supervisor.page_file import page_file
+from services.supervisor.page_place import page_file
 
 _PATIENCE_S = 3.0
 

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib import metadata
 from pathlib import Path
 
 from services.runtime import endpoints
@@ -20,9 +21,10 @@ from services.runtime.errors import UserError
 from services.runtime.process import cache_directory
 from services.runtime.rig import Rig
 from services.supervisor.holders import holders
-from services.supervisor.web import DIST
+from services.supervisor.page_place import DIST
 
 _NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
+_SHOWN = ("trocar", "numpy", "scipy", "numba", "pyzmq", "msgspec")
 _EXTRAS = {
     "web": ("starlette", "uvicorn", "websockets", "prometheus_client"),
     "view": ("pyvista",),
@@ -63,7 +65,8 @@ def software() -> Iterator[Finding]:
     supported = (3, 11) <= sys.version_info[:2] < (3, 14)
     yield finding("python", supported, version, "use Python 3.11 to 3.13", needed=True)
     missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
-    yield finding("packages", not missing, _list(missing), "install trocar again", needed=True)
+    found = _list(missing) if missing else ", ".join(f"{name} {metadata.version(name)}" for name in _SHOWN)
+    yield finding("packages", not missing, found, "install trocar again", needed=True)
     for extra, names in _EXTRAS.items():
         gone = [name for name in names if importlib.util.find_spec(name) is None]
         yield finding(f"extra [{extra}]", not gone, _list(gone), f"pip install 'trocar[{extra}]'")

@@ -10,41 +10,15 @@ from typing import Self
 import msgspec
 import uvicorn
 
-from services.runtime.errors import BusError
-from services.runtime.rig import WebSettings
 from services.supervisor import dashboard
 from services.supervisor.metrics import RigSource, Source, registry
-from services.supervisor.page_file import leave, page_file
+from services.supervisor.page_place import leave, page_file
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from services.supervisor.web import EVENT_PERIOD_S, Desk, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 _encoder = msgspec.json.Encoder()
-
-
-def listen(settings: WebSettings) -> socket.socket:
-    """Return the bound socket of the page.
-
-    Raises
-    ------
-    BusError
-        if the address cannot be had.
-    """
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    made = socket.socket(family, socket.SOCK_STREAM)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        made.bind((settings.host, settings.port))
-        made.listen(64)
-    except OSError as error:
-        made.close()
-        where = f"{settings.host}:{settings.port}"
-        raise BusError(
-            f"the web page cannot have {where}: {(error.strerror or str(error)).lower()}; "
-            f"choose another with --set supervisor.web.port=N"
-        ) from None
-    return made
 
 
 class Page:

@@ -94,8 +94,8 @@ def _loop(figures: Figures) -> dict[str, Any]:
     loop = figures.loop
     assert loop is not None
     return {
-        "rate_hz": loop.ticks / figures.seconds if figures.seconds > 0 else None,
-        "target_hz": loop.target_hz,
+        "rate_hz": _finite(loop.ticks / figures.seconds) if figures.seconds > 0 else None,
+        "target_hz": _finite(loop.target_hz),
         "ticks": loop.ticks,
         "misses": loop.misses,
         "skipped": loop.skipped,
@@ -123,7 +123,7 @@ def _topics(counts: Mapping[str, Figures]) -> dict[str, dict[str, Any]]:
                 seconds[name] = figures.seconds
     return {
         name: {
-            "rate_hz": traffic.sent / seconds[name] if seconds.get(name) else None,
+            "rate_hz": _finite(traffic.sent / seconds[name]) if seconds.get(name) else None,
             "drops": traffic.dropped,
             "superseded": traffic.superseded,
             "refused": dict(traffic.refused),

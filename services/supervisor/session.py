@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import signal
+import socket
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
@@ -14,9 +17,12 @@ from services.runtime.process import Options, Process, open_process
 from services.runtime.rig import Rig
 from services.supervisor.crew import Launch
 from services.supervisor.holders import holders
-from services.supervisor.page import Page, listen
+from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Event, Setup, Supervisor
+
+if TYPE_CHECKING:
+    from services.supervisor.page import Page
 
 _TURN_S = 0.02
 
@@ -85,7 +91,7 @@ def run_session(process: Process, plan: Plan) -> None:
     setup = _setup(process, plan)
     sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
     supervisor = Supervisor(setup, process.bus, time.monotonic(), plan.on_event)
-    with Page(sock, supervisor, process.scene_name) as page:
+    with _page(sock, supervisor, process.scene_name) as page:
         process.health.change("ready")
         try:
             _watch(process, supervisor, page, plan)
@@ -96,12 +102,24 @@ def run_session(process: Process, plan: Plan) -> None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
 
 
-def _watch(process: Process, supervisor: Supervisor, page: Page, plan: Plan) -> None:
+def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractContextManager[Page | None]:
+    """Return the page; nothing where the packages that serve it are not installed: the rig does without."""
+    try:
+        from services.supervisor.page import Page
+    except ModuleNotFoundError as error:
+        sock.close()
+        supervisor.say("warning", f"no web page: {error.name} is not installed (pip install 'trocar[web]')")
+        return nullcontext()
+    return Page(sock, supervisor, scene)
+
+
+def _watch(process: Process, supervisor: Supervisor, page: Page | None, plan: Plan) -> None:
     while not process.stop() and supervisor.crew.fatal is None:
         now_s = time.monotonic()
         supervisor.step(now_s)
         process.health.send_if_due()
-        page.turn(now_s)
+        if page is not None:
+            page.turn(now_s)
         if plan.on_turn(supervisor, now_s):
             return
         supervisor.crew.wait(_TURN_S)

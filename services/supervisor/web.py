@@ -19,13 +19,12 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-import services
 from services.runtime.rig import Rig
+from services.supervisor.page_place import DIST
 
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 EVENT_PERIOD_S = 0.2
-DIST = Path(services.__file__).parent / "visualization" / "web" / "dist"
 _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
 <p>The rig runs, but <code>services/visualization/web/dist</code> is missing. Build it once with
 <code>npm ci &amp;&amp; npm run build</code> in <code>services/visualization/web</code> and load this page again.</p>

@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.cli.conftest import Trocar
 
 ROOT = Path(__file__).parents[2]
@@ -27,3 +29,11 @@ def test_unknown_option_is_a_usage_error(trocar: Trocar) -> None:
     ran = trocar("up", "--sceen", "default")
     assert ran.code == 2
     assert "Traceback" not in ran.err
+
+
+def test_a_package_that_is_not_installed_is_a_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "services.cli.sniff", raising=False)
+    monkeypatch.setitem(sys.modules, "zmq", None)
+    ran = trocar("sniff")
+    assert ran.code == 1
+    assert ran.sentence().startswith("the package zmq is not installed")
