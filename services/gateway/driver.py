@@ -16,7 +16,7 @@ from services.gateway import drivers
 from services.gateway.layout import FloatArray
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
-from services.runtime.rig import DriverSettings, Mount
+from services.runtime.rig import DriverSettings, Mount, Vector3
 
 T = TypeVar("T")
 
@@ -33,10 +33,11 @@ class ArmLimits:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a driver works: which instrument, and where its arm stands."""
+    """Where a driver works: which instrument, where its arm stands, where its trocar is."""
 
     instrument: str
     mount: Mount
+    port_m: Vector3 = (0.0, 0.0, 0.0)
     index: int = 0
 
 

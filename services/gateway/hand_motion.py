@@ -26,7 +26,7 @@ def scripted(name: str, instrument: str) -> Wanted:
     """Return the handle angles of a script of configs/scripts."""
     from services.gateway.script import HANDLE, read_player  # only here: its kernels take a second to import
 
-    player = read_player(name, instrument)
+    player = read_player(name, instrument, (0.0, 0.0, 0.0))  # the handle does not care where the port is
 
     def wanted(time_s: float) -> float:
         player.sample(time_s)

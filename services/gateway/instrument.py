@@ -131,7 +131,7 @@ def build_instruments(settings: GatewaySettings) -> list[Instrument]:
 
 
 def _build(settings: GatewaySettings, row: InstrumentSettings, index: int) -> Instrument:
-    place = Place(row.name, row.mount, index)
+    place = Place(row.name, row.mount, row.port_m, index)
     arm = load_arm(row.arm, place)
     grasp = load_grasp(row.grasp, place) if row.grasp is not None else None
     torque_nm = settings.grasp_torque_limit_nm

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import Annotated, Self
 
@@ -22,7 +23,7 @@ class Breakpoint(Settings):
     """Where the hand holds the tool at a time; it comes to rest there."""
 
     time_s: Annotated[float, Field(ge=0.0)]
-    hip_m: Vector3 = Field(description="junction of shaft and jaws, in the world")
+    hip_m: Vector3 = Field(description="junction of shaft and jaws in the world, or the point that the motion names")
     roll_rad: float = 0.0
     handle_rad: float = Field(1.0, description="opening of the handle, 0 shut")
 
@@ -30,6 +31,9 @@ class Breakpoint(Settings):
 class Motion(Settings):
     """What one hand does."""
 
+    beyond_hip_m: Annotated[float, Field(ge=0.0)] = Field(
+        0.0, description="the breakpoints are for the point this far beyond the junction of shaft and jaws"
+    )
     breakpoints: Annotated[tuple[Breakpoint, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -48,10 +52,18 @@ class Script(Settings):
 
 
 class Player:
-    """Samples one motion of a script at any time."""
+    """Samples one motion of a script at any time.
 
-    def __init__(self, motion: Motion, loop: bool) -> None:
+    Attributes
+    ----------
+    value, rate : (COLUMNS,) float64
+        Junction in the world, roll, handle, and their rates, of the last `sample`.
+    """
+
+    def __init__(self, motion: Motion, loop: bool, port_m: Vector3) -> None:
         points = motion.breakpoints
+        self._offset_m = motion.beyond_hip_m
+        self._port = np.array(port_m)
         self._times = np.array([point.time_s for point in points])
         self._values = np.array([[*point.hip_m, point.roll_rad, point.handle_rad] for point in points])
         self._loop = loop
@@ -65,9 +77,11 @@ class Player:
         if self._loop and end > 0.0:
             time_s %= end
         minimum_jerk(self._times, self._values, time_s, self.value, self.rate)
+        if self._offset_m > 0.0:
+            draw_back(self._port, self._offset_m, self.value, self.rate)
 
 
-def read_player(name: str, instrument: str) -> Player:
+def read_player(name: str, instrument: str, port_m: Vector3) -> Player:
     """Return the motion of an instrument in a script of configs/scripts.
 
     Raises
@@ -80,7 +94,7 @@ def read_player(name: str, instrument: str) -> Player:
     if instrument not in script.motions:
         known = ", ".join(script.motions)
         raise ConfigError(f"{path}: motions: there is none for instrument {instrument!r}; known: {known}")
-    return Player(script.motions[instrument], script.loop)
+    return Player(script.motions[instrument], script.loop, port_m)
 
 
 @kernel
@@ -102,3 +116,21 @@ def minimum_jerk(times: FloatArray, values: FloatArray, time: float, value: Floa
         change = values[after, i] - values[k, i]
         value[i] = values[k, i] + s * change
         rate[i] = ds * change
+
+
+@kernel
+def draw_back(port: FloatArray, offset: float, value: FloatArray, rate: FloatArray) -> None:
+    """Turn point and velocity of a tool's point `offset` beyond its junction into those of the junction, in place.
+
+    J = P - l d with the shaft's direction d from the port to P, which turns as P moves.
+    """
+    x, y, z = value[0] - port[0], value[1] - port[1], value[2] - port[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    along = x * rate[0] + y * rate[1] + z * rate[2]
+    value[0] -= offset * x
+    value[1] -= offset * y
+    value[2] -= offset * z
+    rate[0] -= offset * (rate[0] - along * x) / length
+    rate[1] -= offset * (rate[1] - along * y) / length
+    rate[2] -= offset * (rate[2] - along * z) / length

@@ -39,7 +39,7 @@ class Driver(Arm):
         self.limits = file.limits()
         self.calibrated = False
         script = self._settings.script
-        self._player = read_player(script, place.instrument) if script is not None else None
+        self._player = read_player(script, place.instrument, place.port_m) if script is not None else None
         self._centre = premium_model.centre()
         self._stand = np.array([*pose.pack_mount(place.mount), *self._centre])
         self._force = np.zeros(3)
