@@ -1,4 +1,4 @@
-"""Contacts of the catheter's particles with the wall of the duct, from inside or outside."""
+"""Contacts of the catheter with the wall of the duct, from inside or outside."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from services.mechanics.collision.probes import (
     forget,
     is_near,
 )
+from services.mechanics.collision.rim import RimSegments, detect_rims
 from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN
 from services.mechanics.collision.surface import DuctSurface, Shell
@@ -48,6 +49,7 @@ class CatheterContactDetector:
         self._margin_m = margin_m
         self._probes = ProbeSet(n_particles)
         self._lumen = LumenState(n_particles)
+        self._rims = RimSegments(max(n_particles - 1, 0))
         self._writer = PairWriter()
 
     @property
@@ -59,12 +61,17 @@ class CatheterContactDetector:
         """Forget the past: the next `detect` finds sides and insideness from the positions alone."""
         self._probes.reset()
         self._lumen.reset()
+        self._rims.reset()
 
     def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
-        """Append the pairs of this tick, at most two a particle, for positions (n, 3)."""
+        """Append the pairs of this tick for positions (n, 3).
+
+        At most two a particle, and one a segment where it crosses the rim of an opening between its particles.
+        """
         rows = self._writer.open(pairs_out)
         sizes = (self._thickness_m, self._margin_m)
         _detect(self.surface.shell, self._probes.struct, self._lumen.struct, particle_positions_m, sizes, rows)
+        detect_rims(self.surface.shell, self._rims.struct, particle_positions_m, sizes, rows)
         self._writer.close()
 
 

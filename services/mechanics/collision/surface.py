@@ -20,6 +20,7 @@ from services.mechanics.collision.kernel import (
 )
 from services.mechanics.collision.primitives import Vector, dot, vector
 from services.mechanics.collision.topology import (
+    NO_NEIGHBOUR,
     fill_rim,
     rim_vertices,
     triangle_neighbours,
@@ -33,7 +34,7 @@ Body = Struct
 Patch = Struct
 """Triangles to search, with topology and tree: the wall itself, or the caps of its openings; see `PATCH`."""
 Shell = Struct
-"""body, wall and caps: what a detector's kernel needs of a surface."""
+"""body, wall, caps and rims: what a detector's kernel needs of a surface."""
 
 BODY = struct_type(
     arrays=(
@@ -76,7 +77,8 @@ PATCH = struct_type(
         "bound",  # (MAX_DEPTH,) their distances
     )
 )
-SHELL = nest(body=BODY, wall=PATCH, caps=PATCH)
+RIMS = struct_type(arrays=("owner",))  # (e,) int32: 3 * wall triangle + edge
+SHELL = nest(body=BODY, wall=PATCH, caps=PATCH, rims=PATCH, rim_edges=RIMS)
 
 
 @dataclass(frozen=True)
@@ -130,10 +132,14 @@ class DuctSurface:
         scaled_modes = Phi / omega_rad_s
         body, wall = _body_arrays(mesh, Phi, omega_rad_s), _patch_arrays(mesh, mesh.triangles, scaled_modes)
         lids = _patch_arrays(mesh, np.concatenate(caps), scaled_modes)
-        self._alive = (body, wall, lids)
+        owner = np.flatnonzero(wall["neighbour"].ravel() == NO_NEIGHBOUR).astype(np.int32)
+        rims = _patch_arrays(mesh, _edges_as_triangles(mesh, owner), scaled_modes)
+        self._alive = (body, wall, lids, rims, owner)
         fill(self.shell["body"], n_modes=len(omega_rad_s), largest_reach=float(wall["reach"][0]), **body)
         fill(self.shell["wall"], **wall)
         fill(self.shell["caps"], **lids)
+        fill(self.shell["rims"], **rims)
+        fill(self.shell["rim_edges"], owner=owner)
 
     def update(
         self, q: FloatArray, load_nodes: IntArray | None = None, load_displacements_m: FloatArray | None = None
@@ -165,6 +171,13 @@ class DuctSurface:
 
 _NO_NODES = np.zeros(0, np.int32)
 _NO_VECTORS = np.zeros((0, 3))
+
+
+def _edges_as_triangles(mesh: TriangleMesh, owner: IntArray) -> IntArray:
+    """(e, 3) rim edges as triangles without area, so that one search serves both."""
+    start = mesh.triangles[owner // 3, owner % 3]
+    end = mesh.triangles[owner // 3, (owner + 1) % 3]
+    return np.stack([start, end, end], axis=1).astype(np.int32)
 
 
 def _body_arrays(mesh: TriangleMesh, Phi: FloatArray, omega: FloatArray) -> dict[str, np.ndarray]:

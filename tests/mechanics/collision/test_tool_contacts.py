@@ -163,8 +163,9 @@ def test_the_shaft_touches_too_and_a_sliding_shaft_keeps_its_points(duct):
         found = detect(detector, np.array([[[[-0.1, y, 0.0], [x, y, 0.0]], AWAY, AWAY]]))
         assert all(row["tool_segment"] == SHAFT for row in found)
         assert 5 <= len(found) <= 9
-        gaps = np.sort([float(row["gap_m"]) for row in found])
-        assert gaps[:5] == pytest.approx(-0.2e-3, abs=5e-6)
+        gaps = np.array([float(row["gap_m"]) for row in found])
+        assert gaps.min() == pytest.approx(-0.2e-3, abs=1e-6)
+        assert (gaps < -0.15e-3).sum() >= 5
 
 
 def test_an_absent_tool_touches_nothing_and_comes_back_fresh(duct):

@@ -1,0 +1,106 @@
+"""Contacts of the catheter's segments with the edge of an opening, where it crosses between two particles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from services.mechanics.collision.kernel import Struct, fill, floats, ints, kernel, struct_type
+from services.mechanics.collision.primitives import (
+    Vector,
+    combine,
+    dot,
+    put,
+    scaled,
+    squared_distance,
+    vector,
+)
+from services.mechanics.collision.search import NOTHING, Touch, closest, offset
+from services.mechanics.collision.surface import Shell, corner_positions
+from services.mechanics.collision.writer import Rows, write_pair
+from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL
+from services.mechanics.mesh import FloatArray
+
+# Nearer to a particle than this part of a segment, the particle's own contact does.
+END_PART = 0.05
+_TOUCHING_M = 1e-9
+
+RimMemory = Struct
+RIM_MEMORY = struct_type(
+    arrays=(
+        "edge",  # (m,) int32 rim edge within reach of each segment at the last tick, or NOTHING
+        "place",  # (m, 3) weights of the point touched
+        "normal",  # (m, 3) towards the segment
+    )
+)
+
+
+class RimSegments:
+    """What m segments of a catheter remember of the rims."""
+
+    def __init__(self, m: int) -> None:
+        self._edge = np.full(m, NOTHING, np.int32)
+        self._alive: dict[str, np.ndarray] = {"place": np.zeros((m, 3)), "normal": np.zeros((m, 3))}
+        self._storage = np.zeros(1, RIM_MEMORY)
+        self.struct: RimMemory = self._storage[0]
+        fill(self.struct, edge=self._edge, **self._alive)
+
+    def reset(self) -> None:
+        """Drop the past of every segment."""
+        self._edge.fill(NOTHING)
+
+
+@kernel
+def detect_rims(shell: Shell, memory: RimMemory, positions: FloatArray, sizes: tuple[float, float], rows: Rows) -> None:
+    """Append pairs of segments with rim edges; ``sizes`` holds (radius + half thickness, margin)."""
+    thickness, margin = sizes
+    for i in range(positions.shape[0] - 1):
+        a = (positions[i, 0], positions[i, 1], positions[i, 2])
+        b = (positions[i + 1, 0], positions[i + 1, 1], positions[i + 1, 2])
+        touch = closest(shell.body, shell.rims, a, b, thickness + margin, NOTHING)
+        if touch[0] == NOTHING:
+            ints(memory.edge)[i] = NOTHING
+            continue
+        distance, normal = _signed(shell, memory, i, touch, (a, b), thickness)
+        if END_PART < touch[2] < 1.0 - END_PART:
+            _write(shell, i, touch, distance - thickness, normal, rows)
+
+
+@kernel
+def _signed(
+    shell: Shell, memory: RimMemory, i: int, touch: Touch, ends: tuple[Vector, Vector], thickness: float
+) -> tuple[float, Vector]:
+    """Return distance and normal, negative and turned back where the segment has been drawn through the edge."""
+    edges, normals = ints(memory.edge), floats(memory.normal)
+    away = offset(shell.body, shell.rims, touch, ends[0], ends[1])
+    distance, old = math.sqrt(dot(away, away)), vector(normals, i)
+    is_known = edges[i] != NOTHING and _is_same_lip(shell, memory, i, touch, thickness)
+    normal = scaled(away, 1.0 / distance) if distance > _TOUCHING_M else old
+    if is_known and 0.0 < touch[2] < 1.0 and dot(normal, old) < 0.0:
+        normal, distance = scaled(normal, -1.0), -distance
+    edges[i] = touch[0]
+    put(floats(memory.place), i, touch[3])
+    put(normals, i, normal)
+    return distance, normal
+
+
+@kernel
+def _is_same_lip(shell: Shell, memory: RimMemory, i: int, touch: Touch, thickness: float) -> bool:
+    """Return whether the point touched is near the last one: across a narrow mouth there is another lip."""
+    p0, p1, p2 = corner_positions(shell.body, shell.rims, ints(memory.edge)[i])
+    last = combine(vector(floats(memory.place), i), p0, p1, p2)
+    q0, q1, q2 = corner_positions(shell.body, shell.rims, touch[0])
+    return squared_distance(last, combine(touch[3], q0, q1, q2)) < thickness * thickness
+
+
+@kernel
+def _write(shell: Shell, i: int, touch: Touch, gap: float, normal: Vector, rows: Rows) -> None:
+    owner = ints(shell.rim_edges.owner)[touch[0]]
+    start, end = touch[3][0], 1.0 - touch[3][0]
+    weights = (start, end, 0.0)
+    if owner % 3 == 1:
+        weights = (0.0, start, end)
+    elif owner % 3 == 2:
+        weights = (end, 0.0, start)
+    write_pair(rows, (NO_TOOL, 0, i, DUCT_TRIANGLE, owner // 3, touch[2], weights), gap, normal)

@@ -1,0 +1,67 @@
+"""Contacts of the catheter with itself."""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.collision.capsules import CapsuleMemory, Memory, meet, row_of
+from services.mechanics.collision.kernel import flags, kernel
+from services.mechanics.collision.primitives import along, squared_distance
+from services.mechanics.collision.writer import PairWriter, Rows, write_pair
+from services.mechanics.contact.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
+from services.mechanics.mesh import FloatArray
+
+
+class SelfContactDetector:
+    """Finds pairs of segments of one catheter.
+
+    Parameters
+    ----------
+    n_particles : int
+    radius_m : float
+    margin_m : float
+        Pairs are reported from this gap on.
+    n_apart : int
+        Segments fewer than this apart along the catheter do not meet: neighbours always touch, and a catheter
+        cannot be bent sharper than about its own radius.
+    """
+
+    def __init__(self, n_particles: int, radius_m: float, margin_m: float, n_apart: int = 4) -> None:
+        if n_apart < 2:
+            raise ValueError(f"n_apart must be at least 2, neighbours share a particle; got {n_apart}")
+        self._sizes = (2.0 * radius_m, margin_m)
+        self._n_apart = n_apart
+        self._memory = CapsuleMemory(max(n_particles - 1, 0), max(n_particles - 1, 0))
+        self._writer = PairWriter()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._memory.reset()
+
+    def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
+        """Append the pairs of this tick for positions (n, 3)."""
+        rows = self._writer.open(pairs_out)
+        _detect(self._memory.struct, particle_positions_m, self._n_apart, self._sizes, rows)
+        self._writer.close()
+
+
+@kernel
+def _detect(memory: Memory, particles: FloatArray, n_apart: int, sizes: tuple[float, float], rows: Rows) -> None:
+    thickness, margin = sizes
+    n = memory.n_second
+    for i in range(n):
+        a, b = row_of(particles, i), row_of(particles, i + 1)
+        for j in range(i + n_apart, n):
+            c, d = row_of(particles, j), row_of(particles, j + 1)
+            pair = i * n + j
+            half = 0.5 * (math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d)))
+            # Midpoints further than both halves and the reach cannot meet.
+            middles = squared_distance(along(a, b, 1.0), along(c, d, 1.0))
+            if middles > 4.0 * (half + thickness + margin) ** 2:
+                flags(memory.active)[pair] = 0
+                continue
+            s, t, distance, normal = meet(memory, pair, (a, b), (c, d), thickness + margin)
+            # At a particle two segments meet the other: the later one of them stands for both.
+            if distance - thickness < margin and (s < 1.0 or i == n - 1) and (t < 1.0 or j == n - 1):
+                write = (NO_TOOL, 0, i, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
+                write_pair(rows, write, distance - thickness, normal)
