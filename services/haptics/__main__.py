@@ -5,8 +5,6 @@ from __future__ import annotations
 import sys
 import time
 
-import numpy as np
-
 from protocol import Frame
 from protocol.bodies import ContactModel, GatewayState
 from services.haptics.local_model import FREE, local_model
@@ -16,9 +14,11 @@ from services.haptics.world import World
 from services.mechanics.collision import ToolContactDetector
 from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.forceps.grasp import Grasp
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.scene import SceneModel
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow
-from services.runtime.process import Process, cache_directory, main
+from services.runtime.process import Plan, Process, cache_directory, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
@@ -27,16 +27,13 @@ RATE_HZ = 1000.0
 class Haptics:
     """Collision detection and haptic rendering of one scene."""
 
-    def __init__(self, process: Process) -> None:
+    def __init__(self, process: Process, scene: SceneModel, duct: ReducedDuct) -> None:
         self._bus, self._health = process.bus, process.health
-        self._scene = load_scene(process.scene_name, process.scene_overrides)
-        duct = load_duct(self._scene, cache_directory(), progress)
-        self.world = World(self._scene, duct)
-        self.tools = ToolTracker(self._scene)
-        catheter, contact = self._scene.catheter, self._scene.contact
-        self._detector = ToolContactDetector(
-            self.world.surface, catheter.n_segments + 1, 0.5 * catheter.outer_diameter_m, contact.margin_m
-        )
+        self._scene = scene
+        self.world = World(scene, duct)
+        self.tools = ToolTracker(scene)
+        self._detector = make_detector(scene, self.world)
+        catheter, contact = scene.catheter, scene.contact
         self._pairs = ContactPairs.allocate(contact.capacity)
         segment_m = catheter.length_m / catheter.n_segments
         self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in enumerate(self._scene.forceps)]
@@ -97,23 +94,32 @@ class Haptics:
         stages.add("send", time.monotonic_ns() - detected)
         self._health.gauges.update({f"refused_{what}": float(n) for what, n in self.world.refused.items()})
 
-    def warm_up(self) -> None:
-        """Compile every kernel on the scene at rest, with both tools across the duct, then forget it."""
-        self.tools.present[:] = True
-        nodes = np.zeros(1, np.int32)
-        self.world.surface.update(np.zeros(self.world.surface.shell.body.q.size), nodes, np.zeros((1, 3)))
-        self.tools.segments_m[:] = self.world.surface.mesh.vertices_m[0]
-        self.tools.segments_m[:, :, 1] += 0.01
-        self._detector.detect(
-            self.tools.segments_m, self.tools.radius_m, self.world.particles_m, self._pairs, self.tools.present
-        )
-        self._detector.reset()
+
+def make_detector(scene: SceneModel, world: World) -> ToolContactDetector:
+    """Return the collision detection of a scene's tools."""
+    catheter = scene.catheter
+    radius_m = 0.5 * catheter.outer_diameter_m
+    return ToolContactDetector(world.surface, catheter.n_segments + 1, radius_m, scene.contact.margin_m)
 
 
-def run(process: Process) -> None:
+def prepare(plan: Plan) -> tuple[SceneModel, ReducedDuct]:
+    """Load the scene and its duct, and compile every kernel on tools that lie across the duct at rest."""
+    scene = load_scene(plan.scene_name, plan.scene_overrides)
+    duct = load_duct(scene, cache_directory(), progress)
+    world, tools = World(scene, duct), ToolTracker(scene)
+    tools.present[:] = True
+    tools.update_pose()
+    tools.segments_m[:] = duct.mesh.vertices_m[0]
+    tools.segments_m[:, :, 1] += 0.01
+    world.warm_up()
+    pairs = ContactPairs.allocate(scene.contact.capacity)
+    make_detector(scene, world).detect(tools.segments_m, tools.radius_m, world.particles_m, pairs, tools.present)
+    return scene, duct
+
+
+def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Answer each new device frame."""
-    haptics = Haptics(process)
-    haptics.warm_up()
+    haptics = Haptics(process, *prepared)
     meter = LoopMeter(RATE_HZ)
     process.ready(meter)
     for frame in follow(process.bus, "gateway.state", meter, process.stop):
@@ -125,4 +131,4 @@ def run(process: Process) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("haptics", run))
+    sys.exit(main("haptics", run, prepare=prepare))

@@ -37,6 +37,10 @@ class ToolTracker:
         self.present = np.zeros(N_TOOLS, np.bool_)
         self.reactions: list[ToolReaction] = [_NOTHING] * N_TOOLS
 
+    def update_pose(self) -> None:
+        """Recompute the segments from the proxies."""
+        self._body.update_pose()
+
     def take_reactions(self, body: PhysicsContacts) -> None:
         """Take over the solved reactions and the proxies."""
         for i, reaction in enumerate(body.tools[:N_TOOLS]):

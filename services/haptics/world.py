@@ -58,5 +58,12 @@ class World:
         self.particles_m[:] = positions
         self.has_catheter = True
 
+    def warm_up(self) -> None:
+        """Compile what `take_duct` calls."""
+        node = np.zeros(1, np.int32)
+        residual = self._residual_m[:1]
+        self._duct.residual.apply(node, np.zeros((1, 3)), node, residual)
+        self.surface.update(np.zeros(self._duct.basis.n_modes), node, residual)
+
     def _refuse(self, what: str) -> None:
         self.refused[what] = self.refused.get(what, 0) + 1

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 
 from protocol import Frame
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
@@ -12,7 +14,7 @@ from services.physics.warm_up import warm_up
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, TickClock, follow
 from services.runtime.nan_guard import NanGuard
-from services.runtime.process import Process, cache_directory, main
+from services.runtime.process import Plan, Process, cache_directory, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
@@ -21,11 +23,9 @@ RATE_HZ = 1000.0
 class Physics:
     """A simulation on the bus. A state with a NaN is written to a file and replaced by the scene at rest."""
 
-    def __init__(self, process: Process) -> None:
+    def __init__(self, process: Process, scene: SceneModel, duct: ReducedDuct) -> None:
         self._process = process
-        self._scene = load_scene(process.scene_name, process.scene_overrides)
-        self._duct = load_duct(self._scene, cache_directory(), progress)
-        warm_up(self._scene, self._duct)
+        self._scene, self._duct = scene, duct
         self._begin()
         self.resets = 0
 
@@ -69,9 +69,17 @@ class Physics:
         self._process.health.quality_level = level
 
 
-def run(process: Process) -> None:
+def prepare(plan: Plan) -> tuple[SceneModel, ReducedDuct]:
+    """Load the scene and its duct, and compile what the steps call."""
+    scene = load_scene(plan.scene_name, plan.scene_overrides)
+    duct = load_duct(scene, cache_directory(), progress)
+    warm_up(scene, duct)
+    return scene, duct
+
+
+def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Step on each new tick of the rig's clock."""
-    physics = Physics(process)
+    physics = Physics(process, *prepared)
     meter = LoopMeter(RATE_HZ)
     clock = TickClock(meter)
     process.ready(meter)
@@ -87,4 +95,4 @@ def run(process: Process) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("physics", run))
+    sys.exit(main("physics", run, prepare=prepare))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 from protocol.topics import published_by, read_by
 from services.runtime import config, log, realtime
@@ -28,6 +29,17 @@ class Options:
     rig: str
     scene: str | None
     overrides: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a process is to be."""
+
+    name: str
+    rig: Rig
+    scene_name: str
+    scene_overrides: tuple[str, ...]
+    log: logging.Logger
 
 
 @dataclass(slots=True)
@@ -76,9 +88,21 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
     return Options(parsed.rig, parsed.scene, (*environment.get("TROCAR_SET", "").split(), *parsed.overrides))
 
 
+def make_plan(name: str, options: Options) -> Plan:
+    """Return what a process is to be, before anything of it is real-time or on the bus.
+
+    Raises
+    ------
+    ConfigError
+        if the rig file cannot be used.
+    """
+    rig = config.load_rig(options.rig, options.overrides)
+    scene_overrides = config.split_overrides(options.overrides)[1]
+    return Plan(name, rig, options.scene or rig.scene, scene_overrides, log.set_up(name))
+
+
 def open_process(
-    name: str,
-    options: Options,
+    plan: Plan,
     *,
     publishes: Iterable[str] | None = None,
     reads: Iterable[str] | None = None,
@@ -91,10 +115,9 @@ def open_process(
     Raises
     ------
     UserError
-        if the configuration or an endpoint cannot be used.
+        if an endpoint cannot be used.
     """
-    logger = log.set_up(name)
-    rig = config.load_rig(options.rig, options.overrides)
+    name, rig, logger = plan.name, plan.rig, plan.log
     settings = rig.process(name)
     facts = realtime.set_up(settings.core, settings.priority, settings.nice)
     for fact in facts:
@@ -106,9 +129,7 @@ def open_process(
         reads=[row.name for row in read_by(name)] if reads is None else reads,
         reads_every=reads_every,
     )
-    scene_overrides = config.split_overrides(options.overrides)[1]
-    health = HealthReporter(name, bus)
-    process = Process(name, rig, options.scene or rig.scene, scene_overrides, logger, facts, bus, health)
+    process = Process(name, rig, plan.scene_name, plan.scene_overrides, logger, facts, bus, HealthReporter(name, bus))
     process.health.realtime = facts
     _stop_on_signals(process)
     process.health.change("starting", "building")
@@ -126,13 +147,33 @@ def _stop_on_signals(process: Process) -> None:
 
 
 def main(
-    name: str, run: Callable[[Process], None], arguments: Sequence[str] | None = None, **topics: Iterable[str]
+    name: str,
+    run: Callable[..., None],
+    arguments: Sequence[str] | None = None,
+    *,
+    prepare: Callable[[Plan], Any] | None = None,
+    **topics: Iterable[str],
 ) -> int:
-    """Run a process from its command line; return the exit code. What a person can mend is one sentence."""
+    """Run a process from its command line; return the exit code. What a person can mend is one sentence.
+
+    Parameters
+    ----------
+    name
+        Of the process.
+    run
+        Called with the open process, and with what `prepare` returned where there is one.
+    prepare
+        What takes long (bases, compiling kernels): done before the process is real-time, so that it starves nobody.
+    topics
+        Passed on to `open_process`.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end
     try:
-        process = open_process(name, parse(name, arguments), **topics)
+        plan = make_plan(name, parse(name, arguments))
+        prepared = () if prepare is None else (prepare(plan),)
+        process = open_process(plan, **topics)
         try:
-            run(process)
+            run(process, *prepared)
             process.health.change("stopping")
         finally:
             process.bus.close()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
-from services.runtime.process import Options, Process, open_process
+from services.runtime.process import Options, Process, make_plan, open_process
 from services.runtime.rig import Rig
 from services.supervisor.crew import Launch
 from services.supervisor.holders import holders
@@ -67,7 +67,7 @@ def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Proc
     """
     _refuse_second_rig(options)
     streams = [spec.stream for spec in table if spec.stream is not None]
-    process = open_process("supervisor", options, reads=[*(f"{spec.name}.health" for spec in table), *streams])
+    process = open_process(make_plan("supervisor", options), reads=[*(f"{spec.name}.health" for spec in table), *streams])
     signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed: nobody is left to end it
     return process
 

@@ -17,6 +17,8 @@ from services.physics.__main__ import Physics
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter, TickClock
 from services.runtime.memory_bus import MemoryBus, MemoryHub
+from services.runtime.process import cache_directory
+from services.scenes import load_duct, load_scene
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 STALE_S = 1.0
@@ -29,8 +31,6 @@ class FakeProcess:
 
     name: str
     hub: MemoryHub
-    scene_name: str = str(SMALL)
-    scene_overrides: tuple[str, ...] = ()
     log: logging.Logger = field(default_factory=lambda: logging.getLogger("test"))
 
     def __post_init__(self) -> None:
@@ -46,8 +46,10 @@ class Rig:
         self.hub = MemoryHub()
         self.gateway = MemoryBus(self.hub, publishes=["gateway.state"], reads=["haptics.contact_model"])
         self.haptics_process, self.physics_process = FakeProcess("haptics", self.hub), FakeProcess("physics", self.hub)
-        self.haptics = Haptics(self.haptics_process)  # type: ignore[arg-type]
-        self.physics = Physics(self.physics_process)  # type: ignore[arg-type]
+        scene = load_scene(SMALL)
+        duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
+        self.haptics = Haptics(self.haptics_process, scene, duct)  # type: ignore[arg-type]
+        self.physics = Physics(self.physics_process, scene, duct)  # type: ignore[arg-type]
         self.clock = TickClock(LoopMeter(1000.0))
         self.tick = 0
 
