@@ -185,7 +185,7 @@ class Crew:
                 member.enter(MemberState.READY, now_s)
                 self._was_ready.add(member.name)
                 self.say("info", f"{member.name}: ready (process {member.pid})")
-            case MemberState.STARTING if now_s - member.since_s > self.limits.ready_s and not member.killed:
+            case MemberState.STARTING if watch.is_overdue(member, now_s, self.limits) and not member.killed:
                 member.reason = f"{member.name}: not ready after {self.limits.ready_s:.0f} s"
                 self._give_up_waiting(member, now_s)
 

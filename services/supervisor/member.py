@@ -78,12 +78,17 @@ class Member:
             self.waited_s = self.child.waited_s()
         return self.window.add(health.pid, figures.of(health))
 
+    def starved_s(self) -> float:
+        """Return for how long our child has waited for a processor since it was last heard, or started."""
+        return self.child.waited_s() - self.waited_s if self.child is not None else 0.0
+
     def forget(self) -> None:
         """Drop what the ended process said: the next one speaks for itself."""
         self.health = None
         self.stream_s = None
         self.progress = None
         self.killed = False
+        self.waited_s = 0.0
 
     def kill(self) -> None:
         """End the process at once: hung processes do not answer anything gentler."""

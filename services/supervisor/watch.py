@@ -33,21 +33,28 @@ def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
     return member.stream_s is not None and now_s - member.stream_s <= limits.stream_s
 
 
+def is_overdue(member: Member, now_s: float, limits: Limits) -> bool:
+    """Return whether a process takes too long to start, not counting the time that it waited for a processor."""
+    waited_s = member.child.waited_s() if member.child is not None else 0.0
+    return now_s - member.since_s - waited_s > limits.ready_s
+
+
 def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) -> bool:
     """Return whether a hung process is to be ended: held by a signal, or silent altogether, for the heartbeat's limit.
 
     Time that it waited for a processor does not count: on a busy machine a process starves without hanging, and to
     start it anew would make matters worse.
     """
-    hung_s, silent_s = now_s - member.since_s, now_s - member.heard_s
-    starved_s = member.child.waited_s() - member.waited_s if member.child is not None else 0.0
-    return hung_s >= limits.heartbeat_s and (stopped or silent_s - starved_s >= limits.heartbeat_s)
+    hung_s, silent_s = now_s - member.since_s, now_s - member.heard_s - member.starved_s()
+    return hung_s >= limits.heartbeat_s and (stopped or silent_s >= limits.heartbeat_s)
 
 
 def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
     """Return what is wrong with a living process, empty for nothing.
 
-    A process that is still starting may be silent (it builds a basis or compiles kernels), not stopped.
+    A process that is still starting may be silent (it builds a basis or compiles kernels), not stopped. Of the
+    heartbeat's silence, time that the process waited for a processor does not count; of a stream's it does, as the hand
+    feels it whatever the cause.
     """
     if stopped:
         held_s = now_s - member.since_s if member.state is MemberState.HUNG else 0.0
@@ -58,11 +65,11 @@ def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
     starting = member.health is None or member.health.state not in _LIVING
     if starting or member.state not in (MemberState.READY, MemberState.HUNG):
         return ""
-    silence_s = now_s - member.heard_s
     if member.spec.stream is not None and member.stream_s is not None:
         stream_s = now_s - member.stream_s
         if stream_s > limits.stream_s:
             return f"{member.spec.stream}: silent for {stream_s * 1e3:.0f} ms, limit {limits.stream_s * 1e3:.0f} ms"
-    if silence_s > limits.heartbeat_s:
+    silence_s = now_s - member.heard_s
+    if silence_s > limits.heartbeat_s and silence_s - member.starved_s() > limits.heartbeat_s:
         return f"{member.name}.health: silent for {silence_s * 1e3:.0f} ms, limit {limits.heartbeat_s * 1e3:.0f} ms"
     return ""

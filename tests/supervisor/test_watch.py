@@ -1,0 +1,96 @@
+"""Silence, starvation and being stopped, on a member whose clock and child the test holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+
+from services.supervisor import watch
+from services.supervisor.figures import Window
+from services.supervisor.member import Member, MemberState
+from services.supervisor.processes import TABLE
+from services.supervisor.restarts import RestartPolicy
+from tests.supervisor.made_up import health
+
+LIMITS = watch.Limits(heartbeat_s=0.5, stream_s=0.06, ready_s=10.0)
+
+
+@dataclass
+class Child:
+    """Stands for `launcher.Child`: only how long it waited for a processor matters here."""
+
+    pid: int = 7
+    waited: float = 0.0
+
+    def waited_s(self) -> float:
+        return self.waited
+
+
+def member(name: str, state: MemberState = MemberState.READY, *, heard_s: float = 100.0) -> Member:
+    spec = next(spec for spec in TABLE if spec.name == name)
+    made = Member(spec, True, True, RestartPolicy((0.1,), 5), Window(2.0), state)
+    made.child = Child()  # type: ignore[assignment]
+    made.hear(health(name), heard_s)
+    made.since_s = 90.0
+    made.stream_s = heard_s if spec.stream else None
+    return made
+
+
+@pytest.mark.parametrize(
+    ("name", "silence_s", "sentence"),
+    [
+        ("physics", 0.05, ""),
+        ("physics", 0.07, "physics.contacts: silent for 70 ms, limit 60 ms"),
+        ("recorder", 0.49, ""),
+        ("recorder", 0.60, "recorder.health: silent for 600 ms, limit 500 ms"),
+    ],
+)
+def test_silence(name: str, silence_s: float, sentence: str) -> None:
+    assert watch.hang(member(name), False, 100.0 + silence_s, LIMITS) == sentence
+
+
+def test_a_starving_process_is_not_silent_but_its_stream_is() -> None:
+    for name, said in (("recorder", ""), ("physics", "physics.contacts: silent")):
+        starving = member(name)
+        starving.child.waited = 0.4  # type: ignore[union-attr]
+        assert watch.hang(starving, False, 100.8, LIMITS).startswith(said)
+        assert bool(watch.hang(starving, False, 100.8, LIMITS)) is bool(said)
+
+
+def test_a_starving_process_is_not_ended_a_hanging_one_is() -> None:
+    hung = member("physics", MemberState.HUNG)
+    assert watch.beyond_waiting(hung, False, 100.6, LIMITS)
+    hung.child.waited = 0.5  # type: ignore[union-attr]
+    assert not watch.beyond_waiting(hung, False, 100.6, LIMITS)
+    assert watch.beyond_waiting(hung, True, 100.6, LIMITS)  # held by a signal, whatever it waited
+    assert watch.beyond_waiting(hung, False, 101.1, LIMITS)
+
+
+def test_being_stopped_is_told_at_once_even_while_starting() -> None:
+    starting = member("physics", MemberState.STARTING)
+    assert watch.hang(starting, True, 100.0, LIMITS).startswith("physics: process 7 is stopped by a signal")
+    assert watch.hang(starting, False, 199.0, LIMITS) == ""
+
+
+def test_the_start_may_take_its_time_on_the_processor() -> None:
+    starting = member("physics", MemberState.STARTING)
+    assert not watch.is_overdue(starting, 99.9, LIMITS)
+    assert watch.is_overdue(starting, 100.1, LIMITS)
+    starting.child.waited = 5.0  # type: ignore[union-attr]
+    assert not watch.is_overdue(starting, 104.9, LIMITS)
+
+
+def test_ready_is_said_and_heard() -> None:
+    assert watch.says_ready(member("physics"), 100.05, LIMITS)
+    assert not watch.says_ready(member("physics"), 100.07, LIMITS)  # its stream is not heard
+    assert watch.says_ready(member("recorder"), 100.4, LIMITS)
+    building = member("recorder")
+    building.hear(health("recorder", state="starting"), 100.0)
+    assert not watch.says_ready(building, 100.0, LIMITS)
+
+
+def test_health_of_another_process_under_this_name_is_not_heard() -> None:
+    owned = member("recorder")
+    assert owned.hear(health("recorder", pid=8), 200.0) is None
+    assert owned.heard_s == 100.0
