@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 import time
@@ -16,9 +17,11 @@ import pytest
 
 from services.gateway import canbus, cansimple, driver, layout
 from services.gateway.cansimple import AxisError, AxisState
+from services.gateway.device_files import GraspFile
 from services.gateway.driver import Arm, Grasp, Place
 from services.gateway.drivers import grasp_odrive_can, grasp_simulated
 from services.gateway.emulated_drive import EmulatedDrive, Handle
+from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import DriverSettings, Mount
 
@@ -314,6 +317,26 @@ def test_own_echoes_strange_frames_and_lies_are_not_believed(odrive: Odrive) -> 
     ):
         odrive.host.send(can.Message(arbitration_id=estimates, data=data, **({"is_extended_id": False} | options)))
     assert odrive.run(0.1) == pytest.approx(0.5, abs=0.01)
+
+
+def test_gear_direction_and_zero_of_the_device_file_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = NodeClock(str(tmp_path), monkeypatch)
+    file = config.load(GraspFile, config.find("device", "grasp_odrive"))[0].model_copy(
+        update={"motor_turns_per_handle_turn": 4.0, "opens_with_positive_motor": False, "shut_at_motor_turns": 0.2}
+    )
+    grasp = grasp_odrive_can.OdriveGrasp(file, {"interface": "virtual", "channel": str(tmp_path)}, 1, PLACE)
+    grasp.open()
+    grasp.enable()
+    handle = np.zeros(2)
+    clock.advance(0.2)
+    grasp.write(0.1)
+    clock.advance()
+    grasp.read(0, handle)
+    assert clock.drive.torque_nm == pytest.approx(-0.1 / 4.0)
+    turns = clock.drive.handle.angle_rad / (2 * math.pi)
+    assert handle[layout.HANDLE_ANGLE] == pytest.approx(-(turns - 0.2) * 2 * math.pi / 4.0, abs=1e-6)
+    grasp.close()
+    clock.close()
 
 
 def test_no_drive_on_the_bus_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from protocol import Frame, decode, encode
+from protocol.bodies import GatewayState, LocalModel
+from services.gateway import instrument
+from services.gateway.driver import Arm, ArmLimits, Grasp
+from services.gateway.instrument import Instrument
+from services.gateway.layout import HANDLE_ANGLE, READ_POSITION, READ_ROLL, FloatArray
+from services.gateway.servo import Servo, ServoLimits
+from services.runtime.rig import DriverSettings, Mount
+from services.runtime.rig import Instrument as InstrumentSettings
+
+TICK_NS = 1_000_000
+
+
+class FakeArm(Arm):
+    limits = ArmLimits(3.0, 1.0, 5.0, 1.2)
+
+    def __init__(self) -> None:
+        self.enabled = 0
+        self.written = np.zeros(3)
+
+    def open(self) -> None:
+        self.calibrated = True
+
+    def enable(self) -> None:
+        self.enabled += 1
+
+    def read(self, time_ns: int, reading: FloatArray) -> None:
+        reading[READ_POSITION] = 0.01
+        reading[READ_ROLL] = 0.3
+
+    def write(self, force_n: FloatArray) -> None:
+        self.written[:] = force_n
+
+    def close(self) -> None:
+        self.written[:] = 0.0
+
+
+class FakeGrasp(Grasp):
+    max_torque_nm = 0.3
+
+    def __init__(self) -> None:
+        self.written_nm = 0.0
+
+    def open(self) -> None: ...
+
+    def enable(self) -> None:
+        self.ready = True
+
+    def read(self, time_ns: int, handle: FloatArray) -> None:
+        handle[HANDLE_ANGLE] = 0.4
+
+    def write(self, torque_nm: float) -> None:
+        self.written_nm = torque_nm
+
+    def close(self) -> None: ...
+
+
+class Bench:
+    """An instrument of fakes, whose yaw of a quarter turn carries the world's y to the arm's x."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str = "left") -> None:
+        self.arm, self.grasp = FakeArm(), FakeGrasp()
+        settings = InstrumentSettings(
+            name=name, port_m=(0.0, 0.0, 0.1), mount=Mount(yaw_rad=np.pi / 2), arm=DriverSettings(driver="fake")
+        )
+        self.servo = Servo(ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2), ramp_s=0.01)
+        self.instrument = Instrument(settings, self.arm, self.grasp, self.servo)
+        self.instrument.open()
+        monkeypatch.setattr(instrument, "time", SimpleNamespace(monotonic_ns=lambda: self.now_ns))
+        self.now_ns = 1_000_000_000
+
+    def run(self, ticks: int, model: LocalModel) -> None:
+        for _ in range(ticks):
+            self.servo.accept(model, 0.02, self.now_ns, 1)
+            self.now_ns += TICK_NS
+            self.instrument.read(self.now_ns)
+            self.instrument.answer(self.now_ns)
+            self.instrument.exchange_handle()
+
+
+FREE = LocalModel()
+PUSH = LocalModel(force_n=(0.0, 1.0, 0.0), grasp_torque_nm=0.05, in_contact=True)
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    engaged = Bench(monkeypatch)
+    engaged.run(200, FREE)
+    return engaged
+
+
+def test_motors_are_switched_on_once_when_force_begins(bench: Bench) -> None:
+    assert bench.arm.enabled == 1
+    assert bench.grasp.ready
+
+
+def test_force_goes_to_the_arm_in_its_own_frame(bench: Bench) -> None:
+    bench.run(20, PUSH)
+    np.testing.assert_allclose(bench.arm.written, (1.0, 0.0, 0.0), atol=1e-12)
+
+
+def test_the_handle_gets_the_torque_of_its_model(bench: Bench) -> None:
+    bench.run(30, LocalModel(grasp_torque_nm=0.05, grasp_stiffness_nm_rad=0.1, in_contact=True))
+    assert bench.grasp.written_nm == pytest.approx(0.05 - 0.1 * 0.4)
+    assert bench.instrument.state().applied_grasp_torque_nm == bench.grasp.written_nm
+
+
+def test_a_device_without_force_is_never_written(bench: Bench) -> None:
+    bench.arm.has_force = False
+    bench.run(20, PUSH)
+    np.testing.assert_array_equal(bench.arm.written, 0.0)
+
+
+def test_a_fault_of_one_arm_leaves_the_other_alone(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = Bench(monkeypatch, "right")
+    other.run(200, FREE)
+    for each in (bench, other):
+        each.run(20, PUSH)
+    bench.arm.fault = "no more encoder counts"
+    for each in (bench, other):
+        each.run(20, PUSH)
+    assert (bench.instrument.state().state, bench.instrument.state().fault) == ("fault", "no more encoder counts")
+    np.testing.assert_array_equal(bench.arm.written, 0.0)
+    assert other.instrument.state().state == "active"
+    np.testing.assert_allclose(other.arm.written, (1.0, 0.0, 0.0), atol=1e-12)
+
+
+def test_arming_forgets_a_fault_that_is_gone(bench: Bench) -> None:
+    bench.arm.fault = "loose plug"
+    bench.run(1, FREE)
+    bench.instrument.arm_anew()
+    bench.run(200, FREE)
+    assert bench.instrument.state().state == "active"
+
+
+def test_the_state_travels(bench: Bench) -> None:
+    bench.run(20, PUSH)
+    said = bench.instrument.state()
+    frame = Frame(1, "gateway.state", 1, 1, 1, 1, 1, True, GatewayState(tick=1, instruments=(said,)))
+    heard = decode(encode(frame)).body.instruments[0]
+    assert heard == said
+    assert heard.position_m == pytest.approx((0.0, 0.01, 0.0))
+    assert (heard.roll_rad, heard.applied_force_n) == (pytest.approx(0.3), pytest.approx((0.0, 1.0, 0.0)))
