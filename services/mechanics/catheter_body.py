@@ -9,12 +9,12 @@ from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.compliance import list_particles
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.rod import (
-    ImplicitIntegrator,
     RodProperties,
     RodState,
     RoundTube,
     Sleeve,
     Supports,
+    build_integrator,
     straight_rod,
 )
 from services.mechanics.scene import CatheterScene
@@ -40,7 +40,7 @@ class CatheterBody:
     def __init__(self, scene: CatheterScene, *, twist: bool = False) -> None:
         self.properties = rod_properties(scene, twist=twist)
         self.state = initial_state(scene, self.properties)
-        self.integrator = ImplicitIntegrator(self.properties, rod_supports(scene))
+        self.integrator = build_integrator(scene.integrator, self.properties, rod_supports(scene))
         n = self.properties.n_particles
         self.radius_m = 0.5 * scene.outer_diameter_m
         self.start_m = self.state.position_m.copy()

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N
 from services.mechanics.contact.solver import HOLD
 from services.mechanics.reduction import ModalState
+from services.mechanics.rod import ImplicitIntegrator
 from services.mechanics.rod.energy import RodEnergy, rod_energy
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.model import allocate_work
@@ -98,7 +99,7 @@ class EnergyBook:
 
     def _enter_rod(self, before: _Snapshot, dt_s: float) -> None:
         catheter = self.simulation.catheter
-        model = catheter.integrator.model
+        model = _implicit(self.simulation).model
         state = catheter.state
         motion = state.position_m - before.rod_m
         elastic = internal_forces(model, state.position_m, np.zeros_like(motion))
@@ -204,8 +205,15 @@ def _grip_energy_j(simulation: Simulation) -> float:
 
 
 def _rod_energy(simulation: Simulation) -> RodEnergy:
-    integrator = simulation.catheter.integrator
+    integrator = _implicit(simulation)
     return rod_energy(integrator.model, simulation.catheter.state, integrator.twist)
+
+
+def _implicit(simulation: Simulation) -> ImplicitIntegrator:
+    integrator = simulation.catheter.integrator
+    if not isinstance(integrator, ImplicitIntegrator):
+        raise TypeError("the books are kept for the implicit integrator of the catheter only")
+    return integrator
 
 
 def rod_elastic_j(simulation: Simulation) -> float:

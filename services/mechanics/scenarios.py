@@ -6,12 +6,13 @@ at rest, so that velocities are continuous.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
+from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.tools import N_TOOLS, ToolInputs
 
 FloatArray = npt.NDArray[np.float64]
@@ -97,7 +98,11 @@ def insertion_scene() -> SceneModel:
     return SceneModel(
         duct=DuctScene(radius_m=4e-3, thickness_m=1e-3, youngs_modulus_pa=300e3, n_around=20, n_along=26, n_modes=80),
         catheter=CatheterScene(
-            tip_position_m=(46e-3, 1.5e-3, 0.0), introducer_to_tip_m=65e-3, introducer_length_m=25e-3
+            length_m=0.13,
+            n_segments=65,
+            tip_position_m=(46e-3, 1.5e-3, 0.0),
+            introducer_to_tip_m=65e-3,
+            introducer_length_m=50e-3,
         ),
         forceps=(
             ForcepsScene(port_position_m=(75e-3, -60e-3, 120e-3)),
@@ -105,9 +110,6 @@ def insertion_scene() -> SceneModel:
         ),
         effects={"gravity": {}, "friction": {}, "grasp_slip": {}},
     )
-
-
-GRASP_CATHETER_S = 0.5  # when the first forceps has closed on the catheter
 
 
 def insertion() -> Scenario:
@@ -129,7 +131,7 @@ def insertion() -> Scenario:
                     (44.5e-3, 0.0, 0.0),
                 ),
                 jaw_angle_rad=(0.7, 0.7, 0.25, 0.25, 0.25, 0.25),
-                roll_rad=(1.5707963,) * 6,
+                roll_rad=(0.5 * math.pi,) * 6,
             ),
             _steadying_hand(),
         ),
@@ -142,6 +144,70 @@ def _steadying_hand() -> ToolMotion:
         time_s=(0.0, 0.3, 0.6),
         grip_point_m=((28e-3, 0.0, 15e-3), (28e-3, 0.0, 0.0), (28e-3, 0.0, 0.0)),
         jaw_angle_rad=(1.15, 1.15, 0.8),
-        roll_rad=(1.5707963,) * 3,
+        roll_rad=(0.5 * math.pi,) * 3,
         grip_offset_m=12e-3,
     )
+
+
+def miss() -> Scenario:
+    """Aim the catheter beside the mouth, at 35 degrees at the outside of the duct, and push.
+
+    The tip finds the wall from outside, sticks by friction, and the free length buckles.
+    """
+    scene = insertion_scene()
+    catheter = replace(
+        scene.catheter,
+        youngs_modulus_pa=30e6,
+        tip_position_m=(45e-3, 11e-3, 0.0),
+        direction=(-math.cos(AIM_RAD), -math.sin(AIM_RAD), 0.0),
+    )
+    grips = [_behind(catheter, 30e-3, 12e-3), *(_behind(catheter, back, 0.0) for back in (30e-3, 30e-3, 21e-3, 10e-3))]
+    return Scenario(
+        name="miss",
+        what="the catheter is aimed beside the mouth, pushes on the outside of the duct and buckles",
+        duration_s=2.0,
+        scene=replace(
+            scene,
+            catheter=catheter,
+            effects={"gravity": {}, "friction": {"mu_static": 0.5, "mu_kinetic": 0.4}, "grasp_slip": {}},
+        ),
+        motions=(
+            ToolMotion(
+                time_s=(0.0, 0.25, 0.5, 1.0, 1.8),
+                grip_point_m=tuple(grips),
+                jaw_angle_rad=(0.7, 0.7, 0.2, 0.2, 0.2),
+                roll_rad=(0.5 * math.pi + AIM_RAD,) * 5,
+            ),
+            _steadying_hand(),
+        ),
+    )
+
+
+AIM_RAD = math.radians(35.0)
+
+
+def _behind(catheter: CatheterScene, back_m: float, above_m: float) -> Vector3:
+    """A point of the catheter's starting line, ``back_m`` behind its tip."""
+    x, y, z = (tip - back_m * d for tip, d in zip(catheter.tip_position_m, catheter.direction, strict=True))
+    return x, y, z + above_m
+
+
+def paper_scene() -> SceneModel:
+    """The set-up of Basdogan, Ho and Srinivasan (2001), as far as its text fixes it.
+
+    Their bending triangle on CST, bare modes under Newmark, particles under semi-implicit Euler, penalty contact
+    without friction, jaws that hold as soon as both touch. At a tick of 1 ms a particle of 3 mg bears a contact
+    stiffness of 3 N/m at most.
+    """
+    scene = insertion_scene()
+    return replace(
+        scene,
+        duct=replace(scene.duct, membrane="cst", bending="paper", residual="none", n_modes=60),
+        catheter=replace(scene.catheter, integrator="semi_implicit"),
+        forceps=tuple(replace(forceps, grasp_torque_nm=1e-9) for forceps in scene.forceps),
+        contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0, penalty_damping_n_s_m=1e-3),
+        effects={"gravity": {}},
+    )
+
+
+SCENARIOS = {"insertion": insertion, "miss": miss}

@@ -112,12 +112,13 @@ class Simulation:
         self.system.measure()
         for effect in self._stages["set_limits"]:
             effect.set_limits(self, self.system.rows)
-        self.system.assemble(self._n_modes)
-        for effect in self._stages["add_compliance"]:
-            effect.add_compliance(self, self.system.compliance_m_n, dt_s)
-        self.system.finish_compliance()
-        self._lap(3)
-        self.system.solve(self._iterations)
+        if self.scene.contact.model == "implicit":
+            self._assemble(dt_s)
+            self._lap(3)
+            self.system.solve(self._iterations)
+        else:
+            self._lap(3)
+            self.system.push_back(dt_s)
         self._lap(4)
         self._correct(dt_s)
         self._lap(5)
@@ -231,6 +232,12 @@ class Simulation:
                 held += grasp.update(pairs, jaws)
         return held
 
+    def _assemble(self, dt_s: float) -> None:
+        self.system.assemble(self._n_modes)
+        for effect in self._stages["add_compliance"]:
+            effect.add_compliance(self, self.system.compliance_m_n, dt_s)
+        self.system.finish_compliance()
+
     def _correct(self, dt_s: float) -> None:
         system = self.system
         self.holds.slide()
@@ -248,17 +255,16 @@ class Simulation:
         resultants(system.rows, system.force_n, about_port, self._resultant, out.port_moment_nm)
         out.force_n[:] = self._tool_force[:, :3]
         np.add(self._tool_force[:, 3], self.tools.jaw_stop_torque_nm(), out=out.grasp_torque_nm)
-        local_stiffness(
-            system.rows,
-            system.compliance_m_n,
-            system.slides,
-            self._coupling_excess(),
-            self._stiffness_scratch,
-            out.stiffness_n_m,
-        )
+        if self.scene.contact.model == "implicit":
+            self._report_stiffness()
         self.max_penetration_m = deepest_overlap(system.rows)
         out.proxy_position_m[:] = self.tools.proxy[:, :3]
         out.proxy_jaw_angle_rad[:] = self.tools.proxy[:, 3]
+
+    def _report_stiffness(self) -> None:
+        system, out = self.system, self.tool_results.stiffness_n_m
+        excess = self._coupling_excess()
+        local_stiffness(system.rows, system.compliance_m_n, system.slides, excess, self._stiffness_scratch, out)
 
     def _coupling_excess(self) -> FloatArray:
         excess: FloatArray = 1.0 / self.tools.stiffness - self.tools.compliance

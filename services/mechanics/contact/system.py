@@ -26,6 +26,7 @@ from services.mechanics.contact.geometry import (
     subtract_duct_motion,
 )
 from services.mechanics.contact.pairs import ContactPairs
+from services.mechanics.contact.penalty import penalty_forces
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import SolverScratch, mark_sliding, solve_contacts
 from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_forces
@@ -136,7 +137,7 @@ class ContactSystem:
         to_contact_frames(self.rows, self.compliance_m_n)
 
     def solve(self, iterations: int) -> None:
-        """Find the contact forces."""
+        """Find the contact forces from W."""
         rows = self.rows
         k = rows.n_contacts
         free_motion(rows, self.settings.recovery, self._motion)
@@ -145,7 +146,19 @@ class ContactSystem:
         self.sweeps = solve_contacts(
             self.compliance_m_n, self.motion_m, rows.kind[:k], rows.limit[:k], force, effort, self._scratch
         )
-        mark_sliding(rows.kind[:k], rows.limit[:k], force, self.slides)
+        self._finish()
+
+    def push_back(self, dt_s: float) -> None:
+        """Find the contact forces from penetrations instead, as the paper does."""
+        settings = self.settings
+        free_motion(self.rows, 1.0, self._motion)
+        penalty_forces(self.rows, settings.penalty_stiffness_n_m, settings.penalty_damping_n_s_m, dt_s)
+        self._finish()
+
+    def _finish(self) -> None:
+        rows = self.rows
+        k = rows.n_contacts
+        mark_sliding(rows.kind[:k], rows.limit[:k], rows.force_n[:k].reshape(-1), self.slides)
         world_forces(rows, self.force_n)
         store_forces(self._memory, rows, self.force_n, self.slides)
 
