@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import os
 import socket
 from collections.abc import Iterator
@@ -18,6 +19,9 @@ _DRAIN_LIMIT = 512
 #: Datagrams that are not CAN frames and are passed over by one `drain`.
 _STRANGE_LIMIT = 16
 _RECEIVE_BUFFER = 1 << 20
+
+# A bus that could not be opened would also complain that nobody closed it.
+logging.getLogger("can").setLevel(logging.ERROR)
 
 
 def open_bus(settings: dict[str, Any], where: str) -> can.BusABC:

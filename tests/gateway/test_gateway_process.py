@@ -1,7 +1,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -134,3 +137,19 @@ def test_a_gateway_that_hangs_or_dies_is_let_go_by_the_drive(tmp_path: Path, mul
     finally:
         sniffer.close()
         bench.close()
+
+
+def test_a_host_without_multicast_is_told_the_route_and_runs_with_it(tmp_path: Path) -> None:
+    if not shutil.which("ip") or subprocess.run(["unshare", "-n", "true"], check=False).returncode != 0:
+        pytest.skip("this user may not make a network namespace")
+    code = (
+        "from services.gateway import canbus; from services.gateway.drivers import grasp_simulated\n"
+        "canbus.open_bus(grasp_simulated.private_bus(), 'here').shutdown()"
+    )
+    script = 'ip link set lo up; "$0" -c "$1" 2>&1; ip route add 239.0.0.0/8 dev lo; "$0" -c "$1" && echo open'
+    done = subprocess.run(
+        ["unshare", "-n", "bash", "-c", script, sys.executable, code], check=True, capture_output=True, text=True
+    )
+    assert "`ip route add 239.0.0.0/8 dev lo` makes one" in done.stdout
+    assert "not properly shut down" not in done.stdout
+    assert done.stdout.splitlines()[-1] == "open"
