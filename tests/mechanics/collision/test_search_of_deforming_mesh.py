@@ -11,8 +11,9 @@ from collision_cases import (
     wavy_surface,
 )
 
-from services.mechanics.collision import search
+from services.mechanics.collision import CatheterContactDetector, search
 from services.mechanics.collision.topology import fill_rim
+from services.mechanics.contact.pairs import ContactPairs
 
 EVERYWHERE_M = 1.0
 
@@ -116,20 +117,33 @@ def test_second_minimum_is_the_other_wall_of_a_collapsed_duct():
     assert none[0] == search.NOTHING
 
 
-def test_cost_grows_with_the_logarithm_of_the_mesh():
-    """Triangle tests and nodes placed per search, from nothing known, over a 16-fold finer mesh."""
+def test_a_tick_costs_about_the_same_on_a_finer_mesh():
+    """Work per tick of a catheter that slides along a breathing wall, over a 16-fold finer mesh.
+
+    Triangle tests do not grow; nodes placed and boxes visited grow by about one constant for each refinement.
+    """
     costs = []
     for n in (24, 48, 96):
-        rng = np.random.default_rng(1)
-        surface = wavy_surface(duct_mesh(n, 2 * n), rng)
-        surface.update(random_coordinates(rng, 1e-3))
+        surface = wavy_surface(duct_mesh(n, 2 * n), np.random.default_rng(1))
+        q = random_coordinates(np.random.default_rng(2), 1e-3)
+        detector, pairs = CatheterContactDetector(surface, 21, 0.8e-3, 0.5e-3), ContactPairs.allocate(64)
+        bottom = np.flatnonzero(np.hypot(surface.mesh.vertices_m[:, 1] + 4e-3, surface.mesh.vertices_m[:, 2]) < 1e-9)
         before = surface.cost
-        for p in points_about(rng, 60):
-            closest(surface, (p, p))
+        for tick in range(200):
+            surface.update((1.0 + 0.1 * np.sin(0.02 * tick)) * q)
+            wall = np.empty((len(bottom), 3))
+            surface.node_positions(bottom.astype(np.int32), wall)
+            along = np.linspace(10e-3, 38e-3, 21) - tick * 0.02e-3
+            x = np.stack([np.interp(along, wall[:, 0], wall[:, k]) for k in range(3)], axis=1)
+            x[:, 1] += 1.05e-3
+            pairs.clear()
+            detector.detect(x, pairs)
         after = surface.cost
-        costs.append((after.triangle_tests - before.triangle_tests) / 60.0)
-    growth = np.diff(costs)
-    assert (growth < 0.6 * costs[0]).all(), f"triangle tests per search: {costs}"
+        costs.append([(getattr(after, k) - getattr(before, k)) / 200.0 for k in ("triangle_tests", "tree_visits")])
+    tests, visits = np.transpose(costs)
+    assert pairs.count >= 21
+    assert tests.max() < 1.2 * tests.min(), f"triangle tests a tick: {tests}"
+    assert visits[2] < 4.0 * visits[0], f"boxes visited a tick: {visits}"
 
 
 def test_a_cap_of_least_area_closes_a_rim():
