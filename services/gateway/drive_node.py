@@ -29,8 +29,10 @@ class Task(msgspec.Struct):
     node: int
     watchdog_s: float
     instrument: str
+    index: int
     recording: str | None = None
     script: str | None = None
+    scenario: str | None = None
     core: int | None = None
     priority: int | None = None
 
@@ -55,9 +57,11 @@ def main(task: Task) -> None:
 
 
 def choose_motion(task: Task) -> hand_motion.Wanted:
-    """Return what drives the handle: recording before script before squeeze."""
+    """Return what drives the handle: a recording, a scenario, a script, or a squeeze."""
     if task.recording is not None:
         return hand_motion.recorded(Path(task.recording))
+    if task.scenario is not None:
+        return hand_motion.of_scenario(task.scenario, task.index)
     if task.script is not None:
         return hand_motion.scripted(task.script, task.instrument)
     return hand_motion.squeeze

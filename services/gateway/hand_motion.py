@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
+from services.gateway.recording import read_table
 
-from services.runtime.errors import ConfigError
+if TYPE_CHECKING:
+    from services.gateway.script import Player
 
 #: Angle of the handle at a time.
 Wanted = Callable[[float], float]
 
+_NO_PORT = (0.0, 0.0, 0.0)  # the handle does not care where the port is
 _COLUMN = "handle_angle_rad"
 _RECORDING_HZ = 1000.0
 
@@ -24,9 +27,20 @@ def squeeze(time_s: float) -> float:
 
 def scripted(name: str, instrument: str) -> Wanted:
     """Return the handle angles of a script of configs/scripts."""
-    from services.gateway.script import HANDLE, read_player  # only here: its kernels take a second to import
+    from services.gateway.script import read_player  # only here: its kernels take a second to import
 
-    player = read_player(name, instrument, (0.0, 0.0, 0.0))  # the handle does not care where the port is
+    return _played(read_player(name, instrument, _NO_PORT))
+
+
+def of_scenario(name: str, index: int) -> Wanted:
+    """Return the handle angles of a scenario of the mechanics."""
+    from services.gateway.scenario_script import scenario_player
+
+    return _played(scenario_player(name, index, _NO_PORT))
+
+
+def _played(player: Player) -> Wanted:
+    from services.gateway.script import HANDLE
 
     def wanted(time_s: float) -> float:
         player.sample(time_s)
@@ -40,16 +54,10 @@ def recorded(path: Path) -> Wanted:
 
     Raises
     ------
-    ConfigError
-        if the file cannot be read or has no column ``handle_angle_rad`` of finite numbers.
+    DeviceError
+        if the file cannot be used.
     """
-    try:
-        table = np.genfromtxt(path, delimiter=",", names=True)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: {error}") from None
-    names = table.dtype.names or ()
-    if _COLUMN not in names or not np.isfinite(table[_COLUMN]).all():
-        raise ConfigError(f"{path}: needs a column {_COLUMN} of finite numbers; it has {', '.join(names) or 'none'}")
+    table = read_table(path, (_COLUMN,))
     angles = table[_COLUMN].tolist()
     there_and_back = angles + angles[-2:0:-1]
 

@@ -377,6 +377,27 @@ def test_an_emulated_drive_that_cannot_start_is_one_sentence(tmp_path: Path, mul
         driver="grasp_simulated", device="grasp_odrive", settings={"recording": str(tmp_path / "none.csv")}
     )
     grasp = driver.load_grasp(settings, PLACE)
-    with pytest.raises(DeviceError, match="instrument 'left': the emulated drive ended with code 2"):
+    with pytest.raises(DeviceError, match="instrument 'left': the emulated drive ended with code 4"):
         grasp.open()
     grasp.close()
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, "b.csv"),
+        ({"recording": "none"}, None),
+        ({"recording": "c.csv"}, "c.csv"),
+        ({"scenario": "insertion"}, None),
+        ({"script": "stroke", "recording": "c.csv"}, "c.csv"),
+    ],
+)
+def test_which_recording_moves_a_handle(
+    settings: dict[str, str], expected: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("handle_angle_rad\n1\n")
+    monkeypatch.setenv("TROCAR_GRASP_RECORDINGS", str(tmp_path))
+    own = grasp_simulated.SimulatedGraspSettings(**settings)  # type: ignore[arg-type]
+    found = grasp_simulated.find_recording(own, 1)
+    assert (Path(found).name if found else None) == expected

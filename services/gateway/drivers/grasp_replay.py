@@ -8,8 +8,9 @@ import numpy as np
 
 from services.gateway import driver
 from services.gateway.driver import Grasp, Place
-from services.gateway.drivers.replay import ReplaySettings, read_table
+from services.gateway.drivers.replay import ReplaySettings
 from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE, FloatArray
+from services.gateway.recording import read_table
 from services.runtime.rig import DriverSettings
 
 _TICK_S = 1e-3

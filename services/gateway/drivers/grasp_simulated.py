@@ -28,8 +28,11 @@ _STOP_TIMEOUT_S = 2.0
 class SimulatedGraspSettings(Settings):
     """Of the rig file: what moves the handle, and where its process runs."""
 
-    recording: str = Field("auto", description="a 1 kHz csv; auto: one that is there, else script or squeeze; none")
+    recording: str = Field(
+        "auto", description="a 1 kHz csv, auto or none; auto: one that is there where nothing else is named"
+    )
     script: str | None = Field(None, description="a file of configs/scripts: its handle angles")
+    scenario: str | None = Field(None, description="a scenario of the mechanics: its handle angles")
     bus: dict[str, Any] | None = Field(None, description="python-can's own settings; by default a private multicast")
     core: Annotated[int, Field(ge=0)] | None = None
     priority: Annotated[int, Field(ge=1, le=89)] | None = None
@@ -52,8 +55,10 @@ class Driver(OdriveGrasp):
             node=node,
             watchdog_s=file.watchdog_s,
             instrument=place.instrument,
-            recording=find_recording(own.recording, place.index),
+            index=place.index,
+            recording=find_recording(own, place.index),
             script=own.script,
+            scenario=own.scenario,
             core=own.core,
             priority=own.priority,
         )
@@ -97,15 +102,16 @@ def private_bus() -> dict[str, Any]:
     return {"interface": "udp_multicast", "channel": "239.74.163.2", "port": port, "hop_limit": 0, "fd": False}
 
 
-def find_recording(wanted: str, index: int) -> str | None:
+def find_recording(settings: SimulatedGraspSettings, index: int) -> str | None:
     """Return the recording for the instrument of that number, or None.
 
-    ``auto`` takes them from ``$TROCAR_GRASP_RECORDINGS``, else from the folder of recordings beside the repository.
+    ``auto`` takes them from ``$TROCAR_GRASP_RECORDINGS``, else from the folder of recordings beside the repository,
+    unless a script or a scenario is named.
     """
-    if wanted == "none":
+    if settings.recording != "auto":
+        return None if settings.recording == "none" else settings.recording
+    if settings.script is not None or settings.scenario is not None:
         return None
-    if wanted != "auto":
-        return wanted
     folder = Path(os.environ.get("TROCAR_GRASP_RECORDINGS") or _REPOSITORY.parent / "shared" / "data" / "grasp")
     found = sorted(folder.glob("*.csv"))
     return str(found[index % len(found)]) if found else None

@@ -11,7 +11,7 @@ from services.gateway import driver, pose, premium_model, simulated_arm
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.layout import READ_ROLL, READ_SIZE, FloatArray
-from services.gateway.script import ROLL, read_player
+from services.gateway.script import ROLL, Player, read_player
 from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from services.runtime.errors import ConfigError
 from services.runtime.rig import DriverSettings, Settings
@@ -25,6 +25,7 @@ class ArmSettings(Settings):
     """Of the rig file: who holds the simulated arm, and how firmly."""
 
     script: str | None = Field(None, description="a file of configs/scripts; none: the hand holds still")
+    scenario: str | None = Field(None, description="instead of a script, a scenario of the mechanics")
     hand_stiffness_n_m: Annotated[float, Field(ge=0.0, le=2000.0)] = 300.0
     hand_damping_n_s_m: Annotated[float, Field(ge=0.0, le=50.0)] = 5.0
     hand_grip_n: Annotated[float, Field(ge=0.0)] = 20.0
@@ -38,8 +39,7 @@ class Driver(Arm):
         file = driver.read_device_file(ArmFile, settings, place)
         self.limits = file.limits()
         self.calibrated = False
-        script = self._settings.script
-        self._player = read_player(script, place.instrument, place.port_m) if script is not None else None
+        self._player = choose_player(self._settings, place)
         self._centre = premium_model.centre()
         self._stand = np.array([*pose.pack_mount(place.mount), *self._centre])
         self._force = np.zeros(3)
@@ -101,3 +101,12 @@ class Driver(Arm):
             return
         self._player.sample(self._script_s)
         simulated_arm.place_hand(self._player.value, self._player.rate, self._stand, self._hand)
+
+
+def choose_player(settings: ArmSettings, place: Place) -> Player | None:
+    """Return what moves the hand of this instrument, None where it holds still."""
+    if settings.scenario is not None:
+        from services.gateway.scenario_script import scenario_player  # only here: it imports the mechanics
+
+        return scenario_player(settings.scenario, place.index, place.port_m)
+    return read_player(settings.script, place.instrument, place.port_m) if settings.script is not None else None

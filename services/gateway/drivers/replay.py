@@ -6,12 +6,11 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from services.gateway import driver
 from services.gateway.driver import Arm, ArmLimits, Place
 from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY, FloatArray
-from services.runtime.errors import DeviceError
+from services.gateway.recording import read_table
 from services.runtime.rig import DriverSettings, Settings
 
 COLUMNS = ("time_s", "x_m", "y_m", "z_m")
@@ -68,26 +67,3 @@ class Driver(Arm):
 
     def close(self) -> None:
         """Nothing to give up."""
-
-
-def read_table(path: Path, columns: tuple[str, ...]) -> npt.NDArray[np.void]:
-    """Return a csv file with a header line as a structured array of at least two rows.
-
-    Raises
-    ------
-    DeviceError
-        naming the file, if it cannot be read, lacks a column, or holds something else than finite numbers.
-    """
-    try:
-        table: npt.NDArray[np.void] = np.atleast_1d(np.genfromtxt(path, delimiter=",", names=True))
-    except (OSError, ValueError) as error:
-        raise DeviceError(f"{path}: {error}") from None
-    names = table.dtype.names or ()
-    missing = [column for column in columns if column not in names]
-    if missing:
-        raise DeviceError(f"{path}: there is no column {missing[0]}; there are {', '.join(names) or 'none'}")
-    if len(table) < 2 or not all(np.isfinite(table[name]).all() for name in names):
-        raise DeviceError(f"{path}: needs two rows or more of finite numbers")
-    if (np.diff(table[columns[0]]) <= 0.0).any():
-        raise DeviceError(f"{path}: {columns[0]} must increase")
-    return table

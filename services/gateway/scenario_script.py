@@ -1,0 +1,31 @@
+"""The scenarios of the mechanics as scripts of a hand: the same data moves the tests there and the devices here."""
+
+from __future__ import annotations
+
+from services.gateway.script import Breakpoint, Motion, Player
+from services.mechanics.scenarios import SCENARIOS
+from services.runtime.errors import ConfigError
+from services.runtime.rig import Vector3
+
+
+def scenario_player(name: str, index: int, port_m: Vector3) -> Player:
+    """Return what the hand of instrument `index` does in a scenario; at its end it holds still.
+
+    Raises
+    ------
+    ConfigError
+        naming the known scenarios, or saying that this one has nothing for the instrument to do.
+    """
+    if name not in SCENARIOS:
+        raise ConfigError(f"there is no scenario {name!r}; known: {', '.join(SCENARIOS)}")
+    scenario = SCENARIOS[name]()
+    motion = scenario.motions[index] if index < len(scenario.motions) else None
+    if motion is None:
+        raise ConfigError(f"scenario {name!r} has no motion for instrument number {index}")
+    ratio = scenario.scene.forceps[index].jaw_ratio
+    rows = zip(motion.time_s, motion.grip_point_m, motion.roll_rad, motion.jaw_angle_rad, strict=True)
+    breakpoints = tuple(
+        Breakpoint(time_s=time_s, hip_m=point, roll_rad=roll, handle_rad=jaw / ratio)
+        for time_s, point, roll, jaw in rows
+    )
+    return Player(Motion(beyond_hip_m=motion.grip_offset_m, breakpoints=breakpoints), loop=False, port_m=port_m)
