@@ -56,9 +56,11 @@ class Crew:
     launch: Launch | None
     say: Callable[[str, str], None]
     on_counts: Callable[[str, Figures], None] = lambda _name, _counts: None
+    hearing: Callable[[], bool] = lambda: True
     fatal: FatalStart | None = None
     stopping: bool = False
     _last_step_s: float | None = None
+    _heard_all_s: float = 0.0
     _held_up_s: float = 0.0
     _said_held_up_s: float = float("-inf")
     _was_ready: set[str] = field(default_factory=set)
@@ -66,6 +68,7 @@ class Crew:
     def step(self, now_s: float) -> None:
         """Hear everyone, notice who ended or hangs, start whoever is due."""
         self._forgive_own_delay(now_s)
+        hearing = self._is_hearing(now_s)  # before the reading: what arrives after this is heard in the next turn
         for member in self.members.values():
             self._hear(member, now_s)
             if member.child is not None:
@@ -75,7 +78,7 @@ class Crew:
                     self._ended(member, status, now_s)
                     continue
             if not self.stopping:
-                self._watch(member, now_s)
+                self._watch(member, now_s, hearing)
                 self._start_if_due(member, now_s)
 
     def wait(self, timeout_s: float) -> None:
@@ -168,9 +171,19 @@ class Crew:
             member.last_lines = [*member.last_lines[-19:], line]
             self.say(_level_of(line, member.name), line)
 
-    def _watch(self, member: Member, now_s: float) -> None:
+    def _is_hearing(self, now_s: float) -> bool:
+        """Return whether silence may be judged; a bus that never rests must not hide it for ever."""
+        if self.hearing():
+            self._heard_all_s = now_s
+            return True
+        return now_s - self._heard_all_s >= self.limits.heartbeat_s
+
+    def _watch(self, member: Member, now_s: float, hearing: bool) -> None:
         stopped = member.child is not None and member.child.is_stopped()
-        wrong = watch.hang(member, stopped, now_s, self.limits)
+        if hearing or stopped:
+            wrong = watch.hang(member, stopped, now_s, self.limits)
+        else:
+            wrong = member.reason if member.state is MemberState.HUNG else ""
         match member.state:
             case MemberState.STARTING | MemberState.READY if wrong:
                 member.enter(MemberState.HUNG, now_s, wrong)

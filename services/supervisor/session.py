@@ -6,7 +6,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from services.runtime.errors import BusError, UserError
 from services.runtime.process import Options, Process, make_plan, open_process
 from services.runtime.rig import Rig
 from services.supervisor.crew import Launch
+from services.supervisor.ears import Ears
 from services.supervisor.holders import holders
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
@@ -67,7 +68,9 @@ def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Proc
     """
     _refuse_second_rig(options)
     streams = [spec.stream for spec in table if spec.stream is not None]
-    process = open_process(make_plan("supervisor", options), reads=[*(f"{spec.name}.health" for spec in table), *streams])
+    process = open_process(
+        make_plan("supervisor", options), reads=[*(f"{spec.name}.health" for spec in table), *streams]
+    )
     signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed: nobody is left to end it
     return process
 
@@ -91,7 +94,9 @@ def run_session(process: Process, plan: Plan) -> None:
     setup = _setup(process, plan)
     sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
     supervisor = Supervisor(setup, process.bus, time.monotonic(), plan.on_event)
-    with _page(sock, supervisor, process.scene_name) as page:
+    ears = Ears()
+    supervisor.crew.hearing = ears.open
+    with closing(ears), _page(sock, supervisor, process.scene_name) as page:
         process.health.change("ready")
         try:
             _watch(process, supervisor, page, plan)

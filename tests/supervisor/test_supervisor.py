@@ -103,6 +103,17 @@ def test_its_own_absence_counts_against_nobody() -> None:
     assert any("supervisor: held up for 1" in event.text for event in bench.supervisor.events)
 
 
+def test_what_was_not_heard_yet_is_not_silence() -> None:
+    """The bus' own thread waits for a processor: nobody is called silent, but not for ever."""
+    bench = running(Bench(rig()))
+    bench.supervisor.crew.hearing = lambda: False
+    bench.peers["gateway"].alive = False
+    bench.run(0.4)
+    assert bench.supervisor.state is RigState.RUNNING
+    bench.run(0.3)
+    assert bench.supervisor.state is RigState.DEGRADED
+
+
 def test_enforcement_in_order_and_only_arming_leads_back() -> None:
     bench = running(Bench(rig(**STRICT), levels=3))
     bench.peers["physics"].miss_ratio = 0.6
