@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { viewAddress } from "../src/address.js";
-import { duration, hz, percent, share, us } from "../src/dashboard/format.js";
+import { duration, force, hz, percent, share, us } from "../src/dashboard/format.js";
 
 const page = (href) => new URL(href);
 
@@ -13,7 +13,7 @@ test("the view is found under the name of the page, through tunnels too", () => 
 });
 
 test("unknown figures are dashes, never NaN", () => {
-  for (const format of [us, hz, share, percent, duration]) {
+  for (const format of [us, hz, share, percent, duration, force]) {
     for (const unknown of [null, undefined, NaN, Infinity, "1"]) assert.equal(format(unknown), "–");
   }
 });
@@ -30,6 +30,9 @@ test("figures are short and keep their meaning", () => {
   assert.equal(share(0.0013), "0.13 %");
   assert.equal(share(0.99731), "100 %");
   assert.equal(percent(0.99731), "99.73 %");
+  assert.equal(force(0.0042), "4.2 mN");
+  assert.equal(force(0.042), "42 mN");
+  assert.equal(force(0.42), "0.42 N");
   assert.equal(duration(59), "59 s");
   assert.equal(duration(600), "10 min");
 });

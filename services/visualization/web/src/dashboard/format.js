@@ -34,3 +34,8 @@ export function duration(s) {
 export function percent(x) {
   return known(x) ? `${(100 * x).toFixed(2)} %` : "–";
 }
+
+export function force(newton) {
+  if (!known(newton)) return "–";
+  return newton < 0.0995 ? `${(1000 * newton).toFixed(newton < 0.00995 ? 1 : 0)} mN` : `${newton.toFixed(2)} N`;
+}

@@ -180,7 +180,7 @@ export class Forceps {
   }
 }
 
-const ARROW_MM_PER_N = 18;
+const ARROW_MM = 22; // of 1 N; the length grows with the root, so that millinewtons are seen beside newtons
 
 export class ForceArrow {
   constructor() {
@@ -194,7 +194,7 @@ export class ForceArrow {
 
   update(pose, force, colour) {
     this.force.set(force[0], force[1], force[2]);
-    const length = ARROW_MM_PER_N * this.force.length();
+    const length = ARROW_MM * Math.sqrt(this.force.length());
     this.object.visible = length > 0.6;
     if (!this.object.visible) return;
     this.object.position.set(pose[0], pose[1], pose[2]);

@@ -1,5 +1,6 @@
 // The view: stream, stage, and the figures drawn over them.
 
+import { force } from "../dashboard/format.js";
 import { drawsInSoftware, Stage } from "./stage.js";
 import { ViewStream } from "./stream.js";
 
@@ -94,9 +95,9 @@ export class View {
   showForcesOf(frame) {
     this.rows?.forEach((row, i) => {
       const newton = Math.hypot(...frame.forces.subarray(3 * i, 3 * i + 3));
-      row.bar.style.transform = `scaleX(${Math.min(1, newton / FORCE_FULL_N)})`;
+      row.bar.style.transform = `scaleX(${Math.min(1, Math.sqrt(newton / FORCE_FULL_N))})`;
       row.bar.style.background = colourOfForce(newton);
-      row.value.textContent = `${newton.toFixed(2)} N`;
+      row.value.textContent = force(newton);
       row.jaw.textContent = `${Math.round((frame.jaws[i] * 180) / Math.PI)}°`;
     });
   }
