@@ -84,7 +84,7 @@ class Renderer:
         self.plotter.render_window.Render()
 
     def smooth_edges(self) -> None:
-        """Take four samples a pixel where a graphics processor draws; in software that would cost four times the time."""
+        """Take four samples a pixel where a graphics processor draws; in software they cost four times the time."""
         capabilities = self.plotter.render_window.ReportCapabilities().lower()
         if not any(name in capabilities for name in _SOFTWARE):
             self.plotter.render_window.SetMultiSamples(_HARDWARE_SAMPLES)
