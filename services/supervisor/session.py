@@ -49,7 +49,7 @@ class Plan:
     on_event
         Called with every event.
     on_turn
-        called after every turn, fifty times a second; True ends the session.
+        Called after every turn, fifty times a second; True ends the session.
     """
 
     options: Options
