@@ -13,8 +13,13 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 HALF_BANDWIDTH = 8
-RHS_BLOCK = 8  # right-hand sides solved side by side: one or two vector registers
+RHS_BLOCK = 16  # right-hand sides solved side by side, a few vector registers each
 _WIDTH = HALF_BANDWIDTH + 1
+
+
+def empty_columns(n_dofs: int) -> FloatArray:
+    """Zeroed right-hand sides for `solve_ldl_block`, padding included."""
+    return np.zeros((n_dofs + 2 * HALF_BANDWIDTH, RHS_BLOCK))
 
 
 def empty_band(n_dofs: int) -> FloatArray:
@@ -60,23 +65,32 @@ def solve_ldl(band: FloatArray, rhs: FloatArray) -> None:
         rhs[j] = value
 
 
+@njit(cache=True, nogil=True, fastmath=False, inline="always")
+def _lower(band: FloatArray, row: int, a: int) -> float:
+    """L[row, row - a]; zero before the first column."""
+    return band[row - a, a] if row >= a else 0.0
+
+
 @njit(cache=True, nogil=True, fastmath=False)
 def solve_ldl_block(band: FloatArray, first_dof: int, rhs: FloatArray) -> None:
-    """Solve in place RHS_BLOCK right-hand sides, (n_dofs + 8, RHS_BLOCK), for the unknowns from `first_dof` on.
+    """Solve in place RHS_BLOCK right-hand sides, (n_dofs + 16, RHS_BLOCK), for the unknowns from `first_dof` on.
 
-    The rows before `first_dof` must be zero in every column; they are neither read nor written, which saves the part of
-    the forward sweep where nothing happens and the part of the backward sweep whose answer is not asked for.
+    Unknown j is row j + 8, between zeroed paddings; the eight rows before `first_dof` must be zero too. Rows before
+    those are neither read nor written, which saves the part of the forward sweep where nothing happens and the part of
+    the backward sweep whose answer is not asked for. Written out by diagonals: a new value stays in registers.
     """
     n_dofs = band.shape[0] - HALF_BANDWIDTH
     for j in range(first_dof, n_dofs):
-        for a in range(1, _WIDTH):
-            lower = band[j, a]
-            for r in range(RHS_BLOCK):
-                rhs[j + a, r] -= lower * rhs[j, r]
-    rhs[n_dofs:] = 0.0
-    for j in range(n_dofs - 1, first_dof - 1, -1):
+        l1, l2, l3, l4 = _lower(band, j, 1), _lower(band, j, 2), _lower(band, j, 3), _lower(band, j, 4)
+        l5, l6, l7, l8 = _lower(band, j, 5), _lower(band, j, 6), _lower(band, j, 7), _lower(band, j, 8)
         for r in range(RHS_BLOCK):
-            value = rhs[j, r] * band[j, 0]
-            for a in range(1, _WIDTH):
-                value -= band[j, a] * rhs[j + a, r]
-            rhs[j, r] = value
+            near = l1 * rhs[j + 7, r] + l2 * rhs[j + 6, r] + l3 * rhs[j + 5, r] + l4 * rhs[j + 4, r]
+            far = l5 * rhs[j + 3, r] + l6 * rhs[j + 2, r] + l7 * rhs[j + 1, r] + l8 * rhs[j, r]
+            rhs[j + 8, r] -= near + far
+    for j in range(n_dofs - 1, first_dof - 1, -1):
+        d, l1, l2, l3, l4 = band[j, 0], band[j, 1], band[j, 2], band[j, 3], band[j, 4]
+        l5, l6, l7, l8 = band[j, 5], band[j, 6], band[j, 7], band[j, 8]
+        for r in range(RHS_BLOCK):
+            near = l1 * rhs[j + 9, r] + l2 * rhs[j + 10, r] + l3 * rhs[j + 11, r] + l4 * rhs[j + 12, r]
+            far = l5 * rhs[j + 13, r] + l6 * rhs[j + 14, r] + l7 * rhs[j + 15, r] + l8 * rhs[j + 16, r]
+            rhs[j + 8, r] = d * rhs[j + 8, r] - near - far

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import implicit_kernels as kernels
-from .banded import HALF_BANDWIDTH, RHS_BLOCK
+from .banded import empty_columns
 from .model import RodModel, allocate_work, build_model
 from .properties import RodProperties
 from .state import RodState
@@ -53,7 +53,7 @@ class ImplicitIntegrator:
         self.work = allocate_work(n)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
         self._external = np.zeros((n, 3)) if self.twist is not None else np.zeros((0, 3))
-        self._columns = np.zeros((3 * n + HALF_BANDWIDTH, RHS_BLOCK))
+        self._columns = empty_columns(3 * n)
         self._dt_s = 0.0
 
     @property

@@ -236,14 +236,15 @@ def compliance(
     for start in range(0, 3 * k, RHS_BLOCK):
         stop = min(start + RHS_BLOCK, 3 * k)
         first = 3 * particles[start // 3]
-        columns[first:] = 0.0
+        columns[first:] = 0.0  # from eight rows before the first unknown on
         for column in range(start, stop):
             p = particles[column // 3]
-            columns[3 * p + column % 3, column - start] = 0.0 if model.is_held[p] else gain
+            columns[HALF_BANDWIDTH + 3 * p + column % 3, column - start] = 0.0 if model.is_held[p] else gain
         solve_ldl_block(band, first, columns)
         for row in range(start, 3 * k):
+            unknown = HALF_BANDWIDTH + 3 * particles[row // 3] + row % 3
             for column in range(start, min(stop, row + 1)):
-                out[row, column] = columns[3 * particles[row // 3] + row % 3, column - start]
+                out[row, column] = columns[unknown, column - start]
                 out[column, row] = out[row, column]
 
 
@@ -260,9 +261,9 @@ def solve_many(
             if not model.is_held[i]:
                 for c in range(3):
                     for column in range(start, stop):
-                        columns[3 * i + c, column - start] = gain * force[i, c, column]
+                        columns[HALF_BANDWIDTH + 3 * i + c, column - start] = gain * force[i, c, column]
         solve_ldl_block(band, 0, columns)
         for i in range(n):
             for c in range(3):
                 for column in range(start, stop):
-                    out[i, c, column] = columns[3 * i + c, column - start]
+                    out[i, c, column] = columns[HALF_BANDWIDTH + 3 * i + c, column - start]

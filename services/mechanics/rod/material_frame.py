@@ -94,11 +94,12 @@ def transport(m: Vector, t: Vector, u: Vector) -> Vector:
 def rotate_frame(frame: Frame, j: int, angle: float) -> None:
     """Turn segment j's director about its tangent and keep count of the twist of its joints."""
     tangent, m1, twist = frame
-    t = row(tangent, j)
     m = row(m1, j)
-    m2 = cross(t, m)
+    m2 = cross(row(tangent, j), m)
+    cosine = math.cos(angle)
+    sine = math.sin(angle)
     for c in range(3):
-        m1[j, c] = math.cos(angle) * m[c] + math.sin(angle) * m2[c]
+        m1[j, c] = cosine * m[c] + sine * m2[c]
     if j > 0:
         twist[j - 1] += angle
     if j < twist.shape[0]:

@@ -66,9 +66,7 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) ->
     if state.frame is None:
         state.frame = initial_frame(state.position_m)
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-    follow(state.position_m, frame)
-    relax(model, frame, state.frame.end_is_held)
-    add_forces(model, state.position_m, frame, force_n)
+    _update(model, state.position_m, frame, state.frame.end_is_held, force_n)
 
 
 def twist_energy(model: TwistModel, state: RodState) -> float:
@@ -77,6 +75,13 @@ def twist_energy(model: TwistModel, state: RodState) -> float:
         return 0.0
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
     return float(_energy(model, frame))
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _update(model: TwistModel, x: FloatArray, frame: Frame, end_is_held: bool, f: FloatArray) -> None:
+    follow(x, frame)
+    relax(model, frame, end_is_held)
+    add_forces(model, x, frame, f)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
