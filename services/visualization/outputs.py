@@ -6,6 +6,7 @@ import logging
 import time
 from typing import Protocol
 
+from services.runtime.errors import UserError
 from services.runtime.health import Path
 from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
@@ -14,7 +15,6 @@ from services.visualization.camera_feed import CameraFeed
 from services.visualization.display import has_display, record
 from services.visualization.feed import Feeds, Message
 from services.visualization.picture import Layout, Picture
-from services.visualization.server import ViewServer
 
 
 class Output(Protocol):
@@ -63,13 +63,23 @@ class NoOutput:
 
 
 class WebOutput:
-    """Streams pictures to browsers, which draw them."""
+    """Streams pictures to browsers, which draw them.
+
+    Raises
+    ------
+    UserError
+        if the view's port is taken, or the web packages are not installed.
+    """
 
     def __init__(self, settings: ViewSettings, painted: Path, log: logging.Logger) -> None:
         self.closed = False
         self._painted = painted
         self._feeds = Feeds(painted)
         self._camera = CameraFeed()
+        try:
+            from services.visualization.server import ViewServer
+        except ImportError as error:
+            raise UserError(f"visualization.viewer: web needs starlette (pip install trocar[web]): {error}") from None
         self._server = ViewServer(settings, self._feeds, self._camera)
         self._layout: Layout | None = None
         self._hello = ""

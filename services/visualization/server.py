@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ipaddress
 import socket
 import struct
 import time
@@ -83,7 +84,7 @@ class ViewServer:
         await self._serving
 
     async def _view(self, socket_: WebSocket) -> None:
-        if not same_host(socket_.headers.get("origin"), socket_.headers.get("host")):
+        if not may_look(socket_.headers.get("origin"), socket_.headers.get("host")):
             await socket_.close(code=1008)
             return
         await socket_.accept()
@@ -147,14 +148,27 @@ async def _alive(request: Request) -> Response:
     return PlainTextResponse("ok\n")
 
 
-def same_host(origin: str | None, host: str | None) -> bool:
-    """Return whether a page from `origin` may look: pages of this host, at any port, and programs without origin.
+def may_look(origin: str | None, host: str | None) -> bool:
+    """Return whether a page from `origin` may look at the view that it reached as `host`.
 
-    Otherwise any web page that a person at the rig visits could open the view's socket and watch.
+    Pages of this host, at any port, and programs without origin may. Otherwise any web page that a person at the rig
+    visits could open the view's socket and watch; a name that is neither this host's nor an address could be that
+    page's own, made to point here (rebinding).
     """
     if origin is None:
         return True
-    return host is not None and urlsplit(origin).hostname == urlsplit(f"//{host}").hostname
+    here = urlsplit(f"//{host or ''}").hostname
+    return here is not None and urlsplit(origin).hostname == here and _is_ours(here)
+
+
+def _is_ours(name: str) -> bool:
+    if name in ("localhost", socket.gethostname().lower()) or name.endswith(".localhost"):
+        return True
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _bind(host: str, port: int) -> socket.socket:

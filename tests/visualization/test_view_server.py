@@ -20,7 +20,7 @@ from services.visualization import codec
 from services.visualization.feed import IN_FLIGHT
 from services.visualization.outputs import WebOutput
 from services.visualization.picture import Picture
-from services.visualization.server import same_host
+from services.visualization.server import may_look
 from tests.visualization.test_view_codec import a_layout, a_picture
 
 LOG = logging.getLogger("test")
@@ -143,12 +143,15 @@ def test_a_page_of_another_site_may_not_look(show):
 
 
 def test_origins():
-    assert same_host(None, "rig:8081")
-    assert same_host("http://rig:8080", "rig:8081")
-    assert same_host("http://[::1]:8080", "[::1]:8081")
-    assert not same_host("http://rig.elsewhere.example", "rig:8081")
-    assert not same_host("null", "rig:8081")
-    assert not same_host("http://rig", None)
+    here = socket.gethostname().lower()
+    assert may_look(None, f"{here}:8081")
+    assert may_look(f"http://{here}:8080", f"{here}:8081")
+    assert may_look("http://localhost:8080", "localhost:8081")
+    assert may_look("http://[::1]:8080", "[::1]:8081")
+    assert not may_look("http://elsewhere.example", "127.0.0.1:8081")
+    assert not may_look("http://elsewhere.example", "elsewhere.example:8081")  # rebinding
+    assert not may_look("null", "127.0.0.1:8081")
+    assert not may_look("http://127.0.0.1", None)
 
 
 def test_the_server_says_that_it_lives(show):
