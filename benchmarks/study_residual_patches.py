@@ -8,6 +8,7 @@ what one newton on one node wrongly does to the other, relative to what it does 
 
 from __future__ import annotations
 
+import math
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -51,7 +52,7 @@ def study(n_around: int, n_along: int, n_modes: int) -> list[Row]:
 def radius_rows(model, basis, full, free, scale, label, radius) -> list[Row]:
     rows = []
     for probing in (False, True):
-        patches = build_patches(model, basis, radius, probing=probing)
+        patches = build_patches(model, basis, radius, apart_m=2.0 * radius if probing else math.inf)
         cut = np.zeros_like(full)
         rows_of = np.repeat(np.arange(basis.n_nodes), np.diff(patches.starts))
         cut[rows_of, patches.neighbours] = patches.blocks

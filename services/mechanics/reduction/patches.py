@@ -6,6 +6,8 @@ within a radius. docs/decisions/residual-patches.md says what a radius costs in 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from scipy.sparse import csr_array
@@ -19,6 +21,8 @@ from services.mechanics.reduction.state import FloatArray, IntArray
 
 EXACT_NODES = 12_000
 """Up to here every node is loaded on its own: a few minutes; beyond it nodes share solves."""
+MOST_COLOURS = 3_000
+"""Solves a direction that probing may take, roughly."""
 PAIR_BYTES = 40
 """One float32 block and one index."""
 
@@ -27,15 +31,15 @@ def build_patches(
     model: ShellModel,
     basis: ModalBasis,
     radius_m: float,
-    probing: bool | None = None,
+    apart_m: float | None = None,
     progress: Progress = ignore_progress,
 ) -> Residual:
     """Compute the patches, node by node or by probing.
 
-    Probing loads nodes two radii apart in one solve. Their patches do not meet, so the number of solves is set
-    by how many nodes lie within two radii, not by the size of the mesh; what the far residual of one node
-    spills into the patch of another is of the size of what the cut drops (Tang and Saad 2012, probing for the
-    diagonal of an inverse).
+    Probing loads distant nodes in one solve. Nodes at least two radii apart have patches that do not meet; what
+    the far residual of one spills into the patch of another is then of the size of what the cut drops (probing
+    for the diagonal of an inverse: Tang and Saad 2012). They are kept farther apart than that, as far as
+    `MOST_COLOURS` solves a direction allow.
 
     Parameters
     ----------
@@ -43,23 +47,22 @@ def build_patches(
         Full duct and its modes.
     radius_m : float
         Blocks are kept between nodes at most this far apart.
-    probing : bool, optional
-        By default above `EXACT_NODES` nodes.
+    apart_m : float, optional
+        How far apart nodes that share a solve are; infinite for exact columns. By default exact up to
+        `EXACT_NODES` nodes, and beyond as far as the number of solves allows.
     progress : callable
         Called as ``progress(stage, fraction)``.
     """
     vertices = model.mesh.vertices_m
     starts, neighbours = patch_pattern(vertices, radius_m)
     blocks = np.zeros((neighbours.size, 3, 3), np.float32)
-    if probing is None:
-        probing = len(vertices) > EXACT_NODES
-    colours = colour_apart(vertices, 2.0 * radius_m) if probing else np.arange(len(vertices), dtype=np.int32)
+    colours = colour_apart(vertices, _default_distance_m(vertices, radius_m) if apart_m is None else apart_m)
     n_colours = int(colours.max()) + 1
     for first in range(0, n_colours, BATCH):
-        in_batch = colours - np.int32(first)
-        loaded = np.flatnonzero((in_batch >= 0) & (in_batch < BATCH)).astype(np.int32)
-        response = residual_response(model, basis, loaded, in_batch[loaded])
-        _read_patches(starts, neighbours, in_batch, response, blocks)
+        loaded = np.flatnonzero((colours >= first) & (colours < first + BATCH)).astype(np.int32)
+        columns = colours[loaded] - np.int32(first)
+        response = residual_response(model, basis, loaded, columns)
+        _read_patches(starts, neighbours, loaded, columns, response, blocks)
         progress("residual compliance", min(first + BATCH, n_colours) / n_colours)
     return Residual.patches(starts, neighbours, _symmetrised(starts, neighbours, blocks))
 
@@ -84,9 +87,15 @@ def largest_radius_m(vertices_m: FloatArray, budget_bytes: int) -> float:
     ValueError
         Not even a block a node fits.
     """
-    tree, most_pairs = cKDTree(vertices_m), budget_bytes // PAIR_BYTES
+    most_pairs = budget_bytes // PAIR_BYTES
     if most_pairs < len(vertices_m):
         raise ValueError(f"a residual of {len(vertices_m)} nodes does not fit {budget_bytes} bytes")
+    return _radius_of_pairs(vertices_m, most_pairs)
+
+
+def _radius_of_pairs(vertices_m: FloatArray, most_pairs: int) -> float:
+    """Return the largest distance within which there are at most ``most_pairs`` ordered pairs of vertices."""
+    tree = cKDTree(vertices_m)
     low, high = 0.0, float(np.linalg.norm(np.ptp(vertices_m, axis=0)))
     while high - low > 0.01 * high:
         middle = 0.5 * (low + high)
@@ -95,38 +104,63 @@ def largest_radius_m(vertices_m: FloatArray, budget_bytes: int) -> float:
     return low
 
 
-def colour_apart(vertices_m: FloatArray, distance_m: float) -> IntArray:
-    """Return a colour (n,) for each vertex; vertices of one colour are more than ``distance_m`` apart."""
-    colours: IntArray = _greedy_colours(*patch_pattern(vertices_m, distance_m))
-    return colours
+def _default_distance_m(vertices_m: FloatArray, radius_m: float) -> float:
+    """Return how far apart nodes that share a solve are kept.
+
+    On a surface first fit needs about a third as many colours as a node has neighbours within the distance.
+    """
+    if len(vertices_m) <= EXACT_NODES:
+        return math.inf
+    return max(2.0 * radius_m, _radius_of_pairs(vertices_m, 3 * MOST_COLOURS * len(vertices_m)))
 
 
 @njit(cache=True)
-def _greedy_colours(starts: IntArray, neighbours: IntArray) -> IntArray:
-    n = starts.shape[0] - 1
+def colour_apart(vertices_m: FloatArray, distance_m: float) -> IntArray:
+    """Return a colour (n,) for each vertex; vertices of one colour are more than ``distance_m`` apart.
+
+    Colour by colour, each takes every vertex left that is far enough from those it has.
+    """
+    n = vertices_m.shape[0]
     colours = np.full(n, -1, np.int32)
-    taken_for = np.full(n, -1, np.int32)
-    for node in range(n):
-        for k in range(starts[node], starts[node + 1]):
-            if colours[neighbours[k]] >= 0:
-                taken_for[colours[neighbours[k]]] = node
-        colour = 0
-        while taken_for[colour] == node:
-            colour += 1
-        colours[node] = colour
+    members = np.empty(n, np.int32)
+    left, colour = n, 0
+    while left > 0:
+        count = 0
+        for node in range(n):
+            if colours[node] >= 0:
+                continue
+            is_apart = True
+            for k in range(count):
+                squared = 0.0
+                for axis in range(3):
+                    squared += (vertices_m[node, axis] - vertices_m[members[k], axis]) ** 2
+                if squared <= distance_m**2:
+                    is_apart = False
+                    break
+            if is_apart:
+                colours[node] = colour
+                members[count] = node
+                count += 1
+        left -= count
+        colour += 1
     return colours
 
 
 @njit(cache=True)
 def _read_patches(
-    starts: IntArray, neighbours: IntArray, columns: IntArray, response: FloatArray, blocks: BlockArray
+    starts: IntArray,
+    neighbours: IntArray,
+    loaded: IntArray,
+    columns: IntArray,
+    response: FloatArray,
+    blocks: BlockArray,
 ) -> None:
-    """Copy from ``response`` (n, c, 3, 3) the blocks whose second node was loaded in one of its columns."""
-    for node in range(starts.shape[0] - 1):
-        for k in range(starts[node], starts[node + 1]):
-            column = columns[neighbours[k]]
-            if 0 <= column < response.shape[1]:
-                blocks[k] = response[node, column]
+    """Copy the rows of the ``loaded`` nodes out of ``response`` (n, c, 3, 3): R_ij is R_ji transposed."""
+    for index in range(loaded.shape[0]):
+        for k in range(starts[loaded[index]], starts[loaded[index] + 1]):
+            for i in range(3):
+                for j in range(3):
+                    blocks[k, i, j] = response[neighbours[k], columns[index], j, i]
 
 
 def _symmetrised(starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> BlockArray:
