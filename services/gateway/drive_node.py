@@ -33,6 +33,7 @@ class Task(msgspec.Struct):
     recording: str | None = None
     script: str | None = None
     scenario: str | None = None
+    range_rad: tuple[float, float] | None = None
     core: int | None = None
     priority: int | None = None
 
@@ -58,6 +59,11 @@ def main(task: Task) -> None:
 
 def choose_motion(task: Task) -> hand_motion.Wanted:
     """Return what drives the handle: a recording, a scenario, a script, or a squeeze."""
+    wanted = _choose(task)
+    return wanted if task.range_rad is None else hand_motion.fitted(wanted, task.range_rad)
+
+
+def _choose(task: Task) -> hand_motion.Wanted:
     if task.recording is not None:
         return hand_motion.recorded(Path(task.recording))
     if task.scenario is not None:

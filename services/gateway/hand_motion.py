@@ -49,6 +49,16 @@ def _played(player: Player) -> Wanted:
     return wanted
 
 
+def fitted(wanted: Wanted, range_rad: tuple[float, float]) -> Wanted:
+    """Return `wanted`, which moves between shut (0) and open (1 rad), moving between two other angles."""
+    low, high = range_rad
+
+    def between(time_s: float) -> float:
+        return low + (high - low) * min(max(wanted(time_s), 0.0), 1.0)
+
+    return between
+
+
 def recorded(path: Path) -> Wanted:
     """Return the handle angles of a 1 kHz recording, played forwards and back so that it never jumps.
 

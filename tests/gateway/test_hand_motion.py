@@ -44,3 +44,8 @@ def test_scripts_and_scenarios_move_a_handle() -> None:
     assert hand_motion.scripted("stroke", "left")(0.0) == 1.0
     assert hand_motion.of_scenario("insertion", 0)(10.0) == pytest.approx(0.25)
     assert 0.1 <= min(hand_motion.squeeze(k * 0.1) for k in range(40)) < 0.11
+
+
+def test_a_motion_fits_between_two_angles() -> None:
+    wanted = hand_motion.fitted(lambda time_s: time_s, (0.7, 1.2))
+    assert [wanted(t) for t in (-1.0, 0.0, 0.5, 1.0, 1.06)] == [0.7, 0.7, 0.95, 1.2, 1.2]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from services.mechanics.scenarios import insertion_scene, miss, paper_scene
+from services.mechanics.scene import SceneModel
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.scenes import load_scene, scene_origins
@@ -26,7 +28,7 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
         ("tube: {}", r"a.yaml: tube: unknown key 'tube'; known: .*duct"),
         ("duct: {radius_m: wide}", r"a.yaml: duct.radius_m: input should be a valid number"),
         ("forceps: [{jaw: 1}, {}]", r"forceps.0.jaw: unknown key 'jaw'; known: .*jaw_length_m"),
-        ("effects: {magic: {}}", r"a.yaml: effects: unknown effect 'magic'; known: gravity, "),
+        ("effects: {magic: {}}", r"a.yaml: effects: unknown effect 'magic'; known: .*gravity"),
         ("effects: {friction: {mu: 0.3}}", r"effects.friction: unknown key 'mu'; known: "),
         ("contact: {model: hope}", r"contact.model: input should be 'implicit' or 'penalty'"),
     ],
@@ -50,3 +52,13 @@ def test_options_are_told_apart_by_their_first_key() -> None:
     rig, scene = config.split_overrides(["gateway.force_limit_n=1", "duct.n_modes=12", "scene=paper"])
     assert rig == ("gateway.force_limit_n=1", "scene=paper")
     assert scene == ("duct.n_modes=12",)
+
+
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [("default", insertion_scene()), ("miss", miss().scene), ("paper", paper_scene())],
+    ids=["default", "miss", "paper"],
+)
+def test_scene_files_are_the_scenes_that_the_mechanics_tests(name: str, model: SceneModel) -> None:
+    """What is tested in process is what the rig runs."""
+    assert load_scene(name) == model

@@ -33,6 +33,9 @@ class SimulatedGraspSettings(Settings):
     )
     script: str | None = Field(None, description="a file of configs/scripts: its handle angles")
     scenario: str | None = Field(None, description="a scenario of the mechanics: its handle angles")
+    range_rad: tuple[float, float] | None = Field(
+        None, description="angles that shut and open (0 and 1 rad) of the motion become, e.g. round a duct"
+    )
     bus: dict[str, Any] | None = Field(None, description="python-can's own settings; by default a private multicast")
     core: Annotated[int, Field(ge=0)] | None = None
     priority: Annotated[int, Field(ge=1, le=89)] | None = None
@@ -59,6 +62,7 @@ class Driver(OdriveGrasp):
             recording=find_recording(own, place.index),
             script=own.script,
             scenario=own.scenario,
+            range_rad=own.range_rad,
             core=own.core,
             priority=own.priority,
         )
