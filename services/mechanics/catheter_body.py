@@ -47,14 +47,24 @@ class CatheterBody:
         self.motion_m = np.zeros((n, 3))
         self.external_force_n = np.zeros((n, 3))
         self.contact_force_n = np.zeros((n, 3))
+        self._load_n = np.zeros((n, 3))
+        self._was_touched = False
         self.slot = np.full(n, -1, np.int32)
         self._particles = np.zeros(n, np.int32)
         self._compliance = np.zeros(9 * n * n)
 
     def predict(self, dt_s: float) -> None:
-        """Step the particles without contact forces."""
+        """Step the particles without contact forces.
+
+        The integrator linearises where it expects the step to end. That is with last tick's contact forces, not
+        without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
+        """
         self.start_m[:] = self.state.position_m
-        self.integrator.predict(self.state, self.external_force_n, dt_s)
+        np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
+        self.integrator.predict(self.state, self._load_n, dt_s)
+        if self._was_touched:
+            np.negative(self.contact_force_n, out=self._load_n)
+            self.integrator.correct(self.state, self._load_n)
         np.subtract(self.state.position_m, self.start_m, out=self.motion_m)
 
     def compliance(self, rows: ContactRows) -> FloatArray:
@@ -69,7 +79,8 @@ class CatheterBody:
     def correct(self, rows: ContactRows, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies to the particles they touch."""
         spread_rod_forces(rows, forces, self.contact_force_n)
-        if rows.n_contacts:
+        self._was_touched = rows.n_contacts > 0
+        if self._was_touched:
             self.integrator.correct(self.state, self.contact_force_n)
 
 

@@ -18,12 +18,10 @@ if TYPE_CHECKING:  # the effect of the nonlinear membrane needs this module
 
 def duct_recipe(duct: DuctScene, mesh: TriangleMesh, effects: Mapping[str, Effect]) -> DuctRecipe:
     """Collect section, supports, elements and number of modes; the effect ``anisotropy`` changes the section."""
+    anisotropy = effects.get("anisotropy")
+    poisson_ratio = duct.poisson_ratio if anisotropy is None else anisotropy.settings.poisson_ratio
     section = ShellSection(
-        duct.thickness_m,
-        duct.youngs_modulus_pa,
-        duct.poisson_ratio,
-        duct.density_kg_m3,
-        _orthotropy(effects.get("anisotropy")),
+        duct.thickness_m, duct.youngs_modulus_pa, poisson_ratio, duct.density_kg_m3, _orthotropy(anisotropy)
     )
     elements = ElementChoice(membrane=duct.membrane, bending=duct.bending)
     residual = ResidualChoice(kind=duct.residual)

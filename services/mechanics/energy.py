@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N
 from services.mechanics.contact.solver import HOLD
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator
@@ -200,8 +199,9 @@ def stored_energies_j(simulation: Simulation) -> dict[str, float]:
 
 def _grip_energy_j(simulation: Simulation) -> float:
     rows = simulation.system.rows
-    held = rows.kind[: rows.n_contacts] == HOLD
-    return 0.5 * GRIP_SOFTNESS_M_N * float(np.sum(rows.force_n[: rows.n_contacts][held] ** 2))
+    n = rows.n_contacts
+    held = rows.kind[:n] == HOLD
+    return 0.5 * float(np.sum(rows.softness_m_n[:n][held] * rows.force_n[:n][held] ** 2))
 
 
 def _rod_energy(simulation: Simulation) -> RodEnergy:

@@ -98,11 +98,7 @@ def insertion_scene() -> SceneModel:
     return SceneModel(
         duct=DuctScene(radius_m=4e-3, thickness_m=1e-3, youngs_modulus_pa=300e3, n_around=20, n_along=26, n_modes=80),
         catheter=CatheterScene(
-            length_m=0.13,
-            n_segments=65,
-            tip_position_m=(46e-3, 1.5e-3, 0.0),
-            introducer_to_tip_m=65e-3,
-            introducer_length_m=50e-3,
+            tip_position_m=(46e-3, 1.5e-3, 0.0), introducer_to_tip_m=65e-3, introducer_length_m=25e-3
         ),
         forceps=(
             ForcepsScene(port_position_m=(75e-3, -60e-3, 120e-3)),
@@ -150,18 +146,21 @@ def _steadying_hand() -> ToolMotion:
 
 
 def miss() -> Scenario:
-    """Aim the catheter beside the mouth, at 35 degrees at the outside of the duct, and push.
+    """Aim the catheter beside the mouth, at 70 degrees at the outside of the duct, and push.
 
     The tip finds the wall from outside, sticks by friction, and the free length buckles.
     """
     scene = insertion_scene()
     catheter = replace(
         scene.catheter,
-        youngs_modulus_pa=30e6,
-        tip_position_m=(45e-3, 11e-3, 0.0),
+        n_segments=65,
+        length_m=0.13,
+        youngs_modulus_pa=8e6,
+        tip_position_m=(38e-3, 11e-3, 0.0),
+        introducer_length_m=50e-3,
         direction=(-math.cos(AIM_RAD), -math.sin(AIM_RAD), 0.0),
     )
-    grips = [_behind(catheter, 30e-3, 12e-3), *(_behind(catheter, back, 0.0) for back in (30e-3, 30e-3, 21e-3, 10e-3))]
+    grips = [_behind(catheter, 40e-3, 12e-3), *(_behind(catheter, back, 0.0) for back in (40e-3, 40e-3, 34e-3, 20e-3))]
     return Scenario(
         name="miss",
         what="the catheter is aimed beside the mouth, pushes on the outside of the duct and buckles",
@@ -169,7 +168,7 @@ def miss() -> Scenario:
         scene=replace(
             scene,
             catheter=catheter,
-            effects={"gravity": {}, "friction": {"mu_static": 0.5, "mu_kinetic": 0.4}, "grasp_slip": {}},
+            effects={"friction": {"mu_static": 0.5, "mu_kinetic": 0.4}, "grasp_slip": {}},
         ),
         motions=(
             ToolMotion(
@@ -183,7 +182,7 @@ def miss() -> Scenario:
     )
 
 
-AIM_RAD = math.radians(35.0)
+AIM_RAD = math.radians(70.0)
 
 
 def _behind(catheter: CatheterScene, back_m: float, above_m: float) -> Vector3:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from services.mechanics.contact.geometry import write_frame
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, JAW_A, NO_TOOL
-from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N
+from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N, LOOSE_SOFTNESS_M_N
 from services.mechanics.contact.solver import HOLD, ON_THE_LIMIT
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.forceps.kinematics import contact_lever
@@ -73,12 +74,14 @@ class HoldRegistry:
 
     def append_rows(self) -> None:
         """Append one bilateral row block per hold."""
+        axial: set[int] = set()
         for hold in self.active.values():
             if self._system.rows.n_contacts == self._system.rows.capacity:
                 return
             row = self._tool_side(hold)
             if hold.request.target_kind == CATHETER_SEGMENT:
                 self._catheter_side(hold, row)
+                self._share_axially(row, hold, axial)
             else:
                 self._duct_side(hold, row)
 
@@ -91,8 +94,9 @@ class HoldRegistry:
         for row, hold in enumerate(list(self.active.values()), start=first):
             if float(np.linalg.norm(rows.force_n[row])) < ON_THE_LIMIT * float(rows.limit[row]):
                 continue
-            slip = motion[3 * row : 3 * row + 3]
-            self.dissipated_j -= float(rows.force_n[row] @ slip)
+            in_frame = motion[3 * row : 3 * row + 3]
+            self.dissipated_j -= float(rows.force_n[row] @ in_frame)
+            slip = in_frame @ rows.frame[row]
             hold.slipped_m += float(np.linalg.norm(slip))
             self._slide_one(hold, slip)
             if hold.lost:
@@ -137,6 +141,18 @@ class HoldRegistry:
             rows.rod_node[row, 2 + end] = node
             rows.rod_weight[row, 2 + end] = -weight
             rows.slip_m[row] -= weight * (rod.position[node] + rod.motion[node])
+
+    def _share_axially(self, row: int, hold: ActiveHold, axial: set[int]) -> None:
+        """Turn the frame along the catheter; only the first hold of each tool is stiff in that direction.
+
+        Two stiff points a millimetre apart on a rod that hardly stretches would fight over micrometres.
+        """
+        rows, position = self._system.rows, self._system.rod_geometry.position
+        edge = position[hold.target + 1] - position[hold.target]
+        write_frame(edge / np.linalg.norm(edge), rows.frame[row])
+        if hold.request.tool in axial:
+            rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
+        axial.add(hold.request.tool)
 
     def _duct_side(self, hold: ActiveHold, row: int) -> None:
         """Take the rest position off; the displacement goes with that of all other contacts."""

@@ -19,6 +19,8 @@ ByteArray = npt.NDArray[np.int8]
 SURFACE_SOFTNESS_M_N = 1e-6
 # Pads of the jaws and the catheter's wall give way; held points do not fight over rounding.
 GRIP_SOFTNESS_M_N = 1e-4
+# A direction in which a point is guided, not held.
+LOOSE_SOFTNESS_M_N = 1.0
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 
 

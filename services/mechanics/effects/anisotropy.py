@@ -11,11 +11,15 @@ from services.mechanics.effects.base import Effect
 class AnisotropySettings:
     """Stiffness round the duct over that along its axis; the scene's modulus is the one along it.
 
+    ``poisson_ratio`` is that of a pull along the axis, and takes the place of the scene's: with the stiff direction
+    across, it must stay below the square root of 1 / ``modulus_ratio``.
+
     About 6 follows from the inflation of porcine common bile ducts (Duch 2004), read as uniaxial.
     """
 
     modulus_ratio: float = 6.0
     shear_modulus_ratio: float = 0.34
+    poisson_ratio: float = 0.15
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
 

@@ -93,6 +93,6 @@ def test_chain_of_rigidly_tied_contacts_converges_in_few_sweeps():
     free = np.zeros(3 * k)
     free[::3] = -1e-4
     free[1::3] = 2e-5
-    force, motion, sweeps = solve(W, free, np.zeros(k, np.int8), np.full(k, 0.2), effort=(40, 1e-9))
+    _, motion, sweeps = solve(W, free, np.zeros(k, np.int8), np.full(k, 0.2), effort=(40, 1e-9))
     assert sweeps <= 30
     assert motion[::3].min() > -1e-10

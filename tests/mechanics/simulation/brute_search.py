@@ -47,7 +47,7 @@ class BruteSearch:
                 radius = tools.radius_m[tool, segment]
                 d, t, s, w = nearest(x, self.mesh.triangles, a, b)
                 gap = d - radius - self.half_m
-                if 0.0 < d and gap < self.reach_m:
+                if d > 0.0 and gap < self.reach_m:
                     target = sum(w[k] * x[self.mesh.triangles[t, k]] for k in range(3))
                     n = ((1 - s) * a + s * b - target) / d
                     self.add(pairs, (tool, segment, -1), (DUCT_TRIANGLE, t, w), s, n, gap)
@@ -56,7 +56,7 @@ class BruteSearch:
                     s, r, d2 = closest_of_segments(tuple(a), tuple(b), tuple(c[j]), tuple(c[j + 1]))
                     d = np.sqrt(d2)
                     gap = d - radius - self.radius_m
-                    if 0.0 < d and gap < self.reach_m:
+                    if d > 0.0 and gap < self.reach_m:
                         n = ((1 - s) * a + s * b - (1 - r) * c[j] - r * c[j + 1]) / d
                         self.add(pairs, (tool, segment, -1), (CATHETER_SEGMENT, j, (1 - r, r, 0.0)), s, n, gap)
 

@@ -7,9 +7,7 @@ import pytest
 from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene_duct import build_scene_duct
 
-SMALL_DUCT = DuctScene(
-    n_around=12, n_along=14, n_modes=30, thickness_m=1e-3, youngs_modulus_pa=300e3, membrane="cst"
-)
+SMALL_DUCT = DuctScene(n_around=12, n_along=14, n_modes=30, thickness_m=1e-3, youngs_modulus_pa=300e3, membrane="cst")
 
 
 @pytest.fixture(scope="session")

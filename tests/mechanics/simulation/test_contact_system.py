@@ -31,9 +31,7 @@ def duct_points(simulation, rows, n):
     field = basis.displacements(simulation.duct.state.q)
     loads = simulation.n_loads
     every = np.arange(basis.n_nodes, dtype=np.int32)
-    simulation.duct.reduced.residual.apply(
-        simulation.load_nodes[:loads], simulation.load_force_n[:loads], every, field
-    )
+    simulation.duct.reduced.residual.apply(simulation.load_nodes[:loads], simulation.load_force_n[:loads], every, field)
     corners = simulation.duct.reduced.mesh.vertices_m + field
     return np.einsum("kc,kci->ki", rows.duct_weight[:n], corners[rows.duct_node[:n]])
 
@@ -56,7 +54,7 @@ def test_motion_of_the_bodies_is_the_motion_that_was_solved_for(pressed):
             moved = moved + rows.lever[row] @ (body.proxy - start_tools)[rows.tool[row]]
         if rows.kind[row] == HOLD:
             moved = moved + rows.point_m[row] + rows.rod_weight[row] @ start_rod[rows.rod_node[row]]
-            assert np.allclose(moved, solved, atol=1e-12)
+            assert np.allclose(rows.frame[row] @ moved, solved, atol=1e-12)
         elif rows.force_n[row, 0] > 0.0 and rows.gap_m[row] >= 0.0 and rows.rod_weight[row].any():
             start = rows.point_m[row] + rows.frame[row, 0] * (rows.gap_m[row] - 0.5e-3)
             gap = (rows.point_m[row] + moved - end[row]) @ rows.frame[row, 0] - 0.5e-3
