@@ -17,6 +17,8 @@ from numba import njit
 from services.mechanics.reduction.state import FloatArray, IntArray
 
 BlockArray = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+BlockStore = tuple[BlockArray, IntArray, IntArray, int]
+"""Blocks, row starts, neighbours and number of nodes, as kernels take them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,20 +71,25 @@ class Residual:
         starts, neighbours = np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32)
         return cls(n_nodes, np.zeros((0, 3, 3), np.float32), starts, neighbours)
 
+    @property
+    def store(self) -> BlockStore:
+        """What the kernels of this module read."""
+        return self.blocks, self.starts, self.neighbours, self.n_nodes
+
     def gather(self, nodes: IntArray, out: FloatArray) -> None:
         """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
-        gather(self.blocks, self.starts, self.neighbours, self.n_nodes, nodes, out)
+        gather(self.store, nodes, out)
 
     def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
         """Write R between points of triangles into ``out`` (3 k, 3 k).
 
         ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point.
         """
-        gather_points(self.blocks, self.starts, self.neighbours, self.n_nodes, nodes, weights, out)
+        gather_points(self.store, nodes, weights, out)
 
     def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
         """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``."""
-        apply(self.blocks, self.starts, self.neighbours, self.n_nodes, load_nodes, load_forces, nodes, out)
+        apply(self.store, load_nodes, load_forces, nodes, out)
 
 
 # The kernels index whole arrays instead of slicing blocks out of them: a slice in numba counts references, which
@@ -107,10 +114,9 @@ def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, 
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def gather(
-    blocks: BlockArray, starts: IntArray, neighbours: IntArray, n_nodes: int, nodes: IntArray, out: FloatArray
-) -> None:
+def gather(store: BlockStore, nodes: IntArray, out: FloatArray) -> None:
     """Copy the blocks between ``nodes`` (k,) into ``out`` (3 k, 3 k), using their symmetry."""
+    blocks, starts, neighbours, n_nodes = store
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
             place = block_index(starts, neighbours, n_nodes, nodes[a], nodes[b])
@@ -122,16 +128,9 @@ def gather(
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def gather_points(
-    blocks: BlockArray,
-    starts: IntArray,
-    neighbours: IntArray,
-    n_nodes: int,
-    nodes: IntArray,
-    weights: FloatArray,
-    out: FloatArray,
-) -> None:
+def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
     """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
+    blocks, starts, neighbours, n_nodes = store
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
             xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -162,17 +161,9 @@ def gather_points(
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def apply(
-    blocks: BlockArray,
-    starts: IntArray,
-    neighbours: IntArray,
-    n_nodes: int,
-    load_nodes: IntArray,
-    load_forces: FloatArray,
-    nodes: IntArray,
-    out: FloatArray,
-) -> None:
+def apply(store: BlockStore, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
     """Add R f of the loads (l, 3) to the displacements ``out`` (k, 3) of ``nodes``."""
+    blocks, starts, neighbours, n_nodes = store
     for a in range(nodes.shape[0]):
         x, y, z = 0.0, 0.0, 0.0
         for b in range(load_nodes.shape[0]):

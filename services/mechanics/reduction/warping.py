@@ -88,21 +88,24 @@ class SectionFrame:
 
     def __init__(self, warp: TubeWarp) -> None:
         stations, _, modes = warp.turn.shape
+        sections = warp.sections
         self._warp = warp
         self._q = np.zeros(modes)
-        self._turn = np.zeros((stations, 3))
-        self._centre = np.zeros((stations, 3))
-        self._centre_rate = np.zeros((stations, 3, modes))
-        self._scratch = (np.zeros((9, 3)), np.zeros((3, modes)))
-        self._corner_row = np.zeros((1, 3, modes))
+        self._rest = (sections.centres_m, warp.turn, warp.stretch)
+        self._tube = (sections.segment, sections.fraction, warp.arm_m, warp.local)
+        self._axis = (np.zeros((stations, 3)), np.zeros((stations, 3)), np.zeros((stations, 3, modes)))
+        self._scratch = (np.zeros((9, 3)), np.zeros((3, modes)), np.zeros((1, 3, modes)))
         self.update(self._q)
+
+    @property
+    def centres_m(self) -> FloatArray:
+        """Points of the axis (s + 1, 3) in this state; a live view."""
+        return self._axis[1]
 
     def update(self, q: FloatArray) -> None:
         """Integrate the axis for modal coordinates q (r,), and its derivative by them."""
-        warp = self._warp
         self._q[:] = q
-        centres = warp.sections.centres_m
-        update_axis(centres, warp.turn, warp.stretch, q, self._turn, self._centre, self._centre_rate, self._scratch)
+        update_axis(self._rest, q, self._axis, self._scratch)
 
     def node_positions(self, nodes: IntArray, extra_m: FloatArray, out: FloatArray) -> None:
         """Write the positions of ``nodes`` (k,) into ``out`` (k, 3), in m.
@@ -110,18 +113,11 @@ class SectionFrame:
         ``extra_m`` (k, 3) is a displacement in the undeformed axes that is carried along, such as the residual
         compliance's.
         """
-        warp, sections = self._warp, self._warp.sections
-        place = (sections.segment, sections.fraction)
-        node_positions(
-            nodes, place, (self._turn, self._centre), (warp.arm_m, warp.local), self._q, extra_m, out, self._scratch
-        )
+        node_positions(nodes, self._tube, self._axis, self._q, extra_m, out, self._scratch)
 
     def node_rows(self, nodes: IntArray, out: FloatArray) -> None:
         """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi."""
-        warp, sections = self._warp, self._warp.sections
-        place = (sections.segment, sections.fraction)
-        axis = (self._turn, self._centre_rate, warp.turn)
-        node_rows(nodes, place, axis, (warp.arm_m, warp.local), self._q, out, self._scratch)
+        node_rows(nodes, self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
 
     def gather_rows(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
         """Write d position / d q at points of triangles into ``out`` (3 k, r), as `gather_modes` does for Phi.
@@ -129,25 +125,19 @@ class SectionFrame:
         ``nodes`` (k, 3) are the corners, ``weights`` (k, 3) the barycentric coordinates. Loads act on the modes
         through these rows too: then their power is that of the warped points.
         """
-        warp, sections = self._warp, self._warp.sections
-        place = (sections.segment, sections.fraction)
-        axis = (self._turn, self._centre_rate, warp.turn)
-        shape = (warp.arm_m, warp.local)
-        point_rows(nodes, weights, place, axis, shape, self._q, out, self._scratch, self._corner_row)
+        point_rows((nodes, weights), self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
 
     def turn_blocks(self, nodes: IntArray, out: FloatArray) -> None:
         """Turn a compliance ``out`` (3 k, 3 k) between ``nodes`` (k,), in place, from undeformed into world axes.
 
         The residual compliance belongs to the wall and turns with its sections: Q_a R_ab Q_b^T.
         """
-        sections = self._warp.sections
-        turn_blocks(nodes, (sections.segment, sections.fraction), self._turn, out, self._scratch)
+        turn_blocks(nodes, self._tube, self._axis, out, self._scratch)
 
     def node_rotation(self, node: int, out: FloatArray) -> None:
         """Write the rotation (3, 3) of one node's section: it turns the residual compliance."""
-        sections = self._warp.sections
         turn = self._scratch[0][0]
-        interpolate_turn(self._turn, sections.segment[node], sections.fraction[node], turn)
+        interpolate_turn(self._axis[0], self._tube[0][node], self._tube[1][node], turn)
         rotation_matrix(turn, out)
 
 

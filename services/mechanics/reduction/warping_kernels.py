@@ -8,8 +8,14 @@ from numba import njit
 
 from services.mechanics.reduction.state import FloatArray, IntArray
 
-Scratch = tuple[FloatArray, FloatArray]
-"""Room for a few 3-vectors (9, 3) and for one node's rows (3, r)."""
+Scratch = tuple[FloatArray, FloatArray, FloatArray]
+"""Room for a few 3-vectors (9, 3), for rows at a section (3, r) and at a node (1, 3, r)."""
+Rest = tuple[FloatArray, FloatArray, FloatArray]
+"""Of the stations: centres (s + 1, 3), turn modes (s + 1, 3, r), stretch modes (s, 3, r)."""
+Axis = tuple[FloatArray, FloatArray, FloatArray]
+"""Of the stations in a state: turns (s + 1, 3), centres (s + 1, 3), derivatives of the centres (s + 1, 3, r)."""
+Tube = tuple[IntArray, FloatArray, FloatArray, FloatArray]
+"""Of the nodes: segment (n,), fraction (n,), arm (n, 3), local modes (n, 3, r)."""
 SMALL_ANGLE = 1e-4
 """Below it the series are exact to rounding; the quotients lose digits."""
 
@@ -97,21 +103,10 @@ def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def update_axis(
-    centres: FloatArray,
-    turn_modes: FloatArray,
-    stretch: FloatArray,
-    q: FloatArray,
-    turn: FloatArray,
-    centre: FloatArray,
-    rate: FloatArray,
-    scratch: Scratch,
-) -> None:
-    """String the stations together at modal coordinates q (r,).
-
-    Writes the turns (s + 1, 3), the centres (s + 1, 3) and their derivatives by q (s + 1, 3, r).
-    """
-    small, between = scratch
+def update_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None:
+    """String the stations together at modal coordinates q (r,), writing all of ``axis``."""
+    (centres, turn_modes, stretch), (turn, centre, rate) = rest, axis
+    small, between, _ = scratch
     R, A, middle, piece, step = small[:3], small[3:6], small[6], small[7], small[8]
     for station in range(turn.shape[0]):
         _product(turn_modes[station], q, turn[station])
@@ -136,21 +131,10 @@ def update_axis(
 
 @njit(cache=True, nogil=True, fastmath=False)
 def node_positions(
-    nodes: IntArray,
-    place: tuple[IntArray, FloatArray],
-    axis: tuple[FloatArray, FloatArray],
-    shape: tuple[FloatArray, FloatArray],
-    q: FloatArray,
-    extra: FloatArray,
-    out: FloatArray,
-    scratch: Scratch,
+    nodes: IntArray, tube: Tube, axis: Axis, q: FloatArray, extra: FloatArray, out: FloatArray, scratch: Scratch
 ) -> None:
-    """Write the warped positions (k, 3) of ``nodes`` (k,).
-
-    ``place`` = (segment, fraction), ``axis`` = (turn, centre) of the stations, ``shape`` = (arm, local modes) of the
-    nodes; ``extra`` (k, 3) rides along.
-    """
-    (segment, fraction), (turn, centre), (arm, local) = place, axis, shape
+    """Write the warped positions (k, 3) of ``nodes`` (k,); ``extra`` (k, 3) rides along."""
+    (segment, fraction, arm, local), (turn, centre, _) = tube, axis
     small = scratch[0]
     R, vector, carried = small[:3], small[6], small[7]
     for index in range(nodes.shape[0]):
@@ -168,20 +152,11 @@ def node_positions(
 
 @njit(cache=True, nogil=True, fastmath=False)
 def node_rows(
-    nodes: IntArray,
-    place: tuple[IntArray, FloatArray],
-    axis: tuple[FloatArray, FloatArray, FloatArray],
-    shape: tuple[FloatArray, FloatArray],
-    q: FloatArray,
-    out: FloatArray,
-    scratch: Scratch,
+    nodes: IntArray, tube: Tube, axis: Axis, turn_modes: FloatArray, q: FloatArray, out: FloatArray, scratch: Scratch
 ) -> None:
-    """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q.
-
-    ``axis`` = (turn, derivative of the centres, turn modes); the rest as in `node_positions`.
-    """
-    (segment, fraction), (turn, rate, turn_modes), (arm, local) = place, axis, shape
-    small, between = scratch
+    """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q."""
+    (segment, fraction, arm, local), (turn, _, rate) = tube, axis
+    small, between, _ = scratch
     R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
     for index in range(nodes.shape[0]):
         node = nodes[index]
@@ -201,39 +176,40 @@ def node_rows(
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def point_rows(
-    nodes: IntArray,
-    weights: FloatArray,
-    place: tuple[IntArray, FloatArray],
-    axis: tuple[FloatArray, FloatArray, FloatArray],
-    shape: tuple[FloatArray, FloatArray],
-    q: FloatArray,
-    out: FloatArray,
-    scratch: Scratch,
-    corner_row: FloatArray,
-) -> None:
-    """Weigh the rows of the corners ``nodes`` (k, 3) into ``out`` (3 k, r); the rest as in `node_rows`."""
-    for point in range(nodes.shape[0]):
-        out[3 * point : 3 * point + 3] = 0.0
-        for corner in range(3):
-            weight = weights[point, corner]
-            if weight == 0.0:
-                continue
-            node_rows(nodes[point, corner : corner + 1], place, axis, shape, q, corner_row, scratch)
-            for i in range(3):
-                for mode in range(q.shape[0]):
-                    out[3 * point + i, mode] += weight * corner_row[0, i, mode]
+def weigh_rows(weights: FloatArray, point: int, corner: int, row: FloatArray, out: FloatArray) -> None:
+    """Add the rows (3, r) of one corner of a point to ``out`` (3 k, r); the first corner overwrites."""
+    weight = weights[point, corner]
+    for i in range(3):
+        for mode in range(out.shape[1]):
+            before = 0.0 if corner == 0 else out[3 * point + i, mode]
+            out[3 * point + i, mode] = before + weight * row[i, mode]
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def turn_blocks(
-    nodes: IntArray, place: tuple[IntArray, FloatArray], turn: FloatArray, out: FloatArray, scratch: Scratch
+def point_rows(
+    points: tuple[IntArray, FloatArray],
+    tube: Tube,
+    axis: Axis,
+    turn_modes: FloatArray,
+    q: FloatArray,
+    out: FloatArray,
+    scratch: Scratch,
 ) -> None:
+    """Weigh the rows at the corners of points, (nodes (k, 3), weights (k, 3)), into ``out`` (3 k, r)."""
+    (nodes, weights), row = points, scratch[2]
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            node_rows(nodes[point, corner : corner + 1], tube, axis, turn_modes, q, row, scratch)
+            weigh_rows(weights, point, corner, row[0], out)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def turn_blocks(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
     """Replace each block (a, b) of ``out`` (3 k, 3 k) by Q_a block Q_b^T, with the nodes' rotations Q."""
     small = scratch[0]
     Q, vector, column = small[:3], small[6], small[7]
     for a in range(nodes.shape[0]):
-        interpolate_turn(turn, place[0][nodes[a]], place[1][nodes[a]], vector)
+        interpolate_turn(axis[0], tube[0][nodes[a]], tube[1][nodes[a]], vector)
         rotation_matrix(vector, Q)
         for other in range(out.shape[0]):
             for i in range(3):

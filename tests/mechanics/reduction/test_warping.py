@@ -103,7 +103,7 @@ def test_a_duct_bent_by_a_right_angle_keeps_its_volume_and_its_length(model, bas
     rest = enclosed_volume(mesh, mesh.vertices_m)
     warped = tube_warp.positions(q)
     straight = mesh.vertices_m + basis.displacements(q)
-    axis_m = np.linalg.norm(np.diff(frame._centre, axis=0), axis=1).sum()
+    axis_m = np.linalg.norm(np.diff(frame.centres_m, axis=0), axis=1).sum()
     print(
         f"bent by 90 degrees: volume {enclosed_volume(mesh, warped) / rest - 1.0:+.2%} warped, "
         f"{enclosed_volume(mesh, straight) / rest - 1.0:+.0%} without; tip {warped[tip].mean(axis=0)}"
