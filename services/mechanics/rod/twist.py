@@ -37,7 +37,6 @@ class TwistModel(NamedTuple):
     torsion: FloatArray
     bending: FloatArray
     rest_rotation: FloatArray
-    is_curved: bool
     work: FloatArray
 
 
@@ -52,7 +51,6 @@ def build_twist_model(properties: RodProperties) -> TwistModel | None:
         torsion=properties.joint_stiffness_n_m("torsional_stiffness_n_m2"),
         bending=properties.joint_stiffness_n_m(),
         rest_rotation=rest,
-        is_curved=bool(np.any(rest[:, :2])),
         work=np.zeros((2, properties.n_segments)),
     )
 
@@ -102,7 +100,7 @@ def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
         angle[i + 1] -= moment
         diagonal[i] += model.torsion[i]
         diagonal[i + 1] += model.torsion[i]
-        if model.is_curved:
+        if _has_rest_curvature(model, i):
             _add_rest_curvature_moments(model, frame, i)
     for j in range(2, last):
         factor = model.torsion[j - 1] / diagonal[j - 1]
@@ -114,11 +112,16 @@ def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
         rotate_frame(frame, j, angle[j])
 
 
+@njit(cache=True, nogil=True, fastmath=False, inline="always")
+def _has_rest_curvature(model: TwistModel, i: int) -> bool:
+    return bool(model.rest_rotation[i, 0] != 0.0 or model.rest_rotation[i, 1] != 0.0)
+
+
 @njit(cache=True, nogil=True, fastmath=False)
-def _joint_rotation(frame: Frame, i: int) -> tuple[Vector, float]:
-    """Rotation vector w = theta b of a joint, and theta."""
+def _joint_rotation(frame: Frame, i: int) -> Vector:
+    """Rotation vector w = theta b of a joint."""
     theta, b = bending_angle(row(frame[0], i), row(frame[0], i + 1))
-    return (theta * b[0], theta * b[1], theta * b[2]), theta
+    return (theta * b[0], theta * b[1], theta * b[2])
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -137,7 +140,7 @@ def _rest_vector(model: TwistModel, frame: Frame, i: int, j: int) -> tuple[Vecto
 @njit(cache=True, nogil=True, fastmath=False)
 def _add_rest_curvature_moments(model: TwistModel, frame: Frame, i: int) -> None:
     diagonal, angle = model.work
-    w, _ = _joint_rotation(frame, i)
+    w = _joint_rotation(frame, i)
     for j in (i, i + 1):
         rest, turned = _rest_vector(model, frame, i, j)
         angle[j] += model.bending[i] * dot(w, turned)
@@ -159,7 +162,7 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
         s = moment / max(1.0 + dot(t, u), _SHARPEST)
         g = (s * b[0], s * b[1], s * b[2])
         h = g
-        if model.is_curved:
+        if _has_rest_curvature(model, i):
             g, h = _rest_curvature_gradient(model, frame, i, g)
         before = 1.0 / _distance(x, i)
         after = 1.0 / _distance(x, i + 1)
@@ -218,8 +221,8 @@ def _energy(model: TwistModel, frame: Frame) -> float:
     total = 0.0
     for i in range(model.torsion.shape[0]):
         total += 0.5 * model.torsion[i] * (frame[2][i] - model.rest_rotation[i, 2]) ** 2
-        if model.is_curved:
-            w, _ = _joint_rotation(frame, i)
+        if _has_rest_curvature(model, i):
+            w = _joint_rotation(frame, i)
             near, _ = _rest_vector(model, frame, i, i)
             far, _ = _rest_vector(model, frame, i, i + 1)
             a = model.rest_rotation[i, 0]
