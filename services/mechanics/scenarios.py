@@ -202,7 +202,7 @@ def paper_scene() -> SceneModel:
     return replace(
         scene,
         duct=replace(scene.duct, membrane="cst", bending="paper", residual="none", n_modes=60),
-        catheter=replace(scene.catheter, integrator="semi_implicit"),
+        catheter=replace(scene.catheter, integrator="semi_implicit", internal_damping_s=0.0, viscous_drag_n_s_m2=0.5),
         forceps=tuple(replace(forceps, grasp_torque_nm=1e-9) for forceps in scene.forceps),
         contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0, penalty_damping_n_s_m=1e-3),
         effects={"gravity": {}},

@@ -134,9 +134,13 @@ def test_stone_falls_onto_the_wall_and_rests_with_its_weight(with_effects, small
     stone = simulation.effects["gallstones"]
     assert np.abs(stone.velocity_m_s).max() < 2e-3
     weight = (2000.0 - 1000.0) * 4.0 / 3.0 * np.pi * 1.5e-3**3 * 9.81
-    rows = simulation.contacts
-    mine = rows.sphere[: rows.n_contacts] == 0
-    assert simulation.contact_force_n[mine].sum(axis=0)[2] == pytest.approx(weight, rel=0.05)
+    tools, carried = ToolInputs(), []
+    tools.present[:] = False
+    for _ in range(100):
+        simulation.step(tools)
+        mine = simulation.contacts.sphere[: simulation.contacts.n_contacts] == 0
+        carried.append(simulation.contact_force_n[mine].sum(axis=0)[2])
+    assert np.mean(carried) == pytest.approx(weight, rel=0.05)
     assert -4e-3 < stone.position_m[0, 2] < -1.5e-3
 
 

@@ -40,7 +40,8 @@ class Course:
         on_rod = simulation.catheter.contact_force_n.sum(axis=0)
         self.imbalance.append(np.abs(on_duct + on_rod + on_tools).max())
         pressed = rows.kind[: rows.n_contacts] == UNILATERAL
-        motion = simulation.system.motion_m.reshape(-1, 3)
+        n = rows.n_contacts
+        motion = simulation.system.motion_m.reshape(-1, 3) - rows.softness_m_n[:n] * rows.force_n[:n]
         self.friction_power.append(np.sum(rows.force_n[: rows.n_contacts][pressed][:, 1:] * motion[pressed][:, 1:]))
         held = [h.target for h in simulation.holds.active.values()]
         x = simulation.catheter.state.position_m[min(held, default=0) :]
