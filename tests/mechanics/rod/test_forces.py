@@ -64,10 +64,11 @@ def test_bending_force_is_the_gradient_of_the_energy_where_stretch_does_not_drow
     np.testing.assert_allclose(forces(model, position).force, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
-def test_tangent_of_a_straight_rod_is_its_stiffness():
+@pytest.mark.parametrize("stretch", [1.0, 1.05])
+def test_tangent_of_a_straight_rod_is_its_stiffness(stretch):
     model = build_model(example_rod(N), Supports(start_direction=(1, 0, 0)))
     position = np.zeros((N + 1, 3))
-    position[:, 0] = np.linspace(0.0, 0.1, N + 1)
+    position[:, 0] = np.linspace(0.0, 0.1 * stretch, N + 1)
     stiffness = dense(forces(model, position, scale=(1.0, 1.0)).band)
     expected = np.stack([-(forces(model, position + h).force - forces(model, position - h).force).ravel() / 2e-9
                          for h in 1e-9 * np.eye(3 * N + 3).reshape(-1, N + 1, 3)])
@@ -132,9 +133,7 @@ def test_a_straight_rod_is_damped_alike_in_every_plane():
 
 def test_twist_and_rest_curvature_forces_are_the_gradient_at_equilibrium_angles():
     rng = np.random.default_rng(3)
-    properties = example_rod(
-        N, torsional_stiffness_n_m2=17e-6, rest_curvature_1_m=rng.normal(size=(N - 1, 3)) * 15.0
-    )
+    properties = example_rod(N, torsional_stiffness_n_m2=17e-6, rest_curvature_1_m=rng.normal(size=(N - 1, 3)) * 15.0)
     twist = build_twist_model(properties)
     state = RodState(bent_chain(), np.zeros((N + 1, 3)), initial_frame(bent_chain()))
     state.frame.end_is_held = True

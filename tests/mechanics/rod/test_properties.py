@@ -51,8 +51,13 @@ def test_what_has_no_physical_meaning_is_refused_by_name(changes, named):
 
 @pytest.mark.parametrize(
     "supports",
-    [Supports(held=(51,)), Supports(held=(0, -51)), Supports(start_direction=(0, 0, 0)),
-     Supports(sleeve=Sleeve((0, 0, 0), (0, 0, 0))), Supports(sleeve=Sleeve((0, 0, 0), (1, 0, 0), friction=-1.0))],
+    [
+        Supports(held=(51,)),
+        Supports(held=(0, -51)),
+        Supports(start_direction=(0, 0, 0)),
+        Supports(sleeve=Sleeve((0, 0, 0), (0, 0, 0))),
+        Supports(sleeve=Sleeve((0, 0, 0), (1, 0, 0), friction=-1.0)),
+    ],
 )
 def test_supports_that_do_not_fit_are_refused(supports):
     with pytest.raises(ValueError, match=r"held|direction|sleeve"):

@@ -41,6 +41,23 @@ def test_implicit_survives_violent_velocities_at_one_millisecond(EI_n_mm2, EA_n,
         assert finite_and_unstretched(state, strain=0.3 / EA_n if EA_n < 100.0 else 2e-3)
 
 
+def test_a_violent_step_is_refined_and_a_gentle_one_is_not():
+    properties = example_rod()
+    stretch = {}
+    for iterations in (1, 4):
+        integrator = ImplicitIntegrator(properties, clamped(X), max_iterations=iterations)
+        state = straight_rod(properties, (0, 0, 0), X)
+        state.velocity_m_s[:] = 10.0 * np.random.default_rng(0).normal(size=(51, 3))
+        integrator.predict(state, NOTHING, 1e-3)
+        stretch[integrator.iterations] = rod_energy(integrator.model, state).stretch_j
+    assert stretch[2] < 0.2 * stretch[1]
+    weight = properties.particle_mass_kg()[:, None] * np.array([0.0, 0.0, -9.81])
+    state = straight_rod(properties, (0, 0, 0), X)
+    for _ in range(200):
+        integrator.predict(state, weight, 1e-3)
+        assert integrator.iterations == 1
+
+
 @pytest.mark.parametrize("EI_n_mm2", [13.0, 33.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_implicit_unfolds_a_crumpled_rod(EI_n_mm2, seed):
