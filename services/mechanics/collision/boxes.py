@@ -2,9 +2,9 @@
 
 Three bounds hold at any time: the rest box inflated by how far its vertices can move; the rest box moved with its
 representative vertex and inflated by how far the others can move against that one (see `tree`); and the bounds
-as they were last looked at, inflated by how far any node can have travelled since. Leaves are looked at when a
-search comes close, their parents are joined from them: the parts of the wall that are being touched soon have
-tight boxes, and no part that is not touched costs anything.
+as they were last looked at, moved and inflated in the same way by what has happened since. Leaves are looked at
+when a search comes close, their parents are joined from them: the parts of the wall that are being touched soon
+have tight boxes, and no part that is not touched costs anything.
 """
 
 from __future__ import annotations
@@ -36,21 +36,23 @@ def distance2_below(
     loose = _LOOSE * math.sqrt(limit2)
     drift = _drift(body, patch, node)
     if drift < loose:
-        return _seen_bound2(patch, node, drift, a, b, direction)
+        return _seen_bound2(patch, node, _STILL, drift, (a, b), direction)
     slack = floats(patch.reach)[node] * body.energy_norm + body.largest_residual
     d2 = _bound2(_box(patch.box, node, _STILL, slack), a, b, direction)
     if d2 >= limit2:
         return d2
     if drift < math.inf:
-        d2 = max(d2, _seen_bound2(patch, node, drift, a, b, direction))
-    tight = floats(patch.spread)[node] * body.energy_norm + 2.0 * body.largest_residual
-    if d2 < limit2 and slack - tight > loose:
+        shift, tight = _motion_since(body, patch, node)
+        d2 = max(d2, _seen_bound2(patch, node, shift, tight, (a, b), direction))
+    else:
         vertex = ints(patch.representative)[node]
-        shift = subtract(node_position(body, vertex), vector(floats(body.rest), vertex))
-        d2 = max(d2, _bound2(_box(patch.box, node, shift, tight), a, b, direction))
-    if d2 < limit2 and ints(patch.child)[2 * node] == LEAF:
+        tight = floats(patch.spread)[node] * body.energy_norm + 2.0 * body.largest_residual
+        if slack - tight > loose:
+            shift = subtract(node_position(body, vertex), vector(floats(body.rest), vertex))
+            d2 = max(d2, _bound2(_box(patch.box, node, shift, tight), a, b, direction))
+    if d2 < limit2 and tight > loose and ints(patch.child)[2 * node] == LEAF:
         _look_at_leaf(body, patch, node)
-        return _seen_bound2(patch, node, 0.0, a, b, direction)
+        return _seen_bound2(patch, node, _STILL, 0.0, (a, b), direction)
     return d2
 
 
@@ -58,12 +60,29 @@ def distance2_below(
 def join_children(body: Body, patch: Patch, node: int) -> None:
     """Replace what was last seen of a node by what was since seen of its children."""
     left, right = ints(patch.child)[2 * node], ints(patch.child)[2 * node + 1]
-    drift_left, drift_right = _drift(body, patch, left), _drift(body, patch, right)
-    if not max(drift_left, drift_right) < _drift(body, patch, node):
+    stale = 0.5 * _drift(body, patch, node)
+    if not (_drift(body, patch, left) < math.inf and _drift(body, patch, right) < math.inf):
         return
-    low, high = _box(patch.seen_box, left, _STILL, drift_left)
-    other_low, other_high = _box(patch.seen_box, right, _STILL, drift_right)
+    shift_left, tight_left = _motion_since(body, patch, left)
+    shift_right, tight_right = _motion_since(body, patch, right)
+    if not max(tight_left, tight_right) < stale:
+        return
+    low, high = _box(patch.seen_box, left, shift_left, tight_left)
+    other_low, other_high = _box(patch.seen_box, right, shift_right, tight_right)
     _note(body, patch, node, _lower(low, other_low), _upper(high, other_high))
+
+
+@kernel
+def _motion_since(body: Body, patch: Patch, node: int) -> tuple[Vector, float]:
+    """Return how a node's triangles have moved since it was looked at: a shift, and how far any can be off it."""
+    energy = body.energy_travel - floats(patch.seen_energy)[node]
+    residual = body.residual_travel - floats(patch.seen_residual)[node]
+    drift = floats(patch.reach)[node] * energy + residual
+    tight = floats(patch.spread)[node] * energy + 2.0 * residual
+    if drift <= 1.5 * tight:
+        return _STILL, drift
+    now = node_position(body, ints(patch.representative)[node])
+    return subtract(now, vector(floats(patch.seen_at), node)), tight
 
 
 @kernel
@@ -88,7 +107,9 @@ def _look_at_leaf(body: Body, patch: Patch, node: int) -> None:
 def _note(body: Body, patch: Patch, node: int, low: Vector, high: Vector) -> None:
     put(floats(patch.seen_box), 2 * node, low)
     put(floats(patch.seen_box), 2 * node + 1, high)
-    floats(patch.seen_travel)[node] = body.travel
+    put(floats(patch.seen_at), node, node_position(body, ints(patch.representative)[node]))
+    floats(patch.seen_energy)[node] = body.energy_travel
+    floats(patch.seen_residual)[node] = body.residual_travel
 
 
 @kernel
@@ -99,23 +120,29 @@ def _note_slab(patch: Patch, node: int, normal: Vector, bottom: float, top: floa
 
 
 @kernel
-def _seen_bound2(patch: Patch, node: int, drift: float, a: Vector, b: Vector, direction: Vector) -> float:
-    """Return the bound from what was last seen of a node: its box, and a leaf's slab."""
-    d2 = _bound2(_box(patch.seen_box, node, _STILL, drift), a, b, direction)
+def _seen_bound2(
+    patch: Patch, node: int, shift: Vector, slack: float, ends: tuple[Vector, Vector], direction: Vector
+) -> float:
+    """Return the bound from what was last seen of a node: its box, and a leaf's slab, moved and inflated."""
+    d2 = _bound2(_box(patch.seen_box, node, shift, slack), ends[0], ends[1], direction)
     if ints(patch.child)[2 * node] != LEAF:
         return d2
     slab = floats(patch.seen_slab + 40 * node)
     normal = vector(slab, 0)
-    from_a, from_b = dot(a, normal), dot(b, normal)
-    gap = max(slab[3] - max(from_a, from_b), min(from_a, from_b) - slab[4]) - drift
+    from_a, from_b, moved = dot(ends[0], normal), dot(ends[1], normal), dot(shift, normal)
+    gap = max(slab[3] + moved - max(from_a, from_b), min(from_a, from_b) - slab[4] - moved) - slack
     return max(d2, gap * gap) if gap > 0.0 else d2
 
 
 @kernel
 def _drift(body: Body, patch: Patch, node: int) -> float:
     """Return how far any vertex can have moved since the node was looked at, infinite if it never was."""
-    seen = floats(patch.seen_travel)[node]
-    return body.travel - seen if seen >= 0.0 else math.inf
+    seen = floats(patch.seen_energy)[node]
+    if seen < 0.0:
+        return math.inf
+    energy = floats(patch.reach)[node] * (body.energy_travel - seen)
+    drift: float = energy + body.residual_travel - floats(patch.seen_residual)[node]
+    return drift
 
 
 @kernel

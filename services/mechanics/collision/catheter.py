@@ -47,6 +47,7 @@ class CatheterContactDetector:
         self.surface = surface
         self._thickness_m = radius_m + surface.half_thickness_m
         self._margin_m = margin_m
+        self._shape = (n_particles, 3)
         self._probes = ProbeSet(n_particles)
         self._lumen = LumenState(n_particles)
         self._rims = RimSegments(max(n_particles - 1, 0))
@@ -68,6 +69,8 @@ class CatheterContactDetector:
 
         At most two a particle, and one a segment where it crosses the rim of an opening between its particles.
         """
+        if particle_positions_m.shape != self._shape:
+            raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
         rows = self._writer.open(pairs_out)
         sizes = (self._thickness_m, self._margin_m)
         _detect(self.surface.shell, self._probes.struct, self._lumen.struct, particle_positions_m, sizes, rows)

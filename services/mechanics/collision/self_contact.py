@@ -31,6 +31,7 @@ class SelfContactDetector:
             raise ValueError(f"n_apart must be at least 2, neighbours share a particle; got {n_apart}")
         self._sizes = (2.0 * radius_m, margin_m)
         self._n_apart = n_apart
+        self._shape = (n_particles, 3)
         self._memory = CapsuleMemory(max(n_particles - 1, 0), max(n_particles - 1, 0))
         self._writer = PairWriter()
 
@@ -40,6 +41,8 @@ class SelfContactDetector:
 
     def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
         """Append the pairs of this tick for positions (n, 3)."""
+        if particle_positions_m.shape != self._shape:
+            raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
         rows = self._writer.open(pairs_out)
         _detect(self._memory.struct, particle_positions_m, self._n_apart, self._sizes, rows)
         self._writer.close()

@@ -51,10 +51,12 @@ BODY = struct_type(
     numbers=(
         "energy_norm",  # |omega q|
         "largest_residual",
-        "travel",  # bound of how far any node has moved since the start
+        "energy_travel",  # sum of all changes of |omega q|, since the start
+        "residual_travel",  # sum of the largest changes of a residual
+        "travel",  # bound of how far any node has moved
         "largest_reach",  # of the wall's tree
     ),
-    counts=("n_modes", "n_loaded", "tick", "triangle_tests", "tree_visits", "nodes_placed", "searches"),
+    counts=("n_nodes", "n_modes", "n_loaded", "tick", "triangle_tests", "tree_visits", "nodes_placed", "searches"),
 )
 PATCH = struct_type(
     arrays=(
@@ -72,7 +74,9 @@ PATCH = struct_type(
         "spread",
         "seen_box",  # (k, 6) bounds of the deformed triangles when they were last looked at
         "seen_slab",  # (k, 5) normal, lowest and highest offset of a leaf along it, at the same moment
-        "seen_travel",  # (k,) the surface's travel then; negative if never
+        "seen_at",  # (k, 3) the representative vertex then
+        "seen_energy",  # (k,) the surface's energy travel then; negative if never
+        "seen_residual",  # (k,) its residual travel then
         "stack",  # (MAX_DEPTH,) nodes still to visit
         "bound",  # (MAX_DEPTH,) their distances
     )
@@ -125,6 +129,7 @@ class DuctSurface:
             raise ValueError(f"half_thickness_m must not be negative, got {half_thickness_m}")
         self.mesh = mesh
         self.half_thickness_m = half_thickness_m
+        self._n_modes = len(omega_rad_s)
         self.rims = boundary_loops(mesh)
         self._storage = np.zeros(1, SHELL)
         self.shell: Shell = self._storage[0]
@@ -135,7 +140,13 @@ class DuctSurface:
         owner = np.flatnonzero(wall["neighbour"].ravel() == NO_NEIGHBOUR).astype(np.int32)
         rims = _patch_arrays(mesh, _edges_as_triangles(mesh, owner), scaled_modes)
         self._alive = (body, wall, lids, rims, owner)
-        fill(self.shell["body"], n_modes=len(omega_rad_s), largest_reach=float(wall["reach"][0]), **body)
+        fill(
+            self.shell["body"],
+            n_nodes=mesh.n_vertices,
+            n_modes=self._n_modes,
+            largest_reach=float(wall["reach"][0]),
+            **body,
+        )
         fill(self.shell["wall"], **wall)
         fill(self.shell["caps"], **lids)
         fill(self.shell["rims"], **rims)
@@ -151,12 +162,18 @@ class DuctSurface:
         Raises
         ------
         ValueError
-            A coordinate or displacement that is not finite; the surface stays as it was.
+            Shapes that do not fit, a node that does not exist, a coordinate or displacement that is not
+            finite; the surface stays as it was.
         """
         nodes = _NO_NODES if load_nodes is None else load_nodes
         residuals = _NO_VECTORS if load_displacements_m is None else load_displacements_m
+        if len(q) != self._n_modes or residuals.shape != (len(nodes), 3) or len(nodes) > self.mesh.n_vertices:
+            raise ValueError(
+                f"{len(q)} modal coordinates and {residuals.shape} displacements of {len(nodes)} nodes do not fit"
+                f" {self._n_modes} modes and {self.mesh.n_vertices} nodes"
+            )
         if not _start_tick(self.shell, q, nodes, residuals):
-            raise ValueError("modal coordinates and residual displacements must be finite")
+            raise ValueError("coordinates and displacements must be finite and loaded nodes exist")
 
     def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
         """Write the deformed positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
@@ -184,8 +201,8 @@ def _body_arrays(mesh: TriangleMesh, Phi: FloatArray, omega: FloatArray) -> dict
     n = mesh.n_vertices
     return {
         "rest": mesh.vertices_m,
-        "Phi": np.ascontiguousarray(Phi),
-        "omega": np.ascontiguousarray(omega),
+        "Phi": np.ascontiguousarray(Phi, np.float64),
+        "omega": np.ascontiguousarray(omega, np.float64),
         "q": np.zeros(len(omega)),
         "residual": np.zeros((n, 3)),
         "loaded": np.zeros(n, np.int32),
@@ -209,7 +226,9 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, scaled_modes: FloatAr
         **tree._asdict(),
         "seen_box": tree.box.copy(),
         "seen_slab": np.zeros((len(tree.box), 5)),
-        "seen_travel": np.full(len(tree.box), -1.0),
+        "seen_at": np.zeros((len(tree.box), 3)),
+        "seen_energy": np.full(len(tree.box), -1.0),
+        "seen_residual": np.zeros(len(tree.box)),
         "stack": np.zeros(MAX_DEPTH, np.int32),
         "bound": np.zeros(MAX_DEPTH),
     }
@@ -217,7 +236,7 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, scaled_modes: FloatAr
 
 @kernel
 def _start_tick(shell: Shell, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
-    """Take over q and the residuals if finite; add this tick's largest possible node motion to the travel."""
+    """Take over q and the residuals if they are sound; add this tick's largest possible node motion to the travel."""
     body = shell.body
     omega, old = floats(body.omega), floats(body.q)
     norm, change, nothing = 0.0, 0.0, 0.0
@@ -226,13 +245,17 @@ def _start_tick(shell: Shell, q: FloatArray, nodes: IntArray, residuals: FloatAr
         change += (omega[k] * (q[k] - old[k])) ** 2
     for k in range(residuals.shape[0]):
         nothing += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0
+        if nodes[k] < 0 or nodes[k] >= body.n_nodes:
+            return False
     if not math.isfinite(norm + change + nothing):
         return False
     for k in range(body.n_modes):
         old[k] = q[k]
     body.tick += 1
     body.energy_norm = math.sqrt(norm)
-    body.travel += body.largest_reach * math.sqrt(change) + _replace_residuals(body, nodes, residuals)
+    body.energy_travel += math.sqrt(change)
+    body.residual_travel += _replace_residuals(body, nodes, residuals)
+    body.travel = body.largest_reach * body.energy_travel + body.residual_travel
     return True
 
 

@@ -30,7 +30,7 @@ from services.mechanics.mesh import FloatArray
 N_SEGMENTS = 3
 # Probes per segment. The shaft's are of PIECE_M, counted from the junction, the last reaching to the port: they
 # stay where they are in the instrument while it slides through the port. A jaw's share the jaw.
-SHAFT_PROBES, JAW_PROBES = 9, 5
+SHAFT_PROBES, JAW_PROBES = 13, 5
 PROBES_PER_TOOL = SHAFT_PROBES + 2 * JAW_PROBES
 PIECE_M = 5e-3
 # Cosine between normals from which two contacts at one place count as the same.
@@ -69,6 +69,7 @@ class ToolContactDetector:
         self._sizes = (surface.half_thickness_m, catheter_radius_m, margin_m)
         self._probes = ProbeSet(n_tools * PROBES_PER_TOOL)
         self._capsules = CapsuleMemory(n_tools * N_SEGMENTS, max(n_particles - 1, 0))
+        self._shapes = ((n_tools, N_SEGMENTS, 2, 3), (n_tools, N_SEGMENTS), (n_particles, 3), (n_tools,))
         self._everyone = np.ones(n_tools, np.bool_)
         self._writer = PairWriter()
 
@@ -98,6 +99,9 @@ class ToolContactDetector:
             An absent tool touches nothing and loses its past.
         """
         who = self._everyone if present is None else present
+        shapes = (segments_m.shape, radii_m.shape, particle_positions_m.shape, who.shape)
+        if shapes != self._shapes:
+            raise ValueError(f"segments, radii, particles and present have shapes {shapes}, not {self._shapes}")
         rows = self._writer.open(pairs_out)
         tools = (segments_m, radii_m, who)
         _detect_wall(self.surface.shell, self._probes.struct, tools, self._sizes, rows)

@@ -209,12 +209,28 @@ def test_a_position_that_is_none_touches_nothing_and_is_forgotten(duct, nowhere)
         assert [int(row["particle"]) for row in detect(detector, positions)] == expected
 
 
-def test_a_wall_that_is_nowhere_is_refused():
+@pytest.mark.parametrize(
+    ("q", "node", "displacement", "reason"),
+    [
+        (np.full(12, np.nan), 3, 0.0, "finite"),
+        (np.zeros(12), 3, np.inf, "finite"),
+        (np.zeros(12), 750, 0.0, "exist"),
+        (np.zeros(12), -1, 0.0, "exist"),
+        (np.zeros(11), 3, 0.0, "do not fit 12 modes"),
+    ],
+)
+def test_a_wall_that_is_nowhere_is_refused_and_the_old_one_stays(q, node, displacement, reason):
     surface = wavy_surface(duct_mesh(), np.random.default_rng(0))
-    with pytest.raises(ValueError, match="must be finite"):
-        surface.update(np.full(12, np.nan))
-    with pytest.raises(ValueError, match="must be finite"):
-        surface.update(np.zeros(12), np.array([3], np.int32), np.array([[0.0, np.inf, 0.0]]))
+    surface.update(np.full(12, 1e-3))
+    before = deformed(surface)
+    with pytest.raises(ValueError, match=reason):
+        surface.update(q, np.array([node], np.int32), np.full((1, 3), displacement))
+    assert deformed(surface) == pytest.approx(before, abs=0.0)
+
+
+def test_arrays_of_another_size_are_refused(duct):
+    with pytest.raises(ValueError, match=r"shape \(3, 3\), not \(2, 3\)"):
+        detect(detector_of(duct, 2), np.zeros((3, 3)))
 
 
 def test_a_pinched_lumen_holds_the_catheter_from_both_sides():
