@@ -1,7 +1,7 @@
 """Cost of the reduced duct: basis, cache, step, contact rows, nonlinear force.
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/bench_duct.py            # all but the largest basis, a minute or two
-    OPENBLAS_NUM_THREADS=1 python benchmarks/bench_duct.py --large    # with 250,000 dofs
+OPENBLAS_NUM_THREADS=1 python benchmarks/bench_duct.py            # all but the largest basis, a minute or two
+OPENBLAS_NUM_THREADS=1 python benchmarks/bench_duct.py --large    # with 250,000 dofs
 """
 
 from __future__ import annotations
@@ -195,9 +195,7 @@ def mesh_size_rows() -> list[Row]:
     contact = measure(contact_calls, samples=1000)
     small, large = step
     free = step[large].median_s / step[small].median_s
-    with_contacts = (step[large].median_s + contact[large].median_s) / (
-        step[small].median_s + contact[small].median_s
-    )
+    with_contacts = (step[large].median_s + contact[large].median_s) / (step[small].median_s + contact[small].median_s)
     return [
         Row("step at 20,000 nodes over step at 1,000", free, "times", 1.3),
         Row("with 33 contact rows in patches of 64 MiB", with_contacts, "times", 1.3),
