@@ -29,7 +29,7 @@ Scale = tuple[float, float]
 
 _STRAIGHT = 1e-12  # sine of an angle below which the bending plane is taken as any plane
 _NO_PLANE = 1e-6  # angle below which bending is damped alike in every plane: it has none yet
-_SHORTEST = 1e-2  # of the rest length: a segment crushed below it bends as if it were that long
+SHORTEST = 1e-2  # of the rest length: a segment crushed below it bends as if it were that long
 
 
 @njit(cache=True, nogil=True, fastmath=False, inline="always")
@@ -195,7 +195,7 @@ def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float
 @njit(cache=True, nogil=True, fastmath=False)
 def add_bending(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the bending forces -k (theta + beta dtheta/dt) d theta/dx and their tangent."""
-    shortest = _SHORTEST * model.rest_length
+    shortest = SHORTEST * model.rest_length
     q = work.gradient[0]
     r = work.gradient[1]
     for i in range(model.joint_stiffness.shape[0]):

@@ -77,14 +77,22 @@ class SemiImplicitIntegrator:
         return count
 
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
-        """Advance `state` in place by `dt_s` under external forces (n, 3) alone, held constant over the substeps."""
+        """Advance `state` in place by `dt_s` under external forces (n, 3) alone, held constant over the substeps.
+
+        Raises
+        ------
+        FloatingPointError
+            If the state or a force is not finite; `state` is then lost.
+        """
         self._dt_s = dt_s
         if self.twist is not None:
             np.copyto(self._external, external_force_n)
             add_frame_forces(self.twist, state, self._external)
             external_force_n = self._external
         motion = (state.position_m, state.velocity_m_s)
-        _predict(self.model, self.work, motion, external_force_n, self.held_target_m, (dt_s, self.substeps(dt_s)))
+        step = (dt_s, self.substeps(dt_s))
+        if not _predict(self.model, self.work, motion, external_force_n, self.held_target_m, step):
+            raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
         """Fill `out` (n, 3, m) with the end-of-step position changes of `force_n` (n, 3, m), m right-hand sides."""
@@ -105,11 +113,17 @@ class SemiImplicitIntegrator:
 @njit(cache=True, nogil=True, fastmath=False)
 def _predict(
     model: RodModel, work: RodWork, motion: Motion, external: FloatArray, target: FloatArray, step: tuple[float, int]
-) -> None:
+) -> bool:
+    """All substeps; False where a number is not finite."""
     dt_s, substeps = step
     _set_held_velocity(model, motion, target, dt_s)
     for _ in range(substeps):
         _semi_implicit_euler(model, work, motion, external, dt_s / substeps)
+    size = 0.0
+    for i in range(model.mass.shape[0]):
+        for c in range(3):
+            size += abs(motion[0][i, c]) + abs(motion[1][i, c])
+    return math.isfinite(size)
 
 
 @njit(cache=True, nogil=True, fastmath=False)

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .elasticity import Vector, bending_angle, cross, dot, row
+from .elasticity import SHORTEST, Vector, bending_angle, cross, dot, row
 from .material_frame import Frame, follow, initial_frame, rotate_frame
 from .properties import RodProperties
 from .state import RodState
@@ -31,12 +31,14 @@ _SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradie
 class TwistModel(NamedTuple):
     """Per joint (n-2,): torsional and bending stiffness [N m/rad], rest rotation (n-2, 3) [rad] in the material frame.
 
-    `work` (2, n-1) holds the tridiagonal system of the angles, so that a step allocates nothing.
+    A segment crushed below `shortest` [m] counts as that long. `work` (2, n-1) holds the tridiagonal system of the
+    angles, so that a step allocates nothing.
     """
 
     torsion: FloatArray
     bending: FloatArray
     rest_rotation: FloatArray
+    shortest: float
     work: FloatArray
 
 
@@ -51,6 +53,7 @@ def build_twist_model(properties: RodProperties) -> TwistModel | None:
         torsion=properties.joint_stiffness_n_m("torsional_stiffness_n_m2"),
         bending=properties.joint_stiffness_n_m(),
         rest_rotation=rest,
+        shortest=SHORTEST * properties.segment_length_m,
         work=np.zeros((2, properties.n_segments)),
     )
 
@@ -164,8 +167,8 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
         h = g
         if _has_rest_curvature(model, i):
             g, h = _rest_curvature_gradient(model, frame, i, g)
-        before = 1.0 / _distance(x, i)
-        after = 1.0 / _distance(x, i + 1)
+        before = 1.0 / max(_distance(x, i), model.shortest)
+        after = 1.0 / max(_distance(x, i + 1), model.shortest)
         for c in range(3):
             f[i, c] += g[c] * before
             f[i + 1, c] += h[c] * after - g[c] * before

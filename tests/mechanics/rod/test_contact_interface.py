@@ -97,9 +97,10 @@ def test_held_particles_reach_their_target_and_feel_no_contact(stepped):
     np.testing.assert_allclose(state.position_m[0], before.position_m[0], rtol=0, atol=1e-15)
 
 
+@pytest.mark.parametrize("integrator_name", ["implicit", "semi_implicit"])
 @pytest.mark.parametrize("where", ["state", "force"])
-def test_what_is_not_finite_is_reported_by_the_implicit_step(where):
-    integrator, state, load = bent("implicit")
+def test_what_is_not_finite_is_reported(integrator_name, where):
+    integrator, state, load = bent(integrator_name)
     (state.position_m if where == "state" else load)[12, 1] = np.nan
     with pytest.raises(FloatingPointError, match="not finite"):
         integrator.predict(state, load, DT_S)

@@ -71,11 +71,14 @@ def test_implicit_unfolds_a_crumpled_rod(EI_n_mm2, seed):
     assert rod_energy(integrator.model, state).bending_j < 1e-4
 
 
-def test_implicit_survives_a_hand_that_jumps_and_particles_that_coincide():
-    properties = example_rod()
-    integrator = ImplicitIntegrator(properties, Supports(held=(0, 25)))
+@pytest.mark.parametrize("twist", [{}, {"torsional_stiffness_n_m2": 17e-6}], ids=["plain", "twist"])
+def test_implicit_survives_a_hand_that_jumps_and_particles_that_coincide(twist):
+    properties = example_rod(**twist)
+    integrator = ImplicitIntegrator(properties, Supports(held=(0, 25), start_direction=X))
     state = straight_rod(properties, (0, 0, 0), X)
+    integrator.predict(state, NOTHING, 1e-3)
     state.position_m[10] = state.position_m[11]
+    state.position_m[1] = state.position_m[0]
     rng = np.random.default_rng(0)
     centre = state.position_m[25].copy()
     for step in range(1000):
