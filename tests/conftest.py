@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+import services.runtime  # noqa: F401  first of all: it keeps the numerics libraries to one thread
+
 
 @pytest.fixture(autouse=True, scope="session")
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
