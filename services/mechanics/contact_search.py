@@ -48,6 +48,7 @@ class DuctSearch:
         margin_m = scene.contact.margin_m
         radius_m = 0.5 * scene.catheter.outer_diameter_m
         self.surface = DuctSurface(duct.mesh, duct.basis.Phi, duct.basis.omega_rad_s, half_thickness_m)
+        self._had_tools = True
         self._dents = ResidualField(duct)
         n_particles = scene.catheter.n_segments + 1
         self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
@@ -75,4 +76,8 @@ class DuctSearch:
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append those of the tools against duct and catheter."""
-        self.tools.detect(tools.segments, tools.radius_m, catheter.start_m, pairs, tools.present)
+        present = bool(tools.present.any())
+        # An absent tool has to be told once, so that it loses its past.
+        if present or self._had_tools:
+            self.tools.detect(tools.segments, tools.radius_m, catheter.start_m, pairs, tools.present)
+        self._had_tools = present

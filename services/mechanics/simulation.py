@@ -58,7 +58,7 @@ class Simulation:
         self._stages = {stage: tuple(e for e in self.effects.values() if acts_in(e, stage)) for stage in STAGES}
         capacity = scene.contact.capacity
         self.duct = DuctBody(duct, _integrator(scene, duct), capacity)
-        self.catheter = CatheterBody(scene.catheter, twist="twist" in self.effects)
+        self.catheter = CatheterBody(scene.catheter, twist="twist" in self.effects, may_sleep=scene.sleeping)
         self.tools = ToolBody(scene.forceps)
         self.bodies = Bodies(self.duct, self.catheter, self.tools, 0.5 * scene.duct.thickness_m)
         self.system = ContactSystem(self.bodies, scene.contact)
@@ -109,16 +109,11 @@ class Simulation:
         self._lap(1)
         self._collect(tools, pairs)
         self._lap(2)
-        self.system.measure()
-        for effect in self._stages["set_limits"]:
-            effect.set_limits(self, self.system.rows)
-        if self.scene.contact.model == "implicit":
-            self._assemble(dt_s)
-            self._lap(3)
-            self.system.solve(self._iterations)
+        if self.system.rows.n_contacts:
+            self._solve_contacts(dt_s)
         else:
+            self.system.rest()
             self._lap(3)
-            self.system.push_back(dt_s)
         self._lap(4)
         self._correct(dt_s)
         self._lap(5)
@@ -231,6 +226,18 @@ class Simulation:
                 jaws = JawState(float(self.tools.proxy[tool, 3]), float(tools.jaw_angle_rad[tool]))
                 held += grasp.update(pairs, jaws)
         return held
+
+    def _solve_contacts(self, dt_s: float) -> None:
+        self.system.measure()
+        for effect in self._stages["set_limits"]:
+            effect.set_limits(self, self.system.rows)
+        if self.scene.contact.model == "implicit":
+            self._assemble(dt_s)
+            self._lap(3)
+            self.system.solve(self._iterations)
+        else:
+            self._lap(3)
+            self.system.push_back(dt_s)
 
     def _assemble(self, dt_s: float) -> None:
         self.system.assemble(self._n_modes)

@@ -155,6 +155,11 @@ class ContactSystem:
         penalty_forces(self.rows, settings.penalty_stiffness_n_m, settings.penalty_damping_n_s_m, dt_s)
         self._finish()
 
+    def rest(self) -> None:
+        """Forget the forces of the last tick: nothing is touched."""
+        self.sweeps = 0
+        self._memory.used[0] = 0
+
     def _finish(self) -> None:
         rows = self.rows
         k = rows.n_contacts

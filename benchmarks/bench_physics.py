@@ -1,0 +1,97 @@
+"""The whole physics tick: 1,440-node duct, 100 modes, 50 segments, friction, both tools, 30 pressed contacts.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/bench_physics.py
+
+Also the same tick with the paper's penalty contact, and how much of it each stage takes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from report import Row, Timing, measure, write_report
+
+from services.mechanics.reduction.cache import default_cache_dir
+from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
+from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.simulation import Simulation
+from services.mechanics.tools import ToolInputs
+
+TICK_BUDGET_S = 250e-6
+SAMPLES = 4000
+
+
+def loaded_scene() -> SceneModel:
+    """A soft catheter pressed along the floor of a long duct by twice its weight, a tool on the duct."""
+    return SceneModel(
+        duct=DuctScene(length_m=64e-3, n_around=36, n_along=39, n_modes=100, thickness_m=1e-3, youngs_modulus_pa=3e6),
+        catheter=CatheterScene(
+            youngs_modulus_pa=1e6, tip_position_m=(2e-3, 0.0, -2.66e-3), anchor="free", viscous_drag_n_s_m2=0.5
+        ),
+        forceps=(
+            ForcepsScene(port_position_m=(30e-3, 0.0, 0.15)),
+            ForcepsScene(port_position_m=(90e-3, 0.0, 0.15)),
+        ),
+        effects={
+            "gravity": {"acceleration_m_s2": (0.0, 0.0, -20.0)},
+            "friction": {"mu_static": 0.4, "mu_kinetic": 0.3},
+            "grasp_slip": {},
+        },
+    )
+
+
+def settle(scene: SceneModel, cache: Path) -> tuple[Simulation, ToolInputs]:
+    """Press one tool on the duct from above, rest the other, and wait until all lies still."""
+    simulation = Simulation(scene, build_scene_duct(scene, cache))
+    tools = ToolInputs()
+    tools.position_m[:] = (30e-3, 0.0, 15e-3 + 5e-3), (90e-3, 0.0, 40e-3)
+    for _ in range(500):
+        simulation.step(tools)
+    return simulation, tools
+
+
+def main() -> None:
+    cache = default_cache_dir()
+    scene = loaded_scene()
+    penalty = replace(scene, contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0))
+    ours, tools = settle(scene, cache)
+    paper, _ = settle(penalty, cache)
+    free = Simulation(replace(scene, effects={}), build_scene_duct(scene, cache))
+    absent = ToolInputs()
+    absent.present[:] = False
+    stages = np.zeros((SAMPLES, len(ours.stage_cost_ns)))
+    taken = [0]
+
+    def tick() -> None:
+        ours.step(tools)
+        stages[taken[0] % SAMPLES] = list(ours.stage_cost_ns.values())
+        taken[0] += 1
+
+    timings = measure(
+        {
+            "tick, pressed contacts": tick,
+            "same, penalty contact": lambda: paper.step(tools),
+            "tick, nothing touched": lambda: free.step(absent),
+        },
+        samples=SAMPLES,
+    )
+    pressed = int((ours.contacts.force_n[: ours.contacts.n_contacts, 0] > 0.0).sum())
+    note = f"{pressed} pressed of {ours.contacts.n_contacts} candidates, {ours.system.sweeps} sweeps"
+    rows = [
+        Row.from_timing(
+            name,
+            timing,
+            limit_s=TICK_BUDGET_S if name.startswith("tick, p") else None,
+            note=note if name.startswith("tick, p") else "",
+        )
+        for name, timing in timings.items()
+    ]
+    for column, name in enumerate(ours.stage_cost_ns):
+        rows.append(Row.from_timing(f"stage {name}", Timing.from_samples(1e-9 * stages[:, column])))
+    write_report("physics", "Whole physics tick", rows)
+
+
+if __name__ == "__main__":
+    main()

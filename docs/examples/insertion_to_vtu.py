@@ -1,0 +1,31 @@
+"""A catheter inserted into a duct by two scripted hands, written to VTU every 50 ms for ParaView.
+
+python docs/examples/insertion_to_vtu.py [folder]
+"""
+
+import sys
+from pathlib import Path
+
+from services.mechanics.mesh import TriangleMesh
+from services.mechanics.scenarios import insertion
+from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.simulation import Simulation
+from services.mechanics.tools import ToolInputs
+from services.meshes import write_vtu
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "insertion")
+folder.mkdir(exist_ok=True)
+scenario, hands = insertion(), ToolInputs()
+duct = build_scene_duct(scenario.scene)
+simulation = Simulation(scenario.scene, duct)
+for tick in range(round(1000 * scenario.duration_s)):
+    scenario.write_inputs(1e-3 * tick, hands)
+    simulation.step(hands)
+    if tick % 50 == 0:
+        n = simulation.n_loads
+        loads = simulation.load_nodes[:n], simulation.load_force_n[:n]
+        u = duct.displacements(simulation.duct_state, *loads)
+        moved = TriangleMesh(duct.mesh.vertices_m + u, duct.mesh.triangles)
+        write_vtu(folder / f"duct-{tick:04d}.vtu", moved, {"displacement_m": u})
+
+print(f"{1e3 * simulation.inserted_length_m:.1f} mm in, {len(list(folder.glob('*.vtu')))} files in {folder}")
