@@ -78,6 +78,8 @@ class Simulation:
         self._catheter_pairs = ContactPairs.allocate(capacity)
         self._tool_pairs = ContactPairs.allocate(capacity)
         self._tool_force = np.zeros((N_TOOLS, 4))
+        self._spring_compliance = 1.0 / self.tools.stiffness
+        self._coupling_excess = np.zeros((N_TOOLS, 4))
         self._resultant = np.zeros((N_TOOLS, 3))
         self._stiffness_scratch = np.zeros((3 * STIFFNESS_CAPACITY) * (3 * STIFFNESS_CAPACITY + 3))
         self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
@@ -261,7 +263,9 @@ class Simulation:
         resultants(system.rows, system.force_n, about_tip, self._resultant, out.torque_nm)
         resultants(system.rows, system.force_n, about_port, self._resultant, out.port_moment_nm)
         out.force_n[:] = self._tool_force[:, :3]
-        np.add(self._tool_force[:, 3], self.tools.jaw_stop_torque_nm(), out=out.grasp_torque_nm)
+        out.grasp_torque_nm[:] = self._tool_force[:, 3]
+        if self.holds.active:
+            out.grasp_torque_nm += self.tools.jaw_stop_torque_nm()
         if self.scene.contact.model == "implicit":
             self._report_stiffness()
         self.max_penetration_m = deepest_overlap(system.rows)
@@ -270,12 +274,9 @@ class Simulation:
 
     def _report_stiffness(self) -> None:
         system, out = self.system, self.tool_results.stiffness_n_m
-        excess = self._coupling_excess()
-        local_stiffness(system.rows, system.compliance_m_n, system.slides, excess, self._stiffness_scratch, out)
-
-    def _coupling_excess(self) -> FloatArray:
-        excess: FloatArray = 1.0 / self.tools.stiffness - self.tools.compliance
-        return excess
+        np.subtract(self._spring_compliance, self.tools.compliance, out=self._coupling_excess)
+        inner = self._coupling_excess, self._stiffness_scratch
+        local_stiffness(system.rows, system.compliance_m_n, system.slides, *inner, out)
 
 
 def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:

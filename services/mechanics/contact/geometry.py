@@ -35,7 +35,16 @@ class PairArrays(NamedTuple):
     @classmethod
     def of(cls, pairs: ContactPairs) -> PairArrays:
         """View the arrays of ``pairs``."""
-        return cls(*(getattr(pairs, name) for name in cls._fields))
+        return cls(
+            pairs.tool,
+            pairs.tool_segment,
+            pairs.particle,
+            pairs.target_kind,
+            pairs.target,
+            pairs.tool_parameter,
+            pairs.target_weights,
+            pairs.normal,
+        )
 
 
 class ToolGeometry(NamedTuple):

@@ -108,9 +108,9 @@ class ContactSystem:
 
     def append(self, pairs: ContactPairs) -> None:
         """Add candidate pairs."""
-        self.dropped += append_pairs(
-            PairArrays.of(pairs), pairs.count, self.tool_geometry, self.rod_geometry, self.duct_geometry, self.rows
-        )
+        arrays = PairArrays.of(pairs)
+        geometry = self.tool_geometry, self.rod_geometry, self.duct_geometry
+        self.dropped += append_pairs(arrays, pairs.count, *geometry, self.rows)
 
     def measure(self) -> None:
         """Finish gaps and slips with the duct's displacement, and recall last tick's forces."""
