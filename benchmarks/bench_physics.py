@@ -2,20 +2,24 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/bench_physics.py
 
-Also the same tick with the paper's penalty contact, and how much of it each stage takes.
+Also the same tick with the paper's penalty contact, how much of it each stage takes, and the insertion with our
+set-up and with the paper's, error and cost side by side.
 """
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from report import Row, Timing, measure, write_report
 
+from services.mechanics.duct_recipe import duct_recipe
 from services.mechanics.reduction.cache import default_cache_dir
+from services.mechanics.scenarios import insertion, insertion_scene, paper_scene
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
-from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.scene_duct import build_scene_duct, scene_mesh
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import ToolInputs
 
@@ -52,13 +56,62 @@ def settle(scene: SceneModel, cache: Path) -> tuple[Simulation, ToolInputs]:
     return simulation, tools
 
 
+def insert(scene: SceneModel, cache: Path) -> tuple[float, float, float]:
+    """Let the scripted hands insert the catheter; return deepest penetration in m, length inserted and median tick."""
+    hands = insertion()
+    simulation, tools = Simulation(scene, build_scene_duct(scene, cache)), ToolInputs()
+    deepest, seconds = 0.0, []
+    for tick in range(round(1000 * hands.duration_s)):
+        hands.write_inputs(1e-3 * tick, tools)
+        started = time.perf_counter()
+        simulation.step(tools)
+        seconds.append(time.perf_counter() - started)
+        deepest = max(deepest, simulation.max_penetration_m)
+    return deepest, simulation.inserted_length_m, float(np.median(seconds))
+
+
+def comparison(cache: Path) -> list[Row]:
+    """The insertion with our contact and with the paper's set-up, error and cost side by side.
+
+    The paper's scene has its element, bare modes, particles and penalty contact. Both pinch the duct by 1 N at
+    the middle; the full model's compliance there is the reference.
+    """
+    rows = []
+    for name, scene in (("ours", insertion_scene()), ("paper", paper_scene())):
+        deepest, inserted, median_s = insert(scene, cache)
+        rows.append(Row(f"insertion, {name}: deepest penetration", 1e6 * deepest, "um"))
+        rows.append(Row(f"insertion, {name}: inserted", 1e3 * inserted, "mm"))
+        rows.append(Row(f"insertion, {name}: median tick", 1e6 * median_s, "us"))
+        rows.append(Row(f"pinch compliance, {name}: error", 100.0 * pinch_error(scene, cache), "%"))
+    return rows
+
+
+def pinch_error(scene: SceneModel, cache: Path) -> float:
+    """Relative error of the static compliance under a pair of opposite forces, against our element in full."""
+    duct = build_scene_duct(scene, cache)
+    mesh = duct.mesh
+    middle = np.argsort(np.linalg.norm(mesh.vertices_m - (20e-3, 0.0, 4e-3), axis=1))[0]
+    other = np.argsort(np.linalg.norm(mesh.vertices_m - (20e-3, 0.0, -4e-3), axis=1))[0]
+    nodes = np.array([middle, other], np.int32)
+    forces = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    q = np.einsum("nar,na->r", duct.basis.Phi[nodes], forces) / duct.basis.omega_rad_s**2
+    moved = duct.basis.Phi[nodes] @ q
+    duct.residual.apply(nodes, forces, nodes, moved)
+    reference = insertion_scene()
+    load = np.zeros_like(mesh.vertices_m)
+    load[nodes] = forces
+    exact = duct_recipe(reference.duct, scene_mesh(reference.duct), {}).model().solve_static(load).displacement_m
+    return abs(float(np.sum(moved * forces) / np.sum(exact * load)) - 1.0)
+
+
 def main() -> None:
     cache = default_cache_dir()
     scene = loaded_scene()
     penalty = replace(scene, contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0))
     ours, tools = settle(scene, cache)
     paper, _ = settle(penalty, cache)
-    free = Simulation(replace(scene, effects={}), build_scene_duct(scene, cache))
+    aside = replace(scene.catheter, tip_position_m=(80e-3, 0.0, 0.0))
+    free = Simulation(replace(scene, catheter=aside, effects={}), build_scene_duct(scene, cache))
     absent = ToolInputs()
     absent.present[:] = False
     stages = np.zeros((SAMPLES, len(ours.stage_cost_ns)))
@@ -90,6 +143,7 @@ def main() -> None:
     ]
     for column, name in enumerate(ours.stage_cost_ns):
         rows.append(Row.from_timing(f"stage {name}", Timing.from_samples(1e-9 * stages[:, column])))
+    rows += comparison(cache)
     write_report("physics", "Whole physics tick", rows)
 
 

@@ -53,6 +53,7 @@ class CatheterBody:
         self._load_n = np.zeros((n, 3))
         self._was_touched = False
         self._may_sleep = may_sleep
+        self._linearises = scene.integrator == "implicit"
         self._last_external_n = np.full((n, 3), np.nan)
         self.slot = np.full(n, -1, np.int32)
         self._particles = np.zeros(n, np.int32)
@@ -61,17 +62,19 @@ class CatheterBody:
     def predict(self, dt_s: float) -> None:
         """Step the particles without contact forces.
 
-        The integrator linearises where it expects the step to end. That is with last tick's contact forces, not
-        without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
+        The implicit integrator linearises where it expects the step to end. That is with last tick's contact forces,
+        not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
         """
         self.start_m[:] = self.state.position_m
         if self.is_asleep():
             self.motion_m[:] = 0.0
             return
         self._last_external_n[:] = self.external_force_n
-        np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
-        self.integrator.predict(self.state, self._load_n, dt_s)
-        if self._was_touched:
+        if not (self._was_touched and self._linearises):
+            self.integrator.predict(self.state, self.external_force_n, dt_s)
+        else:
+            np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
+            self.integrator.predict(self.state, self._load_n, dt_s)
             np.negative(self.contact_force_n, out=self._load_n)
             self.integrator.correct(self.state, self._load_n)
         np.subtract(self.state.position_m, self.start_m, out=self.motion_m)
