@@ -40,7 +40,9 @@ class CatheterBody:
         Contact forces of the last step.
     """
 
-    def __init__(self, scene: CatheterScene, *, twist: bool = False, may_sleep: bool = False) -> None:
+    def __init__(
+        self, scene: CatheterScene, *, twist: bool = False, may_sleep: bool = False, feeds_back: bool = False
+    ) -> None:
         self.properties = rod_properties(scene, twist=twist)
         self.state = initial_state(scene, self.properties)
         self.integrator = build_integrator(scene.integrator, self.properties, rod_supports(scene))
@@ -54,6 +56,7 @@ class CatheterBody:
         self._was_touched = False
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
+        self._feeds_back = feeds_back
         self._last_external_n = np.full((n, 3), np.nan)
         self.slot = np.full(n, -1, np.int32)
         self._particles = np.zeros(n, np.int32)
@@ -70,10 +73,12 @@ class CatheterBody:
             self.motion_m[:] = 0.0
             return
         self._last_external_n[:] = self.external_force_n
-        if not (self._was_touched and self._linearises):
+        np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
+        if self._feeds_back:
+            self.integrator.predict(self.state, self._load_n, dt_s)
+        elif not (self._was_touched and self._linearises):
             self.integrator.predict(self.state, self.external_force_n, dt_s)
         else:
-            np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
             self.integrator.predict(self.state, self._load_n, dt_s)
             np.negative(self.contact_force_n, out=self._load_n)
             self.integrator.correct(self.state, self._load_n)
@@ -101,10 +106,14 @@ class CatheterBody:
         return out
 
     def correct(self, rows: ContactRows, forces: FloatArray) -> None:
-        """Apply the contact forces (k, 3) on the first bodies to the particles they touch."""
+        """Apply the contact forces (k, 3) on the first bodies to the particles they touch.
+
+        With ``feeds_back`` they act in the next step, held over all of it, as in the paper's architecture (section VI):
+        penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments.
+        """
         spread_rod_forces(rows, forces, self.contact_force_n)
         self._was_touched = rows.n_contacts > 0
-        if self._was_touched:
+        if self._was_touched and not self._feeds_back:
             self.integrator.correct(self.state, self.contact_force_n)
 
 

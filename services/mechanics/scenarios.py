@@ -196,7 +196,7 @@ def paper_scene() -> SceneModel:
 
     Their bending triangle on CST, bare modes under Newmark, particles under semi-implicit Euler, penalty contact
     without friction, jaws that hold as soon as both touch. At a tick of 1 ms a particle of 3 mg bears a contact
-    stiffness of 3 N/m at most.
+    stiffness of about 1 N/m.
     """
     scene = insertion_scene()
     return replace(
@@ -204,7 +204,7 @@ def paper_scene() -> SceneModel:
         duct=replace(scene.duct, membrane="cst", bending="paper", residual="none", n_modes=60),
         catheter=replace(scene.catheter, integrator="semi_implicit", internal_damping_s=0.0, viscous_drag_n_s_m2=0.5),
         forceps=tuple(replace(forceps, grasp_torque_nm=1e-9) for forceps in scene.forceps),
-        contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0, penalty_damping_n_s_m=1e-3),
+        contact=ContactSettings(model="penalty", penalty_stiffness_n_m=1.0, penalty_damping_n_s_m=1e-3),
         effects={"gravity": {}},
     )
 

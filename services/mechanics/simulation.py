@@ -58,7 +58,12 @@ class Simulation:
         self._stages = {stage: tuple(e for e in self.effects.values() if acts_in(e, stage)) for stage in STAGES}
         capacity = scene.contact.capacity
         self.duct = DuctBody(duct, _integrator(scene, duct), capacity)
-        self.catheter = CatheterBody(scene.catheter, twist="twist" in self.effects, may_sleep=scene.sleeping)
+        self.catheter = CatheterBody(
+            scene.catheter,
+            twist="twist" in self.effects,
+            may_sleep=scene.sleeping,
+            feeds_back=scene.contact.model == "penalty",
+        )
         self.tools = ToolBody(scene.forceps)
         self.bodies = Bodies(self.duct, self.catheter, self.tools, 0.5 * scene.duct.thickness_m)
         self.system = ContactSystem(self.bodies, scene.contact)

@@ -123,9 +123,9 @@ def test_the_papers_scene_runs(cache_dir):
     hands = scenarios.insertion()
     duct = build_scene_duct(scene, cache_dir)
     simulation, tools = Simulation(scene, duct), ToolInputs()
-    for tick in range(700):
+    for tick in range(1700):
         hands.write_inputs(1e-3 * tick, tools)
         simulation.step(tools)
-    assert np.isfinite(simulation.catheter.state.position_m).all()
     assert len(simulation.holds.active) == 2
+    assert simulation.inserted_length_m > 15e-3
     assert np.abs(simulation.tool_results.force_n[1]).max() > 1e-4

@@ -1,0 +1,42 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.mechanics.scene import QualityLevel
+from services.mechanics.simulation import Simulation
+from services.mechanics.tools import ToolInputs
+
+
+@pytest.fixture
+def ladder(with_effects, small_duct):
+    """A tool pressed on the duct and at rest, two rungs of quality."""
+    levels = (QualityLevel(), QualityLevel(name="low", n_modes=20, iterations=5))
+    simulation = Simulation(replace(with_effects(friction={}), quality=levels), small_duct)
+    tools = ToolInputs()
+    tools.present[1] = False
+    tools.position_m[0] = 20e-3, 0.0, 15e-3 + 4.5e-3
+    for _ in range(300):
+        simulation.step(tools)
+    return simulation, tools
+
+
+def test_switching_quality_moves_nothing_by_itself(ladder):
+    simulation, tools = ladder
+    before = simulation.duct.state.q.copy(), simulation.catheter.state.position_m.copy()
+    simulation.set_quality(1)
+    assert np.array_equal(before[0], simulation.duct.state.q)
+    assert np.array_equal(before[1], simulation.catheter.state.position_m)
+    force = simulation.tool_results.force_n[0].copy()
+    largest = 0.0
+    for _ in range(50):
+        simulation.step(tools)
+        largest = max(largest, np.linalg.norm(simulation.tool_results.force_n[0] - force))
+        force[:] = simulation.tool_results.force_n[0]
+    assert simulation.system.sweeps <= 5
+    assert largest < 0.3
+
+
+def test_a_level_that_does_not_exist_is_refused(ladder):
+    with pytest.raises(ValueError, match="quality level 2 is not within 0 and 1"):
+        ladder[0].set_quality(2)
