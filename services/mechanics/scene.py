@@ -105,7 +105,6 @@ class ContactSettings:
     """
 
     model: Literal["implicit", "penalty"] = "implicit"
-    iterations: int = 30
     tolerance_n: float = 1e-6
     margin_m: float = 0.5e-3
     capacity: int = 96
@@ -116,12 +115,14 @@ class ContactSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QualityLevel:
-    """One rung of the quality ladder; rung 0 is the best and every switch costs nothing but the tick."""
+    """One rung of the quality ladder; rung 0 is the best, and a switch takes effect in the next tick.
+
+    ``n_modes`` is how many of the lowest modes contacts act on (None: all), ``iterations`` the most sweeps of a solve.
+    """
 
     name: str = "full"
     n_modes: int | None = None
     iterations: int = 30
-    collision_every: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
