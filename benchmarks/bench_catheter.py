@@ -97,8 +97,8 @@ def contact_calls() -> dict[str, Callable[[], None]]:
     for touched in (6, 30):
         particles = np.arange(50 - touched, 50, dtype=np.int32)
         out = np.empty((3 * touched, 3 * touched))
-        calls[f"compliance between {touched} particles"] = (
-            lambda particles=particles, out=out: integrator.compliance(particles, out)
+        calls[f"compliance between {touched} particles"] = lambda particles=particles, out=out: integrator.compliance(
+            particles, out
         )
     force, changes = np.random.default_rng(0).normal(size=(51, 3, 90)), np.empty((51, 3, 90))
     calls["solve, 90 right-hand sides of 153 unknowns"] = lambda: integrator.solve(force, changes)

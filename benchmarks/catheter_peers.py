@@ -38,14 +38,18 @@ def pyelastica(n_segments: int) -> Peer:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns of the small inertia of a rod this thin
         rod = ea.CosseratRod.straight_rod(
-            n_segments, np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), LENGTH_M, RADIUS_M,
-            DENSITY_KG_M3, youngs_modulus=YOUNGS_MODULUS_PA,
+            n_segments,
+            np.zeros(3),
+            np.array([1.0, 0.0, 0.0]),
+            np.array([0.0, 0.0, 1.0]),
+            LENGTH_M,
+            RADIUS_M,
+            DENSITY_KG_M3,
+            youngs_modulus=YOUNGS_MODULUS_PA,
             shear_modulus=YOUNGS_MODULUS_PA / (2.0 * (1.0 + POISSON_RATIO)),
         )
     simulator.append(rod)
-    simulator.constrain(rod).using(
-        ea.OneEndFixedBC, constrained_position_idx=(0,), constrained_director_idx=(0,)
-    )
+    simulator.constrain(rod).using(ea.OneEndFixedBC, constrained_position_idx=(0,), constrained_director_idx=(0,))
     simulator.add_forcing_to(rod).using(ea.GravityForces, acc_gravity=np.array([0.0, 0.0, -9.81]))
     simulator.finalize()
     stepper = ea.PositionVerlet()

@@ -60,16 +60,28 @@ def circle_and_catenary() -> Table:
             Entry("end moment, curvature L/2π, mean", segments(50), float(curvature.mean()), 1.0, CLOSED_FORM),
             Entry("end moment, curvature L/2π, tip", segments(50), float(curvature[-1]), 1.0, CLOSED_FORM),
             Entry("catenary, sag", segments(50), -float(state.position_m[:, 2].min()), sag, CLOSED_FORM, "m"),
-            Entry("catenary, end tension", segments(50), tension_n,
-                  float(np.hypot(weight * a, weight * 0.5 * 0.15 * 49 / 50)), CLOSED_FORM, "N"),
+            Entry(
+                "catenary, end tension",
+                segments(50),
+                tension_n,
+                float(np.hypot(weight * a, weight * 0.5 * 0.15 * 49 / 50)),
+                CLOSED_FORM,
+                "N",
+            ),
         ],
     )
 
 
 def buckling() -> Table:
     entries = [
-        Entry(f"Euler load, {ends}", segments(50), problems.thrust_after_buckling_n(ends),
-              problems.euler_load_n(ends), CLOSED_FORM, "N")
+        Entry(
+            f"Euler load, {ends}",
+            segments(50),
+            problems.thrust_after_buckling_n(ends),
+            problems.euler_load_n(ends),
+            CLOSED_FORM,
+            "N",
+        )
         for ends in problems.EULER_FACTOR
     ]
     for degrees in (40.0, 90.0):
@@ -78,8 +90,13 @@ def buckling() -> Table:
         name = f"tip angle at P/P_cr = {ratio:.4f}"
         entries.append(Entry(name, segments(50), angle, degrees, "elliptic integral", "°"))
     entries.append(
-        Entry("twist buckling, clamped ends, ML/EI", segments(50), problems.critical_torque_factor(), 8.9868,
-              "tan x = x, x = ML/2EI")
+        Entry(
+            "twist buckling, clamped ends, ML/EI",
+            segments(50),
+            problems.critical_torque_factor(),
+            8.9868,
+            "tan x = x, x = ML/2EI",
+        )
     )
     return Table(
         "Catheter, buckling",
@@ -92,8 +109,14 @@ def buckling() -> Table:
 
 def vibration() -> Table:
     entries = [
-        Entry(f"cantilever mode {mode + 1}", segments(n), problems.measured_frequency_rad_s(mode, n) / (2 * np.pi),
-              problems.mode_frequency_rad_s(mode) / (2 * np.pi), "Euler-Bernoulli", "Hz")
+        Entry(
+            f"cantilever mode {mode + 1}",
+            segments(n),
+            problems.measured_frequency_rad_s(mode, n) / (2 * np.pi),
+            problems.mode_frequency_rad_s(mode) / (2 * np.pi),
+            "Euler-Bernoulli",
+            "Hz",
+        )
         for mode in range(3)
         for n in (25, 50)
     ]

@@ -1,1 +1,5 @@
 """Trocar's processes and libraries: a folder with a ``__main__.py`` is a process, one without is a library."""
+
+from services import kernel_cache
+
+kernel_cache.choose()

@@ -11,7 +11,7 @@ from services.haptics.local_model import FREE, local_model
 from services.haptics.outputs import tool_contacts
 from services.haptics.tool_tracker import ToolTracker
 from services.haptics.world import World
-from services.mechanics.collision import ToolContactDetector
+from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
 from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.forceps.grasp import Grasp
 from services.mechanics.reduction.duct import ReducedDuct
@@ -113,7 +113,14 @@ def prepare(plan: Plan) -> tuple[SceneModel, ReducedDuct]:
     tools.segments_m[:, :, 1] += 0.01
     world.warm_up()
     pairs = ContactPairs.allocate(scene.contact.capacity)
+    progress("compiling collision detection", 0.0)
     make_detector(scene, world).detect(tools.segments_m, tools.radius_m, world.particles_m, pairs, tools.present)
+    # Not for haptics: physics compiles its dynamics meanwhile and finds this in the cache.
+    catheter = scene.catheter
+    CatheterContactDetector(world.surface, catheter.n_segments + 1, catheter.outer_diameter_m, 1e-3).detect(
+        world.particles_m, pairs
+    )
+    progress("kernels are compiled", 1.0)
     return scene, duct
 
 

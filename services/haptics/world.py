@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from protocol import Frame
 from protocol.bodies import Catheter, Duct
 from services.mechanics.collision import DuctSurface
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.residual_field import ResidualField
 from services.mechanics.scene import SceneModel
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int32]
 
 
 class World:
@@ -31,7 +36,8 @@ class World:
         self.has_catheter = False
         self.refused: dict[str, int] = {}
         self._duct = duct
-        self._residual_m = np.zeros((3 * scene.contact.capacity, 3))
+        self._max_loads = 3 * scene.contact.capacity
+        self._dents = ResidualField(duct)
 
     def take_duct(self, frame: Frame) -> None:
         """Deform the wall as `frame` says, if its basis is ours and its loads are on nodes that exist."""
@@ -40,13 +46,10 @@ class World:
         q, nodes, forces = body.q.view(), body.load_node.view(), body.load_force_n.view()
         if body.basis_hash != basis.content_hash or q.shape != (basis.n_modes,):
             self._refuse("basis")
-        elif nodes.size > len(self._residual_m) or not ((nodes >= 0) & (nodes < basis.n_nodes)).all():
+        elif nodes.size > self._max_loads or not ((nodes >= 0) & (nodes < basis.n_nodes)).all():
             self._refuse("load_node")
         else:
-            residual = self._residual_m[: nodes.size]
-            residual[:] = 0.0
-            self._duct.residual.apply(nodes, forces, nodes, residual)
-            self.surface.update(q, nodes, residual)
+            self._deform(q, nodes, forces)
 
     def take_catheter(self, frame: Frame) -> None:
         """Take over the particles of `frame`, if there are as many as in this scene."""
@@ -60,10 +63,12 @@ class World:
 
     def warm_up(self) -> None:
         """Compile what `take_duct` calls."""
-        node = np.zeros(1, np.int32)
-        residual = self._residual_m[:1]
-        self._duct.residual.apply(node, np.zeros((1, 3)), node, residual)
-        self.surface.update(np.zeros(self._duct.basis.n_modes), node, residual)
+        self._deform(np.zeros(self._duct.basis.n_modes), np.zeros(1, np.int32), np.zeros((1, 3)))
+
+    def _deform(self, q: FloatArray, nodes: IntArray, forces_n: FloatArray) -> None:
+        dents = self._dents
+        dents.update(nodes, forces_n)
+        self.surface.update(q, dents.nodes[: dents.count], dents.displacement_m[: dents.count])
 
     def _refuse(self, what: str) -> None:
         self.refused[what] = self.refused.get(what, 0) + 1

@@ -3,28 +3,75 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, ContactPairs
+from services.mechanics.catheter_body import CatheterBody
+from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
+from services.mechanics.duct_body import DuctBody
+from services.mechanics.forceps.tool_body import ToolBody
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import GraspHold, ToolInputs
+from services.runtime.log import progress
 
 _STEPS = 20
 
 
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Run a throw-away simulation with a tool in the wall, a tool that holds the catheter, and pairs from outside."""
+    """Run throw-away simulations until nothing is left to compile.
+
+    The first has no collision detection: haptics compiles that at the same time, on the other core, and what it has
+    compiled is found in the cache when the second simulation asks for it.
+    """
+    progress("compiling dynamics and contact", 0.0)
+    _touch_everything(Simulation(scene, duct, _NoSearch(duct)))
+    progress("compiling collision detection", 0.5)
     simulation = Simulation(scene, duct)
-    tools = ToolInputs()
-    middle = duct.mesh.n_vertices // 2
-    tools.position_m[0] = duct.mesh.vertices_m[middle]
-    tools.position_m[1] = simulation.catheter.state.position_m[-2]
-    tools.jaw_angle_rad[:] = 0.3
+    tools = _tools(simulation)
     for _ in range(_STEPS):
         simulation.step(tools)
-    pairs = ContactPairs.allocate(scene.contact.capacity)
-    last_segment = simulation.catheter.state.position_m.shape[0] - 2
-    tools.holds = [GraspHold(0, 1, CATHETER_SEGMENT, last_segment, np.array([0.5, 0.5, 0.0]), 1.0, 0.2)]
+    progress("kernels are compiled", 1.0)
+
+
+def _touch_everything(simulation: Simulation) -> None:
+    """Take steps with a contact of each kind and a grasp."""
+    tools, pairs = _tools(simulation), ContactPairs.allocate(simulation.scene.contact.capacity)
+    tools.holds = [GraspHold(0, 1, CATHETER_SEGMENT, 0, np.array([0.5, 0.5, 0.0]), 1.0, 0.2)]
+    for row, kind in enumerate((DUCT_TRIANGLE, CATHETER_SEGMENT)):
+        pairs.tool[row], pairs.tool_segment[row], pairs.target_kind[row] = 0, JAW_A, kind
+        pairs.target_weights[row] = (0.5, 0.5, 0.0)
+        pairs.normal[row, 2] = 1.0
+    pairs.count = 2
     for _ in range(_STEPS):
         simulation.step(tools, pairs)
+
+
+def _tools(simulation: Simulation) -> ToolInputs:
+    """Return one tool in the wall and one at the catheter."""
+    tools, mesh = ToolInputs(), simulation.duct.reduced.mesh
+    tools.position_m[0] = mesh.vertices_m[mesh.n_vertices // 2]
+    tools.position_m[1] = simulation.catheter.state.position_m[-2]
+    tools.jaw_angle_rad[:] = 0.3
+    return tools
+
+
+class _NoSearch:
+    """Finds nothing, and knows the wall at rest."""
+
+    def __init__(self, duct: ReducedDuct) -> None:
+        self._rest_m = duct.mesh.vertices_m
+        self.inside = np.zeros(0, np.int8)
+
+    def start(self, duct: DuctBody) -> None:
+        """The wall stays where it is."""
+
+    def node_positions(self, nodes: npt.NDArray[np.int32], out: npt.NDArray[np.float64]) -> None:
+        """Write the rest positions."""
+        out[:] = self._rest_m[nodes]
+
+    def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
+        """Append nothing."""
+
+    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append nothing."""

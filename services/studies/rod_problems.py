@@ -135,8 +135,12 @@ def thrust_after_buckling_n(ends: str, n_segments: int = 50) -> float:
 def hanging_chain(n_segments: int = 50) -> tuple[RodState, float]:
     """A chain of 150 mm without bending stiffness over a span of 100 mm: its rest, and the tension at an end [N]."""
     properties = example_rod(
-        n_segments, length_m=0.15, **INEXTENSIBLE, bending_stiffness_n_m2=0.0,
-        internal_damping_s=1e-3, viscous_drag_n_s_m2=0.1,
+        n_segments,
+        length_m=0.15,
+        **INEXTENSIBLE,
+        bending_stiffness_n_m2=0.0,
+        internal_damping_s=1e-3,
+        viscous_drag_n_s_m2=0.1,
     )
     state = straight_rod(properties, (0, 0, 0), X)
     s = np.linspace(0.0, 1.0, n_segments + 1)
@@ -212,7 +216,10 @@ def growth_under_torque_1_s(factor: float, n_segments: int = 50) -> float:
     grips_apart_m = LENGTH_M * (1.0 - 1.0 / n_segments)
     supports = Supports(held=(0, -1), start_direction=X, end_direction=X)
     integrator, state = twisted_rod(
-        factor * EI / LENGTH_M * grips_apart_m / GJ, supports, n_segments, axial_stiffness_n=50.0,
+        factor * EI / LENGTH_M * grips_apart_m / GJ,
+        supports,
+        n_segments,
+        axial_stiffness_n=50.0,
         viscous_drag_n_s_m2=0.5,
     )
     state.position_m[:, 1] += 1e-6 * np.sin(np.pi * np.linspace(0.0, 1.0, n_segments + 1)) ** 2

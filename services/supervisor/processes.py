@@ -44,7 +44,7 @@ class ProcessSpec:
 TABLE = (
     ProcessSpec("gateway", "services.gateway", stream="gateway.state"),
     ProcessSpec("physics", "services.physics", stream="physics.contacts"),
-    ProcessSpec("haptics", "services.haptics", starts_after=("physics",), stream="haptics.contact_model"),
+    ProcessSpec("haptics", "services.haptics", stream="haptics.contact_model"),
     ProcessSpec("visualization", "services.visualization", critical=False, starts_after=("physics",)),
     ProcessSpec("recorder", "services.recorder", critical=False),
 )

@@ -48,7 +48,8 @@ def _contacts() -> bodies.ToolContacts:
         gap_m=pack([-1e-4, 2e-4]),
         holds=(
             bodies.GraspHold(
-                hold_id=2, tool=0, target_kind=1, target=3, target_weights=(0.5, 0.5, 0.0), limit_n=1.5, jaw_angle_rad=0.1,
+                hold_id=2, tool=0, target_kind=1, target=3, target_weights=(0.5, 0.5, 0.0),
+                limit_n=1.5, jaw_angle_rad=0.1,
             ),
         ),
     )  # fmt: skip

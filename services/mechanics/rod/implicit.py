@@ -36,8 +36,12 @@ class ImplicitIntegrator:
     """
 
     def __init__(
-        self, properties: RodProperties, supports: Supports | None = None, *,
-        theta: float = 1.0, max_iterations: int = 4,
+        self,
+        properties: RodProperties,
+        supports: Supports | None = None,
+        *,
+        theta: float = 1.0,
+        max_iterations: int = 4,
     ) -> None:
         if not 0.5 <= theta <= 1.0:
             raise ValueError(f"theta is {theta}; the theta method is stable from 0.5 to 1")

@@ -23,8 +23,12 @@ _HALVINGS = 6
 
 @njit(cache=True, nogil=True, fastmath=False)
 def predict(
-    model: RodModel, work: RodWork, motion: Motion, external: FloatArray, target: FloatArray,
-    step: tuple[float, float, int]
+    model: RodModel,
+    work: RodWork,
+    motion: Motion,
+    external: FloatArray,
+    target: FloatArray,
+    step: tuple[float, float, int],
 ) -> int:
     """Advance motion = (x, v) in place without contacts; return the Newton iterations taken.
 
@@ -73,9 +77,7 @@ def _newton_direction(model: RodModel, work: RodWork) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _start(
-    model: RodModel, work: RodWork, motion: Motion, target: FloatArray, step: tuple[float, float]
-) -> float:
+def _start(model: RodModel, work: RodWork, motion: Motion, target: FloatArray, step: tuple[float, float]) -> float:
     """First iterate: held particles at their target (NaN: stay), free ones gone on as far as energy allows.
 
     That is h v, or a half, a quarter... of it, or nothing, so that it stretches the rod by no more than half of the
@@ -130,9 +132,7 @@ def _stretched(model: RodModel, work: RodWork, motion: Motion, way: tuple[float,
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _line_search(
-    model: RodModel, work: RodWork, scale: float, energy: tuple[float, float]
-) -> tuple[float, float]:
+def _line_search(model: RodModel, work: RodWork, scale: float, energy: tuple[float, float]) -> tuple[float, float]:
     """Share of the Newton step to take, and the stretch energy beyond the quadratic model that is left by it.
 
     `energy` is (decrease that the quadratic model promises for the full step, excess that does not matter).
@@ -171,9 +171,7 @@ def _excess_stretch(model: RodModel, work: RodWork, scale: float) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _assemble(
-    model: RodModel, work: RodWork, motion: Motion, external: FloatArray, step: tuple[float, float]
-) -> None:
+def _assemble(model: RodModel, work: RodWork, motion: Motion, external: FloatArray, step: tuple[float, float]) -> None:
     """Residual dt f - M dv into the right-hand side, and A, both at the current iterate."""
     x, v = motion
     dt_s, theta = step
@@ -209,9 +207,7 @@ def _remove_held(model: RodModel, work: RodWork) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def correct(
-    model: RodModel, work: RodWork, motion: Motion, force: FloatArray, step: tuple[float, float]
-) -> None:
+def correct(model: RodModel, work: RodWork, motion: Motion, force: FloatArray, step: tuple[float, float]) -> None:
     """Add to motion = (x, v) what forces (n, 3), constant over the step, change: dv = dt A^-1 f, dx = theta dt dv."""
     x, v = motion
     dt_s, theta = step

@@ -203,9 +203,7 @@ def _rest_curvature_gradient(model: TwistModel, frame: Frame, i: int, g: Vector)
 @njit(cache=True, nogil=True, fastmath=False)
 def _projected(t: Vector, a: Vector, b: Vector, factor: tuple[float, float], offset: Vector) -> Vector:
     """Offset + the part normal to t of factor[0] a + factor[1] b."""
-    v = (
-        factor[0] * a[0] + factor[1] * b[0], factor[0] * a[1] + factor[1] * b[1], factor[0] * a[2] + factor[1] * b[2]
-    )
+    v = (factor[0] * a[0] + factor[1] * b[0], factor[0] * a[1] + factor[1] * b[1], factor[0] * a[2] + factor[1] * b[2])
     along = dot(t, v)
     return (offset[0] + v[0] - along * t[0], offset[1] + v[1] - along * t[1], offset[2] + v[2] - along * t[2])
 

@@ -70,8 +70,12 @@ def test_tangent_of_a_straight_rod_is_its_stiffness(stretch):
     position = np.zeros((N + 1, 3))
     position[:, 0] = np.linspace(0.0, 0.1 * stretch, N + 1)
     stiffness = dense(forces(model, position, scale=(1.0, 1.0)).band)
-    expected = np.stack([-(forces(model, position + h).force - forces(model, position - h).force).ravel() / 2e-9
-                         for h in 1e-9 * np.eye(3 * N + 3).reshape(-1, N + 1, 3)])
+    expected = np.stack(
+        [
+            -(forces(model, position + h).force - forces(model, position - h).force).ravel() / 2e-9
+            for h in 1e-9 * np.eye(3 * N + 3).reshape(-1, N + 1, 3)
+        ]
+    )
     np.testing.assert_allclose(stiffness, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
 
 
