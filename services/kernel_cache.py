@@ -12,7 +12,7 @@ import os
 import shutil
 from pathlib import Path
 
-_SOURCES = ("mechanics", "gateway", "visualization")
+_SOURCES = ("mechanics", "gateway", "physics", "visualization")
 _KEPT = 4
 
 

@@ -74,6 +74,7 @@ class Gateway:
     def serve(self, deadline_ns: int) -> None:
         """Until `deadline_ns`: take the model that answers the last tick when it arrives, and serve the handles."""
         listen(self._bus, self._answers, deadline_ns - _HANDLES_NS)
+        sleep_until(deadline_ns - _HANDLES_NS)  # haptics has this core until its work is done
         began_ns = time.monotonic_ns()
         for instrument in self.instruments:
             instrument.exchange_handle()

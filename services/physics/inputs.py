@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, ContactPairs
+from services.mechanics.forceps.kinematics import N_SEGMENTS
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import N_TOOLS, GraspHold, ToolInputs
+
+FloatArray = NDArray[Any]
+IntArray = NDArray[Any]
+_COLUMNS = ("tool", "tool_segment", "target_kind", "target", "tool_parameter", "target_weights", "normal", "gap_m")
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile a function of a tick; decorator."""
+    compiled: F = njit(cache=True, nogil=True)(function)
+    return compiled
 
 
 class ContactsReader:
@@ -30,27 +49,34 @@ class ContactsReader:
         self._port_m = simulation.tools.port_m
         n_triangles = simulation.duct.reduced.mesh.triangles.shape[0]
         n_segments = simulation.catheter.state.position_m.shape[0] - 1
-        self._n_targets = np.array([n_triangles, n_segments])
+        self._n_targets = np.array([n_triangles, n_segments], np.int32)
 
     def take(self, body: ToolContacts) -> bool:
         """Copy `body` into `tools` and `pairs`; False, and nothing copied, if it names something that is not there."""
-        kind, target = body.target_kind.view(), body.target.view()
-        in_range = (
-            _within(body.tool.view(), N_TOOLS)
-            and _within(body.tool_segment.view(), 3)
-            and _within(kind, 2)
-            and bool(((target >= 0) & (target < self._n_targets[kind])).all())
-            and all(self._is_there(hold) for hold in body.holds)
-        )
-        if not in_range:
+        columns = tuple(getattr(body, name).view() for name in _COLUMNS)
+        if not (all(self._is_there(hold) for hold in body.holds) and indices_are_there(columns[:4], self._n_targets)):
             self.refused += 1
             return False
         self._take_tools(body)
-        self._take_pairs(body)
+        pairs = self.pairs
+        pairs.clear()
+        pairs.count = copy_columns(columns, tuple(getattr(pairs, name) for name in _COLUMNS), pairs.particle)
+        pairs.dropped = len(columns[0]) - pairs.count
         return True
 
+    def compile_kernels(self) -> None:
+        """Read an empty frame as it comes off the wire."""
+        bytes_, floats = pack([], "|i1"), pack([])
+        rows = pack(np.zeros((0, 3)))
+        self.take(
+            ToolContacts(
+                tick=0, tools=(), tool=bytes_, tool_segment=bytes_, target_kind=bytes_, target=pack([], "<i4"),
+                tool_parameter=floats, target_weights=rows, normal=rows, gap_m=floats,
+            )
+        )  # fmt: skip
+
     def _is_there(self, hold: HoldBody) -> bool:
-        return hold.tool < N_TOOLS and hold.target < self._n_targets[hold.target_kind]
+        return hold.tool < N_TOOLS and hold.target < int(self._n_targets[hold.target_kind])
 
     def _take_tools(self, body: ToolContacts) -> None:
         tools = self.tools
@@ -65,25 +91,30 @@ class ContactsReader:
             tools.jaw_rate_rad_s[i] = tool.jaw_rate_rad_s
         tools.holds = [_hold(hold) for hold in body.holds]
 
-    def _take_pairs(self, body: ToolContacts) -> None:
-        pairs = self.pairs
-        n = min(len(body.gap_m.view()), pairs.capacity)
-        pairs.clear()
-        pairs.count = n
-        pairs.dropped = len(body.gap_m.view()) - n
-        pairs.tool[:n] = body.tool.view()[:n]
-        pairs.tool_segment[:n] = body.tool_segment.view()[:n]
-        pairs.particle[:n] = -1
-        pairs.target_kind[:n] = body.target_kind.view()[:n]
-        pairs.target[:n] = body.target.view()[:n]
-        pairs.tool_parameter[:n] = body.tool_parameter.view()[:n]
-        pairs.target_weights[:n] = body.target_weights.view()[:n]
-        pairs.normal[:n] = body.normal.view()[:n]
-        pairs.gap_m[:n] = body.gap_m.view()[:n]
+
+@kernel
+def indices_are_there(indices: tuple[IntArray, ...], n_targets: IntArray) -> bool:
+    """Return whether tools, segments, kinds and targets of all pairs exist."""
+    tool, segment, kind, target = indices
+    for row in range(tool.shape[0]):
+        named = 0 <= tool[row] < N_TOOLS and 0 <= segment[row] < N_SEGMENTS and 0 <= kind[row] < n_targets.shape[0]
+        if not (named and 0 <= target[row] < n_targets[kind[row]]):
+            return False
+    return True
 
 
-def _within(indices: NDArray[np.int8], end: int) -> bool:
-    return bool(((indices >= 0) & (indices < end)).all())
+@kernel
+def copy_columns(source: tuple[FloatArray, ...], out: tuple[FloatArray, ...], particle: NDArray[np.int32]) -> int:
+    """Copy as many rows as there is room for, and return how many."""
+    tool, segment, kind, target, parameter, weights, normal, gap = source
+    n: int = min(tool.shape[0], particle.shape[0])
+    for row in range(n):
+        out[0][row], out[1][row], out[2][row], out[3][row] = tool[row], segment[row], kind[row], target[row]
+        out[4][row], out[7][row] = parameter[row], gap[row]
+        particle[row] = -1
+        for axis in range(3):
+            out[5][row, axis], out[6][row, axis] = weights[row, axis], normal[row, axis]
+    return n
 
 
 def _hold(body: HoldBody) -> GraspHold:

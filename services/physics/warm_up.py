@@ -13,6 +13,7 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import GraspHold, ToolInputs
+from services.physics.inputs import ContactsReader
 from services.runtime.log import progress
 
 _STEPS = 20
@@ -31,6 +32,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     tools = _tools(simulation)
     for _ in range(_STEPS):
         simulation.step(tools)
+    ContactsReader(simulation).compile_kernels()
     progress("kernels are compiled", 1.0)
 
 

@@ -1,4 +1,4 @@
-"""The recorder: reads every frame of the bus and writes the chosen ones to a file. Never blocks anyone."""
+"""The recorder: every frame of the devices and samples of all else, from the bus to a file. Never blocks anyone."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from pathlib import Path
 from protocol.topics import read_by
 from services.recorder.recording import RecordingWriter
 from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Process, main
+from services.runtime.process import Plan, Process, main
+from services.runtime.rig import Rig
 
-_RATE_HZ = 50.0
+#: Longer than the period of what is sampled, far shorter than a turn.
+_PATIENCE_NS = 4_000_000
 
 
 def _new_file(process: Process) -> Path:
@@ -32,19 +34,30 @@ def _metadata(process: Process) -> dict[str, str]:
     }
 
 
+def topics(plan: Plan) -> dict[str, tuple[str, ...]]:
+    """Return how the topics are read: whole, or sampled."""
+    whole = plan.rig.recorder.whole
+    return {"reads": (), "reads_every": whole, "samples": _sampled(plan.rig)}
+
+
+def _sampled(rig: Rig) -> tuple[str, ...]:
+    return tuple(row.name for row in read_by("recorder") if row.name not in rig.recorder.whole)
+
+
 def run(process: Process) -> None:
-    """Take what came, keep one frame in so many of each topic, write."""
-    keep_every = {row.name: process.rig.recorder.keep_one_in.get(row.name, 1) for row in read_by("recorder")}
+    """Write what came whole, then one frame of everything else."""
+    bus, settings = process.bus, process.rig.recorder
+    sampled = _sampled(process.rig)
     writer = RecordingWriter(_new_file(process), _metadata(process))
     process.log.info("writing %s", writer.path)
-    meter = LoopMeter(_RATE_HZ)
+    meter = LoopMeter(settings.sample_rate_hz)
     process.ready(meter)
     try:
         for _tick in ticks(meter, process.stop):
-            for topic, one_in in keep_every.items():
-                for frame in process.bus.drain(topic):
-                    if frame.sequence % one_in == 0:
-                        writer.write(frame)
+            frames = [frame for topic in settings.whole for frame in bus.drain(topic)]
+            frames += bus.sample(sampled, time.monotonic_ns() + _PATIENCE_NS).values()
+            for frame in frames:
+                writer.write(frame)
             writer.flush()
             process.health.gauges["recorded_frames"] = writer.frames
             process.health.change("running")
@@ -55,4 +68,4 @@ def run(process: Process) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("recorder", run, reads=(), reads_every=[row.name for row in read_by("recorder")]))
+    sys.exit(main("recorder", run, topics=topics))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections import Counter, deque
+from collections.abc import Iterable
 from typing import Protocol
 
 import msgspec
@@ -35,6 +36,13 @@ class Bus(Protocol):
 
     def drain(self, topic: str) -> list[Frame]:
         """Return the frames of a topic read with ``every`` since the last call, oldest first. Never blocks."""
+        ...
+
+    def sample(self, topics: Iterable[str], until_ns: int) -> dict[str, Frame]:
+        """Ask for one frame each of topics opened as ``samples``; wait for them, but not beyond `until_ns`.
+
+        Between two samples nothing is sent to this process: for readers that want some frames of a fast topic.
+        """
         ...
 
     def wait(self, topic: str, until_ns: int) -> bool:

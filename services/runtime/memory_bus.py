@@ -34,11 +34,12 @@ class MemoryBus:
         publishes: Iterable[str] = (),
         reads: Iterable[str] = (),
         reads_every: Iterable[str] = (),
+        samples: Iterable[str] = (),
     ) -> None:
         self._hub = hub
         incarnation = bus.new_incarnation()
         self._out = {name: bus.Outbox(topic(name), incarnation) for name in publishes}
-        self._in = {name: bus.Inbox(topic(name)) for name in reads}
+        self._in = {name: bus.Inbox(topic(name)) for name in (*reads, *samples)}
         self._in.update({name: bus.Inbox(topic(name), every=True) for name in reads_every})
         self._queues: dict[str, deque[bytes]] = {}
         for name, box in self._in.items():
@@ -61,6 +62,11 @@ class MemoryBus:
         queue, box = self._queues[name], self._in[name]
         frames = [box.accept(queue.popleft()) for _ in range(min(len(queue), bus.DRAIN_LIMIT))]
         return [frame for frame in frames if frame is not None]
+
+    def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:
+        """Return the newest unread frames of `names`."""
+        frames = {name: self.latest(name) for name in names}
+        return {name: frame for name, frame in frames.items() if frame is not None}
 
     def wait(self, name: str, until_ns: int) -> bool:
         """Return at once whether `name` has a frame: nothing else runs while this process waits."""

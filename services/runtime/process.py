@@ -7,7 +7,7 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -107,6 +107,7 @@ def open_process(
     publishes: Iterable[str] | None = None,
     reads: Iterable[str] | None = None,
     reads_every: Iterable[str] = (),
+    samples: Iterable[str] = (),
 ) -> Process:
     """Return the open process: by default with all topics that the table gives it.
 
@@ -128,6 +129,8 @@ def open_process(
         publishes=[row.name for row in published_by(name)] if publishes is None else publishes,
         reads=[row.name for row in read_by(name)] if reads is None else reads,
         reads_every=reads_every,
+        samples=samples,
+        thread_above=settings.bus_thread_above,
     )
     process = Process(name, rig, plan.scene_name, plan.scene_overrides, logger, facts, bus, HealthReporter(name, bus))
     process.health.realtime = facts
@@ -152,7 +155,7 @@ def main(
     arguments: Sequence[str] | None = None,
     *,
     prepare: Callable[[Plan], Any] | None = None,
-    **topics: Iterable[str],
+    topics: Callable[[Plan], Mapping[str, Iterable[str]]] | None = None,
 ) -> int:
     """Run a process from its command line; return the exit code. What a person can mend is one sentence.
 
@@ -165,13 +168,13 @@ def main(
     prepare
         What takes long (bases, compiling kernels): done before the process is real-time, so that it starves nobody.
     topics
-        Passed on to `open_process`.
+        Returns the arguments of `open_process` for a process that reads otherwise than the table says.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end
     try:
         plan = make_plan(name, parse(name, arguments))
         prepared = () if prepare is None else (prepare(plan),)
-        process = open_process(plan, **topics)
+        process = open_process(plan, **(topics(plan) if topics else {}))
         try:
             run(process, *prepared)
             process.health.change("stopping")

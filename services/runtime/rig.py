@@ -41,6 +41,7 @@ class ProcessSettings(Settings):
     enabled: bool = True
     core: Annotated[int, Field(ge=0)] | None = None
     priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
+    bus_thread_above: bool = Field(True, description="the bus' own thread runs one priority above, see docs/decisions")
     nice: Annotated[int, Field(ge=0, le=19)] | None = None
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")
@@ -146,10 +147,11 @@ class RecorderSettings(Settings):
     """What is written to disk."""
 
     directory: Path = Path("out/recordings")
-    keep_one_in: dict[str, Annotated[int, Field(ge=1)]] = Field(
-        {"physics.duct": 10, "physics.catheter": 10, "physics.contacts": 10},
-        description="by topic; what the devices did is kept whole, and physics follows from it",
+    whole: tuple[str, ...] = Field(
+        ("gateway.state", "supervisor.state"),
+        description="topics of which every frame is kept: what the devices did, as all else follows from it",
     )
+    sample_rate_hz: Annotated[float, Field(ge=1, le=200)] = Field(50.0, description="of all other topics")
 
 
 class Rig(Settings):

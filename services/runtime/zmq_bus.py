@@ -20,6 +20,8 @@ from services.runtime.rig import Transport
 #: Frames that a reader of every frame may fall behind before frames are lost (and counted): a second of the fastest.
 _HIGH_WATER_MARK = 1000
 _RECONNECT_MS = 2
+#: Frames between two looks at who has come and gone: readers that sample say so often, and what they say adds up.
+_COUNT_READERS_EVERY = 16
 _ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
 
 
@@ -45,6 +47,11 @@ class ZmqBus:
         Topic names. State topics are read newest-only.
     reads_every
         Topics of which every frame is wanted, whatever the table says: for recorders and sniffers.
+    samples
+        Topics of which a frame is wanted now and then: see `sample`.
+    thread_above
+        Whether the bus' own thread runs one above a real-time process. Then a frame leaves when it is sent; else when
+        the process sleeps, all frames of a tick together, which costs fewer switches.
 
     Raises
     ------
@@ -58,10 +65,13 @@ class ZmqBus:
         publishes: Iterable[str] = (),
         reads: Iterable[str] = (),
         reads_every: Iterable[str] = (),
+        samples: Iterable[str] = (),
+        thread_above: bool = True,
     ) -> None:
         self._context = zmq.Context()
         self._context.linger = 0
-        _raise_io_thread(self._context)
+        if thread_above:
+            _raise_io_thread(self._context)
         self._locks: list[IO[str]] = []
         self._senders: dict[str, zmq.Socket[bytes]] = {}
         self._receivers: dict[str, zmq.Socket[bytes]] = {}
@@ -73,9 +83,11 @@ class ZmqBus:
             for name in publishes:
                 self._bind(transport, name, incarnation)
             for name in reads:
-                self._connect(transport, name, every=False)
+                self._connect(transport, name, every=False).setsockopt(zmq.SUBSCRIBE, b"")
             for name in reads_every:
-                self._connect(transport, name, every=True)
+                self._connect(transport, name, every=True).setsockopt(zmq.SUBSCRIBE, b"")
+            for name in samples:
+                self._connect(transport, name, every=False)
         except BaseException:
             self.close()
             raise
@@ -97,7 +109,7 @@ class ZmqBus:
         except zmq.ZMQError as error:
             raise BusError(f"topic {name}: cannot bind {where}: {error.strerror}") from None
 
-    def _connect(self, transport: Transport, name: str, *, every: bool) -> None:
+    def _connect(self, transport: Transport, name: str, *, every: bool) -> zmq.Socket[bytes]:
         box = bus.Inbox(topic(name), every=every)
         socket = self._context.socket(zmq.SUB)
         if box.every:
@@ -105,15 +117,17 @@ class ZmqBus:
         else:
             socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
         socket.reconnect_ivl = _RECONNECT_MS
-        socket.setsockopt(zmq.SUBSCRIBE, b"")
         socket.connect(endpoints.endpoint(transport, name))
         self._receivers[name] = socket
         self._in[name] = box
+        return socket
 
     def publish(self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
         """Send `body`; a reader that cannot keep up loses frames, the sender never waits."""
         box = self._out[name]
         self._senders[name].send(box.seal(body, origin_ns, valid), zmq.NOBLOCK)
+        if box.sent % _COUNT_READERS_EVERY == 0:
+            self.has_reader(name)
         return box.sent - 1
 
     def latest(self, name: str) -> Frame | None:
@@ -138,6 +152,26 @@ class ZmqBus:
             if frame is not None:
                 frames.append(frame)
         return frames
+
+    def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:
+        """Subscribe, take the next frame of each of `names`, unsubscribe; what has not come in time is left out."""
+        names = tuple(names)
+        for name in names:
+            self._forget(self._receivers[name])
+            self._receivers[name].setsockopt(zmq.SUBSCRIBE, b"")
+        frames = {name: self.latest(name) for name in names if self.wait(name, until_ns)}
+        for name in names:
+            self._receivers[name].setsockopt(zmq.UNSUBSCRIBE, b"")
+        return {name: frame for name, frame in frames.items() if frame is not None}
+
+    @staticmethod
+    def _forget(socket: zmq.Socket[bytes]) -> None:
+        """Throw away what still came after the last sample: it is old by now."""
+        while True:
+            try:
+                socket.recv(zmq.NOBLOCK)
+            except zmq.Again:
+                return
 
     def wait(self, name: str, until_ns: int) -> bool:
         """Sleep until `name` may have a frame or the clock reaches `until_ns`: finer than zmq_poll's milliseconds."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import signal
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,8 @@ _NOTICE_S = 0.1
 _SAY_EVERY_S = 10.0
 #: Ends last: it holds the arms, and lets go of them by itself when the others fall silent.
 _LAST = "gateway"
+#: How long a 1 kHz stream is listened to in one turn: many of its periods, a fraction of the silence that is a hang.
+PATIENCE_NS = 10_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +161,7 @@ class Crew:
             counts = member.hear(frame.body, now_s)
             if counts is not None:
                 self.on_counts(member.name, counts)
-        if member.spec.stream is not None and self.bus.latest(member.spec.stream) is not None:
+        if member.spec.stream is not None and self.bus.sample((member.spec.stream,), time.monotonic_ns() + PATIENCE_NS):
             member.stream_s = now_s
 
     def _read_lines(self, member: Member) -> None:

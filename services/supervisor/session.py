@@ -59,7 +59,7 @@ class Plan:
 
 
 def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Process:
-    """Return the open supervisor process: it reads every heartbeat and the 1 kHz streams that it watches.
+    """Return the open supervisor process: it reads every heartbeat, and looks at the 1 kHz streams that it watches.
 
     Raises
     ------
@@ -68,9 +68,8 @@ def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Proc
     """
     _refuse_second_rig(options)
     streams = [spec.stream for spec in table if spec.stream is not None]
-    process = open_process(
-        make_plan("supervisor", options), reads=[*(f"{spec.name}.health" for spec in table), *streams]
-    )
+    heartbeats = [f"{spec.name}.health" for spec in table]
+    process = open_process(make_plan("supervisor", options), reads=heartbeats, samples=streams)
     signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed: nobody is left to end it
     return process
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,8 @@ from services.visualization import tool_pose
 from services.visualization.duct_surface import DuctSurface
 from services.visualization.picture import Layout, Picture, ToolShape
 
+#: Longer than the period of what is sampled, far shorter than a picture's.
+PATIENCE_NS = 4_000_000
 TOPICS = ("gateway.state", "physics.duct", "physics.catheter", "physics.contacts")
 
 
@@ -53,12 +56,10 @@ class Composer:
 
     def compose(self) -> Picture:
         """Return the picture of now, `layout` brought up to date first."""
-        for topic in TOPICS:
-            frame = self._bus.latest(topic)
-            if frame is not None:
-                self._newest[topic] = frame
-                if topic == "physics.duct" and not self._surface.update(frame.body):
-                    self.refused += 1
+        for topic, frame in self._bus.sample(TOPICS, time.monotonic_ns() + PATIENCE_NS).items():
+            self._newest[topic] = frame
+            if topic == "physics.duct" and not self._surface.update(frame.body):
+                self.refused += 1
         catheter: bodies.Catheter | None = self._body("physics.catheter")
         gateway: bodies.GatewayState | None = self._body("gateway.state")
         self._lay_out(catheter, gateway)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
@@ -267,3 +268,45 @@ def test_garbage_on_the_socket_is_counted_and_survived(transport: Transport, eve
     finally:
         reader.close()
         context.destroy(linger=0)
+
+
+def test_a_sampler_gets_a_new_frame_when_it_asks_and_nothing_between(make: Make, eventually: Eventually) -> None:
+    sender, reader = make(publishes=[STATE]), make(samples=[STATE])
+    eventually(lambda: sender.publish(STATE, state(0)) >= 0 and bool(_sample_while_sending(sender, reader)))
+    received = reader.reports()[0].received
+    time.sleep(0.02)
+    for _ in range(50):
+        sender.publish(STATE, state(1))
+    assert reader.reports()[0].received == received
+
+
+def _sample_while_sending(sender: Any, reader: Any) -> dict[str, Frame]:
+    """Send from another thread while this one waits, as another process would."""
+    if isinstance(reader, MemoryBus):
+        return reader.sample([STATE], 0)
+    stop = threading.Event()
+
+    def send() -> None:
+        while not stop.is_set():
+            sender.publish(STATE, state(5))
+            time.sleep(1e-3)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        frames: dict[str, Frame] = reader.sample([STATE], time.monotonic_ns() + 500_000_000)
+    finally:
+        stop.set()
+        thread.join()
+    return frames
+
+
+def test_a_sample_that_does_not_come_is_left_out(transport: Transport) -> None:
+    sender, reader = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, samples=[STATE])
+    try:
+        before = time.monotonic_ns()
+        assert reader.sample([STATE], before + 3_000_000) == {}
+        assert time.monotonic_ns() >= before + 3_000_000
+    finally:
+        sender.close()
+        reader.close()
