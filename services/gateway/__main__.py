@@ -40,6 +40,7 @@ class Gateway:
         self._grasp = self._path("grasp", 300.0)
         self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))
         self._orders = Orders(self.instruments)
+        self._turn = 0
 
     def _path(self, name: str, default_us: float) -> Path:
         contract = self._process.rig.contracts.paths.get(name)
@@ -76,8 +77,9 @@ class Gateway:
         listen(self._bus, self._answers, deadline_ns - _HANDLES_NS)
         sleep_until(deadline_ns - _HANDLES_NS)  # haptics has this core until its work is done
         began_ns = time.monotonic_ns()
-        for instrument in self.instruments:
-            instrument.exchange_handle()
+        if self.instruments:  # one handle a tick, so each of two at 500 Hz: docs/decisions/handles-take-turns.md
+            self.instruments[self._turn % len(self.instruments)].exchange_handle()
+            self._turn += 1
         self._grasp.latency.record(time.monotonic_ns() - began_ns)
         listen(self._bus, self._answers, deadline_ns)
         sleep_until(deadline_ns)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from services.gateway import cansimple
 from services.gateway.cansimple import AxisError, AxisState
 
-HEARTBEAT_S, ESTIMATE_S = 0.1, 0.001
+HEARTBEAT_S, ESTIMATE_S = 0.1, 0.002
 #: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
 INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
 _SUBSTEPS = 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 
 from protocol import Frame
 from services.mechanics.reduction.duct import ReducedDuct
@@ -38,13 +39,17 @@ class Physics:
 
     def advance(self, frame: Frame, steps: int) -> None:
         """Take `steps` with the tools of `frame` and publish the last one."""
+        stages, began_ns = self._process.health.stages, time.monotonic_ns()
         if not self._reader.take(frame.body):
             self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
             return
+        stages.add("read", time.monotonic_ns() - began_ns)
         healthy = all(self._step() for _ in range(steps))
         if not healthy:
             self._reset()
+        stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
+        stages.add("send", time.monotonic_ns() - stepped_ns)
 
     def _step(self) -> bool:
         """Take one step; False if the state it leads to is not a number, which no kernel may ever see."""

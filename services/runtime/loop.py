@@ -159,7 +159,9 @@ def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> 
             continue
         sleep_until(last_ns + apart_ns)
         frame = bus.latest(topic)
-        if frame is None:
+        if frame is None:  # refused, or a socket that is readable without a frame, as one of a dead publisher may be
+            sleep_until(time.monotonic_ns() + meter.period_ns)
+            yield None
             continue
         last_ns = time.monotonic_ns()
         meter.start(frame.sent_ns, last_ns)

@@ -54,6 +54,7 @@ class Process:
     facts: list[realtime.Fact]
     bus: ZmqBus
     health: HealthReporter
+    _fifo: int | None = None
     _stopping: list[bool] = field(default_factory=lambda: [False])
 
     def stop(self) -> bool:
@@ -61,8 +62,10 @@ class Process:
         return self._stopping[0]
 
     def ready(self, meter: LoopMeter | None = None) -> None:
-        """Say that everything is built and warm; the loop begins now."""
+        """Say that everything is built and warm; the loop begins now, and real time with it."""
         self.health.meter = meter
+        if self._fifo is not None:
+            realtime.resume(self._fifo)
         self.facts.extend((realtime.settle(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
@@ -111,7 +114,8 @@ def open_process(
 ) -> Process:
     """Return the open process: by default with all topics that the table gives it.
 
-    The order is the point: scheduling first, then the ZeroMQ context, whose thread inherits it.
+    The order is the point: scheduling first, then the ZeroMQ context, whose thread inherits it. From then until `ready`
+    the process itself is an ordinary one, so that opening devices starves nobody.
 
     Raises
     ------
@@ -134,6 +138,9 @@ def open_process(
     )
     process = Process(name, rig, plan.scene_name, plan.scene_overrides, logger, facts, bus, HealthReporter(name, bus))
     process.health.realtime = facts
+    if settings.priority is not None and os.sched_getscheduler(0) == os.SCHED_FIFO:
+        process._fifo = settings.priority  # noqa: SLF001
+        realtime.relax()
     _stop_on_signals(process)
     process.health.change("starting", "building")
     return process

@@ -51,6 +51,16 @@ def set_up(core: int | None, priority: int | None, nice: int | None = None) -> l
     return facts
 
 
+def relax() -> None:
+    """Put the calling thread, and it alone, into the ordinary class: what it does before its loop may wait."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def resume(priority: int) -> None:
+    """Put the calling thread back into SCHED_FIFO, which `set_up` was granted."""
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+
+
 def settle() -> Fact:
     """Freeze what is alive and switch the collector off: to be called when a loop is warm and about to run."""
     gc.collect()

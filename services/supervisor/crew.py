@@ -72,8 +72,9 @@ class Crew:
         """Hear everyone, notice who ended or hangs, start whoever is due."""
         self._forgive_own_delay(now_s)
         hearing = self._is_hearing(now_s)  # before the reading: what arrives after this is heard in the next turn
+        flowing = self._flowing()
         for member in self.members.values():
-            self._hear(member, now_s)
+            self._hear(member, now_s, member.spec.stream in flowing)
             if member.child is not None:
                 self._read_lines(member)
                 status = member.child.end()
@@ -155,13 +156,18 @@ class Crew:
             if member.stream_s is not None:
                 member.stream_s += held_up_s
 
-    def _hear(self, member: Member, now_s: float) -> None:
+    def _flowing(self) -> set[str]:
+        """Return the 1 kHz streams that are heard in this turn: all of them listened to together, not one by one."""
+        streams = [m.spec.stream for m in self.members.values() if m.spec.stream is not None]
+        return set(self.bus.sample(streams, time.monotonic_ns() + PATIENCE_NS))
+
+    def _hear(self, member: Member, now_s: float, flows: bool) -> None:
         frame = self.bus.latest(f"{member.name}.health")
         if frame is not None:
             counts = member.hear(frame.body, now_s)
             if counts is not None:
                 self.on_counts(member.name, counts)
-        if member.spec.stream is not None and self.bus.sample((member.spec.stream,), time.monotonic_ns() + PATIENCE_NS):
+        if flows:
             member.stream_s = now_s
 
     def _read_lines(self, member: Member) -> None:

@@ -166,6 +166,8 @@ class Supervisor:
         self._standing.clear()
 
     def _judge(self) -> None:
+        if not self.crew.all_ready:  # those that follow a process that is down cannot keep their rates: not their fault
+            self._judge_anew()
         seen = []
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
             windows = {name: m.window.figures() for name, m in self.crew.members.items() if m.up}

@@ -117,11 +117,13 @@ def test_a_handle_faster_than_the_limit_is_let_go() -> None:
     assert host.drive.errors & AxisError.VELOCITY_LIMIT
 
 
-def test_estimates_come_every_millisecond_and_heartbeats_ten_times_a_second() -> None:
+def test_estimates_come_every_other_millisecond_and_heartbeats_ten_times_a_second() -> None:
     host = Host()
-    host.run(1.0)
+    for _ in range(500):  # as the node does
+        host.now_s += emulated_drive.ESTIMATE_S
+        host.heard += host.drive.step(0.5, host.now_s, emulated_drive.ESTIMATE_S)
     kinds = [identifier & 0x1F for identifier, _ in host.heard]
-    assert kinds.count(cansimple.GET_ENCODER_ESTIMATES) == 1000
+    assert kinds.count(cansimple.GET_ENCODER_ESTIMATES) == 500
     assert 10 <= kinds.count(cansimple.HEARTBEAT) <= 11
     (_, data) = next(f for f in host.heard if f[0] & 0x1F == cansimple.GET_ENCODER_ESTIMATES)
     assert cansimple.unpack_floats(data)[0] * 2 * math.pi == pytest.approx(0.5)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from protocol import TOPICS
+from protocol import TOPICS, bodies
+from protocol.arrays import Array
 from services.recorder.recording import RecordingWriter, read
+from services.recorder.schema import message_class
+from services.recorder.transcode import to_protobuf
 from tests.protocol import samples
 
 
@@ -37,6 +41,41 @@ def test_numbers_and_arrays_are_those_of_the_frame(tmp_path: Path) -> None:
     assert list(by_topic["haptics.contacts"].target) == [17, 3]
     np.testing.assert_allclose(by_topic["haptics.contacts"].target_weights, [0.2, 0.3, 0.5, 0.5, 0.5, 0.0])
     assert by_topic["physics.health"].topics[0].refused["malformed"] == 1
+
+
+@pytest.mark.parametrize("name", TOPICS)
+def test_the_bytes_are_those_that_protobuf_itself_would_read(name: str) -> None:
+    """Every scalar, vector and array of the body, through protobuf's own parser."""
+    frame = samples.frame(name)
+    message = message_class(type(frame.body))()
+    message.ParseFromString(to_protobuf(frame))
+    _assert_same(message, frame.body)
+
+
+def _assert_same(message: Any, body: msgspec.Struct) -> None:
+    for field in body.__struct_fields__:
+        value, got = getattr(body, field), getattr(message, field)
+        if isinstance(value, Array):
+            assert list(got) == value.view().ravel().tolist(), field
+        elif isinstance(value, msgspec.Struct):
+            _assert_same(got, value)
+        elif isinstance(value, tuple) and value and isinstance(value[0], msgspec.Struct):
+            for one, other in zip(got, value, strict=True):
+                _assert_same(one, other)
+        elif isinstance(value, tuple):
+            assert tuple(got) == value, field
+        elif isinstance(value, dict):
+            assert dict(got) == value, field
+        elif value is not None:
+            assert got == value, field
+
+
+def test_negative_and_large_integers_survive() -> None:
+    state = bodies.InstrumentState(name="x", position_m=(0.0, 0.0, 0.0), model_sequence=-1, buttons=(1 << 16) - 1)
+    body = bodies.GatewayState(tick=(1 << 62) + 5, instruments=(state,))
+    message = message_class(bodies.GatewayState)()
+    message.ParseFromString(to_protobuf(msgspec.structs.replace(samples.frame("gateway.state"), body=body)))
+    _assert_same(message, body)
 
 
 def _long_recording(path: Path, frames: int) -> RecordingWriter:

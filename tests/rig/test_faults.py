@@ -68,7 +68,7 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
     assert (at_ns - struck_ns) * 1e-9 < NOTICED_S
 
     observer.until(
-        lambda: observer.rig_state in ("running", "degraded") and observer.pids()[name] not in (0, before[name]),
+        lambda: observer.report(name) == "ready" and observer.pids()[name] not in (0, before[name]),
         MENDED_S, f"{name} back",
     )  # fmt: skip
     after = observer.pids()
@@ -100,8 +100,8 @@ def test_recordings_up_to_then_are_readable(rig: Rig) -> None:
     """Two recorders died in this module, one by SIGKILL: what they wrote until then is there."""
     files = sorted((rig.directory / "recordings").glob("*.mcap"))
     assert len(files) >= 3
-    for path in files[:-1]:
-        ticks = [message.body.tick for message in read(path) if message.topic == "gateway.state"]
-        assert len(ticks) > 300, path
-        steps = {b - a for a, b in itertools.pairwise(ticks)}
-        assert 1 in steps
+    frames = [[message.body.tick for message in read(path) if message.topic == "gateway.state"] for path in files]
+    # The first recorder lived for many seconds; one that was struck just after its start may not have filled a chunk.
+    assert len(frames[0]) > 3000
+    steps = [b - a for a, b in itertools.pairwise(frames[0])]
+    assert steps.count(1) > 0.9 * len(steps)

@@ -115,3 +115,14 @@ def test_a_follower_answers_each_frame_and_breathes_without_any() -> None:
             sender.publish("gateway.state", bodies.GatewayState(tick=index))
     assert answered == [None, 0, None, 2, None, 4]
     assert meter.ticks == 3
+
+
+def test_a_follower_breathes_while_what_comes_is_refused(clock: Clock) -> None:
+    """Garbage at any rate is answered by health reports at the loop's own, not by silence or a spin."""
+    hub = MemoryHub()
+    reader = MemoryBus(hub, reads=["gateway.state"])
+    meter, stop = LoopMeter(1000.0), after(5)
+    began_ns = clock.now
+    for _frame in follow(reader, "gateway.state", meter, lambda: hub.send("gateway.state", b"garbage") or next(stop)):
+        assert _frame is None
+    assert clock.now - began_ns >= 5_000_000

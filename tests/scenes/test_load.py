@@ -56,8 +56,8 @@ def test_options_are_told_apart_by_their_first_key() -> None:
 
 @pytest.mark.parametrize(
     ("name", "model"),
-    [("default", insertion_scene()), ("miss", miss().scene), ("paper", paper_scene())],
-    ids=["default", "miss", "paper"],
+    [("insertion", insertion_scene()), ("miss", miss().scene), ("paper", paper_scene())],
+    ids=["insertion", "miss", "paper"],
 )
 def test_scene_files_are_the_scenes_that_the_mechanics_tests(name: str, model: SceneModel) -> None:
     """What is tested in process is what the rig runs."""
