@@ -47,7 +47,7 @@ def statics() -> Table:
         "Curved shells, static",
         "Quarter and octant models. `cst` locks in in-plane bending and needs the finer mesh on the roof. The "
         "roof's deep-shell limit is 0.3006. The Raasch hook's 4.93 to 5.03 holds with transverse shear; a Kirchhoff "
-        "triangle gives 4.706. References for large deflections (Sze et al.) do not apply to this linear code.",
+        "triangle gives 4.706. Large deflections (Sze et al.) are the reduced model's, below.",
         sorted(entries, key=lambda e: e.quantity, reverse=True),
     )
 

@@ -26,12 +26,12 @@ def write(path: Path, text: str) -> Path:
         ("name: a\ncolour: red", r"rig.yaml: colour: unknown key 'colour'; known: contracts, gateway, name, "),
         (
             "name: a\nprocesses: {physics: {coer: 1}}",
-            r"processes.physics.coer: unknown key 'coer'; known: core, critical, enabled, nice, priority, restart",
+            r"processes.physics.coer: unknown key 'coer'; known: bus_thread_above, core, critical, enabled, nice, priority, restart",
         ),
         ("name: a\nprocesses: {physics: {priority: 99}}", r"processes.physics.priority: input should be less"),
         ("name: a\ntransport: {kind: pigeon}", r"transport.kind: input should be 'ipc' or 'tcp'"),
         (
-            "name: a\ngateway: {instruments: [{name: left, arm: {drver: x}}]}",
+            "name: a\ngateway: {instruments: [{name: left, port_m: [0, 0, 0], arm: {drver: x}}]}",
             r"gateway.instruments.0.arm.driver: this key is missing \(and 1 more\)",
         ),
         ("name: a\ntransport: {kind: tcp, bind_host: 0.0.0.0}", r"transport: tcp to 0.0.0.0 leaves this host"),
@@ -62,14 +62,14 @@ def test_options_win_over_the_file_and_origins_are_known(tmp_path: Path) -> None
 
 
 def test_an_option_reaches_into_lists(tmp_path: Path) -> None:
-    file = write(tmp_path, "name: a\ngateway: {instruments: [{name: left, arm: {driver: x}}]}")
+    file = write(tmp_path, "name: a\ngateway: {instruments: [{name: left, port_m: [0, 0, 0], arm: {driver: x}}]}")
     rig, _ = config.load(Rig, file, ["gateway.instruments.0.arm.driver=phantom_simulated"])
     assert rig.gateway.instruments[0].arm.driver == "phantom_simulated"
 
 
 @pytest.mark.parametrize("option", ["nonsense", "=3", "name.deeper=1", "gateway.instruments.7.name=x"])
 def test_an_option_that_fits_nowhere_says_so(tmp_path: Path, option: str) -> None:
-    file = write(tmp_path, "name: a\ngateway: {instruments: [{name: left, arm: {driver: x}}]}")
+    file = write(tmp_path, "name: a\ngateway: {instruments: [{name: left, port_m: [0, 0, 0], arm: {driver: x}}]}")
     with pytest.raises(ConfigError, match=r"--set"):
         config.load(Rig, file, [option])
 
