@@ -12,8 +12,8 @@ from services.haptics.outputs import tool_contacts
 from services.haptics.tool_tracker import ToolTracker
 from services.haptics.world import World
 from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
-from services.mechanics.contact.pairs import ContactPairs
-from services.mechanics.forceps.grasp import Grasp
+from services.mechanics.contact.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
+from services.mechanics.forceps.grasp import Grasp, deepest_touch
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.log import progress
@@ -115,6 +115,7 @@ def prepare(plan: Plan) -> tuple[SceneModel, ReducedDuct]:
     pairs = ContactPairs.allocate(scene.contact.capacity)
     progress("compiling collision detection", 0.0)
     make_detector(scene, world).detect(tools.segments_m, tools.radius_m, world.particles_m, pairs, tools.present)
+    deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
     # Not for haptics: physics compiles its dynamics meanwhile and finds this in the cache.
     catheter = scene.catheter
     CatheterContactDetector(world.surface, catheter.n_segments + 1, catheter.outer_diameter_m, 1e-3).detect(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs
 from services.mechanics.mesh import TriangleMesh
@@ -13,6 +14,7 @@ from services.mechanics.scene import ForcepsScene
 from services.mechanics.tools import GraspHold
 
 FloatArray = npt.NDArray[np.float64]
+ByteArray = npt.NDArray[np.int8]
 
 TOUCHING_M = 0.1e-3
 HOLDS_PER_GRASP = 2
@@ -120,10 +122,19 @@ class Grasp:
 
 def deepest_touch(pairs: ContactPairs, tool: int, segment: int, target_kind: int) -> int:
     """Return the pair of a jaw that touches this kind of target closest, -1 where none touches."""
+    columns = (pairs.tool, pairs.tool_segment, pairs.target_kind)
+    found: int = _deepest(columns, pairs.gap_m, pairs.count, (tool, segment, target_kind))
+    return found
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _deepest(
+    columns: tuple[ByteArray, ByteArray, ByteArray], gap_m: FloatArray, count: int, wanted: tuple[int, int, int]
+) -> int:
     best = -1
-    for i in range(pairs.count):
-        if pairs.tool[i] != tool or pairs.tool_segment[i] != segment or pairs.target_kind[i] != target_kind:
+    for i in range(count):
+        if columns[0][i] != wanted[0] or columns[1][i] != wanted[1] or columns[2][i] != wanted[2]:
             continue
-        if pairs.gap_m[i] < TOUCHING_M and (best < 0 or pairs.gap_m[i] < pairs.gap_m[best]):
+        if gap_m[i] < TOUCHING_M and (best < 0 or gap_m[i] < gap_m[best]):
             best = i
     return best
