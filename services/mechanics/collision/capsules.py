@@ -12,7 +12,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.collision.kernel import Struct, fill, flags, floats, ints, kernel, struct_type
 from services.mechanics.collision.primitives import (
     Vector,
     along,
@@ -27,6 +26,7 @@ from services.mechanics.collision.primitives import (
 )
 from services.mechanics.collision.writer import Rows, write_pair
 from services.mechanics.contact.pairs import CATHETER_SEGMENT
+from services.mechanics.kernel import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
 from services.mechanics.mesh import FloatArray
 
 Tools = tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]
@@ -48,6 +48,7 @@ MEMORY = struct_type(
     ),
     counts=("n_second",),
 )
+memory_at = struct_reader(MEMORY)
 
 
 class CapsuleMemory:
@@ -55,14 +56,14 @@ class CapsuleMemory:
 
     def __init__(self, m: int, n: int) -> None:
         self._storage = np.zeros(1, MEMORY)
-        self.struct: Memory = self._storage[0]
+        self.address: int = self._storage.ctypes.data
         self._active = np.zeros((m, n), np.int8)
         self._alive: dict[str, np.ndarray] = {
             "normal": np.zeros((m, n, 3)),
             "best": np.zeros(STRETCHES, np.int32),
             "found": np.zeros((STRETCHES, 6)),
         }
-        fill(self.struct, active=self._active, n_second=n, **self._alive)
+        fill(self._storage[0], active=self._active, n_second=n, **self._alive)
 
     def reset(self) -> None:
         """Drop the past of every pair."""

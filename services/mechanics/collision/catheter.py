@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.collision.inside import Lumen, LumenState, cap_clearance, follow_caps
-from services.mechanics.collision.kernel import flags, floats, ints, kernel
+from services.mechanics.collision.inside import Lumen, LumenState, cap_clearance, follow_caps, lumen_at
 from services.mechanics.collision.primitives import Vector, vector
 from services.mechanics.collision.probes import (
     EARLY_SEARCHES,
@@ -17,13 +16,15 @@ from services.mechanics.collision.probes import (
     advance,
     forget,
     is_near,
+    probes_at,
 )
-from services.mechanics.collision.rim import RimSegments, detect_rims
+from services.mechanics.collision.rim import RimSegments, detect_rims, memory_at
 from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN
-from services.mechanics.collision.surface import DuctSurface, Shell
-from services.mechanics.collision.writer import PairWriter, Rows, write_pair
+from services.mechanics.collision.surface import DuctSurface, Shell, shell_at
+from services.mechanics.collision.writer import PairWriter, Rows, rows_at, write_pair
 from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
+from services.mechanics.kernel import flags, floats, ints, kernel
 from services.mechanics.mesh import FloatArray
 
 
@@ -71,15 +72,28 @@ class CatheterContactDetector:
         """
         if particle_positions_m.shape != self._shape:
             raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
-        rows = self._writer.open(pairs_out)
+        state = (self._probes.address, self._lumen.address, self._rims.address)
         sizes = (self._thickness_m, self._margin_m)
-        _detect(self.surface.shell, self._probes.struct, self._lumen.struct, particle_positions_m, sizes, rows)
-        detect_rims(self.surface.shell, self._rims.struct, particle_positions_m, sizes, rows)
+        _detect(self.surface.address, state, particle_positions_m, sizes, self._writer.open(pairs_out))
         self._writer.close()
 
 
 @kernel
 def _detect(
+    shell_address: int,
+    state: tuple[int, int, int],
+    positions: FloatArray,
+    sizes: tuple[float, float],
+    rows_address: int,
+) -> None:
+    """Detect everything; ``state`` holds the addresses of probes, lumen and rims."""
+    shell, rows = shell_at(shell_address), rows_at(rows_address)
+    _detect_particles(shell, probes_at(state[0]), lumen_at(state[1]), positions, sizes, rows)
+    detect_rims(shell, memory_at(state[2]), positions, sizes, rows)
+
+
+@kernel
+def _detect_particles(
     shell: Shell,
     probes: Probes,
     lumen: Lumen,

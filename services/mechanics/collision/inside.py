@@ -12,12 +12,12 @@ import math
 
 import numpy as np
 
-from services.mechanics.collision.kernel import Struct, fill, flags, floats, kernel, struct_type
 from services.mechanics.collision.primitives import Vector, along, dot, put, scaled, squared_distance, vector
 from services.mechanics.collision.probes import JUMP_M
 from services.mechanics.collision.search import NOTHING, Touch, closest, offset
 from services.mechanics.collision.sides import surface_normal, triangle_normal
 from services.mechanics.collision.surface import Body, Patch, Shell
+from services.mechanics.kernel import Struct, fill, flags, floats, kernel, struct_reader, struct_type
 
 STEP_M = 0.25e-3
 HORIZON_M = 5e-3
@@ -32,6 +32,7 @@ LUMEN = struct_type(
         "clearance",  # (n,) distance to the nearest cap then; negative without a past
     )
 )
+lumen_at = struct_reader(LUMEN)
 
 
 class LumenState:
@@ -41,9 +42,9 @@ class LumenState:
         self.inside = np.zeros(n, np.int8)
         self._clearance = np.full(n, -1.0)
         self._storage = np.zeros(1, LUMEN)
-        self.struct: Lumen = self._storage[0]
+        self.address: int = self._storage.ctypes.data
         self._alive: dict[str, np.ndarray] = {"looked_from": np.zeros((n, 3)), "travel": np.zeros(n)}
-        fill(self.struct, inside=self.inside, clearance=self._clearance, **self._alive)
+        fill(self._storage[0], inside=self.inside, clearance=self._clearance, **self._alive)
 
     def reset(self) -> None:
         """Drop the past of every particle."""

@@ -14,7 +14,6 @@ import math
 import numpy as np
 
 from services.mechanics.collision.boxes import OPPOSITE
-from services.mechanics.collision.kernel import Struct, fill, flags, floats, ints, kernel, struct_type
 from services.mechanics.collision.primitives import (
     Vector,
     along,
@@ -36,6 +35,7 @@ from services.mechanics.collision.search import (
 )
 from services.mechanics.collision.sides import UNKNOWN, Contact, settle
 from services.mechanics.collision.surface import Body, Patch
+from services.mechanics.kernel import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
 
 MINIMA = 2
 # The second minimum is given up when the walls no longer face each other; later than it is taken up.
@@ -62,6 +62,7 @@ PROBES = struct_type(
     ),
     counts=("early",),  # searches that may still be done ahead of need in this tick
 )
+probes_at = struct_reader(PROBES)
 
 
 class ProbeSet:
@@ -69,7 +70,7 @@ class ProbeSet:
 
     def __init__(self, n: int) -> None:
         self._storage = np.zeros(1, PROBES)
-        self.struct: Probes = self._storage[0]
+        self.address: int = self._storage.ctypes.data
         self._slack = np.full(n, -1.0)
         self._alive: dict[str, np.ndarray] = {
             "ends": np.zeros((n, 2, 3)),
@@ -82,7 +83,7 @@ class ProbeSet:
             "normal": np.zeros((n, MINIMA, 3)),
             "distance": np.zeros((n, MINIMA)),
         }
-        fill(self.struct, **self._alive)
+        fill(self._storage[0], **self._alive)
 
     def reset(self) -> None:
         """Drop the past of every probe."""

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from services.mechanics.collision.kernel import Struct, fill, floats, ints, kernel, struct_type
 from services.mechanics.collision.primitives import (
     Vector,
     combine,
@@ -20,6 +19,7 @@ from services.mechanics.collision.search import NOTHING, Touch, closest, offset
 from services.mechanics.collision.surface import Shell, corner_positions
 from services.mechanics.collision.writer import Rows, write_pair
 from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL
+from services.mechanics.kernel import Struct, fill, floats, ints, kernel, struct_reader, struct_type
 from services.mechanics.mesh import FloatArray
 
 # Nearer to a particle than this part of a segment, the particle's own contact does.
@@ -34,6 +34,7 @@ RIM_MEMORY = struct_type(
         "normal",  # (m, 3) towards the segment
     )
 )
+memory_at = struct_reader(RIM_MEMORY)
 
 
 class RimSegments:
@@ -43,8 +44,8 @@ class RimSegments:
         self._edge = np.full(m, NOTHING, np.int32)
         self._alive: dict[str, np.ndarray] = {"place": np.zeros((m, 3)), "normal": np.zeros((m, 3))}
         self._storage = np.zeros(1, RIM_MEMORY)
-        self.struct: RimMemory = self._storage[0]
-        fill(self.struct, edge=self._edge, **self._alive)
+        self.address: int = self._storage.ctypes.data
+        fill(self._storage[0], edge=self._edge, **self._alive)
 
     def reset(self) -> None:
         """Drop the past of every segment."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from services.mechanics.collision.boxes import OPPOSITE, distance2_below, join_children
-from services.mechanics.collision.kernel import floats, ints, kernel
 from services.mechanics.collision.primitives import (
     Vector,
     along,
@@ -28,6 +27,7 @@ from services.mechanics.collision.surface import (
 )
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.collision.tree import LEAF
+from services.mechanics.kernel import floats, ints, kernel
 
 Touch = tuple[int, float, float, Vector]
 NOTHING = -1

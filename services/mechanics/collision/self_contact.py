@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.capsules import CapsuleMemory, Memory, meet, row_of
-from services.mechanics.collision.kernel import flags, kernel
+from services.mechanics.collision.capsules import CapsuleMemory, meet, memory_at, row_of
 from services.mechanics.collision.primitives import along, squared_distance
-from services.mechanics.collision.writer import PairWriter, Rows, write_pair
+from services.mechanics.collision.writer import PairWriter, rows_at, write_pair
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
+from services.mechanics.kernel import flags, kernel
 from services.mechanics.mesh import FloatArray
 
 
@@ -44,12 +44,15 @@ class SelfContactDetector:
         if particle_positions_m.shape != self._shape:
             raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
         rows = self._writer.open(pairs_out)
-        _detect(self._memory.struct, particle_positions_m, self._n_apart, self._sizes, rows)
+        _detect(self._memory.address, particle_positions_m, self._n_apart, self._sizes, rows)
         self._writer.close()
 
 
 @kernel
-def _detect(memory: Memory, particles: FloatArray, n_apart: int, sizes: tuple[float, float], rows: Rows) -> None:
+def _detect(
+    memory_address: int, particles: FloatArray, n_apart: int, sizes: tuple[float, float], rows_address: int
+) -> None:
+    memory, rows = memory_at(memory_address), rows_at(rows_address)
     thickness, margin = sizes
     n = memory.n_second
     for i in range(n):

@@ -7,17 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.collision.kernel import (
-    Struct,
-    fill,
-    floats,
-    ints,
-    kernel,
-    longs,
-    nest,
-    struct_type,
-    summing_kernel,
-)
 from services.mechanics.collision.primitives import Vector, dot, vector
 from services.mechanics.collision.topology import (
     NO_NEIGHBOUR,
@@ -27,6 +16,18 @@ from services.mechanics.collision.topology import (
     triangles_round_vertices,
 )
 from services.mechanics.collision.tree import MAX_DEPTH, build_tree
+from services.mechanics.kernel import (
+    Struct,
+    fill,
+    floats,
+    ints,
+    kernel,
+    longs,
+    nest,
+    struct_reader,
+    struct_type,
+    summing_kernel,
+)
 from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh, boundary_loops
 
 Body = Struct
@@ -83,6 +84,7 @@ PATCH = struct_type(
 )
 RIMS = struct_type(arrays=("owner",))  # (e,) int32: 3 * wall triangle + edge
 SHELL = nest(body=BODY, wall=PATCH, caps=PATCH, rims=PATCH, rim_edges=RIMS)
+shell_at = struct_reader(SHELL)
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,7 @@ class DuctSurface:
         self.rims = boundary_loops(mesh)
         self._storage = np.zeros(1, SHELL)
         self.shell: Shell = self._storage[0]
+        self.address: int = self._storage.ctypes.data
         caps = [np.zeros((0, 3), np.int32), *(fill_rim(mesh.vertices_m, rim) for rim in self.rims)]
         scaled_modes = Phi / omega_rad_s
         body, wall = _body_arrays(mesh, Phi, omega_rad_s), _patch_arrays(mesh, mesh.triangles, scaled_modes)
@@ -172,12 +175,12 @@ class DuctSurface:
                 f"{len(q)} modal coordinates and {residuals.shape} displacements of {len(nodes)} nodes do not fit"
                 f" {self._n_modes} modes and {self.mesh.n_vertices} nodes"
             )
-        if not _start_tick(self.shell, q, nodes, residuals):
+        if not _start_tick(self.address, q, nodes, residuals):
             raise ValueError("coordinates and displacements must be finite and loaded nodes exist")
 
     def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
         """Write the deformed positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
-        _place_nodes(self.shell, nodes, out)
+        _place_nodes(self.address, nodes, out)
 
     @property
     def cost(self) -> SearchCost:
@@ -235,9 +238,9 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, scaled_modes: FloatAr
 
 
 @kernel
-def _start_tick(shell: Shell, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
+def _start_tick(shell_address: int, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
     """Take over q and the residuals if they are sound; add this tick's largest possible node motion to the travel."""
-    body = shell.body
+    body = shell_at(shell_address).body
     omega, old = floats(body.omega), floats(body.q)
     norm, change, nothing = 0.0, 0.0, 0.0
     for k in range(body.n_modes):
@@ -321,7 +324,8 @@ def corner_positions(body: Body, patch: Patch, triangle: int) -> tuple[Vector, V
 
 
 @kernel
-def _place_nodes(shell: Shell, nodes: IntArray, out: FloatArray) -> None:
+def _place_nodes(shell_address: int, nodes: IntArray, out: FloatArray) -> None:
+    body = shell_at(shell_address).body
     for k in range(nodes.shape[0]):
-        p = node_position(shell.body, nodes[k])
+        p = node_position(body, nodes[k])
         out[k, 0], out[k, 1], out[k, 2] = p[0], p[1], p[2]

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, segment_ends
-from services.mechanics.collision.kernel import floats, ints, kernel
+from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, memory_at, segment_ends
 from services.mechanics.collision.primitives import (
     Vector,
     along,
@@ -19,12 +18,13 @@ from services.mechanics.collision.primitives import (
     subtract,
     vector,
 )
-from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, ProbeSet, advance, forget
+from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, ProbeSet, advance, forget, probes_at
 from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.sides import UNKNOWN
-from services.mechanics.collision.surface import DuctSurface, Shell
-from services.mechanics.collision.writer import PairWriter, Rows, write_pair
+from services.mechanics.collision.surface import DuctSurface, Shell, shell_at
+from services.mechanics.collision.writer import PairWriter, Rows, rows_at, write_pair
 from services.mechanics.contact.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs
+from services.mechanics.kernel import floats, ints, kernel
 from services.mechanics.mesh import FloatArray
 
 N_SEGMENTS = 3
@@ -102,11 +102,26 @@ class ToolContactDetector:
         shapes = (segments_m.shape, radii_m.shape, particle_positions_m.shape, who.shape)
         if shapes != self._shapes:
             raise ValueError(f"segments, radii, particles and present have shapes {shapes}, not {self._shapes}")
-        rows = self._writer.open(pairs_out)
+        state = (self._probes.address, self._capsules.address)
         tools = (segments_m, radii_m, who)
-        _detect_wall(self.surface.shell, self._probes.struct, tools, self._sizes, rows)
-        detect_capsules(self._capsules.struct, tools, particle_positions_m, self._sizes, rows)
+        rows = self._writer.open(pairs_out)
+        _detect(self.surface.address, state, tools, particle_positions_m, self._sizes, rows)
         self._writer.close()
+
+
+@kernel
+def _detect(
+    shell_address: int,
+    state: tuple[int, int],
+    tools: Tools,
+    particles: FloatArray,
+    sizes: tuple[float, float, float],
+    rows_address: int,
+) -> None:
+    """Detect everything; ``state`` holds the addresses of probes and capsules."""
+    rows = rows_at(rows_address)
+    _detect_wall(shell_at(shell_address), probes_at(state[0]), tools, sizes, rows)
+    detect_capsules(memory_at(state[1]), tools, particles, sizes, rows)
 
 
 @kernel

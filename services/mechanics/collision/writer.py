@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.collision.kernel import Struct, fill, flags, floats, ints, kernel, struct_type
 from services.mechanics.collision.primitives import Vector, put
 from services.mechanics.contact.pairs import ContactPairs
+from services.mechanics.kernel import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
 
 FULL = -1
 
@@ -23,6 +23,7 @@ _ARRAYS = (
     "gap_m",
 )
 ROWS = struct_type(arrays=_ARRAYS, counts=("used", "dropped", "capacity"))
+rows_at = struct_reader(ROWS)
 
 Pair = tuple[int, int, int, int, int, float, Vector]
 """(tool, tool segment, particle, kind of target, target, place on the first body, weights in the target)."""
@@ -34,20 +35,21 @@ class PairWriter:
     def __init__(self) -> None:
         self._storage = np.zeros(1, ROWS)
         self._rows: Rows = self._storage[0]
+        self._counts = self._storage.view(np.int64)[-3:]  # used, dropped, capacity
+        self._address: int = self._storage.ctypes.data
         self._pairs = ContactPairs.allocate(0)
 
-    def open(self, pairs: ContactPairs) -> Rows:
-        """Return the rows of ``pairs``, appending after those already there."""
-        rows = self._rows
+    def open(self, pairs: ContactPairs) -> int:
+        """Return the address of the rows of ``pairs``, appending after those already there."""
         if self._pairs is not pairs:
-            fill(rows, capacity=pairs.capacity, **{name: getattr(pairs, name) for name in _ARRAYS})
+            fill(self._rows, capacity=pairs.capacity, **{name: getattr(pairs, name) for name in _ARRAYS})
             self._pairs = pairs
-        rows["used"], rows["dropped"] = pairs.count, pairs.dropped
-        return rows
+        self._counts[0], self._counts[1] = pairs.count, pairs.dropped
+        return self._address
 
     def close(self) -> None:
         """Tell the pairs how many rows are used now."""
-        self._pairs.count, self._pairs.dropped = int(self._rows["used"]), int(self._rows["dropped"])
+        self._pairs.count, self._pairs.dropped = int(self._counts[0]), int(self._counts[1])
 
 
 @kernel
