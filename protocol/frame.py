@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from protocol import declared, upgrades
+from protocol import declared, soundness, upgrades
 from protocol.topics import TOPICS, Topic
 
 #: Major version of the envelope itself. A frame with another one is refused unread.
@@ -138,7 +138,8 @@ def _decode_body(row: Topic, header: Header) -> Any:
         body = declared.decoder(kind).decode(header.body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError) as error:
         raise FrameError(Reason.BODY, f"{row.name}: {error}") from None
-    fault = declared.fault(body, finite_scalars=row.command)
-    if fault is not None:
-        raise FrameError(Reason(fault[0]), f"{row.name}: {fault[1]}")
+    if not soundness.check(kind, finite_scalars=row.command)(body):
+        fault = declared.fault(body, finite_scalars=row.command)
+        if fault is not None:
+            raise FrameError(Reason(fault[0]), f"{row.name}: {fault[1]}")
     return upgrades.lift(row, header.version, body)
