@@ -6,14 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol import Frame
+from protocol.arrays import pack
 from protocol.bodies import Catheter, Duct
-from services.mechanics.collision import DuctSurface
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.residual_field import ResidualField
 from services.mechanics.scene import SceneModel
+from services.mechanics.wall import make_wall
 
 FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 
 class World:
@@ -30,14 +29,13 @@ class World:
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
-        basis = duct.basis
-        self.surface = DuctSurface(duct.mesh, basis.Phi, basis.omega_rad_s, 0.5 * scene.duct.thickness_m)
+        self._wall = make_wall(duct, 0.5 * scene.duct.thickness_m)
+        self.surface = self._wall.surface
         self.particles_m = np.zeros((scene.catheter.n_segments + 1, 3))
         self.has_catheter = False
         self.refused: dict[str, int] = {}
         self._duct = duct
         self._max_loads = 3 * scene.contact.capacity
-        self._dents = ResidualField(duct)
 
     def take_duct(self, frame: Frame) -> None:
         """Deform the wall as `frame` says, if its basis is ours and its loads are on nodes that exist."""
@@ -49,7 +47,7 @@ class World:
         elif nodes.size > self._max_loads or not ((nodes >= 0) & (nodes < basis.n_nodes)).all():
             self._refuse("load_node")
         else:
-            self._deform(q, nodes, forces)
+            self._wall.update(q, nodes, forces)
 
     def take_catheter(self, frame: Frame) -> None:
         """Take over the particles of `frame`, if there are as many as in this scene."""
@@ -62,13 +60,9 @@ class World:
         self.has_catheter = True
 
     def warm_up(self) -> None:
-        """Compile what `take_duct` calls."""
-        self._deform(np.zeros(self._duct.basis.n_modes), np.zeros(1, np.int32), np.zeros((1, 3)))
-
-    def _deform(self, q: FloatArray, nodes: IntArray, forces_n: FloatArray) -> None:
-        dents = self._dents
-        dents.update(nodes, forces_n)
-        self.surface.update(q, dents.nodes[: dents.count], dents.displacement_m[: dents.count])
+        """Compile what `take_duct` calls, for arrays of the wire: read-only ones are another type to the compiler."""
+        q, nodes, forces = np.zeros(self._duct.basis.n_modes), np.zeros(1, np.int32), np.zeros((1, 3))
+        self._wall.update(pack(q).view(), pack(nodes, "<i4").view(), pack(forces).view())
 
     def _refuse(self, what: str) -> None:
         self.refused[what] = self.refused.get(what, 0) + 1

@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from services.mechanics.catheter_body import CatheterBody
-from services.mechanics.collision import CatheterContactDetector, DuctSurface, ToolContactDetector
+from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
 from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.duct_body import DuctBody
 from services.mechanics.forceps.tool_body import ToolBody
 from services.mechanics.reduction import ReducedDuct
-from services.mechanics.residual_field import ResidualField
 from services.mechanics.scene import SceneModel
+from services.mechanics.wall import make_wall
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -47,9 +47,9 @@ class DuctSearch:
         half_thickness_m = 0.5 * scene.duct.thickness_m
         margin_m = scene.contact.margin_m
         radius_m = 0.5 * scene.catheter.outer_diameter_m
-        self.surface = DuctSurface(duct.mesh, duct.basis.Phi, duct.basis.omega_rad_s, half_thickness_m)
+        self._wall = make_wall(duct, half_thickness_m)
+        self.surface = self._wall.surface
         self._had_tools = True
-        self._dents = ResidualField(duct)
         n_particles = scene.catheter.n_segments + 1
         self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
         self.tools = ToolContactDetector(self.surface, n_particles, radius_m, margin_m)
@@ -62,9 +62,7 @@ class DuctSearch:
     def start(self, duct: DuctBody) -> None:
         """Move the wall."""
         n = duct.n_loads
-        self._dents.update(duct.load_nodes[:n], duct.load_force_n[:n])
-        n = self._dents.count
-        self.surface.update(duct.q_start, self._dents.nodes[:n], self._dents.displacement_m[:n])
+        self._wall.update(duct.q_start, duct.load_nodes[:n], duct.load_force_n[:n])
 
     def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
         """Write where ``nodes`` (k,) of the wall are into ``out`` (k, 3), in m."""

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
+from services.mechanics.wall_motion import wall_motion
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -28,7 +28,8 @@ class DuctBody:
     ----------
     state : ModalState
     modes : (3 C, r) float64
-        Rows of the modes at the contact points, world axes; valid for the contacts of this step.
+        Rows of the modes at the contact points, world axes, d position / d q at the start of the step; valid for
+        the contacts of this step.
     load_nodes : (L,) int32, load_force_n : (L, 3) float64, n_loads : int
         Contact forces on nodes, each node once; they act through the residual compliance.
     load_displacement_m : (L, 3) float64
@@ -39,7 +40,8 @@ class DuctBody:
     """
 
     def __init__(self, reduced: ReducedDuct, integrator: ModalIntegrator, capacity: int) -> None:
-        self.reduced = reduced
+        self._motion = wall_motion(reduced, capacity)
+        self.reduced = self._motion.reduced
         self.integrator = integrator
         n_modes = reduced.basis.n_modes
         self.state = ModalState.at_rest(n_modes)
@@ -50,6 +52,7 @@ class DuctBody:
         self.contact_impulse = np.zeros(n_modes)
         self.modes = np.zeros((3 * capacity, n_modes))
         self.scratch = np.zeros(3 * capacity * n_modes)
+        # At the contact points: displacement at the start that `modes` times `q_start` leave out.
         self.residual_start = np.zeros((capacity, 3))
         self.residual_change = np.zeros((capacity, 3))
         self.corner_displacement = np.zeros((3 * capacity, 3))
@@ -71,6 +74,7 @@ class DuctBody:
         if dt_s != self._gains_dt_s:
             self._prepare(dt_s)
         self.q_start[:] = self.state.q
+        self._motion.update(self.q_start)
         self.integrator.predict(self.state, self.modal_force, dt_s)
         np.subtract(self.state.q, self.q_start, out=self.dq_free)
 
@@ -78,13 +82,14 @@ class DuctBody:
         """Collect the modes at the contact points and the displacement there that is not in the modes."""
         n = rows.n_contacts
         nodes, weights = rows.duct_node[:n], rows.duct_weight[:n]
-        gather_modes(nodes, weights, self.reduced.basis.Phi, self.modes[: 3 * n])
+        self._motion.gather(nodes, weights, self.modes[: 3 * n])
         corners = self.corner_displacement[: 3 * n]
         corners[:] = 0.0
         flat = nodes.reshape(-1)
         self.reduced.residual.apply(self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads], flat, corners)
         weigh_corners(corners, weights, self.residual_start[:n])
         np.negative(self.residual_start[:n], out=self.residual_change[:n])
+        self._motion.add_bend(nodes, weights, self.modes[: 3 * n], self.q_start, self.residual_start[:n])
 
     def correct(self, rows: ContactRows, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads."""
@@ -102,7 +107,7 @@ class DuctBody:
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
         """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""
         nodes = self.reduced.mesh.triangles[triangle]
-        corners = self.reduced.mesh.vertices_m[nodes] + self.reduced.basis.Phi[nodes] @ self.q_start
+        corners = self._motion.positions(nodes, self.q_start)
         n = self.n_loads
         self.reduced.residual.apply(self.load_nodes[:n], self.load_force_n[:n], nodes, corners)
         point: FloatArray = weights @ corners

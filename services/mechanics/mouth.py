@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from services.mechanics.catheter_body import CatheterBody
 from services.mechanics.reduction import ReducedDuct
+from services.mechanics.wall_motion import wall_motion
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -16,13 +17,13 @@ class Mouth:
 
     def __init__(self, duct: ReducedDuct) -> None:
         rim = duct.mesh.vertex_sets["mouth"]
-        nodes = rim[[0, len(rim) // 3, 2 * len(rim) // 3]]
-        self._rest = duct.mesh.vertices_m[nodes]
-        self._modes = duct.basis.Phi[nodes]
+        self._nodes = rim[[0, len(rim) // 3, 2 * len(rim) // 3]]
+        self._motion = wall_motion(duct, 1)
 
     def plane(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return a point (3,) of the plane and its normal (3,), not normalised."""
-        a, b, c = self._rest + self._modes @ q
+        self._motion.update(q)
+        a, b, c = self._motion.positions(self._nodes, q)
         return (a + b + c) / 3.0, np.cross(b - a, c - a)
 
     def inserted_length_m(self, q: FloatArray, catheter: CatheterBody, inside: npt.NDArray[np.int8]) -> float:

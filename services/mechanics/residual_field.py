@@ -39,7 +39,7 @@ class ResidualField:
         self.count = 0
 
     def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
-        """Take the loads (l,), (l, 3) of a tick, each node once."""
+        """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""
         r = self._residual
         self.count = displace_round_loads(
             (r.blocks, r.starts, r.neighbours, r.n_nodes),

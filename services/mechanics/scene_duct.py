@@ -13,10 +13,11 @@ from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
 from services.mechanics.duct_recipe import duct_recipe
 from services.mechanics.effects import build_effects
 from services.mechanics.effects.base import Effect, acts_in
+from services.mechanics.effects.large_rotations import LargeRotations
 from services.mechanics.mesh import TriangleMesh
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.recipe import DuctRecipe, reduce_duct
+from services.mechanics.reduction.recipe import fetch_residual_displacement, reduce_duct
 from services.mechanics.scene import DuctScene, SceneModel
 
 FloatArray = npt.NDArray[np.float64]
@@ -55,11 +56,11 @@ def build_scene_duct(
     recipe = duct_recipe(scene.duct, mesh, effects)
     duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
     load = constant_load(effects, mesh)
-    if load is None:
-        return duct
-    progress("rest shape", 0.0)
-    shift = static_residual(recipe, duct, load)
-    return replace(duct, mesh=TriangleMesh(mesh.vertices_m + shift, mesh.triangles, mesh.vertex_sets))
+    if load is not None:
+        shift = fetch_residual_displacement(recipe, duct, load, cache_dir, progress)
+        duct = replace(duct, mesh=TriangleMesh(mesh.vertices_m + shift, mesh.triangles, mesh.vertex_sets))
+    rotations = effects.get("large_rotations")
+    return rotations.turned(duct) if isinstance(rotations, LargeRotations) else duct
 
 
 def scene_mesh(duct: DuctScene) -> TriangleMesh:
@@ -85,12 +86,3 @@ def constant_load(effects: Mapping[str, Effect], mesh: TriangleMesh) -> FloatArr
     """Return the sum (n, 3) of the effects' constant loads on the duct's nodes in N, None without any."""
     loads = [e.nodal_load_n(mesh) for e in effects.values() if acts_in(e, "nodal_load_n")]
     return np.sum(loads, axis=0) if loads else None
-
-
-def static_residual(recipe: DuctRecipe, duct: ReducedDuct, load_n: FloatArray) -> FloatArray:
-    """Return R f (n, 3) in m for a load on every node: the full static solution less the modes' part."""
-    full = recipe.model().solve_static(load_n).displacement_m
-    basis = duct.basis
-    q = np.einsum("nar,na->r", basis.Phi, load_n) / basis.omega_rad_s**2
-    rest: FloatArray = full - basis.displacements(q)
-    return rest

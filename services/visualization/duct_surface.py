@@ -7,11 +7,12 @@ import numpy.typing as npt
 
 import protocol.bodies as bodies
 from services.mechanics.reduction import ReducedDuct
+from services.mechanics.reduction.warping import SectionFrame
 from services.visualization.picture import FloatArray
 
 
 class DuctSurface:
-    """Node positions ``X + Phi q + R f`` of one reduced duct.
+    """Node positions ``X + Phi q + R f`` of one reduced duct, or those of its turned cross-sections.
 
     Attributes
     ----------
@@ -24,19 +25,50 @@ class DuctSurface:
         self.rest_m: npt.NDArray[np.float64] = duct.mesh.vertices_m
         self.points_m: FloatArray = self.rest_m.astype(np.float32)
         self._modes = duct.basis.Phi.reshape(-1, duct.basis.n_modes)
+        self._frame = None if duct.warp is None else SectionFrame(duct.warp)
         self._every_node = np.arange(duct.basis.n_nodes, dtype=np.int32)
 
     def update(self, body: bodies.Duct) -> bool:
         """Rebuild `points_m`; return False, with the points as they were, if the body does not fit the duct."""
-        q, nodes = body.q.view(), body.load_node.view()
+        q, nodes, forces_n = body.q.view(), body.load_node.view(), body.load_force_n.view()
         basis = self.duct.basis
         if body.basis_hash != basis.content_hash or len(q) > basis.n_modes:
             return False
         if len(nodes) and not 0 <= nodes.min() <= nodes.max() < basis.n_nodes:
             return False
+        if self._frame is None:
+            points = self._straight(q, nodes, forces_n)
+        else:
+            points = self._turned(self._frame, q, nodes, forces_n)
+        self.points_m = points.astype(np.float32)
+        return True
+
+    def _straight(
+        self, q: npt.NDArray[np.float64], nodes: npt.NDArray[np.int32], forces_n: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
         modes = self._modes if len(q) == self._modes.shape[1] else self._modes[:, : len(q)]
         displacement = (modes @ q).reshape(-1, 3)
+        self._add_residual(nodes, forces_n, displacement)
+        points: npt.NDArray[np.float64] = self.rest_m + displacement
+        return points
+
+    def _turned(
+        self,
+        frame: SectionFrame,
+        q: npt.NDArray[np.float64],
+        nodes: npt.NDArray[np.int32],
+        forces_n: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.float64]:
+        frame.update(np.pad(q, (0, self._modes.shape[1] - len(q))))
+        along_wall_n = np.empty((len(nodes), 3))
+        carried, points = np.zeros_like(self.rest_m), np.empty_like(self.rest_m)
+        frame.turn_back(nodes, forces_n, along_wall_n)
+        self._add_residual(nodes, along_wall_n, carried)
+        frame.node_positions(self._every_node, carried, points)
+        return points
+
+    def _add_residual(
+        self, nodes: npt.NDArray[np.int32], forces_n: npt.NDArray[np.float64], out: npt.NDArray[np.float64]
+    ) -> None:
         if len(nodes):
-            self.duct.residual.apply(nodes, body.load_force_n.view(), self._every_node, displacement)
-        self.points_m = (self.rest_m + displacement).astype(np.float32)
-        return True
+            self.duct.residual.apply(nodes, forces_n, self._every_node, out)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.collision.primitives import Vector, dot, vector
+from services.mechanics.collision.bounds import LinearBounds, MotionBounds, TurnedBounds
+from services.mechanics.collision.primitives import Vector, vector
+from services.mechanics.collision.tick import take_state
 from services.mechanics.collision.topology import (
     NO_NEIGHBOUR,
     fill_rim,
@@ -16,6 +17,7 @@ from services.mechanics.collision.topology import (
     triangles_round_vertices,
 )
 from services.mechanics.collision.tree import MAX_DEPTH, build_tree
+from services.mechanics.collision.turned import turn_into_place, turned_arrays
 from services.mechanics.kernel import (
     Struct,
     fill,
@@ -29,6 +31,7 @@ from services.mechanics.kernel import (
     summing_kernel,
 )
 from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh, boundary_loops
+from services.mechanics.reduction.warping import SectionFrame, TubeWarp
 
 Body = Struct
 """The deformation, shared by the patches of one surface; see `BODY`."""
@@ -40,7 +43,7 @@ Shell = Struct
 BODY = struct_type(
     arrays=(
         "rest",  # (n, 3) undeformed positions
-        "Phi",  # (n, 3, r) modes
+        "Phi",  # (n, 3, r) modes; turned walls: what is left of them without the sections' rigid motion
         "omega",  # (r,) weights of the displacement bound
         "q",  # (r,) modal coordinates of this tick
         "residual",  # (n, 3) displacement beyond the modes, zero but at loaded nodes
@@ -48,16 +51,34 @@ BODY = struct_type(
         "load_stamp",  # (n,) int64 last tick in which a node was loaded
         "position",  # (n, 3) deformed positions, valid where the stamp is this tick's
         "stamp",  # (n,) int64
+        "arm",  # turned walls: (n, 3) from the axis
+        "segment",  # (n,) int32 between which stations of the axis
+        "fraction",  # (n,) how far between
+        "turn",  # (s, 3) rotation vectors of the stations in this tick
+        "centre",  # (s, 3) and where they are
     ),
     numbers=(
-        "energy_norm",  # |omega q|
+        "norm",  # E = |omega q|
+        "growth",  # beta: see `bounds`; 0 on a straight wall
+        "turn_gain",
+        "energy_norm",  # E (1 + beta E)^2, what reach and spread multiply
         "largest_residual",
-        "energy_travel",  # sum of all changes of |omega q|, since the start
+        "energy_travel",  # sum of all changes of E, grown alike, since the start
         "residual_travel",  # sum of the largest changes of a residual
         "travel",  # bound of how far any node has moved
         "largest_reach",  # of the wall's tree
     ),
-    counts=("n_nodes", "n_modes", "n_loaded", "tick", "triangle_tests", "tree_visits", "nodes_placed", "searches"),
+    counts=(
+        "n_nodes",
+        "n_modes",
+        "n_stations",
+        "n_loaded",
+        "tick",
+        "triangle_tests",
+        "tree_visits",
+        "nodes_placed",
+        "searches",
+    ),
 )
 PATCH = struct_type(
     arrays=(
@@ -114,6 +135,8 @@ class DuctSurface:
         right answers, these give fast ones.
     half_thickness_m : float
         Distance from the mid-surface to either face of the wall.
+    warp : TubeWarp, optional
+        Turns the cross-sections; residual displacements then ride along with them.
 
     Raises
     ------
@@ -121,7 +144,14 @@ class DuctSurface:
         Shapes that do not fit, a frequency that is not positive, a negative thickness, or rims that meet.
     """
 
-    def __init__(self, mesh: TriangleMesh, Phi: FloatArray, omega_rad_s: FloatArray, half_thickness_m: float) -> None:
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        Phi: FloatArray,
+        omega_rad_s: FloatArray,
+        half_thickness_m: float,
+        warp: TubeWarp | None = None,
+    ) -> None:
         n = mesh.n_vertices
         if Phi.shape[:2] != (n, 3) or omega_rad_s.shape != Phi.shape[2:]:
             raise ValueError(f"modes of shape {Phi.shape} do not fit {n} vertices and {len(omega_rad_s)} frequencies")
@@ -137,19 +167,25 @@ class DuctSurface:
         self.shell: Shell = self._storage[0]
         self.address: int = self._storage.ctypes.data
         caps = [np.zeros((0, 3), np.int32), *(fill_rim(mesh.vertices_m, rim) for rim in self.rims)]
-        scaled_modes = Phi / omega_rad_s
-        body, wall = _body_arrays(mesh, Phi, omega_rad_s), _patch_arrays(mesh, mesh.triangles, scaled_modes)
-        lids = _patch_arrays(mesh, np.concatenate(caps), scaled_modes)
+        self._frame = None if warp is None else SectionFrame(warp)
+        bounds: MotionBounds = LinearBounds(Phi / omega_rad_s) if warp is None else TurnedBounds(warp, omega_rad_s)
+        body, wall = _body_arrays(mesh, Phi, omega_rad_s), _patch_arrays(mesh, mesh.triangles, bounds)
+        lids = _patch_arrays(mesh, np.concatenate(caps), bounds)
         owner = np.flatnonzero(wall["neighbour"].ravel() == NO_NEIGHBOUR).astype(np.int32)
-        rims = _patch_arrays(mesh, _edges_as_triangles(mesh, owner), scaled_modes)
+        rims = _patch_arrays(mesh, _edges_as_triangles(mesh, owner), bounds)
         self._alive = (body, wall, lids, rims, owner)
         fill(
             self.shell["body"],
             n_nodes=mesh.n_vertices,
             n_modes=self._n_modes,
             largest_reach=float(wall["reach"][0]),
+            growth=bounds.growth,
+            turn_gain=bounds.turn_gain,
             **body,
         )
+        if warp is not None and self._frame is not None:
+            self._turned = turned_arrays(warp, self._frame)
+            fill(self.shell["body"], n_stations=warp.sections.n_stations, **self._turned)
         fill(self.shell["wall"], **wall)
         fill(self.shell["caps"], **lids)
         fill(self.shell["rims"], **rims)
@@ -160,7 +196,7 @@ class DuctSurface:
     ) -> None:
         """Start a tick: modal coordinates (r,), and residual displacements (l, 3) at ``load_nodes`` (l,).
 
-        A node may be named once; the residuals of the previous tick are forgotten.
+        A node may be named once; the residuals of the previous tick are forgotten. They are along undeformed axes.
 
         Raises
         ------
@@ -177,6 +213,8 @@ class DuctSurface:
             )
         if not _start_tick(self.address, q, nodes, residuals):
             raise ValueError("coordinates and displacements must be finite and loaded nodes exist")
+        if self._frame is not None:
+            self._frame.update(q)
 
     def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
         """Write the deformed positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
@@ -215,11 +253,11 @@ def _body_arrays(mesh: TriangleMesh, Phi: FloatArray, omega: FloatArray) -> dict
     }
 
 
-def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, scaled_modes: FloatArray) -> dict[str, np.ndarray]:
+def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds) -> dict[str, np.ndarray]:
     n = mesh.n_vertices
     neighbour = triangle_neighbours(triangles)
     ring_start, ring = triangles_round_vertices(triangles, n)
-    tree = build_tree(mesh.vertices_m, triangles, scaled_modes)
+    tree = build_tree(mesh.vertices_m, triangles, bounds)
     return {
         "triangles": np.ascontiguousarray(triangles),
         "neighbour": neighbour,
@@ -239,54 +277,7 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, scaled_modes: FloatAr
 
 @kernel
 def _start_tick(shell_address: int, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
-    """Take over q and the residuals if they are sound; add this tick's largest possible node motion to the travel."""
-    body = shell_at(shell_address).body
-    omega, old = floats(body.omega), floats(body.q)
-    norm, change, nothing = 0.0, 0.0, 0.0
-    for k in range(body.n_modes):
-        norm += (omega[k] * q[k]) ** 2
-        change += (omega[k] * (q[k] - old[k])) ** 2
-    for k in range(residuals.shape[0]):
-        nothing += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0
-        if nodes[k] < 0 or nodes[k] >= body.n_nodes:
-            return False
-    if not math.isfinite(norm + change + nothing):
-        return False
-    for k in range(body.n_modes):
-        old[k] = q[k]
-    body.tick += 1
-    body.energy_norm = math.sqrt(norm)
-    body.energy_travel += math.sqrt(change)
-    body.residual_travel += _replace_residuals(body, nodes, residuals)
-    body.travel = body.largest_reach * body.energy_travel + body.residual_travel
-    return True
-
-
-@kernel
-def _replace_residuals(body: Body, nodes: IntArray, residuals: FloatArray) -> float:
-    """Forget the last tick's residuals, set this tick's, return the largest change of any node's."""
-    residual, loaded, stamp = floats(body.residual), ints(body.loaded), longs(body.load_stamp)
-    largest, change = 0.0, 0.0
-    for k in range(nodes.shape[0]):
-        stamp[nodes[k]] = body.tick
-    for k in range(body.n_loaded):
-        node = loaded[k]
-        if stamp[node] != body.tick:
-            old = vector(residual, node)
-            change = max(change, dot(old, old))
-            for axis in range(3):
-                residual[3 * node + axis] = 0.0
-    for k in range(nodes.shape[0]):
-        step2, size2 = 0.0, 0.0
-        for axis in range(3):
-            step2 += (residuals[k, axis] - residual[3 * nodes[k] + axis]) ** 2
-            size2 += residuals[k, axis] ** 2
-            residual[3 * nodes[k] + axis] = residuals[k, axis]
-        change, largest = max(change, step2), max(largest, size2)
-        loaded[k] = nodes[k]
-    body.n_loaded = nodes.shape[0]
-    body.largest_residual = math.sqrt(largest)
-    return math.sqrt(change)
+    return take_state(shell_at(shell_address).body, q, nodes, residuals)
 
 
 @kernel
@@ -295,16 +286,20 @@ def node_position(body: Body, node: int) -> Vector:
     stamp, position = longs(body.stamp), floats(body.position)
     if stamp[node] != body.tick:
         stamp[node] = body.tick
-        _place(body, node)
+        body.nodes_placed += 1
+        if body.n_stations == 0:
+            _place(body, node, body.rest)
+        else:
+            _place(body, node, body.arm)
+            turn_into_place(body, node)
     return vector(position, node)
 
 
 @summing_kernel
-def _place(body: Body, node: int) -> None:
+def _place(body: Body, node: int, rest_address: int) -> None:
     """Evaluate rest + Phi q + residual."""
-    body.nodes_placed += 1
     q, r = floats(body.q), body.n_modes
-    rest, residual, position = floats(body.rest), floats(body.residual), floats(body.position)
+    rest, residual, position = floats(rest_address), floats(body.residual), floats(body.position)
     for row in range(3 * node, 3 * node + 3):
         Phi, modal = floats(body.Phi + 8 * r * row), 0.0
         for k in range(r):

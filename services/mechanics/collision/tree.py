@@ -1,11 +1,9 @@
 """A box tree over the rest shape that stays valid while the duct deforms.
 
-Nothing in it is refitted. With C_i = Phi_i Lambda^-1 Phi_i^T, the modal compliance of node i, every displacement
-obeys |u_i| <= sqrt(lambda_max(C_i)) |omega q| (Cauchy-Schwarz; |omega q|^2 is twice the elastic energy), and
-the displacement relative to another node obeys the same with Phi_i - Phi_j. So two numbers a tree node are
-enough: how far its vertices can move (``reach``), and how far they can move against one representative
-vertex (``spread``), in m per sqrt(J). A rest box moved by the representative's displacement and inflated by
-``spread`` |omega q| contains the deformed triangles, always; deep in the tree it is tight.
+Nothing in it is refitted. Two numbers a tree node are enough (see `bounds`): how far its vertices can move
+(``reach``), and how far they can move against one representative vertex (``spread``), in m per sqrt(J) of the
+wall's |omega q|. A rest box moved by the representative's displacement and inflated by ``spread`` |omega q|
+contains the deformed triangles, always; deep in the tree it is tight.
 """
 
 from __future__ import annotations
@@ -14,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.collision.bounds import MotionBounds
 from services.mechanics.mesh import FloatArray, IntArray
 
 LEAF_TRIANGLES = 4
@@ -42,8 +41,8 @@ class BoundingTree(NamedTuple):
     """(k,) bound of |u_i - u_representative| / |omega q|."""
 
 
-def build_tree(vertices_m: FloatArray, triangles: IntArray, scaled_modes: FloatArray) -> BoundingTree:
-    """Build the tree over triangles (m, 3); ``scaled_modes`` (n, 3, r) is Phi / omega."""
+def build_tree(vertices_m: FloatArray, triangles: IntArray, bounds: MotionBounds) -> BoundingTree:
+    """Build the tree over triangles (m, 3)."""
     order, span, child = _split(vertices_m[triangles].mean(axis=1))
     k = len(span)
     box = np.empty((k, 6))
@@ -64,7 +63,7 @@ def build_tree(vertices_m: FloatArray, triangles: IntArray, scaled_modes: FloatA
         members.append(corners)
     owner = np.repeat(np.arange(k, dtype=np.int32), [len(corners) for corners in members])
     vertex = np.concatenate(members)
-    reach, spread = _displacement_bounds(scaled_modes, vertex, owner, representative)
+    reach, spread = _displacement_bounds(bounds, vertex, owner, representative)
     return BoundingTree(box, child, span, order, representative, reach, spread)
 
 
@@ -90,21 +89,11 @@ def _split(centroids: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _displacement_bounds(
-    scaled_modes: FloatArray, vertex: IntArray, owner: IntArray, representative: IntArray
+    bounds: MotionBounds, vertex: IntArray, owner: IntArray, representative: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     reach, spread = np.zeros(len(representative)), np.zeros(len(representative))
     for first in range(0, len(vertex), _CHUNK):
         rows = slice(first, first + _CHUNK)
-        modes = scaled_modes[vertex[rows]]
-        np.maximum.at(reach, owner[rows], _largest_gain(modes))
-        relative = modes - scaled_modes[representative[owner[rows]]]
-        np.maximum.at(spread, owner[rows], _largest_gain(relative))
+        np.maximum.at(reach, owner[rows], bounds.reach(vertex[rows]))
+        np.maximum.at(spread, owner[rows], bounds.spread(vertex[rows], representative[owner[rows]]))
     return reach, spread
-
-
-def _largest_gain(modes: FloatArray) -> FloatArray:
-    """(k,) largest singular value of each (3, r) block, rounded up."""
-    gram = modes @ modes.transpose(0, 2, 1)
-    largest = np.linalg.eigvalsh(gram)[:, -1]
-    gain: FloatArray = np.sqrt(np.maximum(largest, 0.0)) * (1.0 + 1e-9)
-    return gain

@@ -14,6 +14,7 @@ from services.mechanics.effects.gallstones import Gallstones
 from services.mechanics.effects.grasp_slip import GraspSlip
 from services.mechanics.effects.gravity import Gravity
 from services.mechanics.effects.insufflation import Insufflation
+from services.mechanics.effects.large_rotations import LargeRotations
 from services.mechanics.effects.mucus_drag import MucusDrag
 from services.mechanics.effects.nonlinear_membrane import NonlinearMembrane
 from services.mechanics.effects.self_contact import SelfContact
@@ -38,6 +39,7 @@ class EffectEntry:
 
 EFFECTS: dict[str, EffectEntry] = {
     "anisotropy": EffectEntry(Anisotropy, (), "a wall stiffer round the duct than along it"),
+    "large_rotations": EffectEntry(LargeRotations, (), "a duct that keeps its shape when it is bent far"),
     "insufflation": EffectEntry(Insufflation, (), "gas pressure outside against the pressure in the lumen"),
     "gravity": EffectEntry(Gravity, (), "weight of catheter, stones and, if wanted, wall"),
     "twist": EffectEntry(Twist, (), "torsion of the catheter; rest curvature turns with it"),

@@ -10,6 +10,7 @@ from services.mechanics.mesh import TriangleMesh
 from services.mechanics.reduction.basis import ModalBasis, node_displacements
 from services.mechanics.reduction.residual import Residual
 from services.mechanics.reduction.state import FloatArray, IntArray, ModalState
+from services.mechanics.reduction.warping import TubeWarp
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +27,16 @@ class ReducedDuct:
         Static response of the modes left out.
     damping_ratio : (r,) float64
         Fraction of critical damping of each mode.
+    warp : TubeWarp, optional
+        Turns the cross-sections where large rotations are wanted. Whoever places points of the wall asks for it;
+        `displacements` and `node_displacements` stay the linear ones.
     """
 
     mesh: TriangleMesh
     basis: ModalBasis
     residual: Residual
     damping_ratio: FloatArray
+    warp: TubeWarp | None = None
 
     def __post_init__(self) -> None:
         if self.basis.n_nodes != self.mesh.n_vertices:

@@ -106,6 +106,33 @@ def reduce_duct(
     return ReducedDuct(recipe.mesh, basis, residual, ratio)
 
 
+def fetch_residual_displacement(
+    recipe: DuctRecipe,
+    duct: ReducedDuct,
+    load_n: FloatArray,
+    cache_dir: Path | None = None,
+    progress: Progress = ignore_progress,
+) -> FloatArray:
+    """Return R f (n, 3) in m for a load (n, 3) on every node, from the cache where it is there.
+
+    R between all nodes exists only as patches on large meshes, so this is the full static solution less the modes'
+    part: exact, and worth keeping because it takes a factorisation of the full model.
+    """
+    basis = duct.basis
+
+    def solve(entry: cache.Entry) -> None:
+        progress("rest shape", 0.0)
+        full = recipe.model().solve_static(load_n).displacement_m
+        q = np.einsum("nar,na->r", basis.Phi, load_n) / basis.omega_rad_s**2
+        entry.save("displacement", full - basis.displacements(q))
+        entry.describe(content_hash=basis.content_hash, kind="residual displacement")
+        progress("rest shape", 1.0)
+
+    folder = cache_dir or cache.default_cache_dir()
+    entry = cache.fetch(folder, f"rest-{hash_content(basis.content_hash, recipe.key(), load_n)}", solve)
+    return np.array(entry.load("displacement"))
+
+
 def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> Residual:
     choice = maker.recipe.residual
     kind = choice.settled_kind(basis.n_nodes)

@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh, triangle_areas_m2, vertex_areas_m2
+from services.mechanics.mesh import (
+    FloatArray,
+    IntArray,
+    TriangleMesh,
+    boundary_loops,
+    triangle_areas_m2,
+    unique_edges,
+    vertex_areas_m2,
+)
 from services.mechanics.reduction.free_dofs import factorise
 
 
@@ -66,6 +74,22 @@ def cut_sections(mesh: TriangleMesh, held: IntArray, n_segments: int) -> Section
     centres = np.asarray(weights @ mesh.vertices_m) / total[:, None]
     centres[0] = mesh.vertices_m[held].mean(axis=0)
     return Sections(centres, segment, fraction)
+
+
+def refuse_unless_tube(mesh: TriangleMesh, held: IntArray) -> None:
+    """Check that a mesh is a tube, a cylinder by its topology, and that one whole end of it is held.
+
+    Raises
+    ------
+    ValueError
+        It is not; the sentence says why.
+    """
+    rims = boundary_loops(mesh)
+    euler = mesh.n_vertices - len(unique_edges(mesh)[0]) + mesh.n_triangles
+    if len(rims) != 2 or euler != 0:
+        raise ValueError(f"the duct must be a tube with two open ends, its surface has {len(rims)}")
+    if not any(set(rim.tolist()) == set(held.tolist()) for rim in rims):
+        raise ValueError("the duct must be held at one whole end and nowhere else")
 
 
 def axial_coordinate(mesh: TriangleMesh, held: IntArray) -> FloatArray:

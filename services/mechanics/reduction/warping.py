@@ -22,13 +22,14 @@ from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.sections import Sections, cut_sections
 from services.mechanics.reduction.state import FloatArray, IntArray
 from services.mechanics.reduction.warping_kernels import (
-    interpolate_turn,
     node_positions,
+    node_rotations,
     node_rows,
     point_rows,
-    rotation_matrix,
+    string_axis,
+    string_rates,
     turn_blocks,
-    update_axis,
+    turn_vectors,
 )
 
 
@@ -83,7 +84,8 @@ class TubeWarp:
 class SectionFrame:
     """The warped axis at one state: updated once a tick, then read at a few nodes. Nothing is allocated.
 
-    Cost: a few microseconds for the axis, about one a node, whatever the size of the mesh.
+    Cost: a few microseconds for the axis, less than one a node, whatever the size of the mesh. Derivatives of the
+    axis cost some ten times as much and are made when rows are first asked for in a state.
     """
 
     def __init__(self, warp: TubeWarp) -> None:
@@ -95,6 +97,7 @@ class SectionFrame:
         self._tube = (sections.segment, sections.fraction, warp.arm_m, warp.local)
         self._axis = (np.zeros((stations, 3)), np.zeros((stations, 3)), np.zeros((stations, 3, modes)))
         self._scratch = (np.zeros((9, 3)), np.zeros((3, modes)), np.zeros((1, 3, modes)))
+        self._rates_are_stale = True
         self.update(self._q)
 
     @property
@@ -102,10 +105,21 @@ class SectionFrame:
         """Points of the axis (s + 1, 3) in this state; a live view."""
         return self._axis[1]
 
+    @property
+    def turns(self) -> FloatArray:
+        """Rotation vectors of the stations (s + 1, 3) in this state; a live view."""
+        return self._axis[0]
+
     def update(self, q: FloatArray) -> None:
-        """Integrate the axis for modal coordinates q (r,), and its derivative by them."""
+        """Integrate the axis for modal coordinates q (r,)."""
         self._q[:] = q
-        update_axis(self._rest, q, self._axis, self._scratch)
+        string_axis(self._rest, self._q, self._axis, self._scratch)
+        self._rates_are_stale = True
+
+    def _refresh_rates(self) -> None:
+        if self._rates_are_stale:
+            string_rates(self._rest, self._axis, self._scratch)
+            self._rates_are_stale = False
 
     def node_positions(self, nodes: IntArray, extra_m: FloatArray, out: FloatArray) -> None:
         """Write the positions of ``nodes`` (k,) into ``out`` (k, 3), in m.
@@ -117,6 +131,7 @@ class SectionFrame:
 
     def node_rows(self, nodes: IntArray, out: FloatArray) -> None:
         """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi."""
+        self._refresh_rates()
         node_rows(nodes, self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
 
     def gather_rows(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
@@ -125,6 +140,7 @@ class SectionFrame:
         ``nodes`` (k, 3) are the corners, ``weights`` (k, 3) the barycentric coordinates. Loads act on the modes
         through these rows too: then their power is that of the warped points.
         """
+        self._refresh_rates()
         point_rows((nodes, weights), self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
 
     def turn_blocks(self, nodes: IntArray, out: FloatArray) -> None:
@@ -134,11 +150,17 @@ class SectionFrame:
         """
         turn_blocks(nodes, self._tube, self._axis, out, self._scratch)
 
-    def node_rotation(self, node: int, out: FloatArray) -> None:
-        """Write the rotation (3, 3) of one node's section: it turns the residual compliance."""
-        turn = self._scratch[0][0]
-        interpolate_turn(self._axis[0], self._tube[0][node], self._tube[1][node], turn)
-        rotation_matrix(turn, out)
+    def turn_vectors(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
+        """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from undeformed into world axes; ``out`` (k, 3) may be the same."""
+        turn_vectors(nodes, self._tube, self._axis, False, vectors, out, self._scratch)
+
+    def turn_back(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
+        """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from world into undeformed axes; ``out`` (k, 3) may be the same."""
+        turn_vectors(nodes, self._tube, self._axis, True, vectors, out, self._scratch)
+
+    def node_rotations(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write the rotations of the sections of ``nodes`` (k,) into ``out`` (k, 3, 3)."""
+        node_rotations(nodes, self._tube, self._axis, out, self._scratch)
 
 
 def _section_motion(mesh: TriangleMesh, basis: ModalBasis, sections: Sections) -> tuple[FloatArray, FloatArray]:

@@ -67,7 +67,7 @@ def interpolate_turn(turn: FloatArray, segment: int, fraction: float, out: Float
         out[i] = (1.0 - fraction) * turn[segment, i] + fraction * turn[segment + 1, i]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@njit(cache=True, nogil=True, fastmath={"reassoc"})  # a long sum in vectorised parts, in whatever order
 def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
     for i in range(3):
         total = 0.0
@@ -78,8 +78,18 @@ def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
 
 @njit(cache=True, nogil=True, fastmath=False)
 def _rotate(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
+    """Write R ``vector``; both may be the same."""
+    x, y, z = vector[0], vector[1], vector[2]
     for i in range(3):
-        out[i] = R[i, 0] * vector[0] + R[i, 1] * vector[1] + R[i, 2] * vector[2]
+        out[i] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _rotate_back(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
+    """Write R^T ``vector``; both may be the same."""
+    x, y, z = vector[0], vector[1], vector[2]
+    for i in range(3):
+        out[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
 
 
 @njit(cache=True, nogil=True, fastmath=False)
@@ -103,26 +113,39 @@ def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def update_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None:
-    """String the stations together at modal coordinates q (r,), writing all of ``axis``."""
-    (centres, turn_modes, stretch), (turn, centre, rate) = rest, axis
-    small, between, _ = scratch
-    R, A, middle, piece, step = small[:3], small[3:6], small[6], small[7], small[8]
+def string_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None:
+    """String the stations together at modal coordinates q (r,), writing turns and centres of ``axis``."""
+    (centres, turn_modes, stretch), (turn, centre, _) = rest, axis
+    small = scratch[0]
+    R, middle, piece, step = small[:3], small[6], small[7], small[8]
     for station in range(turn.shape[0]):
         _product(turn_modes[station], q, turn[station])
     centre[0] = centres[0]
-    rate[0] = 0.0
     for k in range(stretch.shape[0]):
         interpolate_turn(turn, k, 0.5, middle)
         rotation_matrix(middle, R)
-        left_jacobian(middle, A)
         _product(stretch[k], q, piece)
         for i in range(3):
             piece[i] += centres[k + 1, i] - centres[k, i]
         _rotate(R, piece, step)
         for i in range(3):
             centre[k + 1, i] = centre[k, i] + step[i]
-            for mode in range(q.shape[0]):
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def string_rates(rest: Rest, axis: Axis, scratch: Scratch) -> None:
+    """Write the derivatives of the centres by q, for the turns and centres that ``axis`` holds."""
+    (_, turn_modes, stretch), (turn, centre, rate) = rest, axis
+    small, between, _ = scratch
+    R, A, middle, step = small[:3], small[3:6], small[6], small[8]
+    rate[0] = 0.0
+    for k in range(stretch.shape[0]):
+        interpolate_turn(turn, k, 0.5, middle)
+        rotation_matrix(middle, R)
+        left_jacobian(middle, A)
+        for i in range(3):
+            step[i] = centre[k + 1, i] - centre[k, i]
+            for mode in range(between.shape[1]):
                 between[i, mode] = 0.5 * (turn_modes[k, i, mode] + turn_modes[k + 1, i, mode])
                 rate[k + 1, i, mode] = rate[k, i, mode]
         _add_turned_rates(A, between, step, rate[k + 1])
@@ -221,3 +244,28 @@ def turn_blocks(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratc
                 column[i] = out[other, 3 * a + i]
             for i in range(3):
                 out[other, 3 * a + i] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def turn_vectors(
+    nodes: IntArray, tube: Tube, axis: Axis, back: bool, vectors: FloatArray, out: FloatArray, scratch: Scratch
+) -> None:
+    """Write ``vectors`` (k, 3) of nodes turned with their sections, or ``back`` from there, into ``out`` (k, 3)."""
+    small = scratch[0]
+    Q, turn = small[:3], small[6]
+    for k in range(nodes.shape[0]):
+        interpolate_turn(axis[0], tube[0][nodes[k]], tube[1][nodes[k]], turn)
+        rotation_matrix(turn, Q)
+        if back:
+            _rotate_back(Q, vectors[k], out[k])
+        else:
+            _rotate(Q, vectors[k], out[k])
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def node_rotations(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
+    """Write the rotations (k, 3, 3) of the sections of ``nodes`` (k,)."""
+    turn = scratch[0][6]
+    for k in range(nodes.shape[0]):
+        interpolate_turn(axis[0], tube[0][nodes[k]], tube[1][nodes[k]], turn)
+        rotation_matrix(turn, out[k])

@@ -170,8 +170,9 @@ def test_a_turned_duct_warps_to_the_turned_shape(model, basis, tube_warp):
 def test_what_rides_along_is_turned_with_its_section(basis, tube_warp):
     q, frame = some_coordinates(basis, 20e-3), SectionFrame(tube_warp)
     frame.update(q)
-    node, rotation = np.array([500], np.int32), np.empty((3, 3))
-    frame.node_rotation(500, rotation)
+    node, rotations = np.array([500], np.int32), np.empty((1, 3, 3))
+    frame.node_rotations(node, rotations)
+    rotation = rotations[0]
     assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-14)
     assert np.linalg.det(rotation) == pytest.approx(1.0)
     plain, carried, extra = np.empty((1, 3)), np.empty((1, 3)), np.array([[1e-3, -2e-3, 3e-3]])
@@ -197,8 +198,10 @@ def test_a_turned_compliance_gives_turned_displacements_under_turned_forces(basi
     R = np.random.default_rng(13).standard_normal((6, 6))
     turned, Q = (R + R.T).copy(), np.zeros((6, 6))
     frame.turn_blocks(nodes, turned)
-    for k, node in enumerate(nodes):
-        frame.node_rotation(node, Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3])
+    rotations = np.empty((2, 3, 3))
+    frame.node_rotations(nodes, rotations)
+    for k in range(2):
+        Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = rotations[k]
     assert turned == pytest.approx(Q @ (R + R.T) @ Q.T, abs=1e-13)
 
 

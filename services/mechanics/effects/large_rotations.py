@@ -1,0 +1,56 @@
+"""Large rotations: a duct bent far keeps its volume, its sections turned instead of sheared along straight lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from services.mechanics.effects.base import Effect
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.sections import refuse_unless_tube
+from services.mechanics.reduction.warping import TubeWarp
+
+if TYPE_CHECKING:
+    from services.mechanics.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class LargeRotationsSettings:
+    """Number of pieces that the duct's axis is strung together from."""
+
+    n_sections: int = 24
+
+    def __post_init__(self) -> None:
+        if self.n_sections < 2:
+            raise ValueError(f"effects.large_rotations: n_sections must be at least 2, is {self.n_sections}")
+
+
+class LargeRotations(Effect):
+    """Turned cross-sections wherever points of the wall are placed: contact, detection, mouth, picture.
+
+    It acts through the duct itself (`ReducedDuct.warp`), which every process holds, and in no stage of a step.
+    Constant loads (gas pressure; weight of the wall) turn with the sections they act on.
+    """
+
+    Settings = LargeRotationsSettings
+
+    def turned(self, duct: ReducedDuct) -> ReducedDuct:
+        """Return the duct with its warp.
+
+        Raises
+        ------
+        ValueError
+            The surface is not a tube held at one end, or its mesh is too coarse for the sections.
+        """
+        held = duct.mesh.vertex_sets["clamped"]
+        try:
+            refuse_unless_tube(duct.mesh, held)
+            warp = TubeWarp.from_basis(duct.mesh, duct.basis, held, self.settings.n_sections)
+        except ValueError as error:
+            raise ValueError(f"effects.large_rotations: {error}") from error
+        return replace(duct, warp=warp)
+
+    def prepare(self, simulation: Simulation) -> None:
+        """Refuse a duct that was reduced for another scene."""
+        if simulation.duct.reduced.warp is None:
+            raise ValueError("effects.large_rotations: the duct was built without it, use build_scene_duct")
