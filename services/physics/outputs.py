@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 from numpy.typing import NDArray
 
 from protocol import Frame
 from protocol.arrays import pack
-from protocol.bodies import Catheter, Duct, PhysicsContacts, ToolReaction
-from protocol.vectors import Vec3
+from protocol.bodies import Catheter, Duct, PhysicsContacts, ToolReaction, ToolState
+from protocol.vectors import Mat3, Vec3
 from services.mechanics.contact.pairs import NO_TOOL
-from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import HOLD
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import N_TOOLS
+from services.physics.inputs import kernel
 from services.runtime.bus import Bus
 
-Mask = NDArray[np.bool_]
+Arrays = tuple[NDArray[Any], ...]
+ByteArray = NDArray[np.int8]
+FloatArray = NDArray[np.float64]
 
 _INSERTED_EVERY = 16
 _NO_TWIST = pack(np.zeros(0))
+# Columns of the table of reactions, a row a tool: twelve for four vectors, nine for K, and these.
+_GRASP_TORQUE, _JAW_ANGLE, _CONTACTS, _HOLDS, _COLUMNS = 21, 22, 23, 24, 25
 
 
 class Outputs:
@@ -29,12 +35,15 @@ class Outputs:
         self._simulation = simulation
         self._basis_hash = basis_hash
         self._inserted_m = 0.0
+        self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
+        self._table = np.zeros((N_TOOLS, _COLUMNS))
 
     def publish(self, bus: Bus, answered: Frame, *, valid: bool) -> None:
         """Send duct, catheter and contacts, as the answer to one frame of tools."""
         tick, valid = answered.body.tick, valid and answered.valid
         # Contacts first: the hand waits for the forces, the rest can follow.
-        bus.publish("physics.contacts", self._contacts(tick, answered), origin_ns=answered.origin_ns, valid=valid)
+        contacts = self.contacts(tick, answered.body.tools)
+        bus.publish("physics.contacts", contacts, origin_ns=answered.origin_ns, valid=valid)
         bus.publish("physics.duct", self._duct(tick), origin_ns=answered.origin_ns, valid=valid)
         bus.publish("physics.catheter", self._catheter(tick), origin_ns=answered.origin_ns, valid=valid)
 
@@ -67,48 +76,64 @@ class Outputs:
             self._inserted_m = self._simulation.inserted_length_m
         return self._inserted_m
 
-    def _contacts(self, tick: int, answered: Frame) -> PhysicsContacts:
+    def contacts(self, tick: int, tools: tuple[ToolState, ...]) -> PhysicsContacts:
+        """Return the solved contacts, and what each of `tools`, which the step was solved for, feels of them."""
         s = self._simulation
-        rows = s.contacts
+        rows, out, forces = s.contacts, s.tool_results, s.contact_force_n
         n = rows.n_contacts
-        tools, forces = rows.tool[:n], s.contact_force_n
-        pressed: Mask = np.asarray(forces.any(axis=1))
-        held: Mask = np.asarray(rows.kind[:n] == HOLD)
+        vectors = out.force_n, out.torque_nm, out.port_moment_nm, out.proxy_position_m
+        tabulate(vectors, out.stiffness_n_m, (out.grasp_torque_nm, out.proxy_jaw_angle_rad), self._table)
+        count((rows.tool, rows.kind, rows.duct_weight), forces, self._kinds, self._table)
         return PhysicsContacts(
             tick=tick,
-            tools=tuple(
-                self._tool(i, tool.position_m, np.equal(tools, i), pressed, held)
-                for i, tool in enumerate(answered.body.tools[:N_TOOLS])
-            ),
-            kind=pack(_kinds(rows), "|i1"),
+            tools=tuple(map(_reaction, self._table.tolist(), (tool.position_m for tool in tools))),
+            kind=pack(self._kinds[:n], "|i1"),
             point_m=pack(rows.point_m[:n]),
             force_n=pack(forces),
             max_penetration_m=s.max_penetration_m,
         )
 
-    def _tool(self, i: int, position_m: Vec3, of_tool: Mask, pressed: Mask, held: Mask) -> ToolReaction:
-        results = self._simulation.tool_results
-        return ToolReaction(
-            force_n=_vector(results.force_n[i]),
-            torque_nm=_vector(results.torque_nm[i]),
-            port_moment_nm=_vector(results.port_moment_nm[i]),
-            grasp_torque_nm=float(results.grasp_torque_nm[i]),
-            stiffness_n_m=tuple(results.stiffness_n_m[i].ravel().tolist()),
-            position_m=position_m,
-            proxy_position_m=_vector(results.proxy_position_m[i]),
-            proxy_jaw_angle_rad=float(results.proxy_jaw_angle_rad[i]),
-            contacts=int((of_tool & pressed & ~held).sum()),
-            holds=int((of_tool & held).sum()),
-        )
+
+def _reaction(row: list[float], position_m: Vec3) -> ToolReaction:
+    """Return a row of the table as it travels."""
+    return ToolReaction(
+        force_n=cast(Vec3, tuple(row[0:3])),
+        torque_nm=cast(Vec3, tuple(row[3:6])),
+        port_moment_nm=cast(Vec3, tuple(row[6:9])),
+        grasp_torque_nm=row[_GRASP_TORQUE],
+        stiffness_n_m=cast(Mat3, tuple(row[12:21])),
+        position_m=position_m,
+        proxy_position_m=cast(Vec3, tuple(row[9:12])),
+        proxy_jaw_angle_rad=row[_JAW_ANGLE],
+        contacts=int(row[_CONTACTS]),
+        holds=int(row[_HOLDS]),
+    )
 
 
-def _kinds(rows: ContactRows) -> NDArray[np.int8]:
-    """Return 0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other for each row."""
-    n = rows.n_contacts
-    of_tool, on_duct = rows.tool[:n] != NO_TOOL, rows.duct_weight[:n].any(axis=1)
-    return np.where(of_tool, np.where(on_duct, 0, 1), np.where(on_duct, 2, 3)).astype(np.int8)
+@kernel
+def tabulate(vectors: Arrays, stiffness: FloatArray, scalars: Arrays, table: FloatArray) -> None:
+    """Write what each tool feels into its row."""
+    for tool in range(table.shape[0]):
+        for axis in range(3):
+            for block in range(4):
+                table[tool, 3 * block + axis] = vectors[block][tool, axis]
+            for other in range(3):
+                table[tool, 12 + 3 * axis + other] = stiffness[tool, axis, other]
+        table[tool, _GRASP_TORQUE], table[tool, _JAW_ANGLE] = scalars[0][tool], scalars[1][tool]
 
 
-def _vector(values: NDArray[np.float64]) -> Vec3:
-    x, y, z = values.tolist()
-    return x, y, z
+@kernel
+def count(rows: Arrays, force: FloatArray, kinds: ByteArray, table: FloatArray) -> None:
+    """Write 0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other for each row, and count each tool's contacts."""
+    tool, kind, duct_weight = rows
+    table[:, _CONTACTS:] = 0.0
+    for row in range(force.shape[0]):
+        on_duct = duct_weight[row, 0] != 0.0 or duct_weight[row, 1] != 0.0 or duct_weight[row, 2] != 0.0
+        of_tool = tool[row] != NO_TOOL
+        kinds[row] = (0 if on_duct else 1) if of_tool else (2 if on_duct else 3)
+        if not of_tool:
+            continue
+        if kind[row] == HOLD:
+            table[tool[row], _HOLDS] += 1.0
+        elif force[row, 0] != 0.0 or force[row, 1] != 0.0 or force[row, 2] != 0.0:
+            table[tool[row], _CONTACTS] += 1.0

@@ -14,6 +14,7 @@ from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import GraspHold, ToolInputs
 from services.physics.inputs import ContactsReader
+from services.physics.outputs import Outputs
 from services.runtime.log import progress
 
 _STEPS = 20
@@ -33,6 +34,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     for _ in range(_STEPS):
         simulation.step(tools)
     ContactsReader(simulation).compile_kernels()
+    Outputs(simulation, "").contacts(0, ())
     progress("kernels are compiled", 1.0)
 
 
