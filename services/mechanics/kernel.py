@@ -13,7 +13,7 @@ finds struct or tuple behind them with a reader made by `struct_reader` or `tupl
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -134,6 +134,21 @@ def _words(value: Any) -> Iterator[int]:
         yield int(np.float64(value).view(np.int64))
     else:
         yield int(value)
+
+
+class Placed(Generic[T]):
+    """A tuple of arrays with the address at which kernels find it; keeps what is there alive.
+
+    Attributes
+    ----------
+    arrays : T
+    address : int
+    """
+
+    def __init__(self, arrays: T) -> None:
+        self.arrays = arrays
+        self._table = tuple_table(arrays)
+        self.address: int = self._table.ctypes.data
 
 
 def tuple_reader(example: T) -> Callable[[int], T]:

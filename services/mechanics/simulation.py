@@ -13,18 +13,13 @@ from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.contact.persistence import PressedPoints
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.system import Bodies, ContactSystem
-from services.mechanics.contact.tool_loads import (
-    STIFFNESS_CAPACITY,
-    deepest_overlap,
-    generalised_forces,
-    local_stiffness,
-    resultants,
-)
+from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
 from services.mechanics.contact_search import ContactSearch, DuctSearch
 from services.mechanics.duct_body import DuctBody
 from services.mechanics.effects import build_effects
 from services.mechanics.effects.base import STAGES, acts_in
 from services.mechanics.forceps import Grasp, JawState, ToolBody
+from services.mechanics.kernel import Placed
 from services.mechanics.mouth import Mouth
 from services.mechanics.reduction import ExactOscillator, ModalIntegrator, ModalState, Newmark, ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -79,14 +74,11 @@ class Simulation:
         self._mouth = Mouth(duct)
         self.max_penetration_m = 0.0
         self.quality_level = 0
-        self._pressed = PressedPoints(duct.mesh.triangles, scene.contact.margin_m)
+        self._pressed = PressedPoints(self.bodies.half_thickness_m, scene.contact.margin_m)
         self._catheter_pairs = ContactPairs.allocate(capacity)
         self._tool_pairs = ContactPairs.allocate(capacity)
         self._tool_force = np.zeros((N_TOOLS, 4))
-        self._spring_compliance = 1.0 / self.tools.stiffness
-        self._coupling_excess = np.zeros((N_TOOLS, 4))
-        self._resultant = np.zeros((N_TOOLS, 3))
-        self._stiffness_scratch = np.zeros((3 * STIFFNESS_CAPACITY) * (3 * STIFFNESS_CAPACITY + 3))
+        self._felt = Placed(ReportArrays.of(self.tool_results, self._tool_force))
         self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
         self._mark_ns = 0
         load = constant_load(self.effects, duct.mesh)
@@ -212,8 +204,7 @@ class Simulation:
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)
-        half_thickness_m = self.bodies.half_thickness_m
-        self._pressed.append_to(pairs, self.search, system.tool_geometry, half_thickness_m)
+        self._pressed.append_to(pairs, self.search, system.address)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
         self._catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, self._catheter_pairs)
@@ -256,32 +247,16 @@ class Simulation:
         system = self.system
         self.holds.slide()
         self._pressed.keep(system.rows)
-        generalised_forces(system.rows, system.force_n, self._tool_force)
+        load_tools(system.address, self._tool_force)
         system.apply(self._tool_force)
         for effect in self._stages["after_solve"]:
             effect.after_solve(self, dt_s)
 
     def _report(self) -> None:
         """Write what the tools feel."""
-        system, out = self.system, self.tool_results
-        about_tip, about_port = self.tools.segments[:, 1, 0], self.tools.port_m
-        resultants(system.rows, system.force_n, about_tip, self._resultant, out.torque_nm)
-        resultants(system.rows, system.force_n, about_port, self._resultant, out.port_moment_nm)
-        out.force_n[:] = self._tool_force[:, :3]
-        out.grasp_torque_nm[:] = self._tool_force[:, 3]
-        if self.holds.active:
-            out.grasp_torque_nm += self.tools.jaw_stop_torque_nm()
-        if self.scene.contact.model == "implicit":
-            self._report_stiffness()
-        self.max_penetration_m = deepest_overlap(system.rows)
-        out.proxy_position_m[:] = self.tools.proxy[:, :3]
-        out.proxy_jaw_angle_rad[:] = self.tools.proxy[:, 3]
-
-    def _report_stiffness(self) -> None:
-        system, out = self.system, self.tool_results.stiffness_n_m
-        np.subtract(self._spring_compliance, self.tools.compliance, out=self._coupling_excess)
-        inner = self._coupling_excess, self._stiffness_scratch
-        local_stiffness(system.rows, system.compliance_m_n, system.slides, *inner, out)
+        addresses = (self.system.address, self.tools.address, self._felt.address)
+        wants_stiffness = self.scene.contact.model == "implicit"
+        self.max_penetration_m = report(*addresses, bool(self.holds.active), wants_stiffness)
 
 
 def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:

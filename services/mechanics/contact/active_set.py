@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
-from services.mechanics.collision.kernel import kernel
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-ByteArray = npt.NDArray[np.int8]
+from services.mechanics.kernel import ByteArray, FloatArray, IntArray, kernel
 
 UNILATERAL, HOLD, FILM = 0, 1, 2
 # The block solves put a sliding force on its limit to rounding; anything closer than this is on it.

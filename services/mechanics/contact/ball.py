@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
-from services.mechanics.collision.kernel import kernel
-
-FloatArray = npt.NDArray[np.float64]
+from services.mechanics.kernel import FloatArray, kernel
 
 _NEWTON_STEPS = 12
 _CLOSE = 1e-12

@@ -6,35 +6,44 @@ once at the end. Only the lower triangle is built; W is symmetric because each b
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-from numba import njit
-
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.rows import ContactRows
+from services.mechanics.kernel import FloatArray, IntArray, kernel, summing_kernel
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
+Row = tuple[float, float, float]
+Block = tuple[Row, Row, Row]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
-def modal_compliance(modes: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
-    """Write modes diag(gain) modes^T, (m, r) by (r,), into ``out`` (m, m) with one matrix product of the BLAS."""
-    n_rows, n_modes = modes.shape
-    scaled = scratch[: n_rows * n_modes].reshape(n_rows, n_modes)
+@summing_kernel
+def add_modal_compliance(modes: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
+    """Add modes diag(gain) modes^T to the lower blocks of ``out`` (m, m), with the first modes of ``modes`` (m, r).
+
+    As many modes as ``gain`` (s,) has count; ``scratch`` holds at least m s items. Twice as fast as a product of the
+    BLAS, because only the lower half is formed and nine sums at a time stay in registers.
+    """
+    n_modes, n_rows = gain.shape[0], out.shape[0]
     for row in range(n_rows):
         for mode in range(n_modes):
-            scaled[row, mode] = modes[row, mode] * gain[mode]
-    np.dot(scaled, modes.T, out)
+            scratch[row * n_modes + mode] = modes[row, mode] * gain[mode]
+    for a in range(0, n_rows, 3):
+        for b in range(0, a + 1, 3):
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for mode in range(n_modes):
+                x, y, z = modes[b, mode], modes[b + 1, mode], modes[b + 2, mode]
+                scaled = scratch[a * n_modes + mode]
+                xx, xy, xz = xx + scaled * x, xy + scaled * y, xz + scaled * z
+                scaled = scratch[(a + 1) * n_modes + mode]
+                yx, yy, yz = yx + scaled * x, yy + scaled * y, yz + scaled * z
+                scaled = scratch[(a + 2) * n_modes + mode]
+                zx, zy, zz = zx + scaled * x, zy + scaled * y, zz + scaled * z
+            _add_rows(out, a, b, ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)))
 
 
 @kernel
-def add_lower(block: FloatArray, out: FloatArray) -> None:
-    """Add the lower triangle of ``block`` (m, m) to ``out`` (m, m)."""
-    for row in range(out.shape[0]):
-        for column in range(row + 1):
-            out[row, column] += block[row, column]
+def _add_rows(out: FloatArray, row: int, column: int, block: Block) -> None:
+    for i in range(3):
+        for j in range(3):
+            out[row + i, column + j] += block[i][j]
 
 
 @kernel

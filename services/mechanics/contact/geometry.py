@@ -6,45 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
+from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, PairArrays
 from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
 from services.mechanics.contact.solver import HOLD, UNILATERAL
 from services.mechanics.forceps.kinematics import contact_lever
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-ByteArray = npt.NDArray[np.int8]
-BoolArray = npt.NDArray[np.bool_]
-
-
-class PairArrays(NamedTuple):
-    """The arrays of `ContactPairs` that the kernels read."""
-
-    tool: ByteArray
-    tool_segment: ByteArray
-    particle: IntArray
-    target_kind: ByteArray
-    target: IntArray
-    tool_parameter: FloatArray
-    target_weights: FloatArray
-    normal: FloatArray
-
-    @classmethod
-    def of(cls, pairs: ContactPairs) -> PairArrays:
-        """View the arrays of ``pairs``."""
-        return cls(
-            pairs.tool,
-            pairs.tool_segment,
-            pairs.particle,
-            pairs.target_kind,
-            pairs.target,
-            pairs.tool_parameter,
-            pairs.target_weights,
-            pairs.normal,
-        )
+from services.mechanics.kernel import BoolArray, FloatArray, IntArray, kernel
 
 
 class ToolGeometry(NamedTuple):
@@ -72,6 +39,14 @@ class DuctGeometry(NamedTuple):
     vertices: FloatArray  # (n, 3)
     triangles: IntArray  # (m, 3)
     half_thickness: float
+
+
+class ContactGeometry(NamedTuple):
+    """Everything that contact rows are built from."""
+
+    tools: ToolGeometry
+    rod: RodGeometry
+    duct: DuctGeometry
 
 
 @kernel

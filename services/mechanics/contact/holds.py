@@ -3,35 +3,50 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-from services.mechanics.contact.geometry import write_frame
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, JAW_A, NO_TOOL
-from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N, LOOSE_SOFTNESS_M_N
-from services.mechanics.contact.solver import HOLD, ON_THE_LIMIT
+from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
+from services.mechanics.contact.pairs import CATHETER_SEGMENT, JAW_A
 from services.mechanics.contact.system import ContactSystem
-from services.mechanics.forceps.kinematics import contact_lever
 from services.mechanics.forceps.tool_body import ToolBody
+from services.mechanics.kernel import FloatArray, Placed
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.tools import GraspHold
 
-FloatArray = npt.NDArray[np.float64]
+# A grasp holds two points; more come only from a peer that has lost its mind.
+CAPACITY = 16
 
 
-@dataclass(slots=True)
 class ActiveHold:
-    """A hold with the place of its point in the jaws, which moves only when it slips."""
+    """A hold with the place of its point in the jaws, which moves only when it slips.
 
-    request: GraspHold
-    anchor: FloatArray
-    """(3,) coordinates along b, h and d of the tool from J, in m."""
-    target: int
-    weights: FloatArray
-    slipped_m: float = 0.0
-    lost: bool = False
+    Attributes
+    ----------
+    request : GraspHold
+    slot : int
+        Its place in the arrays that the kernels work on.
+    """
+
+    __slots__ = ("_arrays", "request", "slot")
+
+    def __init__(self, request: GraspHold, slot: int, arrays: HoldArrays) -> None:
+        self.request = request
+        self.slot = slot
+        self._arrays = arrays
+
+    @property
+    def target(self) -> int:
+        """Triangle, or segment of the catheter, that is held now."""
+        return int(self._arrays.target[self.slot])
+
+    @property
+    def slipped_m(self) -> float:
+        """How far the point has slipped since the grasp."""
+        return float(self._arrays.slipped_m[self.slot])
+
+    @property
+    def lost(self) -> bool:
+        """Whether the point has left the jaws or the catheter's end."""
+        return bool(self._arrays.lost[self.slot])
 
 
 class HoldRegistry:
@@ -39,15 +54,22 @@ class HoldRegistry:
 
     A hold on the catheter slides along it first, so that a forceps that slips ends up further along the
     catheter; what is left of the slip moves the point in the jaws. A point that leaves the jaws, or the
-    catheter's end, is lost.
+    catheter's end, is lost. `CAPACITY` holds at most; what is asked for beyond that is not taken up.
     """
 
     def __init__(self, forceps: tuple[ForcepsScene, ...], system: ContactSystem) -> None:
-        self._forceps = forceps
         self._system = system
         self.active: dict[int, ActiveHold] = {}
         self.dissipated_j = 0.0
         self._lost: set[int] = set()
+        self._placed = Placed(HoldArrays.allocate(CAPACITY))
+        self._arrays = self._placed.arrays
+        self._free = list(range(CAPACITY))
+        self._tools_know = False
+        self._n_rows = 0
+        for tool, each in enumerate(forceps):
+            width_m = 3.0 * each.jaw_radius_m
+            self._arrays.reach[tool] = width_m, each.jaw_length_m + width_m
 
     def follow(self, requests: list[GraspHold]) -> None:
         """Take up new requests, update limits, drop what is no longer asked for."""
@@ -55,137 +77,64 @@ class HoldRegistry:
             return
         asked = {request.hold_id for request in requests}
         for gone in [hold_id for hold_id in self.active if hold_id not in asked]:
-            del self.active[gone]
+            self._drop(gone)
         self._lost &= asked
         for request in requests:
             if request.hold_id in self.active:
                 self.active[request.hold_id].request = request
-            elif request.hold_id not in self._lost:
-                self.active[request.hold_id] = self._take_up(request)
+            elif request.hold_id not in self._lost and self._free:
+                self._take_up(request)
 
     def tell(self, tools: ToolBody) -> None:
         """Tell the tools what they hold and where that stops their jaws."""
+        if not self.active and not self._tools_know:
+            return
+        self._tools_know = bool(self.active)
         tools.held[:] = False
         tools.jaw_stop_rad[:] = -math.inf
         for hold in self.active.values():
-            tool = hold.request.tool
-            tools.held[tool, hold.request.target_kind] = True
-            tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], hold.request.jaw_angle_rad)
+            request = hold.request
+            tools.held[request.tool, request.target_kind] = True
+            tools.jaw_stop_rad[request.tool] = max(tools.jaw_stop_rad[request.tool], request.jaw_angle_rad)
 
     def append_rows(self) -> None:
-        """Append one bilateral row block per hold."""
-        axial: set[int] = set()
-        for hold in self.active.values():
-            if self._system.rows.n_contacts == self._system.rows.capacity:
-                return
-            row = self._tool_side(hold)
-            if hold.request.target_kind == CATHETER_SEGMENT:
-                self._catheter_side(hold, row)
-                self._share_axially(row, hold, axial)
-            else:
-                self._duct_side(hold, row)
+        """Append one bilateral row block per hold, as far as there is room."""
+        self._n_rows = 0
+        if self.active:
+            self._n_rows = append_holds(self._system.address, self._placed.address, len(self.active))
 
     def slide(self) -> None:
         """Let the holds that are at their limit take the motion that the solve left them."""
-        if not self.active:
+        if not self._n_rows:
             return
-        rows, motion = self._system.rows, self._system.motion_m
-        first = rows.n_contacts - len(self.active)
-        for row, hold in enumerate(list(self.active.values()), start=first):
-            if float(np.linalg.norm(rows.force_n[row])) < ON_THE_LIMIT * float(rows.limit[row]):
-                continue
-            in_frame = motion[3 * row : 3 * row + 3]
-            self.dissipated_j -= float(rows.force_n[row] @ in_frame)
-            slip = in_frame @ rows.frame[row]
-            hold.slipped_m += float(np.linalg.norm(slip))
-            self._slide_one(hold, slip)
-            if hold.lost:
-                del self.active[hold.request.hold_id]
-                self._lost.add(hold.request.hold_id)
+        dissipated_j, is_lost = slide_holds(self._system.address, self._placed.address, self._n_rows)
+        self.dissipated_j += dissipated_j
+        if is_lost:
+            for hold_id in [hold_id for hold_id, hold in self.active.items() if hold.lost]:
+                self._drop(hold_id)
+                self._lost.add(hold_id)
 
-    def _take_up(self, request: GraspHold) -> ActiveHold:
-        tools = self._system.tool_geometry
+    def _take_up(self, request: GraspHold) -> None:
+        arrays, slot, tools = self._arrays, self._free.pop(), self._system.tool_geometry
+        from_junction = self._held_point(request) - tools.segments[request.tool, JAW_A, 0]
+        arrays.anchor[slot] = tools.frame[request.tool] @ from_junction
+        arrays.number[slot], arrays.tool[slot] = request.hold_id, request.tool
+        arrays.target_kind[slot], arrays.target[slot] = request.target_kind, request.target
+        arrays.weights[slot] = request.target_weights
+        arrays.slipped_m[slot] = arrays.lost[slot] = 0
+        self.active[request.hold_id] = ActiveHold(request, slot, arrays)
+        self._list_slots()
+
+    def _held_point(self, request: GraspHold) -> FloatArray:
         if request.target_kind == CATHETER_SEGMENT:
-            position = self._system.rod_geometry.position
-            point = request.target_weights[:2] @ position[request.target : request.target + 2]
-        else:
-            point = self._system.bodies.duct.point_at_start(request.target, request.target_weights)
-        anchor: FloatArray = tools.frame[request.tool] @ (point - tools.segments[request.tool, JAW_A, 0])
-        return ActiveHold(request, anchor, request.target, request.target_weights.copy())
+            ends = self._system.rod_geometry.position[request.target : request.target + 2]
+            point: FloatArray = request.target_weights[:2] @ ends
+            return point
+        return self._system.bodies.duct.point_at_start(request.target, request.target_weights)
 
-    def _tool_side(self, hold: ActiveHold) -> int:
-        rows, tools, tool = self._system.rows, self._system.tool_geometry, hold.request.tool
-        row = rows.n_contacts
-        arm = hold.anchor @ tools.frame[tool]
-        rows.kind[row] = HOLD
-        rows.identity[row] = rows.body[row] = -1 - hold.request.hold_id
-        rows.frame[row] = np.eye(3)
-        rows.limit[row] = math.inf
-        rows.softness_m_n[row] = GRIP_SOFTNESS_M_N
-        rows.sphere[row] = -1
-        rows.gap_m[row] = 0.0
-        rows.duct_weight[row] = 0.0
-        rows.rod_weight[row] = 0.0
-        rows.tool[row] = tool
-        # The held point sits between both jaws: opening or closing them does not move it.
-        contact_lever(tools.frame[tool], tools.length[tool], NO_TOOL, arm, rows.lever[row])
-        rows.point_m[row] = tools.segments[tool, JAW_A, 0] + arm
-        rows.slip_m[row] = rows.point_m[row] + rows.lever[row] @ tools.motion[tool]
-        rows.used[0] = row + 1
-        return row
+    def _drop(self, hold_id: int) -> None:
+        self._free.append(self.active.pop(hold_id).slot)
+        self._list_slots()
 
-    def _catheter_side(self, hold: ActiveHold, row: int) -> None:
-        rows, rod = self._system.rows, self._system.rod_geometry
-        for end in range(2):
-            node, weight = hold.target + end, hold.weights[end]
-            rows.rod_node[row, 2 + end] = node
-            rows.rod_weight[row, 2 + end] = -weight
-            rows.slip_m[row] -= weight * (rod.position[node] + rod.motion[node])
-
-    def _share_axially(self, row: int, hold: ActiveHold, axial: set[int]) -> None:
-        """Turn the frame along the catheter; only the first hold of each tool is stiff in that direction.
-
-        Two stiff points a millimetre apart on a rod that hardly stretches would fight over micrometres.
-        """
-        rows, position = self._system.rows, self._system.rod_geometry.position
-        edge = position[hold.target + 1] - position[hold.target]
-        write_frame(edge / np.linalg.norm(edge), rows.frame[row])
-        if hold.request.tool in axial:
-            rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
-        axial.add(hold.request.tool)
-
-    def _duct_side(self, hold: ActiveHold, row: int) -> None:
-        """Take the rest position off; the displacement goes with that of all other contacts."""
-        rows, duct = self._system.rows, self._system.duct_geometry
-        nodes = duct.triangles[hold.target]
-        rows.duct_node[row] = nodes
-        rows.duct_weight[row] = hold.weights
-        rows.slip_m[row] -= hold.weights @ duct.vertices[nodes]
-
-    def _slide_one(self, hold: ActiveHold, slip: FloatArray) -> None:
-        rest = slip
-        if hold.request.target_kind == CATHETER_SEGMENT:
-            rest = slip - _slide_along(hold, slip, self._system.rod_geometry.position)
-        hold.anchor -= self._system.tool_geometry.frame[hold.request.tool] @ rest
-        forceps = self._forceps[hold.request.tool]
-        width = 3.0 * forceps.jaw_radius_m
-        b, h, d = hold.anchor
-        in_jaws = -width <= d <= forceps.jaw_length_m + width and abs(b) <= width and abs(h) <= width
-        hold.lost |= not in_jaws
-
-
-def _slide_along(hold: ActiveHold, slip: FloatArray, position: FloatArray) -> FloatArray:
-    """Move the held point along the catheter by the axial part of ``slip`` and return that part."""
-    edge = position[hold.target + 1] - position[hold.target]
-    length = float(np.linalg.norm(edge))
-    tangent = edge / length
-    axial = float(slip @ tangent)
-    at = hold.target + float(hold.weights[1]) + axial / length
-    n_segments = position.shape[0] - 1
-    hold.lost |= not 0.0 <= at <= n_segments
-    at = min(max(at, 0.0), float(n_segments))
-    hold.target = min(int(at), n_segments - 1)
-    s = at - hold.target
-    hold.weights[:] = (1.0 - s, s, 0.0)
-    along: FloatArray = axial * tangent
-    return along
+    def _list_slots(self) -> None:
+        self._arrays.order[: len(self.active)] = [hold.slot for hold in self.active.values()]

@@ -7,17 +7,45 @@ the duct, or a segment of the catheter). The normal points from the target towar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-ByteArray = npt.NDArray[np.int8]
+from services.mechanics.kernel import ByteArray, FloatArray, IntArray, LongArray, tuple_reader, tuple_table
 
 NO_TOOL = -1
 SHAFT, JAW_A, JAW_B = 0, 1, 2
 DUCT_TRIANGLE, CATHETER_SEGMENT = 0, 1
+
+
+class PairArrays(NamedTuple):
+    """The arrays of `ContactPairs` as the contact kernels read and write them."""
+
+    tool: ByteArray
+    tool_segment: ByteArray
+    particle: IntArray
+    target_kind: ByteArray
+    target: IntArray
+    tool_parameter: FloatArray
+    target_weights: FloatArray
+    normal: FloatArray
+
+    @classmethod
+    def allocate(cls, capacity: int) -> PairArrays:
+        """Return room for ``capacity`` pairs."""
+        return cls(
+            tool=np.full(capacity, NO_TOOL, np.int8),
+            tool_segment=np.zeros(capacity, np.int8),
+            particle=np.full(capacity, -1, np.int32),
+            target_kind=np.zeros(capacity, np.int8),
+            target=np.zeros(capacity, np.int32),
+            tool_parameter=np.zeros(capacity),
+            target_weights=np.zeros((capacity, 3)),
+            normal=np.zeros((capacity, 3)),
+        )
+
+
+pairs_at = tuple_reader(PairArrays.allocate(1))
 
 
 @dataclass(slots=True)
@@ -49,6 +77,10 @@ class ContactPairs:
         Unit vector from the target towards the first body: the direction in which the first body is pushed.
     gap_m : (N,) float64
         Distance between the surfaces (radii and half thickness subtracted); negative = overlap.
+    arrays : PairArrays
+        The same arrays but the gaps.
+    table : LongArray
+        What `pairs_at` reads at ``address``.
     """
 
     count: int
@@ -62,22 +94,23 @@ class ContactPairs:
     target_weights: FloatArray
     normal: FloatArray
     gap_m: FloatArray
+    arrays: PairArrays
+    table: LongArray
+    address: int
 
     @classmethod
     def allocate(cls, capacity: int) -> ContactPairs:
         """Return an empty set with room for ``capacity`` pairs."""
+        arrays = PairArrays.allocate(capacity)
+        table = tuple_table(arrays)
         return cls(
             count=0,
             dropped=0,
-            tool=np.full(capacity, NO_TOOL, np.int8),
-            tool_segment=np.zeros(capacity, np.int8),
-            particle=np.full(capacity, -1, np.int32),
-            target_kind=np.zeros(capacity, np.int8),
-            target=np.zeros(capacity, np.int32),
-            tool_parameter=np.zeros(capacity),
-            target_weights=np.zeros((capacity, 3)),
-            normal=np.zeros((capacity, 3)),
             gap_m=np.zeros(capacity),
+            arrays=arrays,
+            table=table,
+            address=table.ctypes.data,
+            **arrays._asdict(),
         )
 
     @property

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import UNILATERAL
-
-FloatArray = npt.NDArray[np.float64]
+from services.mechanics.kernel import kernel
 
 # Below this sliding speed friction grows in proportion to it: an explicit force cannot stick.
 SLIP_SPEED_M_S = 1e-3

@@ -11,16 +11,12 @@ import math
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
-from services.mechanics.contact.geometry import PairArrays, ToolGeometry
-from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, PairArrays, pairs_at
+from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.solver import UNILATERAL
-from services.mechanics.mesh import IntArray
-
-FloatArray = npt.NDArray[np.float64]
+from services.mechanics.contact.state import state_at
+from services.mechanics.kernel import FloatArray, IntArray, kernel
 
 CAPACITY = 32
 # A point seen from more than 60 degrees off its normal has slid round the tool.
@@ -37,34 +33,35 @@ class NodePositions(Protocol):
 class PressedPoints:
     """Points of the wall that tools pressed on in the last tick."""
 
-    def __init__(self, triangles: IntArray, margin_m: float) -> None:
-        self._triangles = triangles
-        self._margin_m = margin_m
+    def __init__(self, half_thickness_m: float, margin_m: float) -> None:
+        self._sizes = (half_thickness_m, margin_m)
         self._pairs = ContactPairs.allocate(CAPACITY)
-        self._arrays = PairArrays.of(self._pairs)
         self._nodes = np.zeros(3 * CAPACITY, np.int32)
         self._corners = np.zeros((3 * CAPACITY, 3))
 
     def keep(self, rows: ContactRows) -> None:
         """Remember the pressed points of the rows just solved."""
-        self._pairs.count = keep_pressed(rows, self._arrays)
+        self._pairs.count = keep_pressed(rows.address, self._pairs.address, self._nodes)
 
-    def append_to(self, pairs: ContactPairs, wall: NodePositions, tools: ToolGeometry, half_thickness_m: float) -> None:
+    def append_to(self, pairs: ContactPairs, wall: NodePositions, state_address: int) -> None:
         """Append those that are still within reach and that ``pairs`` does not have."""
         kept = self._pairs.count
         if kept == 0:
             return
-        list_corners(self._arrays, kept, self._triangles, self._nodes)
         corners = self._corners[: 3 * kept]
         wall.node_positions(self._nodes[: 3 * kept], corners)
         pairs.count = append_pressed(
-            self._arrays, kept, corners, tools, (half_thickness_m, self._margin_m), PairArrays.of(pairs), pairs.count
+            state_address, self._pairs.address, kept, corners, self._sizes, pairs.address, pairs.count
         )
 
 
 @kernel
-def keep_pressed(rows: ContactRows, out: PairArrays) -> int:
-    """Copy pressed contacts of tools with the wall into ``out`` and return how many; names are decoded from `rows`."""
+def keep_pressed(rows_address: int, pairs_address: int, nodes: IntArray) -> int:
+    """Copy pressed contacts of tools with the wall to the pairs and return how many; names are decoded from the rows.
+
+    ``nodes`` (3 C,) takes the corners of their triangles.
+    """
+    rows, out = rows_at(rows_address), pairs_at(pairs_address)
     count = 0
     for row in range(rows.used[0]):
         on_wall = rows.body[row] % 2 == DUCT_TRIANGLE
@@ -78,6 +75,7 @@ def keep_pressed(rows: ContactRows, out: PairArrays) -> int:
         out.target_kind[count] = DUCT_TRIANGLE
         out.target[count] = rows.identity[row] % (1 << 24)
         for axis in range(3):
+            nodes[3 * count + axis] = rows.duct_node[row, axis]
             out.target_weights[count, axis] = rows.duct_weight[row, axis]
             out.normal[count, axis] = rows.frame[row, 0, axis]
         count += 1
@@ -85,27 +83,20 @@ def keep_pressed(rows: ContactRows, out: PairArrays) -> int:
 
 
 @kernel
-def list_corners(pairs: PairArrays, count: int, triangles: IntArray, nodes: IntArray) -> None:
-    """Write the corners of the target triangles into ``nodes`` (3 count,)."""
-    for i in range(count):
-        for corner in range(3):
-            nodes[3 * i + corner] = triangles[pairs.target[i], corner]
-
-
-@kernel
 def append_pressed(
-    kept: PairArrays,
+    state_address: int,
+    kept_address: int,
     n_kept: int,
     corners: FloatArray,
-    tools: ToolGeometry,
     sizes: tuple[float, float],
-    out: PairArrays,
+    pairs_address: int,
     count: int,
 ) -> int:
-    """Append kept points to ``out``, which holds ``count`` pairs, with fresh normals; return how many it holds then.
+    """Append kept points to pairs, of which there are ``count``, with fresh normals; return how many there are then.
 
     ``sizes`` are half the wall's thickness and the gap up to which a point is a candidate.
     """
+    tools, kept, out = state_at(state_address).geometry.tools, pairs_at(kept_address), pairs_at(pairs_address)
     n_detected = count
     for i in range(n_kept):
         if count == out.target.shape[0] or _is_known(kept, i, out, n_detected):

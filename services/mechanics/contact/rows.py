@@ -5,15 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.forceps.kinematics import N_COORDINATES
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-LongArray = npt.NDArray[np.int64]
-ByteArray = npt.NDArray[np.int8]
+from services.mechanics.kernel import ByteArray, FloatArray, IntArray, LongArray, tuple_reader, tuple_table
 
 # A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
 SURFACE_SOFTNESS_M_N = 1e-6
@@ -27,7 +22,7 @@ N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 class ContactRows(NamedTuple):
     """Preallocated struct of arrays of the contacts and holds of one step; ``used[0]`` of them mean anything.
 
-    A named tuple, so that kernels take it as one argument.
+    A named tuple, so that kernels hand it on as one argument; those that Python calls find it at its address.
 
     Attributes
     ----------
@@ -60,6 +55,8 @@ class ContactRows(NamedTuple):
         A gallstone that takes part, -1 for none: + where it is the first body, - where it is the target.
     tool : (C,) int8, lever : (C, 3, 4) float64
         The tool that is the first body, and how its coordinates move the point.
+    table : LongArray, address : int
+        What `rows_at` reads at ``address``.
     """
 
     used: LongArray
@@ -81,11 +78,13 @@ class ContactRows(NamedTuple):
     sphere_sign: FloatArray
     tool: ByteArray
     lever: FloatArray
+    table: LongArray
+    address: int
 
     @classmethod
     def allocate(cls, capacity: int) -> ContactRows:
         """Return room for ``capacity`` contacts and holds."""
-        return cls(
+        rows = cls(
             used=np.zeros(1, np.int64),
             kind=np.zeros(capacity, np.int8),
             identity=np.zeros(capacity, np.int64),
@@ -105,7 +104,11 @@ class ContactRows(NamedTuple):
             sphere_sign=np.zeros(capacity),
             tool=np.full(capacity, NO_TOOL, np.int8),
             lever=np.zeros((capacity, 3, N_COORDINATES)),
+            table=np.zeros(0, np.int64),
+            address=0,
         )
+        table = tuple_table(rows)
+        return rows._replace(table=table, address=table.ctypes.data)
 
     @property
     def capacity(self) -> int:
@@ -116,3 +119,6 @@ class ContactRows(NamedTuple):
     def n_contacts(self) -> int:
         """Number of contacts and holds in use."""
         return int(self.used[0])
+
+
+rows_at = tuple_reader(ContactRows.allocate(1))

@@ -6,9 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.active_set import (
     FILM,
     HOLD,
@@ -19,17 +17,13 @@ from services.mechanics.contact.active_set import (
     list_closed,
 )
 from services.mechanics.contact.ball import bounded_2, bounded_3
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
-ByteArray = npt.NDArray[np.int8]
-BoolArray = npt.NDArray[np.bool_]
+from services.mechanics.kernel import BoolArray, ByteArray, FloatArray, IntArray, kernel
 
 SWEEPS_PER_ROUND = 3
 
 
 class SolverScratch(NamedTuple):
-    """Work space of a solve with at most m rows."""
+    """Work space of a solve with at most m rows, on a duct of r modes."""
 
     matrix: FloatArray  # (m * m,)
     step: FloatArray  # (m,)
@@ -37,13 +31,14 @@ class SolverScratch(NamedTuple):
     force: FloatArray  # (m,)
     free: FloatArray  # (m,)
     change: FloatArray  # (3,)
+    modes: FloatArray  # (m * r,)
 
     @classmethod
-    def allocate(cls, n_rows: int) -> SolverScratch:
-        """Return work space for ``n_rows`` rows."""
-        sizes = (n_rows * n_rows, n_rows, n_rows, n_rows, n_rows, 3)
-        matrix, step, rows, force, free, change = (np.zeros(size) for size in sizes)
-        return cls(matrix, step, rows.astype(np.int32), force, free, change)
+    def allocate(cls, n_rows: int, n_modes: int = 0) -> SolverScratch:
+        """Return work space for ``n_rows`` rows, assembled from ``n_modes`` modes."""
+        sizes = (n_rows * n_rows, n_rows, n_rows, n_rows, n_rows, 3, n_rows * n_modes)
+        matrix, step, rows, force, free, change, modes = (np.zeros(size) for size in sizes)
+        return cls(matrix, step, rows.astype(np.int32), force, free, change, modes)
 
 
 @kernel

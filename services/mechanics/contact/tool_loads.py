@@ -3,24 +3,58 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import HOLD
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from services.mechanics.contact.state import state_at
+from services.mechanics.forceps.tool_body import ToolArrays, tools_at
+from services.mechanics.kernel import BoolArray, FloatArray, kernel, tuple_reader
+from services.mechanics.tools import ToolResults
 
 STIFFNESS_CAPACITY = 24  # contacts of one tool that enter its local stiffness
 
 
+class ReportArrays(NamedTuple):
+    """The arrays of `ToolResults`, and what they are worked out from besides the contacts."""
+
+    force: FloatArray  # (2, 3)
+    torque: FloatArray  # (2, 3)
+    port_moment: FloatArray  # (2, 3)
+    grasp_torque: FloatArray  # (2,)
+    stiffness: FloatArray  # (2, 3, 3)
+    proxy_position: FloatArray  # (2, 3)
+    proxy_jaw_angle: FloatArray  # (2,)
+    loads: FloatArray  # (2, 4) generalised contact forces
+    scratch: FloatArray  # (m (m + 3),), m = 3 STIFFNESS_CAPACITY
+
+    @classmethod
+    def of(cls, results: ToolResults, loads: FloatArray) -> ReportArrays:
+        """View the arrays of ``results``."""
+        return cls(
+            results.force_n,
+            results.torque_nm,
+            results.port_moment_nm,
+            results.grasp_torque_nm,
+            results.stiffness_n_m,
+            results.proxy_position_m,
+            results.proxy_jaw_angle_rad,
+            loads,
+            np.zeros(3 * STIFFNESS_CAPACITY * (3 * STIFFNESS_CAPACITY + 3)),
+        )
+
+
+report_at = tuple_reader(ReportArrays.of(ToolResults(), np.zeros((0, 0))))
+
+
 @kernel
-def generalised_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> None:
+def load_tools(state_address: int, out: FloatArray) -> None:
     """Write sum of G^T f of each tool into ``out`` (2, 4): force at J in N and opening torque in N m."""
+    state = state_at(state_address)
+    rows = state.rows
     out[:] = 0.0
     for row in range(rows.used[0]):
         tool = rows.tool[row]
@@ -28,13 +62,37 @@ def generalised_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -
             continue
         for coordinate in range(out.shape[1]):
             for axis in range(3):
-                out[tool, coordinate] += rows.lever[row, axis, coordinate] * forces[row, axis]
+                out[tool, coordinate] += rows.lever[row, axis, coordinate] * state.force_n[row, axis]
 
 
 @kernel
-def resultants(rows: ContactRows, forces: FloatArray, about: FloatArray, force: FloatArray, moment: FloatArray) -> None:
-    """Write each tool's plain sum of forces (2, 3) and their moment about its point in ``about`` (2, 3)."""
-    force[:] = 0.0
+def report(state_address: int, tools_address: int, report_address: int, holding: bool, wants_stiffness: bool) -> float:
+    """Write what the tools feel; return how deep the catheter overlaps wall or itself at the start of the step, in m.
+
+    ``holding`` says whether something held keeps jaws from closing.
+    """
+    state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
+    _moments(state.rows, state.force_n, tools.segments[:, 1, 0], out.torque)
+    _moments(state.rows, state.force_n, tools.port, out.port_moment)
+    for tool in range(out.loads.shape[0]):
+        out.grasp_torque[tool] = out.loads[tool, 3]
+        if holding:
+            # The opening torque with which something held keeps the jaws from closing.
+            squeeze = max(tools.jaw_stop[tool] - tools.hand[tool, 3], 0.0)
+            out.grasp_torque[tool] += tools.stiffness[tool, 3] * squeeze
+        for axis in range(3):
+            out.force[tool, axis] = out.loads[tool, axis]
+            out.proxy_position[tool, axis] = tools.proxy[tool, axis]
+        out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
+    if wants_stiffness:
+        size = 3 * state.rows.used[0]
+        local_stiffness(state.rows, state.compliance[: size * size].reshape(size, size), state.slides, tools, out)
+    return _deepest_overlap(state.rows)
+
+
+@kernel
+def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: FloatArray) -> None:
+    """Write the moment of the forces on each tool about its point in ``about`` (2, 3)."""
     moment[:] = 0.0
     for row in range(rows.used[0]):
         tool = rows.tool[row]
@@ -44,8 +102,6 @@ def resultants(rows: ContactRows, forces: FloatArray, about: FloatArray, force: 
         x = rows.point_m[row, 0] - about[tool, 0]
         y = rows.point_m[row, 1] - about[tool, 1]
         z = rows.point_m[row, 2] - about[tool, 2]
-        for axis in range(3):
-            force[tool, axis] += f[axis]
         moment[tool, 0] += y * f[2] - z * f[1]
         moment[tool, 1] += z * f[0] - x * f[2]
         moment[tool, 2] += x * f[1] - y * f[0]
@@ -53,16 +109,16 @@ def resultants(rows: ContactRows, forces: FloatArray, about: FloatArray, force: 
 
 @kernel
 def local_stiffness(
-    rows: ContactRows, W: FloatArray, slides: BoolArray, coupling: FloatArray, scratch: FloatArray, out: FloatArray
+    rows: ContactRows, W: FloatArray, slides: BoolArray, tools: ToolArrays, report: ReportArrays
 ) -> None:
     r"""Write the stiffness (2, 3, 3) in N/m between each hand and the world, its coupling included.
 
     The rows of a tool that carry force (normals; tangents too while they stick; holds that do not slip) stay
     closed when the hand moves by dx, so their forces change by :math:`-S^{-1} G\,dx` with S their compliance.
     S contains the coupling as it acts over one step, damper included; what the damper adds is taken
-    out (``coupling`` (2, 4): 1/K minus the step's compliance), so that the result is a spring. ``scratch`` holds
-    at least m (m + 3) items, m = 3 `STIFFNESS_CAPACITY`.
+    out (1/K minus the step's compliance is put in), so that the result is a spring.
     """
+    out, scratch = report.stiffness, report.scratch
     for tool in range(out.shape[0]):
         out[tool] = 0.0
         n = _count_closed(rows, slides, tool)
@@ -70,7 +126,8 @@ def local_stiffness(
             continue
         S = scratch[: n * n].reshape(n, n)
         G = scratch[n * n : n * n + 3 * n].reshape(n, 3)
-        _fill_closed(rows, W, slides, tool, coupling[tool], S, G)
+        _fill_closed(rows, W, slides, tool, S, G)
+        _add_excess(tools, tool, S, G)
         if _whiten(S, G):
             for i in range(3):
                 for j in range(3):
@@ -106,7 +163,6 @@ def _fill_closed(
     W: FloatArray,
     slides: BoolArray,
     tool: int,
-    coupling: FloatArray,
     S: FloatArray,
     G: FloatArray,
 ) -> None:
@@ -130,10 +186,16 @@ def _fill_closed(
                         S[j, i] = S[i, j]
                         j += 1
             i += 1
-    for i in range(n):
-        for j in range(n):
-            for axis in range(3):
-                S[i, j] += coupling[axis] * G[i, axis] * G[j, axis]
+
+
+@kernel
+def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
+    """Add what the coupling's spring gives way beyond spring and damper in one step."""
+    for axis in range(3):
+        excess = 1.0 / tools.stiffness[tool, axis] - tools.compliance[tool, axis]
+        for i in range(S.shape[0]):
+            for j in range(S.shape[0]):
+                S[i, j] += excess * G[i, axis] * G[j, axis]
 
 
 @kernel
@@ -161,8 +223,7 @@ def _whiten(S: FloatArray, G: FloatArray) -> bool:
 
 
 @kernel
-def deepest_overlap(rows: ContactRows) -> float:
-    """Return how deep the catheter overlaps wall or itself at the start of the step, in m."""
+def _deepest_overlap(rows: ContactRows) -> float:
     deepest = 0.0
     for row in range(rows.used[0]):
         if rows.kind[row] != HOLD and rows.tool[row] == NO_TOOL:

@@ -5,14 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.rows import ContactRows
-
-FloatArray = npt.NDArray[np.float64]
-LongArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from services.mechanics.kernel import BoolArray, FloatArray, LongArray, kernel
 
 
 class ForceMemory(NamedTuple):

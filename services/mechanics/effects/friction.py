@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import UNILATERAL
-from services.mechanics.contact.warm_start import BoolArray
 from services.mechanics.effects.base import Effect
+from services.mechanics.kernel import BoolArray, kernel
 from services.mechanics.scene import SceneModel
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from services.mechanics.collision import CatheterContactDetector
-from services.mechanics.collision.kernel import kernel
-from services.mechanics.contact.geometry import PairArrays, RodGeometry, append_pairs, write_frame
+from services.mechanics.contact.geometry import RodGeometry, append_pairs, write_frame
 from services.mechanics.contact.pairs import NO_TOOL, ContactPairs
-from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows, FloatArray
+from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
 from services.mechanics.contact.solver import UNILATERAL
 from services.mechanics.contact_search import DuctSearch
 from services.mechanics.effects.base import Effect
+from services.mechanics.kernel import FloatArray, kernel
 from services.mechanics.scene import SceneModel
 
 if TYPE_CHECKING:
@@ -67,7 +67,6 @@ class Gallstones(Effect):
         margin_m = simulation.scene.contact.margin_m
         self._detectors = [CatheterContactDetector(search.surface, 1, float(r), margin_m) for r in self.radius_m]
         self._pairs = ContactPairs.allocate(4)
-        self._arrays = PairArrays.of(self._pairs)
         gravity = simulation.effects.get("gravity")
         if gravity is not None:
             self._weight_n += self._submerged_kg[:, None] * np.array(gravity.settings.acceleration_m_s2)
@@ -93,7 +92,9 @@ class Gallstones(Effect):
             first = rows.n_contacts
             here = slice(stone, stone + 1)
             sphere = RodGeometry(self._start_m[here], self._motion_m[here], float(self.radius_m[stone]))
-            append_pairs(self._arrays, self._pairs.count, system.tool_geometry, sphere, system.duct_geometry, rows)
+            append_pairs(
+                self._pairs.arrays, self._pairs.count, system.tool_geometry, sphere, system.duct_geometry, rows
+            )
             mark_sphere(rows, first, stone)
             append_on_catheter(rows, rod, sphere, stone, reach)
 

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.collision.primitives import closest_of_segments
-from services.mechanics.contact.geometry import PairArrays
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
-from services.mechanics.contact.rows import FloatArray
+from services.mechanics.contact.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, PairArrays
 from services.mechanics.effects.base import Effect
+from services.mechanics.kernel import FloatArray, kernel
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation
@@ -43,7 +41,7 @@ class SelfContact(Effect):
         """Append pairs of segments within the margin."""
         reach = 2.0 * simulation.catheter.radius_m + simulation.scene.contact.margin_m
         position = simulation.catheter.start_m
-        pairs.count = append_self_pairs(position, self._skip, reach, PairArrays.of(pairs), pairs.count)
+        pairs.count = append_self_pairs(position, self._skip, reach, pairs.arrays, pairs.count)
 
 
 @kernel

@@ -9,13 +9,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.pairs import JAW_A, JAW_B, SHAFT
-
-FloatArray = npt.NDArray[np.float64]
+from services.mechanics.kernel import FloatArray, kernel
 
 N_SEGMENTS = 3
 N_COORDINATES = 4  # J and the opening angle

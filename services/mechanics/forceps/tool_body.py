@@ -2,16 +2,55 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
+from typing import NamedTuple
 
-from services.mechanics.collision.kernel import kernel
+import numpy as np
+
 from services.mechanics.forceps.kinematics import N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
+from services.mechanics.kernel import BoolArray, FloatArray, Placed, kernel, tuple_reader
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.tools import N_TOOLS, ToolInputs
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+
+class ToolArrays(NamedTuple):
+    """The arrays of a `ToolBody` as its kernels read and write them."""
+
+    port: FloatArray  # (2, 3)
+    jaw_length: FloatArray  # (2,)
+    stiffness: FloatArray  # (2, 4) of the couplings
+    damping: FloatArray  # (2, 4)
+    present: BoolArray  # (2,)
+    roll: FloatArray  # (2,)
+    hand: FloatArray  # (2, 4)
+    stretch: FloatArray  # (2, 4)
+    proxy: FloatArray  # (2, 4)
+    free: FloatArray  # (2, 4)
+    motion: FloatArray  # (2, 4)
+    compliance: FloatArray  # (2, 4)
+    jaw_stop: FloatArray  # (2,)
+    frame: FloatArray  # (2, 3, 3)
+    length: FloatArray  # (2,)
+    segments: FloatArray  # (2, 3, 2, 3)
+
+    @classmethod
+    def allocate(cls) -> ToolArrays:
+        """Return two absent tools without size or stiffness."""
+        coordinates = {name: np.zeros((N_TOOLS, N_COORDINATES)) for name in _PER_COORDINATE}
+        return cls(
+            port=np.zeros((N_TOOLS, 3)),
+            jaw_length=np.zeros(N_TOOLS),
+            present=np.zeros(N_TOOLS, np.bool_),
+            roll=np.zeros(N_TOOLS),
+            jaw_stop=np.full(N_TOOLS, -np.inf),
+            frame=np.zeros((N_TOOLS, 3, 3)),
+            length=np.zeros(N_TOOLS),
+            segments=np.zeros((N_TOOLS, N_SEGMENTS, 2, 3)),
+            **coordinates,
+        )
+
+
+_PER_COORDINATE = ("stiffness", "damping", "hand", "stretch", "proxy", "free", "motion", "compliance")
+tools_at = tuple_reader(ToolArrays.allocate())
 
 
 class ToolBody:
@@ -47,96 +86,88 @@ class ToolBody:
         if len(forceps) != N_TOOLS:
             raise ValueError(f"a scene has {N_TOOLS} forceps, not {len(forceps)}")
         self.forceps = forceps
-        self.port_m = np.array([f.port_position_m for f in forceps])
         self.radius_m = np.array([[f.shaft_radius_m, f.jaw_radius_m, f.jaw_radius_m] for f in forceps])
-        self.jaw_length_m = np.array([f.jaw_length_m for f in forceps])
-        self.stiffness = np.array([[f.coupling_stiffness_n_m] * 3 + [f.jaw_stiffness_nm_rad] for f in forceps])
-        self.damping = np.array([[f.coupling_damping_n_s_m] * 3 + [f.jaw_damping_nm_s_rad] for f in forceps])
-        self.present = np.zeros(N_TOOLS, np.bool_)
-        self.hand = np.zeros((N_TOOLS, N_COORDINATES))
-        self.stretch = np.zeros((N_TOOLS, N_COORDINATES))
-        self.proxy = np.zeros((N_TOOLS, N_COORDINATES))
-        self.free = np.zeros((N_TOOLS, N_COORDINATES))
-        self.motion = np.zeros((N_TOOLS, N_COORDINATES))
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
-        self.jaw_stop_rad = np.full(N_TOOLS, -np.inf)
-        self.compliance = np.zeros((N_TOOLS, N_COORDINATES))
-        self.roll_rad = np.zeros(N_TOOLS)
-        self.frame = np.zeros((N_TOOLS, 3, 3))
-        self.length_m = np.zeros(N_TOOLS)
-        self.segments = np.zeros((N_TOOLS, N_SEGMENTS, 2, 3))
+        self._placed = Placed(ToolArrays.allocate())
+        self.address = self._placed.address
+        a = self._placed.arrays
+        a.port[:] = [f.port_position_m for f in forceps]
+        a.jaw_length[:] = [f.jaw_length_m for f in forceps]
+        a.stiffness[:] = [[f.coupling_stiffness_n_m] * 3 + [f.jaw_stiffness_nm_rad] for f in forceps]
+        a.damping[:] = [[f.coupling_damping_n_s_m] * 3 + [f.jaw_damping_nm_s_rad] for f in forceps]
+        self.port_m, self.present, self.roll_rad = a.port, a.present, a.roll
+        self.stiffness, self.damping, self.compliance = a.stiffness, a.damping, a.compliance
+        self.hand, self.stretch, self.proxy, self.free, self.motion = a.hand, a.stretch, a.proxy, a.free, a.motion
+        self.jaw_stop_rad = a.jaw_stop
+        self.frame, self.length_m, self.segments = a.frame, a.length, a.segments
 
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and find where the proxies go without contact; poses stay those of the start.
 
         A tool that appears starts with its proxy at the hand. Jaws that hold something do not close further.
         """
-        for tool in range(N_TOOLS):
-            if inputs.present[tool] and not self.present[tool]:
-                self.stretch[tool] = 0.0
-                self.proxy[tool, :3] = inputs.position_m[tool]
-                self.proxy[tool, 3] = inputs.jaw_angle_rad[tool]
-        self.present[:] = inputs.present
-        self.roll_rad[:] = inputs.roll_rad
-        self.hand[:, :3] = inputs.position_m
-        self.hand[:, 3] = inputs.jaw_angle_rad
-        predict_proxies(self.hand, self.stretch, self.stiffness, self.damping, dt_s, self.free, self.compliance)
-        for tool in range(N_TOOLS):
-            if self.free[tool, 3] < self.jaw_stop_rad[tool]:
-                self.free[tool, 3] = self.jaw_stop_rad[tool]
-                self.compliance[tool, 3] = 0.0
-        np.subtract(self.free, self.proxy, out=self.motion)
-        self.update_pose()
+        hands = (inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad)
+        predict_proxies(self.address, inputs.present, hands, dt_s)
 
     def correct(self, force: FloatArray) -> None:
         """Apply the generalised contact forces (2, 4) of the step, in N and N m."""
-        np.multiply(self.compliance, force, out=self.proxy)
-        self.proxy += self.free
-        np.subtract(self.proxy, self.hand, out=self.stretch)
-
-    def jaw_stop_torque_nm(self) -> FloatArray:
-        """Return the opening torque (2,) with which something held keeps the jaws from closing."""
-        squeeze = np.where(np.isfinite(self.jaw_stop_rad), self.jaw_stop_rad - self.hand[:, 3], 0.0)
-        torque: FloatArray = self.stiffness[:, 3] * np.maximum(squeeze, 0.0)
-        return torque
+        correct_proxies(self.address, force)
 
     def update_pose(self) -> None:
         """Recompute frames and segments from the proxies."""
-        update_poses(
-            self.proxy, self.port_m, self.roll_rad, self.jaw_length_m, self.frame, self.length_m, self.segments
-        )
+        update_poses(self.address)
 
 
 @kernel
 def predict_proxies(
-    hand: FloatArray,
-    stretch: FloatArray,
-    stiffness: FloatArray,
-    damping: FloatArray,
-    dt_s: float,
-    free: FloatArray,
-    compliance: FloatArray,
+    address: int, present: BoolArray, hands: tuple[FloatArray, FloatArray, FloatArray], dt_s: float
 ) -> None:
-    """Write the free end positions and the compliances (2, 4) of the couplings."""
-    for tool in range(hand.shape[0]):
-        for axis in range(hand.shape[1]):
-            rate = damping[tool, axis] / dt_s
-            compliance[tool, axis] = 1.0 / (stiffness[tool, axis] + rate)
-            free[tool, axis] = hand[tool, axis] + compliance[tool, axis] * rate * stretch[tool, axis]
+    """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`."""
+    tools = tools_at(address)
+    position, opening, roll = hands
+    for tool in range(present.shape[0]):
+        for axis in range(3):
+            tools.hand[tool, axis] = position[tool, axis]
+        tools.hand[tool, 3] = opening[tool]
+        tools.roll[tool] = roll[tool]
+        if present[tool] and not tools.present[tool]:
+            for axis in range(tools.hand.shape[1]):
+                tools.stretch[tool, axis] = 0.0
+                tools.proxy[tool, axis] = tools.hand[tool, axis]
+        tools.present[tool] = present[tool]
+        for axis in range(tools.hand.shape[1]):
+            rate = tools.damping[tool, axis] / dt_s
+            tools.compliance[tool, axis] = 1.0 / (tools.stiffness[tool, axis] + rate)
+            spring_back = tools.compliance[tool, axis] * rate * tools.stretch[tool, axis]
+            tools.free[tool, axis] = tools.hand[tool, axis] + spring_back
+        if tools.free[tool, 3] < tools.jaw_stop[tool]:
+            tools.free[tool, 3] = tools.jaw_stop[tool]
+            tools.compliance[tool, 3] = 0.0
+        for axis in range(tools.hand.shape[1]):
+            tools.motion[tool, axis] = tools.free[tool, axis] - tools.proxy[tool, axis]
+    _update_poses(tools)
 
 
 @kernel
-def update_poses(
-    proxy: FloatArray,
-    port: FloatArray,
-    roll: FloatArray,
-    jaw_length: FloatArray,
-    frame: FloatArray,
-    length: FloatArray,
-    segments: FloatArray,
-) -> None:
+def correct_proxies(address: int, force: FloatArray) -> None:
+    """Add to the free end positions what the contact forces (2, 4) move."""
+    tools = tools_at(address)
+    for tool in range(force.shape[0]):
+        for axis in range(force.shape[1]):
+            proxy = tools.free[tool, axis] + tools.compliance[tool, axis] * force[tool, axis]
+            tools.proxy[tool, axis] = proxy
+            tools.stretch[tool, axis] = proxy - tools.hand[tool, axis]
+
+
+@kernel
+def update_poses(address: int) -> None:
     """Write frames (2, 3, 3), shaft lengths (2,) and segments (2, 3, 2, 3) of both tools."""
-    for tool in range(proxy.shape[0]):
-        junction = proxy[tool, :3]
-        length[tool] = tool_frame(junction, port[tool], roll[tool], frame[tool])
-        tool_segments(junction, port[tool], frame[tool], proxy[tool, 3], jaw_length[tool], segments[tool])
+    _update_poses(tools_at(address))
+
+
+@kernel
+def _update_poses(tools: ToolArrays) -> None:
+    for tool in range(tools.proxy.shape[0]):
+        junction, port, frame = tools.proxy[tool, :3], tools.port[tool], tools.frame[tool]
+        tools.length[tool] = tool_frame(junction, port, tools.roll[tool], frame)
+        tool_segments(junction, port, frame, tools.proxy[tool, 3], tools.jaw_length[tool], tools.segments[tool])

@@ -1,0 +1,210 @@
+"""Rows of the holds, and what they do when they slip; one slot of arrays a hold."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, write_frame
+from services.mechanics.contact.pairs import CATHETER_SEGMENT, JAW_A, NO_TOOL
+from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N, LOOSE_SOFTNESS_M_N, ContactRows
+from services.mechanics.contact.solver import HOLD, ON_THE_LIMIT
+from services.mechanics.contact.state import state_at
+from services.mechanics.forceps.kinematics import contact_lever
+from services.mechanics.kernel import ByteArray, FloatArray, IntArray, LongArray, kernel, tuple_reader
+
+
+class HoldArrays(NamedTuple):
+    """Holds by slot; ``order`` lists the slots in use, in the order of their rows."""
+
+    order: IntArray  # (H,)
+    number: LongArray  # (H,) the request's
+    tool: ByteArray  # (H,)
+    target_kind: ByteArray  # (H,)
+    target: IntArray  # (H,)
+    weights: FloatArray  # (H, 3)
+    anchor: FloatArray  # (H, 3) along b, h and d of the tool from J, in m
+    slipped_m: FloatArray  # (H,)
+    lost: ByteArray  # (H,)
+    reach: FloatArray  # (2, 2) of each tool's jaws beyond J: across, and along d
+
+    @classmethod
+    def allocate(cls, capacity: int) -> HoldArrays:
+        """Return room for ``capacity`` holds."""
+        return cls(
+            order=np.zeros(capacity, np.int32),
+            number=np.zeros(capacity, np.int64),
+            tool=np.zeros(capacity, np.int8),
+            target_kind=np.zeros(capacity, np.int8),
+            target=np.zeros(capacity, np.int32),
+            weights=np.zeros((capacity, 3)),
+            anchor=np.zeros((capacity, 3)),
+            slipped_m=np.zeros(capacity),
+            lost=np.zeros(capacity, np.int8),
+            reach=np.zeros((2, 2)),
+        )
+
+
+holds_at = tuple_reader(HoldArrays.allocate(1))
+
+
+@kernel
+def append_holds(state_address: int, holds_address: int, count: int) -> int:
+    """Append one bilateral row block for each of the first ``count`` holds in order; return how many found room."""
+    state, holds = state_at(state_address), holds_at(holds_address)
+    rows, geometry = state.rows, state.geometry
+    for index in range(count):
+        row = rows.used[0]
+        if row == rows.gap_m.shape[0]:
+            return index
+        slot = holds.order[index]
+        _tool_side(holds, slot, geometry.tools, rows, row)
+        if holds.target_kind[slot] == CATHETER_SEGMENT:
+            _catheter_side(holds, slot, geometry.rod, rows, row)
+            if _follows_another(holds, index):
+                rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
+        else:
+            _duct_side(holds, slot, geometry, rows, row)
+        rows.used[0] = row + 1
+    return count
+
+
+@kernel
+def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+    tool, anchor = holds.tool[slot], holds.anchor[slot]
+    rows.kind[row] = HOLD
+    rows.identity[row] = rows.body[row] = -1 - holds.number[slot]
+    rows.limit[row] = math.inf
+    rows.sphere[row] = -1
+    rows.gap_m[row] = 0.0
+    rows.duct_weight[row] = 0.0
+    rows.rod_weight[row] = 0.0
+    rows.tool[row] = tool
+    arm, frame, lever = rows.point_m[row], tools.frame[tool], rows.lever[row]
+    for axis in range(3):
+        arm[axis] = anchor[0] * frame[0, axis] + anchor[1] * frame[1, axis] + anchor[2] * frame[2, axis]
+    # The held point sits between both jaws: opening or closing them does not move it.
+    contact_lever(frame, tools.length[tool], NO_TOOL, arm, lever)
+    for axis in range(3):
+        rows.softness_m_n[row, axis] = GRIP_SOFTNESS_M_N
+        for other in range(3):
+            rows.frame[row, axis, other] = 1.0 if axis == other else 0.0
+        rows.point_m[row, axis] += tools.segments[tool, JAW_A, 0, axis]
+        rows.slip_m[row, axis] = rows.point_m[row, axis]
+        for coordinate in range(lever.shape[1]):
+            rows.slip_m[row, axis] += lever[axis, coordinate] * tools.motion[tool, coordinate]
+
+
+@kernel
+def _catheter_side(holds: HoldArrays, slot: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
+    """Take the held point off, and turn the frame along the catheter."""
+    first = holds.target[slot]
+    for end in range(2):
+        weight = holds.weights[slot, end]
+        rows.rod_node[row, 2 + end] = first + end
+        rows.rod_weight[row, 2 + end] = -weight
+        for axis in range(3):
+            rows.slip_m[row, axis] -= weight * (rod.position[first + end, axis] + rod.motion[first + end, axis])
+    tangent = rows.frame[row, 0]
+    _tangent(rod.position, first, tangent)
+    write_frame(tangent, rows.frame[row])
+
+
+@kernel
+def _tangent(position: FloatArray, segment: int, out: FloatArray) -> float:
+    """Write the unit vector along a segment of the catheter into ``out`` (3,) and return its length in m."""
+    length_2 = 0.0
+    for axis in range(3):
+        out[axis] = position[segment + 1, axis] - position[segment, axis]
+        length_2 += out[axis] * out[axis]
+    length = math.sqrt(length_2)
+    for axis in range(3):
+        out[axis] /= length
+    return length
+
+
+@kernel
+def _follows_another(holds: HoldArrays, index: int) -> bool:
+    """Whether an earlier hold of the same tool is on the catheter: only the first is stiff along it.
+
+    Two stiff points a millimetre apart on a rod that hardly stretches would fight over micrometres.
+    """
+    tool = holds.tool[holds.order[index]]
+    for earlier in range(index):
+        slot = holds.order[earlier]
+        if holds.tool[slot] == tool and holds.target_kind[slot] == CATHETER_SEGMENT:
+            return True
+    return False
+
+
+@kernel
+def _duct_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
+    """Take the rest position off; the displacement goes with that of all other contacts."""
+    duct = geometry.duct
+    for corner in range(3):
+        node, weight = duct.triangles[holds.target[slot], corner], holds.weights[slot, corner]
+        rows.duct_node[row, corner] = node
+        rows.duct_weight[row, corner] = weight
+        for axis in range(3):
+            rows.slip_m[row, axis] -= weight * duct.vertices[node, axis]
+
+
+@kernel
+def slide_holds(state_address: int, holds_address: int, count: int) -> tuple[float, bool]:
+    """Let the holds at their limit take the motion that the solve left them.
+
+    Return the energy in J that this dissipated, and whether a hold was lost.
+    """
+    state, holds = state_at(state_address), holds_at(holds_address)
+    rows = state.rows
+    dissipated_j, is_lost = 0.0, False
+    first = rows.used[0] - count
+    for index in range(count):
+        row, slot = first + index, holds.order[index]
+        f = rows.force_n[row]
+        if math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) < ON_THE_LIMIT * rows.limit[row]:
+            continue
+        u = state.motion[3 * row : 3 * row + 3]
+        dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
+        slip = state.scratch.change
+        for axis in range(3):
+            slip[axis] = (
+                u[0] * rows.frame[row, 0, axis] + u[1] * rows.frame[row, 1, axis] + u[2] * rows.frame[row, 2, axis]
+            )
+        holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
+        if holds.target_kind[slot] == CATHETER_SEGMENT:
+            _slide_along(holds, slot, slip, state.geometry.rod.position, state.scratch.step)
+        _slide_in_jaws(holds, slot, slip, state.geometry.tools)
+        is_lost = is_lost or holds.lost[slot] != 0
+    return dissipated_j, is_lost
+
+
+@kernel
+def _slide_along(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray, tangent: FloatArray) -> None:
+    """Move the held point along the catheter by the axial part of ``slip`` and take that part off; scratch (3,)."""
+    length = _tangent(position, holds.target[slot], tangent)
+    axial = slip[0] * tangent[0] + slip[1] * tangent[1] + slip[2] * tangent[2]
+    for axis in range(3):
+        slip[axis] -= axial * tangent[axis]
+    at = holds.target[slot] + holds.weights[slot, 1] + axial / length
+    n_segments = position.shape[0] - 1
+    if at < 0.0 or at > n_segments:
+        holds.lost[slot] = 1
+    at = min(max(at, 0.0), float(n_segments))
+    holds.target[slot] = min(int(at), n_segments - 1)
+    s = at - holds.target[slot]
+    holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
+
+
+@kernel
+def _slide_in_jaws(holds: HoldArrays, slot: int, slip: FloatArray, tools: ToolGeometry) -> None:
+    """Move the point in the jaws; beyond them it is lost."""
+    tool, anchor = holds.tool[slot], holds.anchor[slot]
+    frame = tools.frame[tool]
+    for axis in range(3):
+        anchor[axis] -= frame[axis, 0] * slip[0] + frame[axis, 1] * slip[1] + frame[axis, 2] * slip[2]
+    across, along = holds.reach[tool, 0], holds.reach[tool, 1]
+    if not (-across <= anchor[2] <= along and abs(anchor[0]) <= across and abs(anchor[1]) <= across):
+        holds.lost[slot] = 1
