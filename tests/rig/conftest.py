@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -83,26 +84,24 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """Return a running rig whose left hand presses on the duct."""
-    directory = tmp_path_factory.mktemp("rig")
+@contextmanager
+def running_rig(directory: Path, scene: str, overrides: list[str], topics: tuple[str, ...] = ()) -> Iterator[Rig]:
+    """Launch the stub rig in `directory` and yield it once it runs; its observer may read more `topics` whole."""
     bus = directory / "bus"
     overrides = [
         f"transport.directory={bus}",
         f"recorder.directory={directory / 'recordings'}",
         f"supervisor.web.port={_free_port()}",
         f"visualization.port={_free_port()}",
-        f"gateway.instruments.0.arm.settings.script={HERE / 'press.yaml'}",
-        f"gateway.instruments.1.arm.settings.script={HERE / 'press.yaml'}",
+        *overrides,
     ]
     options = [word for override in overrides for word in ("--set", override)]
     log = (directory / "log").open("wb")
     process = subprocess.Popen(
-        [sys.executable, "-m", "services.supervisor", "--rig", "stub", "--scene", str(SCENE), *options],
+        [sys.executable, "-m", "services.supervisor", "--rig", "stub", "--scene", scene, *options],
         stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
     )  # fmt: skip
-    observer = Observer(ZmqBus(Transport(directory=bus), reads_every=["gateway.state", "supervisor.state"]))
+    observer = Observer(ZmqBus(Transport(directory=bus), reads_every=["gateway.state", "supervisor.state", *topics]))
     try:
         observer.until(
             lambda: observer.rig_state in ("running", "degraded") or process.poll() is not None, START_S, "run"
@@ -118,3 +117,12 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
             process.wait()
         observer.bus.close()
         log.close()
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """Return a running rig whose left hand presses on the duct."""
+    script = HERE / "press.yaml"
+    overrides = [f"gateway.instruments.{i}.arm.settings.script={script}" for i in (0, 1)]
+    with running_rig(tmp_path_factory.mktemp("rig"), str(SCENE), overrides) as rig:
+        yield rig

@@ -1,0 +1,90 @@
+"""The insertion and the miss on a running rig: the same hands as in process, through devices, bus and all processes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from protocol.bodies import Catheter, PhysicsContacts
+from tests.rig.conftest import Observer, running_rig
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+
+TOPICS = ("physics.catheter", "physics.contacts")
+LASTS_S = 60.0  # the scenarios take two seconds; a busy machine may lose some of them
+FORCE_STEP_N = 0.3
+DEEPEST_M = 0.1e-3
+
+
+@dataclass
+class Course:
+    """Everything that physics said of a scenario."""
+
+    observer: Observer
+    catheters: list[Catheter] = field(default_factory=list)
+    contacts: list[PhysicsContacts] = field(default_factory=list)
+
+    def look(self) -> None:
+        self.catheters += [frame.body for frame in self.observer.bus.drain("physics.catheter")]
+        self.contacts += [frame.body for frame in self.observer.bus.drain("physics.contacts")]
+
+    def reaches(self, inserted_m: float) -> bool:
+        self.look()
+        return bool(self.catheters) and self.catheters[-1].inserted_length_m >= inserted_m
+
+    def is_bowed(self, by_m: float) -> bool:
+        self.look()
+        return bool(self.catheters) and _bow_m(self.catheters[-1]) > by_m
+
+    @staticmethod
+    def steps_n(contacts: list[PhysicsContacts]) -> list[float]:
+        """Return the largest change of a tool's force between neighbouring ticks."""
+        return [
+            max(math.dist(x.force_n, y.force_n) for x, y in zip(a.tools, b.tools, strict=True))
+            for a, b in itertools.pairwise(contacts)
+            if b.tick == a.tick + 1 and len(a.tools) == len(b.tools)
+        ]
+
+
+@pytest.fixture
+def course(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Course]:
+    """Return a rig whose devices follow a scenario in its scene."""
+    name = request.param
+    overrides = [
+        f"gateway.instruments.{i}.{device}.settings={{scenario: {name}}}" for i in (0, 1) for device in ("arm", "grasp")
+    ]
+    with running_rig(tmp_path, name, overrides, TOPICS) as rig:
+        yield Course(rig.observer)
+
+
+@pytest.mark.parametrize("course", ["insertion"], indirect=True)
+def test_the_catheter_is_slid_20_mm_into_the_duct(course: Course) -> None:
+    course.observer.until(lambda: course.reaches(20e-3), LASTS_S, "20 mm inserted")
+    assert course.contacts[-1].tools[0].holds == 2
+    assert 0.0 < max(body.max_penetration_m for body in course.contacts) < DEEPEST_M
+    assert max(course.steps_n(course.contacts)) < FORCE_STEP_N
+    pushes = [max(math.hypot(*body.tools[i].force_n) for body in course.contacts) for i in (0, 1)]
+    assert min(pushes) > 2e-3, "both hands feel something"
+
+
+@pytest.mark.parametrize("course", ["miss"], indirect=True)
+def test_aimed_beside_the_mouth_it_buckles_outside(course: Course) -> None:
+    course.observer.until(lambda: course.is_bowed(1e-3), LASTS_S, "the catheter bows out")
+    assert max(body.inserted_length_m for body in course.catheters) == 0.0
+    assert max(body.max_penetration_m for body in course.contacts) < DEEPEST_M
+    assert max(course.steps_n(course.contacts)) < FORCE_STEP_N
+    assert max(math.hypot(*body.tools[0].force_n) for body in course.contacts) > 0.02
+
+
+def _bow_m(body: Catheter) -> float:
+    """Return how much shorter the straight line is than the 35 mm of catheter before its tip."""
+    x = body.position_m.view()
+    arc_m = np.cumsum(np.linalg.norm(np.diff(x[::-1], axis=0), axis=1))
+    last = int(np.searchsorted(arc_m, 35e-3))
+    return float(arc_m[last] - np.linalg.norm(x[-1] - x[-2 - last]))
