@@ -4,10 +4,12 @@ Linear modes: with C_i = Phi_i Lambda^-1 Phi_i^T, the modal compliance of node i
 |u_i| <= sqrt(lambda_max(C_i)) |omega q| (Cauchy-Schwarz; |omega q|^2 is twice the elastic energy), and the
 displacement relative to another node obeys the same with Phi_i - Phi_j.
 
-Turned cross-sections: positions are no longer linear in q, but their derivative by omega q is bounded by a quadratic
-polynomial in E = |omega q|, whose coefficients follow from the same singular values: rotations are 1-Lipschitz in
-their vector, the left Jacobian is at most 1 and 1/2-Lipschitz. With a common beta every such polynomial is below
-its own factor times (1 + beta E)^2, so the tree still needs only one number a vertex, times E (1 + beta E)^2.
+Turned cross-sections carry every vertex along rigidly; that part is measured each tick (`turned.note_turns`), and
+``reach`` is what is left. Against one another vertices are bounded ahead: positions are no longer linear in q, but
+the derivative of a difference by omega q is below a quadratic polynomial in E = |omega q|, whose coefficients follow
+from the same singular values: rotations are 1-Lipschitz in their vector, the left Jacobian is at most 1 and
+1/2-Lipschitz. With a common beta every such polynomial is below its own factor times (1 + beta E)^2, so the tree
+still needs only one number a vertex, times E (1 + beta E)^2.
 """
 
 from __future__ import annotations
@@ -27,12 +29,8 @@ class MotionBounds(Protocol):
     def growth(self) -> float:
         """beta, in 1/sqrt(J)."""
 
-    @property
-    def turn_gain(self) -> float:
-        """Bound of a section's change of rotation per change of omega q, rad/sqrt(J)."""
-
     def reach(self, vertex: IntArray) -> FloatArray:
-        """Bound the motion of vertices (k,)."""
+        """Bound the motion of vertices (k,), beside that of their sections."""
 
     def spread(self, vertex: IntArray, other: IntArray) -> FloatArray:
         """Bound the motion of vertices (k,) against others (k,)."""
@@ -42,7 +40,6 @@ class LinearBounds:
     """Of x = X + Phi q; ``scaled_modes`` (n, 3, r) is Phi / omega."""
 
     growth = 0.0
-    turn_gain = 0.0
 
     def __init__(self, scaled_modes: FloatArray) -> None:
         self._modes = scaled_modes
@@ -66,14 +63,12 @@ class TurnedBounds:
         self._turn_gain, self._local_gain = _largest_gain(self._turn), _largest_gain(self._local)
         self._arm_length = np.linalg.norm(warp.arm_m, axis=1)
         self._axis = _axis_bounds(warp, turn, omega_rad_s)
-        self.turn_gain = float(self._turn_gain.max())
-        self.growth = 0.5 * self.turn_gain
+        self.growth = 0.5 * float(self._turn_gain.max())
 
     def reach(self, vertex: IntArray) -> FloatArray:
-        """Bound the motion of vertices (k,): of the axis, of the arm that turns, and of what is carried along."""
-        turn, local = self._turn_gain[vertex], self._local_gain[vertex]
-        constant = self._axis[0, vertex] + turn * self._arm_length[vertex] + local
-        return self._covered(constant, self._axis[1, vertex] + turn * local)
+        """Bound the motion of vertices (k,) in their sections."""
+        gain: FloatArray = self._local_gain[vertex]
+        return gain
 
     def spread(self, vertex: IntArray, other: IntArray) -> FloatArray:
         """Bound the motion of vertices (k,) against others (k,)."""
@@ -89,7 +84,7 @@ class TurnedBounds:
         second = 1.5 * turn * d_turn * local
         return self._covered(constant, first, second)
 
-    def _covered(self, constant: FloatArray, first: FloatArray, second: FloatArray | float = 0.0) -> FloatArray:
+    def _covered(self, constant: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
         """Return the least factor f with f (1 + beta E)^2 >= constant + first E + second E^2 for every E."""
         beta = self.growth
         if beta == 0.0:

@@ -37,7 +37,7 @@ def distance2_below(
     drift = _drift(body, patch, node)
     if drift < loose:
         return _seen_bound2(patch, node, _STILL, drift, (a, b), direction)
-    slack = floats(patch.reach)[node] * body.energy_norm + body.largest_residual
+    slack = floats(patch.reach)[node] * body.energy_norm + body.largest_residual + body.turned_shift
     d2 = _bound2(_box(patch.box, node, _STILL, slack), a, b, direction)
     if d2 >= limit2:
         return d2
@@ -77,7 +77,7 @@ def _motion_since(body: Body, patch: Patch, node: int) -> tuple[Vector, float]:
     """Return how a node's triangles have moved since it was looked at: a shift, and how far any can be off it."""
     energy = body.energy_travel - floats(patch.seen_energy)[node]
     residual = body.residual_travel - floats(patch.seen_residual)[node]
-    drift = floats(patch.reach)[node] * energy + residual
+    drift = floats(patch.reach)[node] * energy + residual + body.turned_travel - floats(patch.seen_turned)[node]
     tight = floats(patch.spread)[node] * energy + 2.0 * residual
     if drift <= 1.5 * tight:
         return _STILL, drift
@@ -110,6 +110,7 @@ def _note(body: Body, patch: Patch, node: int, low: Vector, high: Vector) -> Non
     put(floats(patch.seen_at), node, node_position(body, ints(patch.representative)[node]))
     floats(patch.seen_energy)[node] = body.energy_travel
     floats(patch.seen_residual)[node] = body.residual_travel
+    floats(patch.seen_turned)[node] = body.turned_travel
 
 
 @kernel
@@ -141,7 +142,8 @@ def _drift(body: Body, patch: Patch, node: int) -> float:
     if seen < 0.0:
         return math.inf
     energy = floats(patch.reach)[node] * (body.energy_travel - seen)
-    drift: float = energy + body.residual_travel - floats(patch.seen_residual)[node]
+    residual = body.residual_travel - floats(patch.seen_residual)[node]
+    drift: float = energy + residual + body.turned_travel - floats(patch.seen_turned)[node]
     return drift
 
 

@@ -17,7 +17,7 @@ from services.mechanics.collision.topology import (
     triangles_round_vertices,
 )
 from services.mechanics.collision.tree import MAX_DEPTH, build_tree
-from services.mechanics.collision.turned import turn_into_place, turned_arrays
+from services.mechanics.collision.turned import note_turns, turn_into_place, turned_arrays
 from services.mechanics.kernel import (
     Struct,
     fill,
@@ -56,15 +56,20 @@ BODY = struct_type(
         "fraction",  # (n,) how far between
         "turn",  # (s, 3) rotation vectors of the stations in this tick
         "centre",  # (s, 3) and where they are
+        "last_turn",  # the same in the last tick
+        "last_centre",
+        "rest_centre",
     ),
     numbers=(
         "norm",  # E = |omega q|
         "growth",  # beta: see `bounds`; 0 on a straight wall
-        "turn_gain",
+        "largest_arm",  # turned walls: of the nodes from the axis
         "energy_norm",  # E (1 + beta E)^2, what reach and spread multiply
         "largest_residual",
         "energy_travel",  # sum of all changes of E, grown alike, since the start
         "residual_travel",  # sum of the largest changes of a residual
+        "turned_shift",  # turned walls: how far the sections' motion has carried any node from rest
+        "turned_travel",  # and the sum of that of each tick
         "travel",  # bound of how far any node has moved
         "largest_reach",  # of the wall's tree
     ),
@@ -99,6 +104,7 @@ PATCH = struct_type(
         "seen_at",  # (k, 3) the representative vertex then
         "seen_energy",  # (k,) the surface's energy travel then; negative if never
         "seen_residual",  # (k,) its residual travel then
+        "seen_turned",  # (k,) and that of its sections
         "stack",  # (MAX_DEPTH,) nodes still to visit
         "bound",  # (MAX_DEPTH,) their distances
     )
@@ -180,12 +186,12 @@ class DuctSurface:
             n_modes=self._n_modes,
             largest_reach=float(wall["reach"][0]),
             growth=bounds.growth,
-            turn_gain=bounds.turn_gain,
             **body,
         )
         if warp is not None and self._frame is not None:
             self._turned = turned_arrays(warp, self._frame)
-            fill(self.shell["body"], n_stations=warp.sections.n_stations, **self._turned)
+            arm_m = float(np.linalg.norm(warp.arm_m, axis=1).max())
+            fill(self.shell["body"], n_stations=warp.sections.n_stations, largest_arm=arm_m, **self._turned)
         fill(self.shell["wall"], **wall)
         fill(self.shell["caps"], **lids)
         fill(self.shell["rims"], **rims)
@@ -215,6 +221,7 @@ class DuctSurface:
             raise ValueError("coordinates and displacements must be finite and loaded nodes exist")
         if self._frame is not None:
             self._frame.update(q)
+            _end_turn(self.address)
 
     def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
         """Write the deformed positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
@@ -270,6 +277,7 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds)
         "seen_at": np.zeros((len(tree.box), 3)),
         "seen_energy": np.full(len(tree.box), -1.0),
         "seen_residual": np.zeros(len(tree.box)),
+        "seen_turned": np.zeros(len(tree.box)),
         "stack": np.zeros(MAX_DEPTH, np.int32),
         "bound": np.zeros(MAX_DEPTH),
     }
@@ -278,6 +286,11 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds)
 @kernel
 def _start_tick(shell_address: int, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
     return take_state(shell_at(shell_address).body, q, nodes, residuals)
+
+
+@kernel
+def _end_turn(shell_address: int) -> None:
+    note_turns(shell_at(shell_address).body)
 
 
 @kernel

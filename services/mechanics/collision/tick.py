@@ -29,7 +29,6 @@ def take_state(body: Struct, q: FloatArray, nodes: IntArray, residuals: FloatArr
     before, body.norm, change = body.norm, math.sqrt(norm), math.sqrt(change)
     body.energy_norm = body.norm * _grown(body, body.norm)
     body.energy_travel += change * _grown(body, max(before, body.norm))
-    body.residual_travel += body.turn_gain * change * body.largest_residual
     body.residual_travel += _replace_residuals(body, nodes, residuals)
     body.travel = body.largest_reach * body.energy_travel + body.residual_travel
     return True

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.collision.primitives import Vector, along, cross, dot, put, scaled, vector
+from services.mechanics.collision.primitives import Vector, along, cross, dot, put, scaled, squared_distance, vector
 from services.mechanics.kernel import Struct, floats, ints, kernel
 from services.mechanics.reduction.warping import SectionFrame, TubeWarp
 
@@ -20,7 +20,31 @@ def turned_arrays(warp: TubeWarp, frame: SectionFrame) -> dict[str, np.ndarray]:
         "fraction": warp.sections.fraction,
         "turn": frame.turns,
         "centre": frame.centres_m,
+        "last_turn": frame.turns.copy(),
+        "last_centre": frame.centres_m.copy(),
+        "rest_centre": warp.sections.centres_m,
     }
+
+
+@kernel
+def note_turns(body: Struct) -> None:
+    """Add to the travel how far the sections have carried any node in this tick: shift plus turn times arm.
+
+    A node that its section carries along also has what the modes and the residual have displaced it there.
+    """
+    arm = body.largest_arm + body.largest_reach * body.norm + body.largest_residual
+    shift, turn, carried = 0.0, 0.0, 0.0
+    for k in range(body.n_stations):
+        centre, w = vector(floats(body.centre), k), vector(floats(body.turn), k)
+        from_rest = math.sqrt(squared_distance(centre, vector(floats(body.rest_centre), k)))
+        carried = max(carried, from_rest + math.sqrt(dot(w, w)) * arm)
+        shift = max(shift, squared_distance(centre, vector(floats(body.last_centre), k)))
+        turn = max(turn, squared_distance(w, vector(floats(body.last_turn), k)))
+        put(floats(body.last_centre), k, centre)
+        put(floats(body.last_turn), k, w)
+    body.turned_shift = carried
+    body.turned_travel += math.sqrt(shift) + math.sqrt(turn) * arm
+    body.travel += body.turned_travel
 
 
 @kernel
