@@ -147,11 +147,32 @@ def rod_supports(scene: CatheterScene) -> Supports:
     if scene.anchor == "clamped":
         return Supports(held=(0,), start_direction=scene.direction)
     if scene.anchor == "introducer":
-        direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
-        exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
-        entry_m = exit_m - scene.introducer_length_m * direction
-        return Supports(sleeve=Sleeve(entry_m, exit_m, friction=scene.introducer_friction))
+        return Supports(sleeve=introducer(scene))
     return Supports()
+
+
+def introducer(scene: CatheterScene) -> Sleeve:
+    """The needle that the catheter starts in.
+
+    Raises
+    ------
+    ValueError
+        Where the catheter would start outside.
+    """
+    direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
+    exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
+    entry_m = exit_m - scene.introducer_length_m * direction
+    needle = Sleeve(
+        entry_m, exit_m, friction=scene.introducer_friction, seal_friction_n=scene.introducer_seal_friction_n
+    )
+    inside_m = min(2.0 * scene.length_m / scene.n_segments, 0.5 * scene.introducer_length_m)
+    longest_m = scene.length_m - inside_m
+    if not needle.least_tip_m <= scene.introducer_to_tip_m <= longest_m:
+        raise ValueError(
+            f"catheter.introducer_to_tip_m: {scene.introducer_to_tip_m:g} m leaves the catheter outside its needle; "
+            f"within {needle.least_tip_m:g} and {longest_m:g} m it starts in it"
+        )
+    return needle
 
 
 @kernel

@@ -13,10 +13,9 @@ import numpy.typing as npt
 
 from services.mechanics.contact.solver import HOLD
 from services.mechanics.reduction import ModalState
-from services.mechanics.rod import ImplicitIntegrator
-from services.mechanics.rod.energy import RodEnergy, rod_energy
-from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.model import allocate_work
+from services.mechanics.rod import ImplicitIntegrator, RodState
+from services.mechanics.rod.energy import RodEnergy, internal_forces, rod_energy
+from services.mechanics.rod.twist import add_frame_forces
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import ToolInputs
 
@@ -30,9 +29,9 @@ class EnergyFlow:
     Attributes
     ----------
     input_j
-        Work of the hands on the couplings and jaws, and of loads that are no potential.
+        Work of the hands on the couplings and jaws.
     stored_j
-        Change of everything stored: kinetic, elastic, in gravity, couplings and grips.
+        Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
     coupling_j
         Dampers of the virtual couplings.
     rod_j
@@ -41,6 +40,8 @@ class EnergyFlow:
         Damping of the modes.
     friction_j
         Sliding in contacts and slipping holds.
+    effects_j
+        What effects say that they dissipate.
     impact_j
         Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
     numerical_j
@@ -53,6 +54,7 @@ class EnergyFlow:
     rod_j: float = 0.0
     duct_j: float = 0.0
     friction_j: float = 0.0
+    effects_j: float = 0.0
     impact_j: float = 0.0
     numerical_j: float = 0.0
 
@@ -79,12 +81,14 @@ class EnergyBook:
         """Take one step of the simulation and enter it."""
         before = _Snapshot.of(self.simulation)
         slipped_j = self.simulation.holds.dissipated_j
+        spent_j = _dissipated_by_effects_j(self.simulation)
         self.simulation.step(tools, None, dt_s)
         self._enter_tools(before, dt_s)
-        self._enter_rod(before, dt_s)
+        self._enter_rod(before)
         self._enter_duct(before, dt_s)
         self._enter_contacts()
         self.flow.friction_j += self.simulation.holds.dissipated_j - slipped_j
+        self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = stored_energy_j(self.simulation) - self._opening_j
 
     def _enter_tools(self, before: _Snapshot, dt_s: float) -> None:
@@ -96,21 +100,21 @@ class EnergyBook:
         self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
         self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
 
-    def _enter_rod(self, before: _Snapshot, dt_s: float) -> None:
-        catheter = self.simulation.catheter
-        model = _implicit(self.simulation).model
-        state = catheter.state
-        motion = state.position_m - before.rod_m
-        elastic = internal_forces(model, state.position_m, np.zeros_like(motion))
-        viscous = internal_forces(model, state.position_m, state.velocity_m_s) - elastic
+    def _enter_rod(self, before: _Snapshot) -> None:
+        integrator = _implicit(self.simulation)
+        model, state = integrator.model, self.simulation.catheter.state
+        motion = state.position_m - before.rod.position_m
+        at_rest = RodState(state.position_m, np.zeros_like(motion))
+        elastic = internal_forces(model, at_rest)
+        viscous = internal_forces(model, state, before.rod) - elastic
         viscous -= model.drag[:, None] * state.velocity_m_s
+        if integrator.twist is not None:
+            add_frame_forces(integrator.twist, before.rod.copy(), elastic)
         self.flow.rod_j -= float(np.sum(viscous * motion))
-        change = state.velocity_m_s - before.rod_m_s
+        change = state.velocity_m_s - before.rod.velocity_m_s
         elastic_change_j = rod_elastic_j(self.simulation) - before.rod_elastic_j
         self.flow.numerical_j += 0.5 * float(model.mass @ np.sum(change**2, axis=1))
         self.flow.numerical_j -= float(np.sum(elastic * motion)) + elastic_change_j
-        if "gravity" not in self.simulation.effects:
-            self.flow.input_j += float(np.sum(catheter.external_force_n * motion))
 
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
         duct = self.simulation.duct
@@ -121,7 +125,6 @@ class EnergyBook:
         damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio
         self.flow.duct_j += dt_s * float(np.sum(damping * mean_rate**2))
         change = duct.state.q - before.modal.q
-        self.flow.input_j += float(np.sum((duct.modal_force - duct.constant_modal_force) * change))
         # The impulse acts at the start of the step; the rows below count its force over the whole of it.
         self.flow.impact_j += float(np.sum(duct.contact_impulse * change - impulse * (jumped - 0.5 * impulse)))
         self._enter_residual(before)
@@ -155,8 +158,7 @@ class _Snapshot:
 
     hand: FloatArray
     stretch: FloatArray
-    rod_m: FloatArray
-    rod_m_s: FloatArray
+    rod: RodState
     rod_elastic_j: float
     modal: ModalState
     loads: FloatArray
@@ -167,8 +169,7 @@ class _Snapshot:
         return cls(
             tools.hand.copy(),
             tools.stretch.copy(),
-            rod.position_m.copy(),
-            rod.velocity_m_s.copy(),
+            rod.copy(),
             rod_elastic_j(simulation),
             simulation.duct.state.copy(),
             nodal_loads(simulation),
@@ -181,7 +182,7 @@ def stored_energy_j(simulation: Simulation) -> float:
 
 
 def stored_energies_j(simulation: Simulation) -> dict[str, float]:
-    """Return what is stored where: catheter, duct, couplings, grips, and effects with a potential."""
+    """Return what is stored where: catheter, duct, couplings, grips, and each effect."""
     tools, duct = simulation.tools, simulation.duct
     rod = _rod_energy(simulation)
     stored = {
@@ -191,10 +192,12 @@ def stored_energies_j(simulation: Simulation) -> dict[str, float]:
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
         "grips": _grip_energy_j(simulation),
     }
-    for name, effect in simulation.effects.items():
-        if hasattr(effect, "potential_energy_j"):
-            stored[name] = float(effect.potential_energy_j(simulation))
+    stored |= {name: effect.potential_energy_j(simulation) for name, effect in simulation.effects.items()}
     return stored
+
+
+def _dissipated_by_effects_j(simulation: Simulation) -> float:
+    return sum(effect.dissipated_j for effect in simulation.effects.values())
 
 
 def _grip_energy_j(simulation: Simulation) -> float:
@@ -205,8 +208,12 @@ def _grip_energy_j(simulation: Simulation) -> float:
 
 
 def _rod_energy(simulation: Simulation) -> RodEnergy:
+    """Energies with the material frame brought to where the particles are: in a step it lags by one."""
     integrator = _implicit(simulation)
-    return rod_energy(integrator.model, simulation.catheter.state, integrator.twist)
+    state = simulation.catheter.state.copy()
+    if integrator.twist is not None:
+        add_frame_forces(integrator.twist, state, np.zeros_like(state.position_m))
+    return rod_energy(integrator.model, state, integrator.twist)
 
 
 def _implicit(simulation: Simulation) -> ImplicitIntegrator:
@@ -220,16 +227,6 @@ def rod_elastic_j(simulation: Simulation) -> float:
     """Return the elastic energy of the catheter and of the springs of its supports."""
     energy = _rod_energy(simulation)
     return energy.total_j - energy.kinetic_j
-
-
-def internal_forces(model: object, position_m: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
-    """Return the catheter's own forces (n, 3) in a configuration."""
-    work = allocate_work(len(position_m))
-    work.position[:] = position_m
-    work.velocity[:] = velocity_m_s
-    add_internal_forces(model, work, (0.0, 0.0), 0.0)
-    force: FloatArray = work.force
-    return force
 
 
 def nodal_loads(simulation: Simulation) -> FloatArray:

@@ -98,7 +98,10 @@ def insertion_scene() -> SceneModel:
     return SceneModel(
         duct=DuctScene(radius_m=4e-3, thickness_m=1e-3, youngs_modulus_pa=300e3, n_around=20, n_along=26, n_modes=80),
         catheter=CatheterScene(
-            tip_position_m=(46e-3, 1.5e-3, 0.0), introducer_to_tip_m=65e-3, introducer_length_m=25e-3
+            tip_position_m=(46e-3, 1.5e-3, 0.0),
+            introducer_to_tip_m=65e-3,
+            introducer_length_m=25e-3,
+            introducer_seal_friction_n=20e-3,
         ),
         forceps=(
             ForcepsScene(port_position_m=(75e-3, -60e-3, 120e-3)),
@@ -202,7 +205,13 @@ def paper_scene() -> SceneModel:
     return replace(
         scene,
         duct=replace(scene.duct, membrane="cst", bending="paper", residual="none", n_modes=60),
-        catheter=replace(scene.catheter, integrator="semi_implicit", internal_damping_s=0.0, viscous_drag_n_s_m2=0.5),
+        catheter=replace(
+            scene.catheter,
+            integrator="semi_implicit",
+            internal_damping_s=0.0,
+            viscous_drag_n_s_m2=0.5,
+            introducer_seal_friction_n=0.0,
+        ),
         forceps=tuple(replace(forceps, grasp_torque_nm=1e-9) for forceps in scene.forceps),
         contact=ContactSettings(model="penalty", penalty_stiffness_n_m=1.0, penalty_damping_n_s_m=1e-3),
         effects={"gravity": {}},

@@ -52,7 +52,9 @@ class CatheterScene:
 
     It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``.
     ``anchor`` "clamped" holds the proximal end; "introducer" is a needle of ``introducer_length_m``, its exit
-    ``introducer_to_tip_m`` behind the tip, through which the catheter slides.
+    ``introducer_to_tip_m`` behind the tip, through which the catheter slides and which it cannot leave.
+    ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
+    keeps the catheter where it was left.
     """
 
     n_segments: int = 50
@@ -71,6 +73,7 @@ class CatheterScene:
     introducer_to_tip_m: float = 60e-3
     introducer_length_m: float = 20e-3
     introducer_friction: float = 0.0
+    introducer_seal_friction_n: float = 0.0
     integrator: Literal["implicit", "semi_implicit"] = "implicit"
 
 

@@ -36,6 +36,12 @@ class Effect:
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
         self.scene = scene
+        self.dissipated_j = 0.0
+        """Energy that the effect itself has taken out so far, beyond what contact rows do."""
+
+    def potential_energy_j(self, simulation: Simulation) -> float:
+        """What the effect and its bodies store now, for the energy books: nothing, unless it says so."""
+        return 0.0
 
     def nodal_load_n(self, mesh: TriangleMesh) -> FloatArray:
         """Before the duct is reduced: a constant load (n, 3) on its nodes, part of its rest shape."""

@@ -51,6 +51,7 @@ class Gallstones(Effect):
         self.radius_m = np.array(settings.radius_m, dtype=np.float64)
         self.velocity_m_s = np.zeros_like(self.position_m)
         self._start_m = self.position_m.copy()
+        self._start_m_s = self.velocity_m_s.copy()
         self._motion_m = np.zeros_like(self.position_m)
         volume = 4.0 / 3.0 * math.pi * self.radius_m**3
         self._mass_kg = settings.density_kg_m3 * volume
@@ -74,6 +75,7 @@ class Gallstones(Effect):
     def add_loads(self, simulation: Simulation, dt_s: float) -> None:
         """Predict the stones without contact."""
         self._start_m[:] = self.position_m
+        self._start_m_s[:] = self.velocity_m_s
         inverse = 1.0 / (self._mass_kg + dt_s * self._drag_n_s_m)
         momentum = self._mass_kg[:, None] * self.velocity_m_s + dt_s * self._weight_n
         self.velocity_m_s[:] = inverse[:, None] * momentum
@@ -109,6 +111,14 @@ class Gallstones(Effect):
         change *= self._compliance[:, None]
         self.position_m += change
         self.velocity_m_s += change / dt_s
+        drag_power_w = self._drag_n_s_m @ np.sum(self.velocity_m_s**2, axis=1)
+        lost_by_step_j = 0.5 * self._mass_kg @ np.sum((self.velocity_m_s - self._start_m_s) ** 2, axis=1)
+        self.dissipated_j += float(dt_s * drag_power_w + lost_by_step_j)
+
+    def potential_energy_j(self, simulation: Simulation) -> float:
+        """Kinetic energy of the stones, and what their weight has stored, zero at the origin."""
+        kinetic_j = 0.5 * self._mass_kg @ np.sum(self.velocity_m_s**2, axis=1)
+        return float(kinetic_j - np.sum(self._weight_n * self.position_m))
 
 
 @kernel

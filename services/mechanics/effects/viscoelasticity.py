@@ -40,3 +40,10 @@ class Viscoelasticity(Effect):
     def after_solve(self, simulation: Simulation, dt_s: float) -> None:
         """Let the wall relax towards where it is."""
         self._modes.relax(simulation.duct.state.q, dt_s)
+        self.dissipated_j = self._modes.dissipated_j
+
+    def potential_energy_j(self, simulation: Simulation) -> float:
+        """Energy in the springs of the Prony terms less that of the instantaneous modulus, which the duct reports."""
+        duct = simulation.duct
+        unrelaxed_j = duct.state.strain_energy_j(duct.reduced.basis.omega_rad_s)
+        return self._modes.stored_energy_j(duct.state.q) - unrelaxed_j

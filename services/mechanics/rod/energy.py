@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RodEnergy:
-    """Energies in joule; `support_j` is what the sleeve's lateral springs hold, `bending_j` counts clamped ends too."""
+    """Energies in joule; `support_j` is what the sleeve's springs hold, `bending_j` counts clamped ends too."""
 
     kinetic_j: float
     stretch_j: float
@@ -48,13 +48,17 @@ def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None
     )
 
 
-def internal_forces(model: RodModel, state: RodState) -> FloatArray:
+def internal_forces(model: RodModel, state: RodState, before: RodState | None = None) -> FloatArray:
     """The rod's own forces (n, 3): elastic, damping, of clamps and sleeve, but not the drag and the frame's.
 
-    With a state at rest they are the elastic ones. Allocates: not for the 1 kHz step.
+    The sleeve's friction follows the wall's push and the speed at the end of the step before: `before` is that state,
+    `state` itself where it is None. With a state at rest the forces are the elastic ones. Allocates: not for the 1 kHz
+    step.
     """
+    before = before or state
     work = allocate_work(len(state.position_m))
-    work.settled[:] = state.position_m
+    work.settled[:] = before.position_m
+    work.settled_velocity[:] = before.velocity_m_s
     work.position[:] = state.position_m
     work.velocity[:] = state.velocity_m_s
     add_internal_forces(model, work, (0.0, 0.0), 0.0)

@@ -181,6 +181,7 @@ def _assemble(model: RodModel, work: RodWork, motion: Motion, external: FloatArr
     for i in range(x.shape[0]):
         for c in range(3):
             work.settled[i, c] = x[i, c]
+            work.settled_velocity[i, c] = v[i, c]
             work.velocity[i, c] = v[i, c] + theta * dv[i, c]
             work.position[i, c] = x[i, c] + h * work.velocity[i, c]
             work.force[i, c] = external[i, c] - model.drag[i] * work.velocity[i, c]

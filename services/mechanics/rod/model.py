@@ -20,7 +20,7 @@ class RodModel(NamedTuple):
     """Read-only arrays of one rod: n particles, n - 1 segments, n - 2 joints.
 
     mass, drag (n,) [kg, N s/m]; EA (n-1,) [N]; joint_stiffness (n-2,) [N m/rad]; rest_length [m]; beta [s];
-    walls (2, 3) with NaN rows where an end may turn; wall_stiffness (2,) [N m/rad]; sleeve (10,) or (0,);
+    walls (2, 3) with NaN rows where an end may turn; wall_stiffness (2,) [N m/rad]; sleeve (13,) or (0,);
     held (h,) particle indices; is_held (n,).
     """
 
@@ -40,11 +40,13 @@ class RodModel(NamedTuple):
 class RodWork(NamedTuple):
     """What a step fills: the configuration that forces are taken at, the forces, and the banded system.
 
-    settled (n, 3), where the last step ended; position, velocity, force (n, 3); tangent (n-1, 3); length (n-1,);
-    gradient (2, 9) of one joint; band, rhs, its copy residual, and velocity_change (n, 3) of the implicit step.
+    settled, settled_velocity (n, 3), how the last step ended; position, velocity, force (n, 3); tangent (n-1, 3);
+    length (n-1,); gradient (2, 9) of one joint; band, rhs, its copy residual, and velocity_change (n, 3) of the
+    implicit step.
     """
 
     settled: FloatArray
+    settled_velocity: FloatArray
     position: FloatArray
     velocity: FloatArray
     force: FloatArray
@@ -83,6 +85,7 @@ def allocate_work(n_particles: int) -> RodWork:
     n = n_particles
     return RodWork(
         settled=np.zeros((n, 3)),
+        settled_velocity=np.zeros((n, 3)),
         position=np.zeros((n, 3)),
         velocity=np.zeros((n, 3)),
         force=np.zeros((n, 3)),

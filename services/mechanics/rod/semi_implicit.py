@@ -142,6 +142,7 @@ def _semi_implicit_euler(model: RodModel, work: RodWork, motion: Motion, externa
     for i in range(x.shape[0]):
         for c in range(3):
             work.settled[i, c] = x[i, c]
+            work.settled_velocity[i, c] = v[i, c]
             work.position[i, c] = x[i, c]
             work.velocity[i, c] = v[i, c]
             work.force[i, c] = external[i, c] - model.drag[i] * v[i, c]

@@ -2,7 +2,8 @@
 
 Held to the axis are the points where the centreline passes the entry and exit planes, and every particle between them;
 a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or out
-changes no force by a jump. All springs are the gradient of an energy: without friction the sleeve takes no work.
+changes no force by a jump. Stops keep both ends of the rod from leaving. All springs are the gradient of an energy:
+without friction the sleeve takes no work.
 """
 
 from __future__ import annotations
@@ -15,146 +16,145 @@ from numpy.typing import NDArray
 
 from .elasticity import Scale, Vector, dot, row
 from .model import RodModel, RodWork
+from .sleeve_passage import (
+    FRICTION,
+    LENGTH,
+    SEAL,
+    SLIP_SPEED,
+    STIFFNESS,
+    STOP_STIFFNESS,
+    axial_position,
+    crossing,
+    depth_weight,
+    find_passage,
+    offset_from_axis,
+    stop_overlap,
+)
 
 FloatArray = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, fastmath=False)
 def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add the forces that keep the rod on the axis of the sleeve, and friction along it.
+    """Add the forces that keep the rod on the axis of the sleeve and in it, and friction along it.
 
     scale is ((theta dt)^2, theta dt): what stiffness and damping are multiplied with in the band; (0, dt) is an
     explicit step, in which friction may stop the rod but not turn it round; (0, 0) is no step, only forces.
     """
-    after = _axial(model.sleeve, work.position, 0)
-    for i in range(work.position.shape[0]):
-        here = after
-        if 0.0 < here < model.sleeve[6]:
-            _hold_particle(model, work, i, here, scale)
-        if i + 1 < work.position.shape[0]:
-            after = _axial(model.sleeve, work.position, i + 1)
-            for plane in (0.0, model.sleeve[6]):
-                if (here < plane) != (after < plane):
-                    _hold_crossing(model, work, i, plane, scale)
+    passage = find_passage(model.sleeve, work.position)
+    for i in range(passage.first, passage.last + 1):
+        _hold_particle(model, work, i, axial_position(model.sleeve, work.position, i), scale)
+    if passage.has_entry:
+        _hold_crossing(model, work, passage.first - 1, 0.0, scale)
+    if passage.has_exit:
+        _hold_crossing(model, work, passage.last, model.sleeve[LENGTH], scale)
+    i, over = stop_overlap(model, work.position, passage)
+    if over != 0.0:
+        _stop(model, work, i, over, scale)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
 def sleeve_energy(model: RodModel, work: RodWork) -> float:
-    """Energy [J] of the springs that hold the rod to the axis of the sleeve."""
+    """Energy [J] of the springs that hold the rod to the axis of the sleeve, and of its stops."""
+    x = work.position
+    passage = find_passage(model.sleeve, x)
     total = 0.0
-    after = _axial(model.sleeve, work.position, 0)
-    for i in range(work.position.shape[0]):
-        here = after
-        if 0.0 < here < model.sleeve[6]:
-            o = _offset(model.sleeve, work.position, i, 0.0)
-            total += _depth_weight(model, here)[0] * dot(o, o)
-        if i + 1 < work.position.shape[0]:
-            after = _axial(model.sleeve, work.position, i + 1)
-            for plane in (0.0, model.sleeve[6]):
-                if (here < plane) != (after < plane):
-                    o = _offset(model.sleeve, work.position, i, (plane - here) / (after - here))
-                    total += dot(o, o)
-    return 0.5 * float(model.sleeve[7]) * total
+    for i in range(passage.first, passage.last + 1):
+        o = offset_from_axis(model.sleeve, x, i, 0.0)
+        total += depth_weight(model, i, axial_position(model.sleeve, x, i))[0] * dot(o, o)
+    if passage.has_entry:
+        i = passage.first - 1
+        o = offset_from_axis(model.sleeve, x, i, crossing(model.sleeve, x, i, 0.0))
+        total += dot(o, o)
+    if passage.has_exit:
+        i = passage.last
+        o = offset_from_axis(model.sleeve, x, i, crossing(model.sleeve, x, i, model.sleeve[LENGTH]))
+        total += dot(o, o)
+    over = stop_overlap(model, x, passage)[1]
+    return 0.5 * float(model.sleeve[STIFFNESS] * total + model.sleeve[STOP_STIFFNESS] * over * over)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _axial(sleeve: FloatArray, x: FloatArray, i: int) -> float:
-    total = 0.0
+def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: Scale) -> None:
+    k = model.sleeve[STOP_STIFFNESS]
     for c in range(3):
-        total += (x[i, c] - sleeve[c]) * sleeve[3 + c]
-    return total
-
-
-@njit(cache=True, nogil=True, fastmath=False)
-def _offset(sleeve: FloatArray, x: FloatArray, i: int, s: float) -> Vector:
-    """From the axis to the point (1 - s) x_i + s x_{i+1}."""
-    j = i + 1 if s > 0.0 else i
-    p = (
-        (1.0 - s) * x[i, 0] + s * x[j, 0] - sleeve[0],
-        (1.0 - s) * x[i, 1] + s * x[j, 1] - sleeve[1],
-        (1.0 - s) * x[i, 2] + s * x[j, 2] - sleeve[2],
-    )
-    along = p[0] * sleeve[3] + p[1] * sleeve[4] + p[2] * sleeve[5]
-    return (p[0] - along * sleeve[3], p[1] - along * sleeve[4], p[2] - along * sleeve[5])
-
-
-@njit(cache=True, nogil=True, fastmath=False)
-def _depth_weight(model: RodModel, axial: float) -> tuple[float, float]:
-    """Share of the full stiffness at an axial position inside the sleeve, and its derivative."""
-    ramp = min(model.rest_length, 0.5 * model.sleeve[6])
-    if axial < ramp:
-        return axial / ramp, 1.0 / ramp
-    if axial > model.sleeve[6] - ramp:
-        return (model.sleeve[6] - axial) / ramp, -1.0 / ramp
-    return 1.0, 0.0
+        work.force[i, c] -= k * over * model.sleeve[3 + c]
+        if scale[0] > 0.0:
+            for b in range(c, 3):
+                work.band[3 * i + c, b - c] += scale[0] * k * model.sleeve[3 + c] * model.sleeve[3 + b]
 
 
 @njit(cache=True, nogil=True, fastmath=False)
 def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
-    o = _offset(model.sleeve, work.position, i, 0.0)
-    weight, slope = _depth_weight(model, axial)
-    k = model.sleeve[7] * weight
-    along = 0.5 * model.sleeve[7] * slope * dot(o, o)
+    o = offset_from_axis(model.sleeve, work.position, i, 0.0)
+    weight, slope = depth_weight(model, i, axial)
+    k = model.sleeve[STIFFNESS] * weight
+    along = 0.5 * model.sleeve[STIFFNESS] * slope * dot(o, o)
     for c in range(3):
         work.force[i, c] -= k * o[c] + along * model.sleeve[3 + c]
-    drag = _friction(model, work, (i, 0.0, 0.0), k, scale)
+    drag = _friction(model, work, (i, 0.0, 0.0), (k, 0.0), scale)
     if scale[0] > 0.0:
         _add_tangent(model, work, (i, 0.0), (0.0, 0.0, 0.0), (scale[0] * k, scale[1] * drag))
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _crossing(sleeve: FloatArray, x: FloatArray, i: int, plane: float) -> float:
-    """Where along segment i (0 to 1) it passes an end plane; the nearer end of a segment that does not."""
-    here = _axial(sleeve, x, i)
-    after = _axial(sleeve, x, i + 1)
-    if after == here:
-        return 0.0
-    return float(min(max((plane - here) / (after - here), 0.0), 1.0))
-
-
-@njit(cache=True, nogil=True, fastmath=False)
 def _hold_crossing(model: RodModel, work: RodWork, i: int, plane: float, scale: Scale) -> None:
     """Hold the point of segment i that lies in an end plane; as the segment tilts, the push is normal to the rod."""
-    s = _crossing(model.sleeve, work.position, i, plane)
+    s = crossing(model.sleeve, work.position, i, plane)
     t = row(work.tangent, i)
     a = (model.sleeve[3], model.sleeve[4], model.sleeve[5])
     cosine = dot(a, t)
     tilt = (t[0] / cosine - a[0], t[1] / cosine - a[1], t[2] / cosine - a[2])
-    o = _offset(model.sleeve, work.position, i, s)
-    k = model.sleeve[7]
+    o = offset_from_axis(model.sleeve, work.position, i, s)
+    k = model.sleeve[STIFFNESS]
     along = dot(tilt, o)
     for c in range(3):
         push = k * (o[c] - along * a[c])
         work.force[i, c] -= (1.0 - s) * push
         work.force[i + 1, c] -= s * push
-    drag = _friction(model, work, (i, s, _crossing(model.sleeve, work.settled, i, plane)), k, scale)
+    seal = model.sleeve[SEAL] if plane > 0.0 else 0.0
+    drag = _friction(model, work, (i, s, crossing(model.sleeve, work.settled, i, plane)), (k, seal), scale)
     if scale[0] > 0.0:
         _add_tangent(model, work, (i, s), tilt, (scale[0] * k, scale[1] * drag))
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _friction(model: RodModel, work: RodWork, at: tuple[int, float, float], k: float, scale: Scale) -> float:
+def _friction(
+    model: RodModel, work: RodWork, at: tuple[int, float, float], wall: tuple[float, float], scale: Scale
+) -> float:
     """Brake the point by Coulomb friction along the axis, viscous below the slip speed; return force per speed.
 
-    The wall's push is the one that the last step solved for: at the prediction that forces are taken at, the stiff
-    springs stand under loads that never come about. `at` is (particle, share of the segment behind it that the point
-    lies at now, and did then).
+    The wall's push and the speed that sets the slope are those that the last step ended with: at the prediction that
+    forces are taken at, the stiff springs stand under loads that never come about, and a rod under tension does not
+    move at all. `at` is (particle, share of the segment behind it that the point lies at now, and did then); `wall`
+    is (stiffness, friction of the seal).
     """
     i, s, settled = at
-    if model.sleeve[8] == 0.0:
+    k, seal = wall
+    if model.sleeve[FRICTION] == 0.0 and seal == 0.0:
         return 0.0
     j = i + 1 if s > 0.0 else i
-    speed = 0.0
-    for c in range(3):
-        speed += ((1.0 - s) * work.velocity[i, c] + s * work.velocity[j, c]) * model.sleeve[3 + c]
-    o = _offset(model.sleeve, work.settled, i, settled)
-    drag = model.sleeve[8] * k * math.sqrt(dot(o, o)) / max(abs(speed), model.sleeve[9])
+    speed = _axial_speed(model, work.velocity, i, s)
+    before = abs(_axial_speed(model, work.settled_velocity, i, s))
+    o = offset_from_axis(model.sleeve, work.settled, i, settled)
+    most = model.sleeve[FRICTION] * k * math.sqrt(dot(o, o)) + seal
+    drag = most / max(before, model.sleeve[SLIP_SPEED])
     if scale[0] == 0.0 and scale[1] > 0.0:
         drag = min(drag, 0.25 * model.mass[i] / scale[1])
     for c in range(3):
         work.force[i, c] -= (1.0 - s) * drag * speed * model.sleeve[3 + c]
         work.force[j, c] -= s * drag * speed * model.sleeve[3 + c]
     return float(drag)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
+    """Speed along the axis of the point (1 - s) x_i + s x_{i+1}."""
+    j = i + 1 if s > 0.0 else i
+    speed = 0.0
+    for c in range(3):
+        speed += ((1.0 - s) * v[i, c] + s * v[j, c]) * model.sleeve[3 + c]
+    return speed
 
 
 @njit(cache=True, nogil=True, fastmath=False)

@@ -17,7 +17,8 @@ class Sleeve:
 
     Every particle between entry and exit, and the points of the centreline at the entry and exit planes, are pulled
     to the axis. Because those points move continuously along the rod, sliding it by a segment changes no force by a
-    jump.
+    jump. The rod has to start in it, and stays: its first particle stops two segments before the exit (the catheter
+    goes on behind the piece that is modelled), and the last `least_tip_m` of it cannot be drawn in.
 
     Attributes
     ----------
@@ -29,25 +30,37 @@ class Sleeve:
         Coulomb coefficient against the wall, 0 for none. Regularised: full friction above `slip_speed_m_s`.
     slip_speed_m_s
         Below this sliding speed friction is viscous (a sleeve holds by creeping, not by sticking).
+    seal_friction_n
+        Friction of a seal at the exit, whatever the rod's push on the wall.
+    stop_stiffness_n_m
+        Of both stops.
+    least_tip_m
+        Length at the end of the rod that stays beyond the exit, to be grasped again.
     """
 
     entry_m: ArrayLike
     exit_m: ArrayLike
     lateral_stiffness_n_m: float = 1e5
     friction: float = 0.0
-    slip_speed_m_s: float = 1e-3
+    slip_speed_m_s: float = 1e-5
+    seal_friction_n: float = 0.0
+    stop_stiffness_n_m: float = 2e4
+    least_tip_m: float = 5e-3
 
     def as_array(self) -> FloatArray:
-        """(10,) entry, unit axis, length, stiffness, friction, slip speed; ValueError where one makes no sense."""
+        """(13,) entry, unit axis, and the numbers that `sleeve_passage` names; ValueError where one makes no sense."""
         entry = np.asarray(self.entry_m, dtype=np.float64)
         axis = np.asarray(self.exit_m, dtype=np.float64) - entry
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
             raise ValueError("the entry and exit of a sleeve must be apart")
-        if not (self.lateral_stiffness_n_m > 0.0 and self.friction >= 0.0 and self.slip_speed_m_s > 0.0):
-            raise ValueError("a sleeve needs positive stiffness and slip speed, and friction of at least 0")
-        tail = [length, self.lateral_stiffness_n_m, self.friction, self.slip_speed_m_s]
-        return np.concatenate((entry, axis / length, tail))
+        if not min(self.lateral_stiffness_n_m, self.stop_stiffness_n_m, self.slip_speed_m_s) > 0.0:
+            raise ValueError("a sleeve needs positive stiffnesses and slip speed")
+        if not min(self.friction, self.seal_friction_n, self.least_tip_m) >= 0.0:
+            raise ValueError("the friction of a sleeve, of its seal, and least_tip_m must be at least 0")
+        spring = [length, self.lateral_stiffness_n_m]
+        friction = [self.friction, self.slip_speed_m_s, self.seal_friction_n]
+        return np.concatenate((entry, axis / length, spring, friction, [self.stop_stiffness_n_m, self.least_tip_m]))
 
 
 @dataclass(frozen=True)
