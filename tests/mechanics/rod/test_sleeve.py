@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import ImplicitIntegrator, SemiImplicitIntegrator, Sleeve, Supports, straight_rod
+from services.mechanics.rod import (
+    ImplicitIntegrator,
+    SemiImplicitIntegrator,
+    Sleeve,
+    Supports,
+    rod_along,
+    rod_energy,
+    straight_rod,
+)
+from services.mechanics.rod.energy import internal_forces
+from services.mechanics.rod.model import build_model
 from services.studies.rod_problems import EA, EI, example_rod
 
 X = (1.0, 0.0, 0.0)
@@ -106,3 +116,80 @@ def test_explicit_friction_brings_the_rod_to_rest_without_feeding_it():
         speed.append(abs(mass @ state.velocity_m_s[:, 0]) / mass.sum())
     assert max(speed) == speed[0]
     assert max(speed[30:]) < 0.02 * speed[0]
+
+
+def axial(state, particle):
+    return state.position_m[particle, 0]
+
+
+def test_a_rod_that_is_pulled_hard_stays_in_its_needle():
+    """Pulled by the tip the first particle stops two segments before the exit; pushed back, 5 mm stay outside."""
+    properties = example_rod(internal_damping_s=5e-3, viscous_drag_n_s_m2=100.0)
+    needle = Sleeve(*NEEDLE)
+    for force_n in (5.0, -5.0):
+        integrator, state = in_needle(properties, Supports(sleeve=needle))
+        pull = np.zeros((51, 3))
+        pull[:, 0] = force_n / 51
+        for _ in range(1000):
+            integrator.predict(state, pull, 1e-3)
+        assert np.abs(state.velocity_m_s).max() < 1e-6
+        give_m = 5.0 / needle.stop_stiffness_n_m
+        if force_n > 0.0:
+            assert axial(state, 0) == pytest.approx(0.03 - 2 * 0.002 + give_m, rel=1e-4)
+        else:
+            # the particle that stops is the first one at least 5 mm from the tip: 6 mm
+            assert axial(state, 50 - 3) == pytest.approx(0.03 - give_m, rel=1e-4)
+
+
+def test_a_rod_that_runs_into_its_stop_gains_no_energy():
+    properties = example_rod()
+    integrator, state = in_needle(properties, Supports(sleeve=Sleeve(*NEEDLE)))
+    state.velocity_m_s[:, 0] = 0.3
+    start_j = rod_energy(integrator.model, state).total_j
+    energy_j = []
+    for _ in range(400):
+        integrator.predict(state, np.zeros((51, 3)), 1e-3)
+        energy_j.append(rod_energy(integrator.model, state).total_j)
+    # What rings up to start_j / 200 is stretch that each step's one linearisation leaves.
+    assert np.diff(energy_j).max() < 5e-3 * start_j
+    assert max(energy_j) <= start_j * (1.0 + 1e-9)
+    assert state.velocity_m_s[:, 0].mean() < 0.0
+    assert axial(state, 0) < 0.03
+
+
+def test_a_part_that_swings_past_the_needle_outside_is_not_taken_for_the_part_inside():
+    """The free end folds back beside the needle, across both planes: nothing but the part inside feels the sleeve."""
+    properties = example_rod(100)
+    curve = np.array([(-0.011, 0, 0), (0.035, 0, 0), (0.035, 0.008, 0), (-0.02, 0.008, 0)])
+    state = rod_along(properties, curve)
+    feels = [
+        internal_forces(build_model(properties, Supports(sleeve=sleeve)), state) for sleeve in (Sleeve(*NEEDLE), None)
+    ]
+    outside = state.position_m[:, 1] > 1e-4
+    assert outside.sum() > 50
+    assert np.array_equal(feels[0][outside], feels[1][outside])
+    state.position_m[20, 2] += 1e-4
+    moved = internal_forces(build_model(properties, Supports(sleeve=Sleeve(*NEEDLE))), state)
+    assert moved[20, 2] < -9.0
+
+
+def test_pulling_through_a_seal_takes_its_friction_and_a_smaller_pull_does_not_move_the_rod():
+    """Under tension too: the speed that friction follows is the rod's own, not that of a step's first guess."""
+    properties = example_rod(viscous_drag_n_s_m2=0.0, internal_damping_s=5e-3)
+    needle = Sleeve(*NEEDLE, seal_friction_n=0.2)
+    integrator, state = in_needle(properties, Supports(held=(-1,), sleeve=needle))
+    tension = []
+    for _ in range(400):
+        integrator.held_target_m[0] = state.position_m[-1] + np.array([1e-5, 0.0, 0.0])
+        integrator.predict(state, np.zeros((51, 3)), 1e-3)
+        strain = np.linalg.norm(np.diff(state.position_m, axis=0), axis=1) / properties.segment_length_m - 1.0
+        tension.append(EA * strain[-3])
+    assert np.mean(tension[200:]) == pytest.approx(0.2, rel=0.02)
+    assert np.std(tension[200:]) < 0.02
+    integrator, state = in_needle(properties, Supports(sleeve=needle))
+    pull = np.zeros((51, 3))
+    pull[-1, 0] = 0.1
+    for _ in range(500):
+        integrator.predict(state, pull, 1e-3)
+    stretch_m = 0.1 * 0.03 / EA
+    assert 0.0 < axial(state, -1) - 0.059 < 1.01 * stretch_m + 0.5 * needle.slip_speed_m_s * 0.5
