@@ -56,7 +56,7 @@ def build_scene_duct(
     recipe = duct_recipe(scene.duct, mesh, effects)
     duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
     load = constant_load(effects, mesh)
-    if load is not None:
+    if load is not None and load.any():
         shift = fetch_residual_displacement(recipe, duct, load, cache_dir, progress)
         duct = replace(duct, mesh=TriangleMesh(mesh.vertices_m + shift, mesh.triangles, mesh.vertex_sets))
     rotations = effects.get("large_rotations")

@@ -28,6 +28,7 @@ def scene_origins(name: str | Path, overrides: Iterable[str] = ()) -> tuple[Scen
     path = config.find("scene", name)
     data = config.read_yaml(path)
     origins = config.origins_of(data, str(path))
+    _anchor_mesh_file(data, path.parent)
     config.apply_overrides(data, overrides, origins)
     _refuse_unknown(data, SceneModel, str(path), ())
     scene = config.build(SceneModel, data, str(path))
@@ -36,6 +37,13 @@ def scene_origins(name: str | Path, overrides: Iterable[str] = ()) -> tuple[Scen
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
     return scene, origins
+
+
+def _anchor_mesh_file(data: dict[str, Any], folder: Path) -> None:
+    """Make a relative surface file count from the scene's folder; one given by an override counts from here."""
+    duct = data.get("duct")
+    if isinstance(duct, dict) and isinstance(duct.get("mesh_file"), str):
+        duct["mesh_file"] = str(folder / duct["mesh_file"])
 
 
 def _refuse_unknown(data: Mapping[str, Any], kind: Any, where: str, location: tuple[int | str, ...]) -> None:

@@ -21,14 +21,17 @@ def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct
         if the mesh or the settings of the duct cannot be used.
     """
     try:
-        return build_scene_duct(scene, cache / "bases", progress, mesh=_mesh(scene.duct, cache))
+        return build_scene_duct(scene, cache / "bases", progress, mesh=_mesh(scene.duct, cache, progress))
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"scene: duct.mesh_file needs the package {error.name!r}, install trocar[mesh]") from None
     except ValueError as error:
         raise ConfigError(f"scene: {error}") from None
 
 
-def _mesh(duct: DuctScene, cache: Path) -> TriangleMesh | None:
+def _mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh | None:
     if duct.mesh_file is None:
         return None
+    progress("surface file", 0.0)
     from services.meshes import load_mesh  # mesh libraries take a second to import and most scenes need none
 
     return load_mesh(

@@ -31,8 +31,17 @@ def build_basis(model: ShellModel, n_modes: int, progress: Progress = ignore_pro
     """Return the lowest ``n_modes`` of a supported shell."""
     progress("factorisation", 0.0)
     model.factor  # noqa: B018  made at first use; named here so that the stage can be reported
-    progress("modes", 0.0)
-    modes: EigenModes = compute_modes(model, n_modes)
+    progress("factorisation", 1.0)
+    solves = 0
+
+    def count() -> None:
+        # Lanczos stops when it has converged: how many solves that takes is only known roughly.
+        nonlocal solves
+        solves += 1
+        if solves % n_modes == 1:
+            progress("modes", solves / (solves + n_modes))
+
+    modes: EigenModes = compute_modes(model, n_modes, count)
     progress("modes", 1.0)
     return ModalBasis.from_modes(modes.omega_rad_s, modes.Phi)
 

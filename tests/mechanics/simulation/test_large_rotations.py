@@ -28,9 +28,7 @@ def soft_scene(effects=None, **catheter):
     """A duct of 1 mm and 60 kPa; the catheter lies far off unless told otherwise."""
     away = {"n_segments": 12, "length_m": 30e-3, "tip_position_m": (60e-3, 60e-3, 0.0), "anchor": "free"}
     return SceneModel(
-        duct=DuctScene(
-            n_around=16, n_along=26, n_modes=40, thickness_m=1e-3, youngs_modulus_pa=60e3, membrane="cst"
-        ),
+        duct=DuctScene(n_around=16, n_along=26, n_modes=40, thickness_m=1e-3, youngs_modulus_pa=60e3, membrane="cst"),
         catheter=CatheterScene(**{**away, **catheter}),
         forceps=(
             ForcepsScene(port_position_m=(30e-3, -0.15, 6e-3)),
