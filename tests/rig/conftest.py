@@ -18,6 +18,7 @@ import pytest
 from protocol.bodies import GatewayState, SupervisorState
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from services.supervisor.holders import holders
 
 HERE = Path(__file__).parent
 SCENE = HERE.parent / "scenes" / "small.yaml"
@@ -109,12 +110,15 @@ def running_rig(directory: Path, scene: str, overrides: list[str], topics: tuple
         assert process.poll() is None, (directory / "log").read_text()[-3000:]
         yield Rig(directory, process, observer)
     finally:
+        process.send_signal(signal.SIGCONT)
         process.send_signal(signal.SIGINT)
         try:
             process.wait(20)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+        for pid in holders(Transport(directory=bus)).values():  # left over where a test ended the supervisor
+            os.kill(pid, signal.SIGKILL)
         observer.bus.close()
         log.close()
 

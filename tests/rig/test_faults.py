@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import os
 import signal
 import time
@@ -11,8 +10,8 @@ import time
 import pytest
 
 from services.recorder.recording import read
-from services.runtime.config import load_rig
 from tests.rig.conftest import Rig, Sample
+from tests.rig.faults import MENDED_S, engage, force_n, force_steps_n, rate_limit_n
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
 
@@ -20,7 +19,6 @@ TTL_S = 0.020
 # The machine that runs the tests may be busy: what is asserted is the mechanism, figures are in benchmarks/.
 SLACK_S = 0.100
 NOTICED_S = 0.100 + 0.4
-MENDED_S = 60.0
 
 FAULTS = [
     (name, number)
@@ -29,35 +27,11 @@ FAULTS = [
 ]
 
 
-def _force(sample: Sample) -> float:
-    return math.hypot(*sample.force_n)
-
-
-def _engage(rig: Rig) -> None:
-    """Wait until the rig runs and the left hand feels the duct."""
-    rig.observer.until(lambda: rig.observer.rig_state in ("running", "degraded"), MENDED_S, "running")
-    rig.observer.samples.clear()
-    rig.observer.until(
-        lambda: len(rig.observer.samples) > 300 and min(_force(s) for s in rig.observer.samples[-50:]) > 0.02,
-        MENDED_S, "a force at the left hand",
-    )  # fmt: skip
-
-
-def _steps(samples: list[Sample]) -> list[float]:
-    """Return the change of force per tick, between neighbouring ticks of one gateway."""
-    return [
-        math.dist(b.force_n, a.force_n)
-        for a, b in itertools.pairwise(samples)
-        if b.incarnation == a.incarnation and b.tick == a.tick + 1
-    ]
-
-
 @pytest.mark.parametrize(("name", "number"), FAULTS, ids=[f"{n}-{s.name}" for n, s in FAULTS])
 def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signals) -> None:
     observer = rig.observer
-    _engage(rig)
+    engage(rig)
     before = observer.pids()
-    limit_n = load_rig("stub").gateway.force_rate_limit_n_s * 1e-3
     observer.samples.clear()
     struck_ns = time.monotonic_ns()
     os.kill(before[name], number)
@@ -73,13 +47,13 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
     )  # fmt: skip
     after = observer.pids()
     assert {k: v for k, v in after.items() if k != name} == {k: v for k, v in before.items() if k != name}
-    assert max(_steps(observer.samples), default=0.0) <= limit_n * 1.001 + 1e-9
+    assert max(force_steps_n(observer.samples), default=0.0) <= rate_limit_n() * 1.001 + 1e-9
     if name in ("haptics", "physics"):
         _assert_faded(observer.samples, struck_ns)
     if name == "gateway":
         new = [s for s in observer.samples if s.incarnation != observer.samples[0].incarnation]
         assert new
-        assert _force(new[0]) == 0.0, "a gateway that starts anew begins limp"
+        assert force_n(new[0]) == 0.0, "a gateway that starts anew begins limp"
 
 
 def _is_lost(state: object, name: str, before: dict[str, int]) -> bool:
@@ -91,8 +65,8 @@ def _assert_faded(samples: list[Sample], struck_ns: int) -> None:
     """After the ttl the hand feels nothing, until the force returns through re-engagement."""
     late_ns = struck_ns + round((TTL_S + SLACK_S) * 1e9)
     first = next(s for s in samples if s.sent_ns > late_ns)
-    assert _force(first) == pytest.approx(0.0, abs=1e-9)
-    returned = next((s for s in samples if s.sent_ns > late_ns and _force(s) > 1e-9), None)
+    assert force_n(first) == pytest.approx(0.0, abs=1e-9)
+    returned = next((s for s in samples if s.sent_ns > late_ns and force_n(s) > 1e-9), None)
     assert returned is None or returned.state in ("engaging", "active")
 
 

@@ -1,0 +1,69 @@
+"""The supervisor stopped and killed: the hand never depends on it."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from protocol import topic
+from tests.rig.conftest import HERE, SCENE, Rig, running_rig
+from tests.rig.faults import engage, force_steps_n, rate_limit_n
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+
+PRESS = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1)]
+HELD_S = 1.5
+
+
+def test_without_its_supervisor_the_rig_goes_on_until_somebody_ends_it(tmp_path: Path) -> None:
+    with running_rig(tmp_path, str(SCENE), PRESS) as rig:
+        engage(rig)
+        before = rig.observer.pids()
+        _stop_for_a_while(rig)
+        rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, 20.0, "a word from it")
+        assert rig.observer.pids() == before, "its own stall counts against nobody"
+
+        os.kill(rig.process.pid, signal.SIGKILL)
+        rig.process.wait(10)
+        _assert_force_goes_on(rig)
+        assert all(Path(f"/proc/{pid}").exists() for pid in before.values())
+
+        down = [sys.executable, "-c", "from services.cli.app import main; main()", "down", "--json"]
+        command = [*down, "--set", f"transport.directory={rig.directory / 'bus'}"]
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+        assert all(name in ended.stdout for name in before)
+        assert not any(_lives(pid) for pid in before.values())
+
+
+def _stop_for_a_while(rig: Rig) -> None:
+    os.kill(rig.process.pid, signal.SIGSTOP)
+    try:
+        _assert_force_goes_on(rig)
+    finally:
+        os.kill(rig.process.pid, signal.SIGCONT)
+
+
+def _assert_force_goes_on(rig: Rig) -> None:
+    """For a while the gateway ticks, and what the hand feels neither ends nor jumps."""
+    samples = rig.observer.samples
+    samples.clear()
+    began = time.monotonic()
+    rig.observer.until(lambda: time.monotonic() - began > HELD_S, 2 * HELD_S, "the time")
+    assert len({sample.incarnation for sample in samples}) == 1
+    ticks = [sample.tick for sample in samples]
+    assert ticks[-1] - ticks[0] > 0.5 * HELD_S * topic("gateway.state").rate_hz
+    assert all(b > a for a, b in itertools.pairwise(ticks))
+    assert max(force_steps_n(samples)) <= rate_limit_n() * 1.001 + 1e-9
+    assert sum(sample.state in ("active", "engaging") for sample in samples) > 0.5 * len(samples)
+
+
+def _lives(pid: int) -> bool:
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
