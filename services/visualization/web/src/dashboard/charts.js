@@ -31,14 +31,17 @@ function limitLine(value, label) {
 }
 
 export class TimeChart {
-  // names: of the series; options: floor (smallest value of the log axis), format, limit()
-  constructor(parent, names, { floor, ceiling, format, limit, limitLabel }) {
+  // names: of the series; options: floor (smallest value of the log axis), ceiling (of an empty plot), top (largest), format, limit()
+  constructor(parent, names, { floor, ceiling, top = Infinity, format, limit, limitLabel }) {
     this.parent = parent;
     this.floor = floor;
     const axis = { ...AXIS, values: (_, ticks) => ticks.map((v) => (v === null ? "" : format(v))) };
     const y = {
       distr: 3, auto: false,
-      range: (u) => logRange(u.data, floor, ceiling, limit()),
+      range: (u) => {
+        const [low, high] = logRange(u.data, floor, ceiling, limit());
+        return [low, Math.min(high, top)];
+      },
     };
     this.plot = new uPlot({
       width: 10, height: 10, padding: [8, 18, 0, 0], cursor: { drag: { x: false } }, legend: { show: false },
@@ -84,5 +87,5 @@ export const latencyChart = (parent, limit) =>
 
 export const missChart = (parent, loops, limit) =>
   new TimeChart(parent, loops, {
-    floor: 1e-5, ceiling: 1, format: share, limit, limitLabel: (v) => `budget ${share(v)}`,
+    floor: 1e-5, ceiling: 1, top: 1, format: share, limit, limitLabel: (v) => `budget ${share(v)}`,
   });
