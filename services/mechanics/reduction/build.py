@@ -31,7 +31,7 @@ def build_basis(model: ShellModel, n_modes: int, progress: Progress = ignore_pro
     """Return the lowest ``n_modes`` of a supported shell."""
     progress("factorisation", 0.0)
     model.factor  # noqa: B018  made at first use; named here so that the stage can be reported
-    progress("factorisation", 1.0)
+    progress("modes", 0.0)
     solves = 0
 
     def count() -> None:
