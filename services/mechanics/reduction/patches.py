@@ -17,12 +17,14 @@ from services.mechanics.fem import ShellModel
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import BATCH, Progress, ignore_progress, residual_response
 from services.mechanics.reduction.residual import BlockArray, Residual
+from services.mechanics.reduction.selected_inverse import SelectedInverse
 from services.mechanics.reduction.state import FloatArray, IntArray
 
 EXACT_NODES = 12_000
-"""Up to here every node is loaded on its own: a few minutes; beyond it nodes share solves."""
+"""Up to here every node is loaded on its own: a few minutes; beyond it nodes share solves, the near field apart."""
 MOST_COLOURS = 3_000
 """Solves a direction that probing may take, roughly."""
+_CHUNK = 65_536
 PAIR_BYTES = 40
 """One float32 block and one index."""
 
@@ -39,7 +41,8 @@ def build_patches(
     Probing loads distant nodes in one solve. Nodes at least two radii apart have patches that do not meet; what
     the far residual of one spills into the patch of another is then of the size of what the cut drops (probing
     for the diagonal of an inverse: Tang and Saad 2012). They are kept farther apart than that, as far as
-    `MOST_COLOURS` solves a direction allow.
+    `MOST_COLOURS` solves a direction allow. What the factor's own pattern holds, a node with itself and with those
+    it shares a triangle with among it, is then replaced by the exact blocks (`selected_inverse`).
 
     Parameters
     ----------
@@ -56,7 +59,8 @@ def build_patches(
     vertices = model.mesh.vertices_m
     starts, neighbours = patch_pattern(vertices, radius_m)
     blocks = np.zeros((neighbours.size, 3, 3), np.float32)
-    colours = colour_apart(vertices, _default_distance_m(vertices, radius_m) if apart_m is None else apart_m)
+    distance_m = _default_distance_m(vertices, radius_m) if apart_m is None else apart_m
+    colours = colour_apart(vertices, distance_m)
     n_colours = int(colours.max()) + 1
     for first in range(0, n_colours, BATCH):
         loaded = np.flatnonzero((colours >= first) & (colours < first + BATCH)).astype(np.int32)
@@ -64,7 +68,12 @@ def build_patches(
         response = residual_response(model, basis, loaded, columns)
         _read_patches(starts, neighbours, loaded, columns, response, blocks)
         progress("residual compliance", min(first + BATCH, n_colours) / n_colours)
-    return Residual.patches(starts, neighbours, _symmetrised(starts, neighbours, blocks))
+    symmetric = _symmetrised(starts, neighbours, blocks)
+    if math.isfinite(distance_m):
+        progress("exact near field", 0.0)
+        _make_near_exact(model, basis, starts, neighbours, symmetric)
+        progress("exact near field", 1.0)
+    return Residual.patches(starts, neighbours, symmetric)
 
 
 def patch_pattern(vertices_m: FloatArray, radius_m: float) -> tuple[IntArray, IntArray]:
@@ -161,6 +170,24 @@ def _read_patches(
             for i in range(3):
                 for j in range(3):
                     blocks[k, i, j] = response[neighbours[k], columns[index], j, i]
+
+
+def _make_near_exact(
+    model: ShellModel, basis: ModalBasis, starts: IntArray, neighbours: IntArray, blocks: BlockArray
+) -> None:
+    """Replace the blocks that the factor's pattern holds by K^-1 - Phi Lambda^-1 Phi^T, in place."""
+    unknown = np.full(model.n_dofs, -1, np.int32)
+    unknown[model.free_dofs] = np.arange(len(model.free_dofs), dtype=np.int32)
+    translations = np.ascontiguousarray(unknown.reshape(-1, 6)[:, :3])
+    inverse = SelectedInverse.of(model.K_free, model.factor)
+    flexible = basis.Phi / basis.omega_rad_s
+    rows = np.repeat(np.arange(basis.n_nodes, dtype=np.int32), np.diff(starts))
+    for first in range(0, rows.size, _CHUNK):
+        here = slice(first, first + _CHUNK)
+        compliance = np.empty((rows[here].size, 3, 3))
+        known = inverse.read_blocks(translations, rows[here], neighbours[here], compliance)
+        a, b = flexible[rows[here][known]], flexible[neighbours[here][known]]
+        blocks[here][known] = compliance[known] - a @ b.transpose(0, 2, 1)
 
 
 def _symmetrised(starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> BlockArray:

@@ -5,11 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from services.mechanics.mesh import vertex_normals
+from services.mechanics.mesh import vertex_adjacency, vertex_normals
 from services.mechanics.reduction import ModalState, ReducedDuct, Residual
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.build import residual_response
 from services.mechanics.reduction.patches import build_patches, colour_apart, largest_radius_m, patch_pattern
+from services.mechanics.reduction.selected_inverse import SelectedInverse
 
 
 def opposite_node(mesh, node):
@@ -174,6 +175,35 @@ def test_probing_costs_few_solves_and_little_error(model, duct):
     error = np.linalg.norm(probed.blocks - exact.blocks, axis=(1, 2))
     own = np.flatnonzero(np.repeat(np.arange(620), np.diff(exact.starts)) == exact.neighbours)
     assert error.max() < 0.1 * np.linalg.norm(exact.blocks[own], axis=(1, 2)).max()
+
+
+def test_probing_leaves_the_loaded_node_and_its_neighbours_exact(model, duct):
+    """Two radii apart, the worst case of probing: what a point load does to its node and those beside it is exact."""
+    probed, n = build_patches(model, duct.basis, 5e-3, apart_m=10e-3), duct.basis.n_nodes
+    rows = np.repeat(np.arange(n), np.diff(probed.starts))
+    error = np.linalg.norm(probed.blocks - full_blocks(duct)[rows, probed.neighbours], axis=(1, 2))
+    beside = vertex_adjacency(duct.mesh)[rows, probed.neighbours].astype(bool) | (rows == probed.neighbours)
+    scale = np.linalg.norm(full_blocks(duct)[np.arange(n), np.arange(n)], axis=(1, 2)).max()
+    print(
+        f"probed patches: worst {error[beside].max() / scale:.1e} near, {error.max() / scale:.1e} anywhere in a patch"
+    )
+    assert beside.sum() > 6 * n
+    assert error[beside].max() < 1e-6 * scale
+    assert error.max() > 1e-3 * scale, "else there is nothing to replace"
+
+
+def test_selected_inverse_is_the_inverse_where_the_factor_has_entries(model):
+    inverse = SelectedInverse.of(model.K_free, model.factor)
+    chosen = np.random.default_rng(4).choice(len(model.free_dofs), 12, replace=False)
+    loads = np.zeros((len(model.free_dofs), 12))
+    loads[chosen, np.arange(12)] = 1.0
+    columns = model.factor.solve(loads)
+    unplaced = np.argsort(inverse.place)
+    for k, column in enumerate(columns.T):
+        place = inverse.place[chosen[k]]
+        here = slice(inverse.starts[place], inverse.starts[place + 1])
+        expected = column[unplaced[inverse.rows[here]]]
+        assert inverse.values[here] == pytest.approx(expected, abs=1e-12 * np.abs(column).max())
 
 
 def test_radius_for_a_budget_fits_it_and_is_the_largest(model):
