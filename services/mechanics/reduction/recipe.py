@@ -30,6 +30,8 @@ from services.mechanics.reduction.state import FloatArray
 MIB = 2**20
 FORMAT = 1
 """Raised when what is stored, or how it is computed from a model, changes; the elements' code is hashed itself."""
+PATCH_FORMAT = 2
+"""The same for patches of the residual: since 2 with an exact near field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +144,7 @@ def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> Residual:
         name = f"residual-{hash_content(basis.content_hash, kind)}"
         return Residual.full(cache.fetch(folder, name, partial(maker.make_full_residual, basis)).load("blocks"))
     size = choice.patch_radius_m or choice.budget_bytes
-    name = f"residual-{hash_content(basis.content_hash, kind, size)}"
+    name = f"residual-{hash_content(basis.content_hash, kind, size, PATCH_FORMAT)}"
     entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
     return Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.load("blocks"))
 
