@@ -134,6 +134,20 @@ def fem(
     fem_command(file, json_file, vtu_file)
 
 
+@app.command()
+def effects(
+    scene: Scene = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Run the scene with and without each effect; about a minute.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """List the physical effects: what each does, needs, and costs."""
+    from services.cli.effects import run_effects
+
+    run_effects(scene or "default", measure, json)
+
+
 @config_app.command("show")
 def config_show(
     rig: Annotated[str | None, typer.Option(help="Rig file or name; the default.")] = None,

@@ -21,7 +21,7 @@ def test_the_command_itself_imports_nothing_heavy() -> None:
 def test_every_verb_is_listed(trocar: Trocar) -> None:
     ran = trocar("--help")
     assert ran.code == 0
-    for verb in ("up", "down", "top", "doctor", "sniff", "arm", "config", "fem"):
+    for verb in ("up", "down", "top", "doctor", "sniff", "arm", "config", "fem", "effects"):
         assert f" {verb} " in ran.out
 
 

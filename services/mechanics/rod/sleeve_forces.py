@@ -1,6 +1,6 @@
 """Forces of the sleeve that a rod slides through, with their positive semidefinite tangent.
 
-Held to the axis are the points where the centreline passes the entry and exit planes, and every particle between them;
+Held are the points of the centreline nearest to the ends of the axis, to these, and every particle between to the axis;
 a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or out
 changes no force by a jump. Stops keep both ends of the rod from leaving. All springs are the gradient of an energy:
 without friction the sleeve takes no work.
@@ -24,8 +24,9 @@ from .sleeve_passage import (
     STIFFNESS,
     STOP_STIFFNESS,
     axial_position,
-    crossing,
+    closest_on_segment,
     depth_weight,
+    end_point,
     find_passage,
     offset_from_axis,
     stop_overlap,
@@ -45,9 +46,9 @@ def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
     for i in range(passage.first, passage.last + 1):
         _hold_particle(model, work, i, axial_position(model.sleeve, work.position, i), scale)
     if passage.has_entry:
-        _hold_crossing(model, work, passage.first - 1, 0.0, scale)
+        _hold_end(model, work, passage.first - 1, 0.0, scale)
     if passage.has_exit:
-        _hold_crossing(model, work, passage.last, model.sleeve[LENGTH], scale)
+        _hold_end(model, work, passage.last, model.sleeve[LENGTH], scale)
     i, over = stop_overlap(model, work.position, passage)
     if over != 0.0:
         _stop(model, work, i, over, scale)
@@ -60,15 +61,13 @@ def sleeve_energy(model: RodModel, work: RodWork) -> float:
     passage = find_passage(model.sleeve, x)
     total = 0.0
     for i in range(passage.first, passage.last + 1):
-        o = offset_from_axis(model.sleeve, x, i, 0.0)
+        o = offset_from_axis(model.sleeve, x, i)
         total += depth_weight(model, i, axial_position(model.sleeve, x, i))[0] * dot(o, o)
     if passage.has_entry:
-        i = passage.first - 1
-        o = offset_from_axis(model.sleeve, x, i, crossing(model.sleeve, x, i, 0.0))
+        o = closest_on_segment(x, passage.first - 1, end_point(model.sleeve, 0.0))[1]
         total += dot(o, o)
     if passage.has_exit:
-        i = passage.last
-        o = offset_from_axis(model.sleeve, x, i, crossing(model.sleeve, x, i, model.sleeve[LENGTH]))
+        o = closest_on_segment(x, passage.last, end_point(model.sleeve, model.sleeve[LENGTH]))[1]
         total += dot(o, o)
     over = stop_overlap(model, x, passage)[1]
     return 0.5 * float(model.sleeve[STIFFNESS] * total + model.sleeve[STOP_STIFFNESS] * over * over)
@@ -86,59 +85,53 @@ def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: Scale) -> 
 
 @njit(cache=True, nogil=True, fastmath=False)
 def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
-    o = offset_from_axis(model.sleeve, work.position, i, 0.0)
+    a = (model.sleeve[3], model.sleeve[4], model.sleeve[5])
+    o = offset_from_axis(model.sleeve, work.position, i)
     weight, slope = depth_weight(model, i, axial)
     k = model.sleeve[STIFFNESS] * weight
     along = 0.5 * model.sleeve[STIFFNESS] * slope * dot(o, o)
     for c in range(3):
-        work.force[i, c] -= k * o[c] + along * model.sleeve[3 + c]
-    drag = _friction(model, work, (i, 0.0, 0.0), (k, 0.0), scale)
+        work.force[i, c] -= k * o[c] + along * a[c]
+    before = offset_from_axis(model.sleeve, work.settled, i)
+    drag = _friction(model, work, (i, 0.0), model.sleeve[FRICTION] * k * math.sqrt(dot(before, before)), scale)
     if scale[0] > 0.0:
-        _add_tangent(model, work, (i, 0.0), (0.0, 0.0, 0.0), (scale[0] * k, scale[1] * drag))
+        _add_tangent(model, work, (i, 0.0), a, (scale[0] * k, scale[1] * drag))
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _hold_crossing(model: RodModel, work: RodWork, i: int, plane: float, scale: Scale) -> None:
-    """Hold the point of segment i that lies in an end plane; as the segment tilts, the push is normal to the rod."""
-    s = crossing(model.sleeve, work.position, i, plane)
-    t = row(work.tangent, i)
-    a = (model.sleeve[3], model.sleeve[4], model.sleeve[5])
-    cosine = dot(a, t)
-    tilt = (t[0] / cosine - a[0], t[1] / cosine - a[1], t[2] / cosine - a[2])
-    o = offset_from_axis(model.sleeve, work.position, i, s)
+def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
+    """Hold segment i to an end of the axis where it is nearest to it: the push is normal to the rod at any angle."""
+    end = end_point(model.sleeve, axial)
+    s, o = closest_on_segment(work.position, i, end)
     k = model.sleeve[STIFFNESS]
-    along = dot(tilt, o)
     for c in range(3):
-        push = k * (o[c] - along * a[c])
-        work.force[i, c] -= (1.0 - s) * push
-        work.force[i + 1, c] -= s * push
-    seal = model.sleeve[SEAL] if plane > 0.0 else 0.0
-    drag = _friction(model, work, (i, s, crossing(model.sleeve, work.settled, i, plane)), (k, seal), scale)
+        work.force[i, c] -= (1.0 - s) * k * o[c]
+        work.force[i + 1, c] -= s * k * o[c]
+    before = closest_on_segment(work.settled, i, end)[1]
+    most = model.sleeve[FRICTION] * k * math.sqrt(dot(before, before))
+    if axial > 0.0:
+        most += model.sleeve[SEAL]
+    drag = _friction(model, work, (i, s), most, scale)
     if scale[0] > 0.0:
-        _add_tangent(model, work, (i, s), tilt, (scale[0] * k, scale[1] * drag))
+        # A particle that is nearest itself, at a kink, is held in every direction.
+        along = row(work.tangent, i) if 0.0 < s < 1.0 else (0.0, 0.0, 0.0)
+        _add_tangent(model, work, (i, s), along, (scale[0] * k, scale[1] * drag))
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def _friction(
-    model: RodModel, work: RodWork, at: tuple[int, float, float], wall: tuple[float, float], scale: Scale
-) -> float:
-    """Brake the point by Coulomb friction along the axis, viscous below the slip speed; return force per speed.
+def _friction(model: RodModel, work: RodWork, at: tuple[int, float], most: float, scale: Scale) -> float:
+    """Brake the point (1 - s) x_i + s x_{i+1} along the axis by at most `most`, and return force per speed.
 
-    The wall's push and the speed that sets the slope are those that the last step ended with: at the prediction that
-    forces are taken at, the stiff springs stand under loads that never come about, and a rod under tension does not
-    move at all. `at` is (particle, share of the segment behind it that the point lies at now, and did then); `wall`
-    is (stiffness, friction of the seal).
+    Coulomb's law, viscous below the slip speed. The wall's push, in `most`, and the speed that sets the slope are those
+    that the last step ended with: at the prediction that forces are taken at, the stiff springs stand under loads that
+    never come about, and a rod under tension does not move at all.
     """
-    i, s, settled = at
-    k, seal = wall
-    if model.sleeve[FRICTION] == 0.0 and seal == 0.0:
+    if most == 0.0:
         return 0.0
+    i, s = at
     j = i + 1 if s > 0.0 else i
     speed = _axial_speed(model, work.velocity, i, s)
-    before = abs(_axial_speed(model, work.settled_velocity, i, s))
-    o = offset_from_axis(model.sleeve, work.settled, i, settled)
-    most = model.sleeve[FRICTION] * k * math.sqrt(dot(o, o)) + seal
-    drag = most / max(before, model.sleeve[SLIP_SPEED])
+    drag = most / max(abs(_axial_speed(model, work.settled_velocity, i, s)), model.sleeve[SLIP_SPEED])
     if scale[0] == 0.0 and scale[1] > 0.0:
         drag = min(drag, 0.25 * model.mass[i] / scale[1])
     for c in range(3):
@@ -159,16 +152,14 @@ def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
 
 @njit(cache=True, nogil=True, fastmath=False)
 def _add_tangent(
-    model: RodModel, work: RodWork, at: tuple[int, float], tilt: Vector, factor: tuple[float, float]
+    model: RodModel, work: RodWork, at: tuple[int, float], along: Vector, factor: tuple[float, float]
 ) -> None:
-    """Gauss-Newton stiffness of the held point and the drag along the axis, between its two particles."""
+    """Gauss-Newton stiffness of a point held across `along`, and drag along the axis, between its two particles."""
     i, s = at
     lateral, drag = factor
-    a = (model.sleeve[3], model.sleeve[4], model.sleeve[5])
-    along = lateral * (dot(tilt, tilt) - 1.0) + drag
     for c in range(3):
         for b in range(3):
-            value = along * a[c] * a[b] - lateral * (a[c] * tilt[b] + tilt[c] * a[b])
+            value = drag * model.sleeve[3 + c] * model.sleeve[3 + b] - lateral * along[c] * along[b]
             if b == c:
                 value += lateral
             if b >= c:

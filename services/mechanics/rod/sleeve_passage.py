@@ -1,7 +1,7 @@
-"""Which part of a rod is in its sleeve: the run of particles between the two segments that pass its end planes.
+"""Which part of a rod is in its sleeve: the particles between the points of the rod nearest to the ends of its axis.
 
-Found anew from the positions alone, by order along the rod: a free part that swings across a plane beside the sleeve,
-or folds back along it, is not taken for the part inside.
+Found anew from the positions alone: a free part that swings across an end plane beside the sleeve, folds back along it,
+or is pulled round its edge, is not taken for the part inside.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LEAST_TIP = 12
 
 
 class Passage(NamedTuple):
-    """Particles `first` to `last` are in the sleeve; segment first - 1 passes the entry, segment last the exit.
+    """Particles `first` to `last` are between entry and exit; segments first - 1 and last pass through these.
 
     `has_entry`, `has_exit` say whether there are such segments: not where an end of the rod is inside.
     """
@@ -49,56 +49,64 @@ def axial_position(sleeve: FloatArray, x: FloatArray, i: int) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def offset_from_axis(sleeve: FloatArray, x: FloatArray, i: int, s: float) -> Vector:
-    """From the axis to the point (1 - s) x_i + s x_{i+1}."""
-    j = i + 1 if s > 0.0 else i
-    p = (
-        (1.0 - s) * x[i, 0] + s * x[j, 0] - sleeve[0],
-        (1.0 - s) * x[i, 1] + s * x[j, 1] - sleeve[1],
-        (1.0 - s) * x[i, 2] + s * x[j, 2] - sleeve[2],
+def offset_from_axis(sleeve: FloatArray, x: FloatArray, i: int) -> Vector:
+    """From the axis to particle i."""
+    along = axial_position(sleeve, x, i)
+    return (
+        x[i, 0] - sleeve[0] - along * sleeve[3],
+        x[i, 1] - sleeve[1] - along * sleeve[4],
+        x[i, 2] - sleeve[2] - along * sleeve[5],
     )
-    along = p[0] * sleeve[3] + p[1] * sleeve[4] + p[2] * sleeve[5]
-    return (p[0] - along * sleeve[3], p[1] - along * sleeve[4], p[2] - along * sleeve[5])
 
 
 @njit(cache=True, nogil=True, fastmath=False)
-def crossing(sleeve: FloatArray, x: FloatArray, i: int, plane: float) -> float:
-    """Where along segment i (0 to 1) it passes an end plane; the nearer end of a segment that does not."""
-    here = axial_position(sleeve, x, i)
-    after = axial_position(sleeve, x, i + 1)
-    if after == here:
-        return 0.0
-    return float(min(max((plane - here) / (after - here), 0.0), 1.0))
+def end_point(sleeve: FloatArray, axial: float) -> Vector:
+    """The point of the axis at an axial position."""
+    return (sleeve[0] + axial * sleeve[3], sleeve[1] + axial * sleeve[4], sleeve[2] + axial * sleeve[5])
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]:
+    """Where along segment i (0 to 1) the rod is nearest to p, and the vector from p to there."""
+    r = (x[i, 0] - p[0], x[i, 1] - p[1], x[i, 2] - p[2])
+    e = (x[i + 1, 0] - x[i, 0], x[i + 1, 1] - x[i, 1], x[i + 1, 2] - x[i, 2])
+    squared = dot(e, e)
+    s = min(max(-dot(e, r) / squared, 0.0), 1.0) if squared > 0.0 else 0.0
+    return s, (r[0] + s * e[0], r[1] + s * e[1], r[2] + s * e[2])
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
+    """Of the first `count` segments the one nearest to p, and where along it."""
+    nearest, best, at = np.inf, 0, 0.0
+    for i in range(count):
+        s, o = closest_on_segment(x, i, p)
+        squared = dot(o, o)
+        if squared < nearest:
+            nearest, best, at = squared, i, s
+    return best, at
 
 
 @njit(cache=True, nogil=True, fastmath=False)
 def find_passage(sleeve: FloatArray, x: FloatArray) -> Passage:
     """The part of the rod at `x` (n, 3) that is in the sleeve.
 
-    Of all segments that leave through the exit plane it is the one nearest to the axis, where the springs keep it: the
-    energy stays continuous should another come as near. The entry is the last segment before it that comes in.
+    The springs keep the rod at both ends of the axis, so what is nearest to them passes there; as the energy is that of
+    the least distance it stays continuous should another part ever come as near. An end of the rod that is nearest
+    itself, and inside, means that nothing passes.
     """
     n = x.shape[0]
-    start = axial_position(sleeve, x, 0)
-    last = 0 if start >= sleeve[LENGTH] else n - 1
-    has_exit = False
-    if start < sleeve[LENGTH]:
-        nearest = np.inf
-        after = start
-        for i in range(n - 1):
-            here = after
-            after = axial_position(sleeve, x, i + 1)
-            if here < sleeve[LENGTH] <= after:
-                o = offset_from_axis(sleeve, x, i, (sleeve[LENGTH] - here) / (after - here))
-                if dot(o, o) < nearest:
-                    nearest, last, has_exit = dot(o, o), i, True
-    after = axial_position(sleeve, x, min(last + 1, n - 1))
-    for i in range(min(last, n - 2), -1, -1):
-        here = axial_position(sleeve, x, i)
-        if here < 0.0 <= after:
-            return Passage(i + 1, last, True, has_exit)
-        after = here
-    return Passage(0 if start >= 0.0 else n - 1, last, False, has_exit)
+    length = sleeve[LENGTH]
+    last, at = _closest_segment(x, n - 1, end_point(sleeve, length))
+    if last == 0 and at == 0.0 and axial_position(sleeve, x, 0) > length:
+        return Passage(0, 0, False, False)
+    has_exit = not (last == n - 2 and at == 1.0 and axial_position(sleeve, x, n - 1) < length)
+    entry, at = _closest_segment(x, last + 1, end_point(sleeve, 0.0))
+    if entry == 0 and at == 0.0 and axial_position(sleeve, x, 0) > 0.0:
+        return Passage(0, last if has_exit else n - 1, False, has_exit)
+    if entry == n - 2 and at == 1.0 and axial_position(sleeve, x, n - 1) < 0.0:
+        return Passage(n - 1, n - 1, False, False)
+    return Passage(entry + 1, last if has_exit else n - 1, True, has_exit)
 
 
 @njit(cache=True, nogil=True, fastmath=False)

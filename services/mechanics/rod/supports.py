@@ -15,10 +15,10 @@ IntArray = NDArray[np.int32]
 class Sleeve:
     """A straight rigid tube that lets the rod slide along its axis only: the introducer needle.
 
-    Every particle between entry and exit, and the points of the centreline at the entry and exit planes, are pulled
-    to the axis. Because those points move continuously along the rod, sliding it by a segment changes no force by a
-    jump. The rod has to start in it, and stays: its first particle stops two segments before the exit (the catheter
-    goes on behind the piece that is modelled), and the last `least_tip_m` of it cannot be drawn in.
+    Every particle between entry and exit is pulled to the axis, and the points of the centreline nearest to the entry
+    and to the exit are pulled to these. Because those points move continuously along the rod, sliding it by a segment
+    changes no force by a jump. The rod has to start in it, and stays: its first particle stops two segments before the
+    exit (the catheter goes on behind the piece that is modelled), and the last `least_tip_m` cannot be drawn in.
 
     Attributes
     ----------

@@ -1,0 +1,81 @@
+"""What an effect costs: the same scene with and without it, tick by tick in turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter_ns
+
+import numpy as np
+
+from services.mechanics.effects import EFFECTS
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scenarios import insertion
+from services.mechanics.scene import SceneModel
+from services.mechanics.simulation import Simulation
+from services.mechanics.tools import ToolInputs
+
+START_TICK = 500  # the jaws close on the catheter
+N_TICKS = 1300  # until it is 20 mm in
+
+
+@dataclass(frozen=True, slots=True)
+class EffectCost:
+    """Of a step, in microseconds.
+
+    Attributes
+    ----------
+    extra_us
+        Median of (step with the effect - step without it), tick by tick; negative where noise is larger.
+    noise_us
+        The same between two simulations that are alike: what an idle effect shows.
+    step_us
+        Median step without the effect.
+    """
+
+    extra_us: float
+    noise_us: float
+    step_us: float
+
+
+def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneModel], ReducedDuct]) -> EffectCost:
+    """Run the hands of the insertion in `scene` with and without an effect, both at once.
+
+    Three simulations, one with and two without, take every tick one after the other, in an order that turns, so that
+    what else the machine does meets all alike. An effect that the scene has keeps its settings, another takes its
+    defaults; effects that it needs are on in all three.
+
+    Raises
+    ------
+    ValueError
+        An effect that does not exist, or that this scene cannot have.
+    """
+    if name not in EFFECTS:
+        raise ValueError(f"unknown effect '{name}'; known: {', '.join(EFFECTS)}")
+    others = {other: dict(settings) for other, settings in scene.effects.items() if other != name}
+    others |= {need: {} for need in EFFECTS[name].needs if need not in others}
+    dependent = [other for other in others if name in EFFECTS[other].needs]
+    bare = replace(scene, effects={other: settings for other, settings in others.items() if other not in dependent})
+    with_it = replace(scene, effects={**bare.effects, name: scene.effects.get(name, {})})
+    simulations = [Simulation(each, build_duct(each)) for each in (with_it, bare, bare)]
+    times_us = _time_in_turns(simulations)
+    return EffectCost(
+        extra_us=float(np.median(times_us[0] - times_us[1])),
+        noise_us=float(np.median(times_us[2] - times_us[1])),
+        step_us=float(np.median(times_us[1])),
+    )
+
+
+def _time_in_turns(simulations: list[Simulation]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Duration [us] of every tick (len(simulations), N_TICKS), past the start."""
+    hands, tools = insertion(), ToolInputs()
+    times_us = np.zeros((len(simulations), N_TICKS))
+    for tick in range(START_TICK + N_TICKS):
+        hands.write_inputs(1e-3 * tick, tools)
+        for turn in range(len(simulations)):
+            k = (tick + turn) % len(simulations)
+            start_ns = perf_counter_ns()
+            simulations[k].step(tools)
+            if tick >= START_TICK:
+                times_us[k, tick - START_TICK] = 1e-3 * (perf_counter_ns() - start_ns)
+    return times_us

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from services.mechanics.effects import EFFECTS
+from services.studies import effect_costs
+from tests.cli.conftest import Trocar
+
+SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
+
+
+def test_every_row_of_the_table_is_listed_with_its_settings(trocar: Trocar) -> None:
+    ran = trocar("effects", "--scene", SMALL, "--json")
+    told = json.loads(ran.out)
+    assert ran.code == 0
+    assert [line["name"] for line in told["effects"]] == list(EFFECTS)
+    lines = {line["name"]: line for line in told["effects"]}
+    assert lines["friction"]["in_scene"]
+    assert not lines["twist"]["in_scene"]
+    assert lines["mucus_drag"]["settings"]["viscosity_pa_s"] == 0.5
+    assert lines["friction"]["law"].startswith("Stick below mu_static")
+    assert all(line["what"] and line["cost"] is None for line in told["effects"])
+
+
+def test_people_read_what_an_effect_is_and_needs(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    ran = trocar("effects", "--scene", SMALL)
+    assert "viscosity_pa_s = 0.5" in ran.out
+    assert "--measure" in ran.out
+
+
+def test_costs_are_measured_by_running_the_scene(
+    trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """An effect that wastes a millisecond costs a millisecond, and one that does nothing next to nothing."""
+    wasteful = type("Wasteful", (EFFECTS["grasp_slip"].kind,), {"add_loads": _waste})
+    for name in list(EFFECTS)[:-1]:
+        monkeypatch.delitem(EFFECTS, name)
+    monkeypatch.setitem(EFFECTS, "wasteful", type(EFFECTS["grasp_slip"])(wasteful, (), "wastes a millisecond"))
+    monkeypatch.setattr(effect_costs, "START_TICK", 10)
+    monkeypatch.setattr(effect_costs, "N_TICKS", 60)
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(SMALL.read_text().replace("effects: {gravity: {}, friction: {}}", "effects: {grasp_slip: {}}"))
+    ran = trocar("effects", "--scene", scene, "--measure", "--json")
+    assert ran.code == 0, ran.err
+    costs = {line["name"]: line["cost"] for line in json.loads(ran.out)["effects"]}
+    assert costs["wasteful"]["extra_us"] > 900.0
+    assert costs["grasp_slip"]["extra_us"] < 500.0
+    assert costs["grasp_slip"]["step_us"] > 0.0
+
+
+def _waste(self: object, simulation: object, dt_s: float) -> None:
+    end_ns = effect_costs.perf_counter_ns() + 1_000_000
+    while effect_costs.perf_counter_ns() < end_ns:
+        pass
+
+
+def test_a_scene_that_is_not_there_is_a_sentence(trocar: Trocar) -> None:
+    ran = trocar("effects", "--scene", "nowhere")
+    assert ran.code == 2
+    assert "nowhere" in ran.sentence()

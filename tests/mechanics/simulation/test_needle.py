@@ -1,0 +1,157 @@
+"""What a catheter and its needle must survive: strokes, withdrawal, being pulled out, being swept aside."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from services.mechanics import scenarios
+from services.mechanics.catheter_body import introducer, rod_supports
+from services.mechanics.energy import EnergyBook
+from services.mechanics.scenarios import Scenario, ToolMotion
+from services.mechanics.scene import CatheterScene
+from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.simulation import Simulation
+from services.mechanics.tools import ToolInputs
+
+# Where the middle of the jaws is, in mm, at times in s: the catheter is grasped and carried to the mouth.
+PICK = ((0.0, (72, 1.5, 12)), (0.25, (72, 1.5, 0)), (0.5, (72, 1.5, 0)), (0.8, (68, 0, 0)), (1.0, (66, 0, 0)))
+INSERT = (*PICK, (1.9, (44.5, 0, 0)))
+PEAK = 1.875  # of a least-jerk motion, over its mean speed
+
+
+def strokes(length_mm, speed_m_s, count):
+    """Back and forth from the end of the insertion, each way with this peak speed."""
+    way_s = PEAK * 1e-3 * length_mm / speed_m_s
+    return tuple((1.9 + k * way_s, (44.5 + (length_mm if k % 2 else 0), 0, 0)) for k in range(1, 2 * count + 1))
+
+
+def hands(points, name):
+    jaws = (0.7, 0.7, *(0.25,) * (len(points) - 2))
+    motion = ToolMotion(
+        time_s=tuple(t for t, _ in points),
+        grip_point_m=tuple(tuple(1e-3 * c for c in point) for _, point in points),
+        jaw_angle_rad=jaws,
+        roll_rad=(0.5 * math.pi,) * len(points),
+    )
+    whole = scenarios.insertion()
+    return replace(whole, name=name, duration_s=points[-1][0] + 0.3, motions=(motion, whole.motions[1]))
+
+
+@dataclass
+class Course:
+    """What happened, tick by tick."""
+
+    simulation: Simulation
+    book: EnergyBook | None = None
+    force_n: list = field(default_factory=list)
+    penetration_m: list = field(default_factory=list)
+    depth_m: list = field(default_factory=list)
+    hub_m: list = field(default_factory=list)
+    tip_m: list = field(default_factory=list)
+    speed_m_s: list = field(default_factory=list)
+
+
+def run(scenario: Scenario, duct, *, books=False):
+    simulation, tools = Simulation(scenario.scene, duct), ToolInputs()
+    scenario.write_inputs(0.0, tools)
+    simulation.step(tools)
+    course = Course(simulation, EnergyBook(simulation) if books else None)
+    needle = rod_supports(scenario.scene.catheter).sleeve.as_array()
+    for tick in range(round(1000 * scenario.duration_s)):
+        scenario.write_inputs(1e-3 * tick, tools)
+        (course.book or simulation).step(tools)
+        rod = simulation.catheter.state
+        course.force_n.append(simulation.tool_results.force_n.copy())
+        course.penetration_m.append(simulation.max_penetration_m)
+        course.depth_m.append(simulation.inserted_length_m)
+        course.hub_m.append((rod.position_m[0] - needle[:3]) @ needle[3:6])
+        course.tip_m.append((rod.position_m[-1] - needle[:3]) @ needle[3:6] - needle[6])
+        course.speed_m_s.append(np.abs(rod.velocity_m_s).max())
+    return course
+
+
+@pytest.fixture(scope="module")
+def duct(cache_dir):
+    return build_scene_duct(scenarios.insertion_scene(), cache_dir)
+
+
+def largest_force_n(course):
+    return np.linalg.norm(course.force_n, axis=2).max()
+
+
+@pytest.mark.parametrize("speed_m_s", [0.1, 0.3])
+def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(duct, speed_m_s):
+    course = run(hands((*INSERT, *strokes(11.0, speed_m_s, 3)), "strokes"), duct, books=True)
+    assert max(course.penetration_m) < 0.1e-3
+    assert largest_force_n(course) < 0.3
+    assert np.linalg.norm(np.diff(course.force_n, axis=0), axis=2).max() < 0.3
+    depth = np.array(course.depth_m)[1900:]
+    assert depth.min() < 12e-3
+    assert depth[-1] > 20e-3
+    flow = course.book.flow
+    assert abs(flow.imbalance_j) < 0.01 * flow.input_j
+    assert flow.rod_j > 0.0
+
+
+def test_a_catheter_withdrawn_at_once_stays_in_its_needle_and_goes_in_again(duct):
+    """The hand goes 80 mm beyond where the catheter's end stops, at 0.5 m/s, and comes back; the grip slips instead."""
+    out_and_in = ((2.6, (72, 0, 0)), (2.9, (150, 0, 0)), (3.2, (150, 0, 0)), (3.7, (66, 0, 0)), (4.6, (44.5, 0, 0)))
+    course = run(hands((*INSERT, *out_and_in), "withdrawal"), duct)
+    withdrawn = np.array(course.tip_m)[2900:3200]
+    assert 4e-3 < withdrawn.min() < 8e-3
+    assert min(course.depth_m[2600:3200]) == 0.0
+    assert course.depth_m[-1] > 20e-3
+    assert max(course.penetration_m) < 0.1e-3
+    limit_n = 2.0 * 0.9
+    assert largest_force_n(course) < limit_n
+    assert max(course.speed_m_s) < 10.0
+
+
+def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_needle(duct):
+    """The hand takes it 120 mm away; 4 mm of it stay in the needle's 25 mm, less what the stop gives."""
+    away = ((1.4, (90, -60, 60)), (1.9, (70, -120, 70)), (2.3, (70, -120, 70)))
+    course = run(hands((*PICK, *away), "pulled"), duct)
+    assert 21e-3 < max(course.hub_m) < 22e-3
+    assert largest_force_n(course) < 2.0 * 0.9
+    assert max(course.speed_m_s) < 10.0
+
+
+def test_a_catheter_swept_round_behind_its_needle_is_not_caught_by_it(duct):
+    """The free end crosses the planes of the needle 60 mm beside it; after that the hand has its catheter as before."""
+    round_it = (
+        (2.6, (72, 0, 0)),
+        (2.9, (72, 80, 0)),
+        (3.2, (180, 40, 0)),
+        (3.5, (180, -40, 0)),
+        (3.8, (72, -80, 0)),
+        (4.4, (72, 0, 0)),
+    )
+    course = run(hands((*INSERT, *round_it), "swept"), duct)
+    assert largest_force_n(course) < 2.0 * 0.9
+    assert max(course.speed_m_s) < 10.0
+    assert -0.1 < min(course.hub_m) <= max(course.hub_m) < 23e-3
+
+
+def test_a_catheter_that_would_start_outside_its_needle_is_refused():
+    with pytest.raises(ValueError, match=r"introducer_to_tip_m: 0.1 m leaves .* 0.005 and 0.096 m"):
+        introducer(CatheterScene(introducer_to_tip_m=0.1))
+    with pytest.raises(ValueError, match=r"introducer_to_tip_m: 0.001 m"):
+        introducer(CatheterScene(introducer_to_tip_m=1e-3))
+
+
+def test_the_seal_keeps_a_catheter_that_points_down_where_it_was_left(duct):
+    """Its weight pulls along the needle: through a seal it creeps, without one it falls out to its stop."""
+    moved = {}
+    for seal_n in (0.0, 20e-3):
+        scene = scenarios.insertion_scene()
+        catheter = replace(scene.catheter, direction=(0.0, 0.0, -1.0), tip_position_m=(80e-3, 0.0, 0.0))
+        scene = replace(scene, catheter=replace(catheter, introducer_seal_friction_n=seal_n))
+        simulation, tools = Simulation(scene, duct), ToolInputs()
+        tools.present[:] = False
+        for _ in range(500):
+            simulation.step(tools)
+        moved[seal_n] = -simulation.catheter.state.position_m[-1, 2]
+    assert moved[0.0] > 5e-3
+    assert moved[20e-3] < 5e-6
