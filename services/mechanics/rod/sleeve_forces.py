@@ -107,8 +107,7 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale
     for c in range(3):
         work.force[i, c] -= (1.0 - s) * k * o[c]
         work.force[i + 1, c] -= s * k * o[c]
-    before = closest_on_segment(work.settled, i, end)[1]
-    most = model.sleeve[FRICTION] * k * math.sqrt(dot(before, before))
+    most = model.sleeve[FRICTION] * k * _distance_before(work, i, end)
     if axial > 0.0:
         most += model.sleeve[SEAL]
     drag = _friction(model, work, (i, s), most, scale)
@@ -116,6 +115,16 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale
         # A particle that is nearest itself, at a kink, is held in every direction.
         along = row(work.tangent, i) if 0.0 < s < 1.0 else (0.0, 0.0, 0.0)
         _add_tangent(model, work, (i, s), along, (scale[0] * k, scale[1] * drag))
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def _distance_before(work: RodWork, i: int, end: Vector) -> float:
+    """How far the rod was from an end of the axis, which may have been on a segment next to i then."""
+    squared = math.inf
+    for j in range(max(i - 1, 0), min(i + 2, work.length.shape[0])):
+        o = closest_on_segment(work.settled, j, end)[1]
+        squared = min(squared, dot(o, o))
+    return math.sqrt(squared)
 
 
 @njit(cache=True, nogil=True, fastmath=False)
