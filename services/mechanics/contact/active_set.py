@@ -1,8 +1,23 @@
-"""A Newton step on the contact law: the rows that are closed now, solved together instead of one after another."""
+r"""A Newton step on the contact law: all that is closed now, solved together instead of one block after another.
+
+Every degree of freedom that the law leaves to a block's force is an unknown with a *test* direction, along which the
+motion has to vanish, and a *column* direction, along which the force changes:
+
+- a pressed normal, and the three axes of what sticks or is held: the axis itself;
+- the normal of a sliding contact: its friction changes with it, so the column is :math:`(1, \mu \hat t)`;
+- what slides on the edge of a disk or ball, :math:`u = -\lambda f` with :math:`|f| = r`: the directions across f. There
+  the motion along the unknown is :math:`-\lambda` times the force's change, which adds :math:`\lambda` to the diagonal.
+
+That is the exact derivative of the law while nobody changes between open, sticking and sliding: near the solution
+the step converges quadratically. Who is what is found by the sweeps in between.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from services.mechanics.kernel import ByteArray, FloatArray, IntArray, kernel
 
@@ -11,66 +26,115 @@ UNILATERAL, HOLD, FILM = 0, 1, 2
 ON_THE_LIMIT = 1.0 - 1e-9
 
 
-@kernel
-def list_closed(kind: ByteArray, limit: FloatArray, force: FloatArray, rows: IntArray) -> int:
-    """Fill ``rows`` with those that do not move in the present state, and return how many.
+class Unknowns(NamedTuple):
+    """What a Newton step solves for, at most m unknowns."""
 
-    Pressed normals; the tangents of those that stick; the three rows of a hold that does not slip.
-    """
+    block: IntArray  # (m,)
+    test: FloatArray  # (m, 3)
+    column: FloatArray  # (m, 3)
+    shift: FloatArray  # (m,) lambda
+    matrix: FloatArray  # (m * m,)
+    step: FloatArray  # (m,)
+
+    @classmethod
+    def allocate(cls, n_rows: int) -> Unknowns:
+        """Return room for ``n_rows`` unknowns."""
+        return cls(
+            block=np.zeros(n_rows, np.int32),
+            test=np.zeros((n_rows, 3)),
+            column=np.zeros((n_rows, 3)),
+            shift=np.zeros(n_rows),
+            matrix=np.zeros(n_rows * n_rows),
+            step=np.zeros(n_rows),
+        )
+
+
+@kernel
+def list_unknowns(motion: FloatArray, kind: ByteArray, limit: FloatArray, force: FloatArray, out: Unknowns) -> int:
+    """Fill ``out`` with what can change in the present state, and return how many unknowns that is."""
     n = 0
     for block in range(kind.shape[0]):
         row = 3 * block
-        tangent = math.hypot(force[row + 1], force[row + 2])
-        if kind[block] == UNILATERAL:
-            if force[row] <= 0.0:
-                continue
-            rows[n] = row
-            n += 1
-            sticks = limit[block] > 0.0 and tangent < ON_THE_LIMIT * limit[block] * force[row]
-        else:
-            sticks = limit[block] > 0.0 and math.hypot(force[row], tangent) < ON_THE_LIMIT * limit[block]
-            if sticks:
-                rows[n] = row
-                n += 1
-        if sticks:
-            rows[n] = row + 1
-            rows[n + 1] = row + 2
-            n += 2
+        if kind[block] != UNILATERAL:
+            n = _add_hold(motion, limit[block], force, block, out, n)
+        elif force[row] > 0.0:
+            tangent = math.hypot(force[row + 1], force[row + 2])
+            if limit[block] > 0.0 and tangent < ON_THE_LIMIT * limit[block] * force[row]:
+                n = _add_axes(block, out, n)
+            else:
+                n = _add_sliding(motion, limit[block], force, block, out, n)
     return n
 
 
 @kernel
-def closed_step(
-    W: FloatArray,
-    motion: FloatArray,
-    kind: ByteArray,
-    limit: FloatArray,
-    force: FloatArray,
-    rows: IntArray,
-    matrix: FloatArray,
-    step: FloatArray,
-) -> bool:
-    r"""Write the change of the forces on ``rows`` (n,) that brings their motion to zero into ``step`` (n,).
+def _add(out: Unknowns, n: int, block: int, test: tuple[float, float, float], shift: float) -> int:
+    out.block[n], out.shift[n] = block, shift
+    for axis in range(3):
+        out.test[n, axis] = out.column[n, axis] = test[axis]
+    return n + 1
 
-    A sliding contact keeps its direction: its friction changes with its normal force, which puts
-    :math:`\mu W_{rt} \hat t` into the column of the normal and makes the matrix unsymmetric. ``matrix`` (n, n) is
-    scratch. False where the matrix is singular.
-    """
-    n = rows.shape[0]
+
+@kernel
+def _add_axes(block: int, out: Unknowns, n: int) -> int:
+    n = _add(out, n, block, (1.0, 0.0, 0.0), 0.0)
+    n = _add(out, n, block, (0.0, 1.0, 0.0), 0.0)
+    return _add(out, n, block, (0.0, 0.0, 1.0), 0.0)
+
+
+@kernel
+def _add_sliding(motion: FloatArray, mu: float, force: FloatArray, block: int, out: Unknowns, n: int) -> int:
+    row = 3 * block
+    f_1, f_2 = force[row + 1], force[row + 2]
+    n = _add(out, n, block, (1.0, 0.0, 0.0), 0.0)
+    radius_2 = f_1 * f_1 + f_2 * f_2
+    if radius_2 == 0.0:
+        return n
+    radius = math.sqrt(radius_2)
+    out.column[n - 1, 1], out.column[n - 1, 2] = mu * f_1 / radius, mu * f_2 / radius
+    shift = max(-(motion[row + 1] * f_1 + motion[row + 2] * f_2) / radius_2, 0.0)
+    return _add(out, n, block, (0.0, -f_2 / radius, f_1 / radius), shift)
+
+
+@kernel
+def _add_hold(motion: FloatArray, limit: float, force: FloatArray, block: int, out: Unknowns, n: int) -> int:
+    if limit <= 0.0:
+        return n
+    row = 3 * block
+    x, y, z = force[row], force[row + 1], force[row + 2]
+    radius_2 = x * x + y * y + z * z
+    radius = math.sqrt(radius_2)
+    if radius < ON_THE_LIMIT * limit:
+        return _add_axes(block, out, n)
+    shift = max(-(motion[row] * x + motion[row + 1] * y + motion[row + 2] * z) / radius_2, 0.0)
+    x, y, z = x / radius, y / radius, z / radius
+    # Two directions across f: Duff et al., JCGT 6(1), 2017.
+    sign = math.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    n = _add(out, n, block, (1.0 + sign * x * x * a, sign * x * y * a, -sign * x), shift)
+    return _add(out, n, block, (x * y * a, sign + y * y * a, -y), shift)
+
+
+@kernel
+def newton_step(W: FloatArray, motion: FloatArray, unknowns: Unknowns, n: int) -> bool:
+    """Write how far each of the n unknowns goes into ``unknowns.step``; False where the matrix is singular."""
+    test, column, step = unknowns.test, unknowns.column, unknowns.step
+    A = unknowns.matrix[: n * n].reshape(n, n)
     for i in range(n):
-        step[i] = -motion[rows[i]]
+        row = 3 * unknowns.block[i]
+        step[i] = -(test[i, 0] * motion[row] + test[i, 1] * motion[row + 1] + test[i, 2] * motion[row + 2])
         for j in range(n):
-            matrix[i, j] = W[rows[i], rows[j]]
-    for j in range(n):
-        row, block = rows[j], rows[j] // 3
-        if row % 3 != 0 or kind[block] != UNILATERAL or (j + 1 < n and rows[j + 1] == row + 1):
-            continue
-        tangent = math.hypot(force[row + 1], force[row + 2])
-        if tangent > 0.0:
-            t_1, t_2 = limit[block] * force[row + 1] / tangent, limit[block] * force[row + 2] / tangent
-            for i in range(n):
-                matrix[i, j] += t_1 * W[rows[i], row + 1] + t_2 * W[rows[i], row + 2]
-    solved: bool = solve_dense(matrix, step)
+            first = 3 * unknowns.block[j]
+            total = 0.0
+            for axis in range(3):
+                if test[i, axis] != 0.0:
+                    total += test[i, axis] * (
+                        W[row + axis, first] * column[j, 0]
+                        + W[row + axis, first + 1] * column[j, 1]
+                        + W[row + axis, first + 2] * column[j, 2]
+                    )
+            A[i, j] = total
+        A[i, i] += unknowns.shift[i]
+    solved: bool = solve_dense(A, step[:n])
     return solved
 
 
@@ -105,27 +169,27 @@ def solve_dense(A: FloatArray, b: FloatArray) -> bool:
 
 
 @kernel
-def add_step(kind: ByteArray, limit: FloatArray, force: FloatArray, rows: IntArray, step: FloatArray) -> None:
+def add_step(kind: ByteArray, limit: FloatArray, force: FloatArray, unknowns: Unknowns, n: int) -> None:
     """Add the step to the forces and put every block back into its cone or ball."""
-    for i in range(rows.shape[0]):
-        row, block = rows[i], rows[i] // 3
-        slides = kind[block] == UNILATERAL and row % 3 == 0 and not (i + 1 < rows.shape[0] and rows[i + 1] == row + 1)
-        if slides and force[row] > 0.0:
-            scale = max(force[row] + step[i], 0.0) / force[row]
-            force[row + 1] *= scale
-            force[row + 2] *= scale
-        force[row] += step[i]
+    for i in range(n):
+        row = 3 * unknowns.block[i]
+        for axis in range(3):
+            force[row + axis] += unknowns.step[i] * unknowns.column[i, axis]
     for block in range(kind.shape[0]):
-        row = 3 * block
-        if kind[block] == UNILATERAL:
-            force[row] = max(force[row], 0.0)
-            radius = limit[block] * force[row]
-            norm = math.hypot(force[row + 1], force[row + 2])
-        else:
-            radius = limit[block]
-            norm = math.sqrt(force[row] ** 2 + force[row + 1] ** 2 + force[row + 2] ** 2)
-        if norm > radius:
-            if kind[block] != UNILATERAL:
-                force[row] *= radius / norm
-            force[row + 1] *= radius / norm
-            force[row + 2] *= radius / norm
+        _project(kind[block], limit[block], force, 3 * block)
+
+
+@kernel
+def _project(kind: int, limit: float, force: FloatArray, row: int) -> None:
+    if kind == UNILATERAL:
+        force[row] = max(force[row], 0.0)
+        radius = limit * force[row]
+        norm = math.hypot(force[row + 1], force[row + 2])
+    else:
+        radius = limit
+        norm = math.sqrt(force[row] ** 2 + force[row + 1] ** 2 + force[row + 2] ** 2)
+    if norm > radius:
+        if kind != UNILATERAL:
+            force[row] *= radius / norm
+        force[row + 1] *= radius / norm
+        force[row + 2] *= radius / norm

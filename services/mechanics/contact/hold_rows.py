@@ -175,7 +175,7 @@ def slide_holds(state_address: int, holds_address: int, count: int) -> tuple[flo
             )
         holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
         if holds.target_kind[slot] == CATHETER_SEGMENT:
-            _slide_along(holds, slot, slip, state.geometry.rod.position, state.scratch.step)
+            _slide_along(holds, slot, slip, state.geometry.rod.position, state.scratch.free)
         _slide_in_jaws(holds, slot, slip, state.geometry.tools)
         is_lost = is_lost or holds.lost[slot] != 0
     return dissipated_j, is_lost

@@ -12,22 +12,22 @@ from services.mechanics.contact.active_set import (
     HOLD,
     ON_THE_LIMIT,
     UNILATERAL,
+    Unknowns,
     add_step,
-    closed_step,
-    list_closed,
+    list_unknowns,
+    newton_step,
 )
 from services.mechanics.contact.ball import bounded_2, bounded_3
-from services.mechanics.kernel import BoolArray, ByteArray, FloatArray, IntArray, kernel
+from services.mechanics.kernel import BoolArray, ByteArray, FloatArray, kernel
 
-SWEEPS_PER_ROUND = 3
+# Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
+NEARLY_THERE = 100.0
 
 
 class SolverScratch(NamedTuple):
     """Work space of a solve with at most m rows, on a duct of r modes."""
 
-    matrix: FloatArray  # (m * m,)
-    step: FloatArray  # (m,)
-    rows: IntArray  # (m,)
+    unknowns: Unknowns
     force: FloatArray  # (m,)
     free: FloatArray  # (m,)
     change: FloatArray  # (3,)
@@ -36,9 +36,8 @@ class SolverScratch(NamedTuple):
     @classmethod
     def allocate(cls, n_rows: int, n_modes: int = 0) -> SolverScratch:
         """Return work space for ``n_rows`` rows, assembled from ``n_modes`` modes."""
-        sizes = (n_rows * n_rows, n_rows, n_rows, n_rows, n_rows, 3, n_rows * n_modes)
-        matrix, step, rows, force, free, change, modes = (np.zeros(size) for size in sizes)
-        return cls(matrix, step, rows.astype(np.int32), force, free, change, modes)
+        force, free, change = np.zeros(n_rows), np.zeros(n_rows), np.zeros(3)
+        return cls(Unknowns.allocate(n_rows), force, free, change, np.zeros(n_rows * n_modes))
 
 
 @kernel
@@ -61,8 +60,10 @@ def solve_contacts(
 
     Numerically: a sweep of block Gauss-Seidel solves each block exactly with the others fixed, normal first, then
     tangent in its cone. That finds who is pressed and who sticks, but converges slowly where a stiff catheter ties
-    contacts together; so every `SWEEPS_PER_ROUND` sweeps the closed rows are solved together, and the result is kept if
-    the next sweep finds less to change (PGS with subspace minimisation; Silcowitz-Hansen, Niebe and Erleben, 2010).
+    contacts together; so a Newton step solves for all that is closed together, as PGS with subspace minimisation does
+    (Silcowitz-Hansen, Niebe and Erleben, 2010). It is kept if it and the next sweep lower the potential
+    :math:`\tfrac12 f^T W f + f^T u_{free}`; how much a sweep changes would tell nothing, for sweeps that creep change
+    little. After a step that was not kept twice as many sweeps as before pass until the next.
     The cost is bounded by the number of sweeps. Forces are inside their cones, converged or not.
 
     Parameters
@@ -85,26 +86,34 @@ def solve_contacts(
     iterations, tolerance_n = effort
     _copy(motion, scratch.free)
     _update_motion(W, scratch.free, force, motion)
-    sweeps = 0
+    sweeps, patience = 0, 1
+    due = patience
     while sweeps < iterations:
-        largest = 0.0
-        for _ in range(SWEEPS_PER_ROUND):
-            largest = _sweep(W, motion, kind, limit, force, scratch.change)
-            sweeps += 1
-            if largest <= tolerance_n:
-                return sweeps
-            if sweeps == iterations:
-                return sweeps
-        if not _try_closed_step(W, motion, kind, limit, force, scratch):
-            continue
-        after = _sweep(W, motion, kind, limit, force, scratch.change)
+        change_n = _sweep(W, motion, kind, limit, force, scratch.change)
         sweeps += 1
-        if after <= tolerance_n:
+        if change_n <= tolerance_n or sweeps == iterations:
             return sweeps
-        if after > largest:
-            _restore(scratch.force, force)
+        if sweeps < due or (sweeps == 1 and change_n <= NEARLY_THERE * tolerance_n):
+            continue
+        before = _potential(scratch.free, motion, force)
+        if _try_newton_step(W, motion, kind, limit, force, scratch):
+            sweeps += 1
+            if _sweep(W, motion, kind, limit, force, scratch.change) <= tolerance_n:
+                return sweeps
+        patience = 1 if _potential(scratch.free, motion, force) < before else 2 * patience
+        if patience > 1:
+            _copy(scratch.force, force)
             _update_motion(W, scratch.free, force, motion)
+        due = sweeps + patience
     return sweeps
+
+
+@kernel
+def _potential(free: FloatArray, motion: FloatArray, force: FloatArray) -> float:
+    total = 0.0
+    for row in range(force.shape[0]):
+        total += 0.5 * force[row] * (motion[row] + free[row])
+    return total
 
 
 @kernel
@@ -123,30 +132,23 @@ def _sweep(
 
 
 @kernel
-def _try_closed_step(
+def _try_newton_step(
     W: FloatArray, motion: FloatArray, kind: ByteArray, limit: FloatArray, force: FloatArray, scratch: SolverScratch
 ) -> bool:
-    """Solve the closed rows together; the forces before are kept in ``scratch.force``."""
-    n = list_closed(kind, limit, force, scratch.rows)
-    rows, step = scratch.rows[:n], scratch.step[:n]
-    matrix = scratch.matrix[: n * n].reshape(n, n)
-    if n == 0 or not closed_step(W, motion, kind, limit, force, rows, matrix, step):
-        return False
+    """Take a Newton step; the forces before are kept in ``scratch.force``."""
     _copy(force, scratch.force)
-    add_step(kind, limit, force, rows, step)
+    n = list_unknowns(motion, kind, limit, force, scratch.unknowns)
+    if n == 0 or not newton_step(W, motion, scratch.unknowns, n):
+        return False
+    add_step(kind, limit, force, scratch.unknowns, n)
     _update_motion(W, scratch.free, force, motion)
     return True
 
 
 @kernel
 def _copy(source: FloatArray, target: FloatArray) -> None:
-    for i in range(source.shape[0]):
-        target[i] = source[i]
-
-
-@kernel
-def _restore(source: FloatArray, target: FloatArray) -> None:
-    for i in range(target.shape[0]):
+    """Copy as many items as the shorter has."""
+    for i in range(min(source.shape[0], target.shape[0])):
         target[i] = source[i]
 
 
