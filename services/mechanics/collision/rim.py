@@ -15,7 +15,8 @@ from services.mechanics.collision.primitives import (
     squared_distance,
     vector,
 )
-from services.mechanics.collision.search import NOTHING, Touch, closest, offset
+from services.mechanics.collision.probes import SKIN_M
+from services.mechanics.collision.search import NOTHING, Touch, closest, distance_to_all, offset
 from services.mechanics.collision.surface import Shell, corner_positions
 from services.mechanics.collision.writer import Rows, write_pair
 from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL
@@ -32,6 +33,9 @@ RIM_MEMORY = struct_type(
         "edge",  # (m,) int32 rim edge within reach of each segment at the last tick, or NOTHING
         "place",  # (m, 3) weights of the point touched
         "normal",  # (m, 3) towards the segment
+        "ends",  # (m, 2, 3) of the segment at the last search that found no edge within reach
+        "travel",  # (m,) the wall's travel then
+        "slack",  # (m,) motion of segment and wall after which an edge may be within reach; negative: search
     )
 )
 memory_at = struct_reader(RIM_MEMORY)
@@ -42,14 +46,21 @@ class RimSegments:
 
     def __init__(self, m: int) -> None:
         self._edge = np.full(m, NOTHING, np.int32)
-        self._alive: dict[str, np.ndarray] = {"place": np.zeros((m, 3)), "normal": np.zeros((m, 3))}
+        self._slack = np.full(m, -1.0)
+        self._alive: dict[str, np.ndarray] = {
+            "place": np.zeros((m, 3)),
+            "normal": np.zeros((m, 3)),
+            "ends": np.zeros((m, 2, 3)),
+            "travel": np.zeros(m),
+        }
         self._storage = np.zeros(1, RIM_MEMORY)
         self.address: int = self._storage.ctypes.data
-        fill(self._storage[0], edge=self._edge, **self._alive)
+        fill(self._storage[0], edge=self._edge, slack=self._slack, **self._alive)
 
     def reset(self) -> None:
         """Drop the past of every segment."""
         self._edge.fill(NOTHING)
+        self._slack.fill(-1.0)
 
 
 @kernel
@@ -59,13 +70,39 @@ def detect_rims(shell: Shell, memory: RimMemory, positions: FloatArray, sizes: t
     for i in range(positions.shape[0] - 1):
         a = (positions[i, 0], positions[i, 1], positions[i, 2])
         b = (positions[i + 1, 0], positions[i + 1, 1], positions[i + 1, 2])
-        touch = closest(shell.body, shell.rims, a, b, thickness + margin, NOTHING)
-        if touch[0] == NOTHING:
-            ints(memory.edge)[i] = NOTHING
+        if _is_still_far(shell, memory, i, (a, b)):
+            continue
+        touch = closest(shell.body, shell.rims, a, b, thickness + margin + SKIN_M, NOTHING)
+        floats(memory.slack)[i] = -1.0
+        if not touch[1] < (thickness + margin) ** 2:
+            _note_far(shell, memory, i, (a, b), math.sqrt(touch[1]), thickness + margin)
             continue
         distance, normal = _signed(shell, memory, i, touch, (a, b), thickness)
         if END_PART < touch[2] < 1.0 - END_PART:
             _write(shell, i, touch, distance - thickness, normal, rows)
+
+
+@kernel
+def _is_still_far(shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, Vector]) -> bool:
+    """Return whether segment and wall have moved too little since the last search to have met."""
+    slack = floats(memory.slack)[i]
+    if slack < 0.0:
+        return False
+    last = floats(memory.ends)
+    moved_2 = max(squared_distance(ends[0], vector(last, 2 * i)), squared_distance(ends[1], vector(last, 2 * i + 1)))
+    is_far: bool = math.sqrt(moved_2) + shell.body.travel - floats(memory.travel)[i] < slack
+    return is_far
+
+
+@kernel
+def _note_far(
+    shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, Vector], distance: float, reach: float
+) -> None:
+    ints(memory.edge)[i] = NOTHING
+    put(floats(memory.ends), 2 * i, ends[0])
+    put(floats(memory.ends), 2 * i + 1, ends[1])
+    floats(memory.travel)[i] = shell.body.travel
+    floats(memory.slack)[i] = max(distance, distance_to_all(shell.body, shell.rims, ends[0], ends[1])) - reach
 
 
 @kernel
