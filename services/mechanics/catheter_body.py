@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
 from services.mechanics.contact.compliance import list_particles
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.kernel import FloatArray, kernel
 from services.mechanics.rod import (
     RodProperties,
     RodState,
@@ -18,9 +17,6 @@ from services.mechanics.rod import (
     straight_rod,
 )
 from services.mechanics.scene import CatheterScene
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 # A tenth of a micrometre in a second and a half: far below what is seen or felt.
 SLEEP_SPEED_M_S = 1e-7
@@ -98,7 +94,7 @@ class CatheterBody:
 
     def compliance(self, rows: ContactRows) -> FloatArray:
         """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is."""
-        count = list_particles(rows, self.slot, self._particles)
+        count = list_particles(rows.address, self.slot, self._particles)
         size = 3 * count
         out: FloatArray = self._compliance[: size * size].reshape(size, size)
         if count:
@@ -111,7 +107,7 @@ class CatheterBody:
         With ``feeds_back`` they act in the next step, held over all of it, as in the paper's architecture (section VI):
         penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments.
         """
-        spread_rod_forces(rows, forces, self.contact_force_n)
+        spread_rod_forces(rows.address, forces, self.contact_force_n)
         self._was_touched = rows.n_contacts > 0
         if self._was_touched and not self._feeds_back:
             self.integrator.correct(self.state, self.contact_force_n)
@@ -176,8 +172,9 @@ def introducer(scene: CatheterScene) -> Sleeve:
 
 
 @kernel
-def spread_rod_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> None:
+def spread_rod_forces(rows_address: int, forces: FloatArray, out: FloatArray) -> None:
     """Write the contact forces on the particles (n, 3)."""
+    rows = rows_at(rows_address)
     out[:] = 0.0
     for row in range(rows.used[0]):
         for point in range(rows.rod_node.shape[1]):

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.kernel import FloatArray, IntArray, kernel
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
 from services.mechanics.wall_motion import wall_motion
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int32]
 
 
 class DuctBody:
@@ -32,8 +28,6 @@ class DuctBody:
         the contacts of this step.
     load_nodes : (L,) int32, load_force_n : (L, 3) float64, n_loads : int
         Contact forces on nodes, each node once; they act through the residual compliance.
-    load_displacement_m : (L, 3) float64
-        What the residual compliance moves those nodes by.
     modal_force : (r,) float64
         Loads that effects put on the modes in this step, the constant ones included.
     constant_modal_force : (r,) float64
@@ -51,14 +45,12 @@ class DuctBody:
         self.constant_modal_force = np.zeros(n_modes)
         self.contact_impulse = np.zeros(n_modes)
         self.modes = np.zeros((3 * capacity, n_modes))
-        self.scratch = np.zeros(3 * capacity * n_modes)
         # At the contact points: displacement at the start that `modes` times `q_start` leave out.
         self.residual_start = np.zeros((capacity, 3))
         self.residual_change = np.zeros((capacity, 3))
         self.corner_displacement = np.zeros((3 * capacity, 3))
         self.load_nodes = np.zeros(3 * capacity, np.int32)
         self.load_force_n = np.zeros((3 * capacity, 3))
-        self.load_displacement_m = np.zeros((3 * capacity, 3))
         self.n_loads = 0
         self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
         self._gains_dt_s = 0.0
@@ -84,25 +76,16 @@ class DuctBody:
         nodes, weights = rows.duct_node[:n], rows.duct_weight[:n]
         self._motion.gather(nodes, weights, self.modes[: 3 * n])
         corners = self.corner_displacement[: 3 * n]
-        corners[:] = 0.0
         flat = nodes.reshape(-1)
         self.reduced.residual.apply(self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads], flat, corners)
-        weigh_corners(corners, weights, self.residual_start[:n])
-        np.negative(self.residual_start[:n], out=self.residual_change[:n])
+        take_corners(corners, weights, self.residual_start, self.residual_change)
         self._motion.add_bend(nodes, weights, self.modes[: 3 * n], self.q_start, self.residual_start[:n])
 
     def correct(self, rows: ContactRows, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads."""
-        self.n_loads = spread_loads(rows, forces, self._slot, self.load_nodes, self.load_force_n)
-        self._displace_loads()
+        self.n_loads = spread_loads(rows.address, forces, self._slot, self.load_nodes, self.load_force_n)
         modal_contact_force(self.modes, rows.n_contacts, forces, self.contact_impulse)
         add_impulse(self.contact_impulse, self._gains, self.state.q, self.state.qdot, self.state.qddot)
-
-    def _displace_loads(self) -> None:
-        n = self.n_loads
-        self.load_displacement_m[:n] = 0.0
-        nodes, out = self.load_nodes[:n], self.load_displacement_m[:n]
-        self.reduced.residual.apply(nodes, self.load_force_n[:n], nodes, out)
 
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
         """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""
@@ -127,7 +110,9 @@ class DuctBody:
         """Elastic energy of the modes and of the residual compliance under the contact loads."""
         modal = self.state.strain_energy_j(self.reduced.basis.omega_rad_s)
         n = self.n_loads
-        return modal + 0.5 * float(np.sum(self.load_displacement_m[:n] * self.load_force_n[:n]))
+        nodes, force, moved = self.load_nodes[:n], self.load_force_n[:n], np.zeros((n, 3))
+        self.reduced.residual.apply(nodes, force, nodes, moved)
+        return modal + 0.5 * float(np.sum(moved * force))
 
     def _prepare(self, dt_s: float) -> None:
         """Find the gains of an impulse by letting the integrator carry a unit jump of the rates through a step.
@@ -143,19 +128,25 @@ class DuctBody:
 
 
 @kernel
-def weigh_corners(corners: FloatArray, weights: FloatArray, out: FloatArray) -> None:
-    """Interpolate values at corners (3 k, 3) with barycentric ``weights`` (k, 3) into ``out`` (k, 3)."""
+def take_corners(corners: FloatArray, weights: FloatArray, start: FloatArray, change: FloatArray) -> None:
+    """Move displacements at corners (3 k, 3) to the points of ``weights`` (k, 3); zero is left at the corners.
+
+    ``start`` takes the displacements of the points, ``change`` what lets go of them.
+    """
     for point in range(weights.shape[0]):
         for axis in range(3):
             total = 0.0
             for corner in range(3):
                 total += weights[point, corner] * corners[3 * point + corner, axis]
-            out[point, axis] = total
+                corners[3 * point + corner, axis] = 0.0
+            start[point, axis] = total
+            change[point, axis] = -total
 
 
 @kernel
-def spread_loads(rows: ContactRows, forces: FloatArray, slot: IntArray, nodes: IntArray, loads: FloatArray) -> int:
+def spread_loads(rows_address: int, forces: FloatArray, slot: IntArray, nodes: IntArray, loads: FloatArray) -> int:
     """Write the reactions on the duct's nodes, each node once, and return how many; ``slot`` (n,) is scratch."""
+    rows = rows_at(rows_address)
     count = 0
     for row in range(rows.used[0]):
         for corner in range(3):

@@ -7,7 +7,7 @@ once at the end. Only the lower triangle is built; W is symmetric because each b
 from __future__ import annotations
 
 from services.mechanics.contact.pairs import NO_TOOL
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.kernel import FloatArray, IntArray, kernel, summing_kernel
 
 Row = tuple[float, float, float]
@@ -47,8 +47,9 @@ def _add_rows(out: FloatArray, row: int, column: int, block: Block) -> None:
 
 
 @kernel
-def list_particles(rows: ContactRows, slot: IntArray, particles: IntArray) -> int:
+def list_particles(rows_address: int, slot: IntArray, particles: IntArray) -> int:
     """Fill ``particles`` with those that contacts touch, ascending, and ``slot`` (n,) with their place or -1."""
+    rows = rows_at(rows_address)
     slot[:] = -1
     for row in range(rows.used[0]):
         for point in range(rows.rod_node.shape[1]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.solver import UNILATERAL
 from services.mechanics.effects.base import Effect
 from services.mechanics.kernel import BoolArray, kernel
@@ -53,12 +53,13 @@ class Friction(Effect):
 
     def set_limits(self, simulation: Simulation, rows: ContactRows) -> None:
         """Set the coefficient of every contact."""
-        set_coefficients(rows, simulation.slides, self._mu)
+        set_coefficients(rows.address, simulation.slides, self._mu)
 
 
 @kernel
-def set_coefficients(rows: ContactRows, slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]) -> None:
+def set_coefficients(rows_address: int, slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]) -> None:
     """Write the coefficients of the unilateral rows; ``mu`` is (static, kinetic) without and with a tool."""
+    rows = rows_at(rows_address)
     for row in range(rows.used[0]):
         if rows.kind[row] == UNILATERAL:
             pair = mu[1] if rows.tool[row] >= 0 else mu[0]

@@ -88,7 +88,7 @@ def slip_ratio(mu, angle):
 
 def solve(rows, rod, n):
     slot, particles = np.zeros(n, np.int32), np.zeros(n, np.int32)
-    count, k = list_particles(rows, slot, particles), rows.n_contacts
+    count, k = list_particles(rows.address, slot, particles), rows.n_contacts
     compliance, W = np.zeros((3 * count, 3 * count)), np.zeros((3 * k, 3 * k))
     rod.compliance(particles[:count], compliance)
     add_rod_compliance(rows, slot, compliance, W)
