@@ -123,6 +123,17 @@ def safe_stop(rig: Rig = "stub", address: Address = None, token: Token = None) -
 
 
 @app.command()
+def keys(
+    directory: Annotated[Path, typer.Argument(help="Made if it is not there; name it as transport.keys.")],
+    json: Json = False,
+) -> None:
+    """Make the keys of a rig that spans hosts: copy the directory to each of them."""
+    from services.cli.make_keys import run_keys
+
+    run_keys(directory, json)
+
+
+@app.command()
 def fem(
     file: Annotated[Path, typer.Argument(help="Shell case, see configs/fem.")],
     json_file: Annotated[Path | None, typer.Option("--json", help="Write numbers for programs.")] = None,

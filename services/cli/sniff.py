@@ -15,7 +15,7 @@ from rich.table import Table
 
 from protocol.topics import TOPICS
 from services.cli.raw_frames import unpack
-from services.runtime import config, endpoints
+from services.runtime import config, endpoints, keys
 from services.runtime.errors import BusError, ConfigError
 from services.runtime.rig import Transport
 
@@ -99,12 +99,15 @@ def run_sniff(request: Request) -> None:
 def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Iterator[tuple[str, bytes, float]]:
     """Yield ``(topic, bytes, time)`` of every frame until `until_s` of the monotonic clock; time goes on in silence."""
     context = zmq.Context()
+    rig_keys = keys.load(transport.keys) if transport.keys else None
     try:
         poller, names = zmq.Poller(), {}
         for topic in topics:
             socket = context.socket(zmq.SUB)
             socket.setsockopt(zmq.SUBSCRIBE, b"")
             socket.setsockopt(zmq.RECONNECT_IVL, 10)
+            if rig_keys:
+                rig_keys.guard_reader(socket)
             socket.connect(endpoints.endpoint(transport, topic))
             poller.register(socket, zmq.POLLIN)
             names[socket] = topic

@@ -25,13 +25,19 @@ class Transport(Settings):
     host: str = Field("127.0.0.1", description="tcp: where publishers are reached")
     hosts: dict[str, str] = Field({}, description="tcp: by publisher, where it is not `host`")
     bind_host: str = Field("127.0.0.1", description="tcp: address that publishers bind")
+    keys: Path | None = Field(None, description="tcp: directory of the rig's keys, made by `trocar keys`")
     insecure: bool = Field(False, description="allow tcp beyond loopback without keys")
 
     @model_validator(mode="after")
-    def _loopback_unless_insecure(self) -> Self:
+    def _protected_beyond_loopback(self) -> Self:
         beyond = [h for h in (self.host, self.bind_host, *self.hosts.values()) if h not in _LOOPBACK]
-        if self.kind == "tcp" and beyond and not self.insecure:
-            raise ValueError(f"tcp to {beyond[0]} leaves this host unprotected: set `insecure: true` to accept that")
+        if self.kind == "tcp" and beyond and self.keys is None and not self.insecure:
+            raise ValueError(
+                f"tcp to {beyond[0]} leaves this host unprotected: name the directory of `trocar keys` as `keys`, "
+                "or set `insecure: true` to accept that"
+            )
+        if self.kind == "ipc" and self.keys is not None:
+            raise ValueError("keys protect tcp; the sockets of ipc belong to this user alone")
         return self
 
 

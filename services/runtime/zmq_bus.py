@@ -13,7 +13,7 @@ import zmq
 
 import protocol.bodies as bodies
 from protocol import Frame, topic
-from services.runtime import bus, endpoints
+from services.runtime import bus, endpoints, keys
 from services.runtime.errors import BusError
 from services.runtime.rig import Transport
 
@@ -80,6 +80,8 @@ class ZmqBus:
         self._out: dict[str, bus.Outbox] = {}
         self._in: dict[str, bus.Inbox] = {}
         incarnation = bus.new_incarnation()
+        self._keys = keys.load(transport.keys) if transport.keys else None
+        self._door = keys.Doorkeeper(self._context, self._keys) if self._keys else None
         try:
             for name in publishes:
                 self._bind(transport, name, incarnation)
@@ -102,6 +104,8 @@ class ZmqBus:
         socket = self._context.socket(zmq.XPUB)  # XPUB tells when a reader has subscribed: readiness without sleeping
         socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # of every reader, not of the first and the last only
         socket.sndhwm = _HIGH_WATER_MARK
+        if self._keys:
+            self._keys.guard_publisher(socket)
         self._senders[name] = socket
         self._subscribed[name] = 0
         self._out[name] = bus.Outbox(topic(name), incarnation)
@@ -118,6 +122,8 @@ class ZmqBus:
         else:
             socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
         socket.reconnect_ivl = _RECONNECT_MS
+        if self._keys:
+            self._keys.guard_reader(socket)
         socket.connect(endpoints.endpoint(transport, name))
         self._receivers[name] = socket
         self._descriptors[name] = int(socket.getsockopt(zmq.FD))
@@ -130,6 +136,8 @@ class ZmqBus:
         self._senders[name].send(box.seal(body, origin_ns, valid), zmq.NOBLOCK)
         if box.sent % _COUNT_READERS_EVERY == 0:
             self.has_reader(name)
+        if self._door:
+            self._door.answer()
         return box.sent - 1
 
     def latest(self, name: str) -> Frame | None:
@@ -200,12 +208,19 @@ class ZmqBus:
     def has_reader(self, name: str) -> bool:
         """Return whether somebody has subscribed to `name` and not gone since."""
         socket = self._senders[name]
+        if self._door:
+            self._door.answer()
         while True:
             try:
                 message = socket.recv(zmq.NOBLOCK)
             except zmq.Again:
                 return self._subscribed[name] > 0
             self._subscribed[name] += 1 if message[:1] == b"\x01" else -1
+
+    @property
+    def refused_readers(self) -> int:
+        """How many have knocked without the rig's keys."""
+        return self._door.refused if self._door else 0
 
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of all topics."""

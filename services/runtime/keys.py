@@ -1,0 +1,111 @@
+"""Keys of a rig whose frames cross hosts: CurveZMQ, one key pair for all processes of one rig.
+
+Every process proves that it has the pair, as publisher and as reader, and every frame is encrypted. Whom to let in is
+asked by libzmq of a ZAP socket of the same context (rfc.zeromq.org/spec/27). pyzmq's own answer to that is a thread;
+a 1 kHz loop has none to spare, so the bus answers when it sends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import zmq
+import zmq.auth
+from zmq.utils import z85
+
+from services.runtime.errors import ConfigError
+
+_NAME = "rig"
+_ZAP = "inproc://zeromq.zap.01"
+_DOMAIN = b"trocar"
+#: Requests answered at one look: whoever knocks in a storm waits for the next.
+_ANSWERS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The rig's key pair, in Z85."""
+
+    public: bytes
+    secret: bytes
+
+    def guard_publisher(self, socket: zmq.Socket[bytes]) -> None:
+        """Let `socket`, before it binds, speak only to holders of the keys."""
+        socket.setsockopt(zmq.CURVE_SERVER, 1)
+        socket.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
+        socket.setsockopt(zmq.ZAP_DOMAIN, _DOMAIN)
+
+    def guard_reader(self, socket: zmq.Socket[bytes]) -> None:
+        """Let `socket`, before it connects, speak only to a publisher with the keys."""
+        socket.setsockopt(zmq.CURVE_SERVERKEY, self.public)
+        socket.setsockopt(zmq.CURVE_PUBLICKEY, self.public)
+        socket.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
+
+
+class Doorkeeper:
+    """Answers who may read from the publishers of a context; must exist before they bind."""
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], keys: Keys) -> None:
+        self._public = z85.decode(keys.public)
+        self._socket = context.socket(zmq.ROUTER)
+        self._socket.bind(_ZAP)
+        self.refused = 0
+
+    def answer(self) -> None:
+        """Answer who has knocked. Never blocks."""
+        for _ in range(_ANSWERS):
+            try:
+                parts = self._socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            self._socket.send_multipart(self._reply(parts))
+
+    def _reply(self, parts: list[bytes]) -> list[bytes]:
+        """Return the reply to ``[peer, "", version, request id, domain, address, identity, mechanism, key]``."""
+        known = len(parts) == 9 and parts[7] == b"CURVE" and parts[8] == self._public
+        self.refused += not known
+        status = [b"200", b"OK"] if known else [b"400", b"this rig has other keys"]
+        return [*parts[:2], b"1.0", parts[3], *status, b"", b""]
+
+
+def make(directory: Path) -> Path:
+    """Make the keys of a rig in `directory`, readable by this user only, and return the secret's file.
+
+    Raises
+    ------
+    ConfigError
+        if keys are there already, or the directory cannot be written.
+    """
+    file = directory / f"{_NAME}.key_secret"
+    if file.exists():
+        raise ConfigError(f"{file} is there already: a rig whose keys change must restart on every host")
+    try:
+        directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+        zmq.auth.create_certificates(directory, _NAME)
+        file.chmod(0o600)
+    except OSError as error:
+        raise ConfigError(f"{directory}: keys cannot be written: {error.strerror}") from None
+    return file
+
+
+def load(directory: Path) -> Keys:
+    """Return the keys in `directory`.
+
+    Raises
+    ------
+    ConfigError
+        naming the file that is missing, open to others, or no key.
+    """
+    file = directory / f"{_NAME}.key_secret"
+    try:
+        if file.stat().st_mode & 0o077:
+            raise ConfigError(f"{file} can be read by others: `chmod 600 {file}`")
+        public, secret = zmq.auth.load_certificate(file)
+    except OSError as error:
+        raise ConfigError(f"transport.keys: {file}: {error.strerror or error}; `trocar keys` makes it") from None
+    except ValueError as error:
+        raise ConfigError(f"transport.keys: {file} holds no keys: {error}") from None
+    if secret is None:
+        raise ConfigError(f"transport.keys: {file} holds no secret key; copy the one that `trocar keys` made")
+    return Keys(public, secret)

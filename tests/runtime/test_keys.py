@@ -1,0 +1,115 @@
+"""Rigs across hosts: only who has the rig's keys hears it, and nobody else is heard."""
+
+from __future__ import annotations
+
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+import zmq
+from pydantic import ValidationError
+
+from protocol import bodies
+from services.runtime import keys
+from services.runtime.endpoints import endpoint
+from services.runtime.errors import ConfigError
+from services.runtime.rig import Transport
+from services.runtime.zmq_bus import ZmqBus
+
+STATE = "gateway.state"
+PORT = 33_000
+PATIENCE_S = 5.0
+SILENCE_S = 0.5
+
+
+@pytest.fixture
+def rig_keys(tmp_path: Path) -> Path:
+    keys.make(tmp_path / "keys")
+    return tmp_path / "keys"
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def _bus(stack: ExitStack, directory: Path | None, **topics: list[str]) -> ZmqBus:
+    bus = ZmqBus(Transport(kind="tcp", base_port=PORT, keys=directory), **topics)
+    stack.callback(bus.close)
+    return bus
+
+
+def _hears(sender: ZmqBus, reader: ZmqBus, seconds: float) -> bool:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        sender.publish(STATE, bodies.GatewayState(tick=1))
+        if reader.latest(STATE) is not None:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def test_who_has_the_keys_hears(stack: ExitStack, rig_keys: Path) -> None:
+    sender = _bus(stack, rig_keys, publishes=[STATE])
+    assert _hears(sender, _bus(stack, rig_keys, reads=[STATE]), PATIENCE_S)
+    assert sender.has_reader(STATE)
+
+
+@pytest.mark.parametrize("stranger", ["no keys", "other keys"])
+def test_a_stranger_hears_nothing_and_the_others_go_on(
+    stack: ExitStack, rig_keys: Path, tmp_path: Path, stranger: str
+) -> None:
+    sender = _bus(stack, rig_keys, publishes=[STATE])
+    theirs = keys.make(tmp_path / "other").parent if stranger == "other keys" else None
+    assert not _hears(sender, _bus(stack, theirs, reads=[STATE]), SILENCE_S)
+    assert _hears(sender, _bus(stack, rig_keys, reads=[STATE]), PATIENCE_S)
+
+
+def test_who_knows_only_the_public_key_is_refused(stack: ExitStack, rig_keys: Path) -> None:
+    """CurveZMQ alone would let in whoever knows the publisher; the doorkeeper asks for the rig's own key."""
+    sender = _bus(stack, rig_keys, publishes=[STATE])
+    context = zmq.Context()
+    stack.callback(context.destroy, linger=0)
+    spy = stack.enter_context(context.socket(zmq.SUB))
+    public, secret = zmq.curve_keypair()
+    spy.setsockopt(zmq.CURVE_SERVERKEY, keys.load(rig_keys).public)
+    spy.setsockopt(zmq.CURVE_PUBLICKEY, public)
+    spy.setsockopt(zmq.CURVE_SECRETKEY, secret)
+    spy.setsockopt(zmq.SUBSCRIBE, b"")
+    spy.connect(endpoint(Transport(kind="tcp", base_port=PORT), STATE))
+    end = time.monotonic() + SILENCE_S
+    while time.monotonic() < end:
+        sender.publish(STATE, bodies.GatewayState(tick=1))
+        assert not spy.poll(10)
+    assert sender.refused_readers > 0
+
+
+def test_keys_are_private_and_made_once(rig_keys: Path) -> None:
+    file = rig_keys / "rig.key_secret"
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    with pytest.raises(ConfigError, match="is there already"):
+        keys.make(rig_keys)
+    file.chmod(0o644)
+    with pytest.raises(ConfigError, match="can be read by others"):
+        keys.load(rig_keys)
+
+
+@pytest.mark.parametrize(("text", "says"), [(None, "No such file"), ("nonsense", "holds no")])
+def test_keys_that_are_none_are_one_sentence(tmp_path: Path, text: str | None, says: str) -> None:
+    if text is not None:
+        (tmp_path / "rig.key_secret").write_text(text)
+        (tmp_path / "rig.key_secret").chmod(0o600)
+    with pytest.raises(ConfigError, match=says):
+        keys.load(tmp_path)
+
+
+def test_beyond_loopback_a_rig_file_names_keys_or_says_insecure(tmp_path: Path) -> None:
+    with pytest.raises(ValidationError, match="leaves this host unprotected"):
+        Transport(kind="tcp", host="10.0.0.2")
+    assert Transport(kind="tcp", host="10.0.0.2", keys=tmp_path).keys == tmp_path
+    with pytest.raises(ValidationError, match="belong to this user"):
+        Transport(keys=tmp_path)
