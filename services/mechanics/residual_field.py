@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.collision.kernel import kernel
+from services.mechanics.kernel import kernel
 from services.mechanics.mesh import TriangleMesh, vertex_adjacency
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual import BlockArray, block_index

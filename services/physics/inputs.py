@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from protocol.arrays import pack
@@ -14,21 +12,13 @@ from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, ContactPairs
 from services.mechanics.forceps.kinematics import N_SEGMENTS
+from services.mechanics.kernel import kernel
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import N_TOOLS, GraspHold, ToolInputs
 
 FloatArray = NDArray[Any]
 IntArray = NDArray[Any]
 _COLUMNS = ("tool", "tool_segment", "target_kind", "target", "tool_parameter", "target_weights", "normal", "gap_m")
-
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def kernel(function: F) -> F:
-    """Compile a function of a tick; decorator."""
-    compiled: F = njit(cache=True, nogil=True)(function)
-    return compiled
 
 
 class ContactsReader:

@@ -13,9 +13,9 @@ from protocol.bodies import Catheter, Duct, PhysicsContacts, ToolReaction, ToolS
 from protocol.vectors import Mat3, Vec3
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.solver import HOLD
+from services.mechanics.kernel import kernel
 from services.mechanics.simulation import Simulation
 from services.mechanics.tools import N_TOOLS
-from services.physics.inputs import kernel
 from services.runtime.bus import Bus
 
 Arrays = tuple[NDArray[Any], ...]
