@@ -193,3 +193,18 @@ def test_pulling_through_a_seal_takes_its_friction_and_a_smaller_pull_does_not_m
         integrator.predict(state, pull, 1e-3)
     stretch_m = 0.1 * 0.03 / EA
     assert 0.0 < axial(state, -1) - 0.059 < 1.01 * stretch_m + 0.5 * needle.slip_speed_m_s * 0.5
+
+
+def test_friction_under_tension_follows_the_rods_own_speed():
+    """A taut rod whose stretch grows: the step's first guess is that it stands still, friction is that of its slide."""
+    properties = example_rod()
+    seal_n = 2e-5  # takes 1 % of the rod's momentum in a step
+    integrator, state = in_needle(properties, Supports(sleeve=Sleeve(*NEEDLE, seal_friction_n=seal_n)))
+    state.position_m[:, 0] *= 1.0 + 0.5 / EA
+    state.velocity_m_s[:, 0] = 0.01 + 1e-3 * np.linspace(0.0, 1.0, 51)
+    pull = np.zeros((51, 3))
+    pull[[0, -1], 0] = -0.5, 0.5
+    before = properties.particle_mass_kg() @ state.velocity_m_s[:, 0]
+    integrator.predict(state, pull, 1e-3)
+    lost = before - properties.particle_mass_kg() @ state.velocity_m_s[:, 0]
+    assert lost == pytest.approx(1e-3 * seal_n, rel=0.05)
