@@ -149,6 +149,8 @@ def spread_loads(rows_address: int, forces: FloatArray, slot: IntArray, nodes: I
     rows = rows_at(rows_address)
     count = 0
     for row in range(rows.used[0]):
+        if forces[row, 0] == 0.0 and forces[row, 1] == 0.0 and forces[row, 2] == 0.0:
+            continue
         for corner in range(3):
             weight = rows.duct_weight[row, corner]
             if weight == 0.0:
