@@ -134,6 +134,25 @@ def test_a_catheter_swept_round_behind_its_needle_is_not_caught_by_it(duct):
     assert -0.1 < min(course.hub_m) <= max(course.hub_m) < 23e-3
 
 
+def test_a_catheter_bent_round_the_edge_of_its_needle_by_a_grasp_that_never_slips_stays_calm(duct):
+    """To its stop and 10 mm further, at more than 60 degrees to the needle: the coupling pulls with 5 N, no more."""
+    aside = (
+        (2.6, (72, 0, 0)),
+        (3.0, (100, 60, 20)),
+        (3.4, (160, 60, 20)),
+        (3.8, (160, -60, 20)),
+        (4.4, (100, -60, 0)),
+        (5.0, (72, 0, 0)),
+    )
+    scenario = hands((*INSERT, *aside), "edge")
+    effects = {name: settings for name, settings in scenario.scene.effects.items() if name != "grasp_slip"}
+    course = run(replace(scenario, scene=replace(scenario.scene, effects=effects)), duct)
+    assert 2.0 < largest_force_n(course) < 6.0
+    assert np.linalg.norm(np.diff(course.force_n, axis=0), axis=2).max() < 0.5
+    assert max(course.speed_m_s) < 5.0
+    assert max(course.hub_m) < 23e-3
+
+
 def test_a_catheter_that_would_start_outside_its_needle_is_refused():
     with pytest.raises(ValueError, match=r"introducer_to_tip_m: 0.1 m leaves .* 0.005 and 0.096 m"):
         introducer(CatheterScene(introducer_to_tip_m=0.1))
