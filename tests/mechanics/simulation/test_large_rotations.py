@@ -108,7 +108,7 @@ def test_forces_and_motions_at_contacts_do_the_same_virtual_work(duct, bent):
     frame.update(body.q_start)
     frame.node_rows(nodes, rows)
     expected = np.einsum("nir,ni->r", rows, loads)
-    assert len(nodes) > 6
+    assert len(nodes) >= 6  # only nodes that carry a force are listed: two pressed contacts
     assert body.contact_impulse == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
     straight = np.einsum("nir,ni->r", duct.basis.Phi[nodes], loads)
     assert np.abs(straight - expected).max() > 0.05 * np.abs(expected).max()
