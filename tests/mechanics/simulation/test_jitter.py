@@ -10,7 +10,10 @@ from services.mechanics.tools import ToolInputs
 from services.runtime.loop import LoopMeter, TickClock
 
 TICKS = 2100  # the hand has come to rest 200 ms before
-HAND_M_S = 1.875 * 21.5e-3 / 0.9  # its peak speed
+# Half of what a particle may be deep in the wall. Friction decides within a tick where the steadying jaws stick, which
+# moves the wall between them by up to 20 um; the catheter ends within 20 um too.
+TOLERANCE_M = 50e-6
+TOLERANCE_N = 1e-3
 ON_TIME = np.arange(TICKS)
 
 
@@ -76,20 +79,18 @@ def test_the_same_frames_give_the_same_insertion_bit_for_bit_in_whatever_bursts_
     assert first.inserted_length_m > 20e-3
 
 
-def assert_within(simulation, reference, late_s):
-    """The end differs, and by less than the hand itself moves in that time, or pulls at its coupling."""
+def assert_within_tolerance(simulation, reference):
     rod_m, wall_m, force_n = difference(simulation, reference)
-    most_m = late_s * HAND_M_S
-    assert 0.0 < rod_m < most_m
-    assert 0.0 < wall_m < most_m
-    assert force_n < most_m * simulation.scene.forceps[0].coupling_stiffness_n_m
+    assert 0.0 < rod_m < TOLERANCE_M
+    assert 0.0 < wall_m < TOLERANCE_M
+    assert force_n < TOLERANCE_N
 
 
 def test_frames_that_were_missed_and_caught_up_change_the_end_by_little(duct, on_time):
     """One step in six has the tools of a frame up to 2 ms later."""
-    assert_within(run(duct, bursts(3))[0], on_time, late_s=2e-3)
+    assert_within_tolerance(run(duct, bursts(3))[0], on_time)
 
 
 def test_samples_taken_200_us_early_or_late_change_the_end_by_little(duct, on_time):
     early_s = np.random.default_rng(4).uniform(-0.2e-3, 0.2e-3, TICKS)
-    assert_within(run(duct, ON_TIME, early_s)[0], on_time, late_s=0.2e-3)
+    assert_within_tolerance(run(duct, ON_TIME, early_s)[0], on_time)
