@@ -1,6 +1,7 @@
 """What a run of a given length did: the object that ``trocar up --seconds N --json FILE`` writes.
 
-Only the time in which the rig was RUNNING and had settled counts: what processes counted between then and the end.
+Only the time in which the rig was RUNNING and had settled counts: what processes counted between then and the moment
+in which it was asked to end. While it ends, hands are let go one process after the other, and nothing is late.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class RunReport:
         }
 
     def _add(self, name: str, counts: Figures) -> None:
-        if self._start_s is not None:
+        if self._start_s is not None and self._supervisor.state is not RigState.OFF:
             self._counts[name] = self._counts[name] + counts if name in self._counts else counts
 
     def _restart_counts(self) -> dict[str, int]:

@@ -226,6 +226,21 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     assert any(fact["name"] == "scheduling" for fact in result["realtime"]["gateway"])
 
 
+def test_report_ends_when_the_rig_is_asked_to_end(fakes: Fakes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.supervisor.crew.END_S", 1.5)
+    report: list[run_report.RunReport] = []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        report.append(run_report.RunReport(supervisor))
+        while report[0].measured_s < 1.0:
+            report[0].turn(time.monotonic())
+            yield
+
+    fakes.play(scenario, recorder="stubborn")  # goes on for another 1.5 s
+    loop = report[0].result()["loops"]["recorder"]
+    assert 0.5 < loop["ticks"] / loop["rate_hz"] < 1.4
+
+
 UP = """
 import sys
 sys.path.insert(0, {root!r})
