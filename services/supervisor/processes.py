@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 #: One thread each: a pool of BLAS or numba threads beside a 1 kHz loop costs it its deadlines.
-THREADS = {
+ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
     "NUMBA_NUM_THREADS": "1",
     "PYTHONUNBUFFERED": "1",
+    "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",  # huge pages where offered: a tick begins with cold caches, see docs
     "LP_NUM_THREADS": "1",  # llvmpipe: with its default, software rendering takes 1.3 % of a 1 kHz loop's ticks
 }
 
@@ -37,7 +38,7 @@ class ProcessSpec:
     critical: bool = True
     starts_after: tuple[str, ...] = ()
     stream: str | None = None
-    environment: Mapping[str, str] = field(default_factory=lambda: THREADS)
+    environment: Mapping[str, str] = field(default_factory=lambda: ENVIRONMENT)
 
 
 #: Haptics and visualization need the modal basis that physics builds; started beside it they would build it as well.
