@@ -67,6 +67,7 @@ class Crew:
     _held_up_s: float = 0.0
     _said_held_up_s: float = float("-inf")
     _was_ready: set[str] = field(default_factory=set)
+    _prepared: set[str] = field(default_factory=set)
 
     def step(self, now_s: float) -> None:
         """Hear everyone, notice who ended or hangs, start whoever is due."""
@@ -167,6 +168,8 @@ class Crew:
             counts = member.hear(frame.body, now_s)
             if counts is not None:
                 self.on_counts(member.name, counts)
+                if frame.body.state != "starting":
+                    self._prepared.add(member.name)
         if flows:
             member.stream_s = now_s
 
@@ -226,12 +229,13 @@ class Crew:
             if member.health is not None and now_s - member.heard_s <= self.limits.heartbeat_s:
                 member.restarts.count += member.state is MemberState.LOST
                 member.enter(MemberState.STARTING, now_s)
-        elif now_s >= member.due_s and self._predecessors_ready(member):
+        elif now_s >= member.due_s and self._predecessors_prepared(member):
             self._start(member, now_s, self.launch)
 
-    def _predecessors_ready(self, member: Member) -> bool:
+    def _predecessors_prepared(self, member: Member) -> bool:
+        """Return whether those it starts after have said that they are; their streams may well wait for this one."""
         names = member.spec.starts_after
-        return all(name in self._was_ready for name in names if name in self.members)
+        return all(name in self._prepared for name in names if name in self.members)
 
     def _start(self, member: Member, now_s: float, launch: Launch) -> None:
         member.forget()
