@@ -9,7 +9,7 @@ import numpy as np
 
 from services.mechanics.contact.pairs import NO_TOOL
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import HOLD
+from services.mechanics.contact.solver import HOLD, UNILATERAL
 from services.mechanics.contact.state import state_at
 from services.mechanics.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.kernel import BoolArray, FloatArray, kernel, tuple_reader
@@ -226,6 +226,6 @@ def _whiten(S: FloatArray, G: FloatArray) -> bool:
 def _deepest_overlap(rows: ContactRows) -> float:
     deepest = 0.0
     for row in range(rows.used[0]):
-        if rows.kind[row] != HOLD and rows.tool[row] == NO_TOOL:
+        if rows.kind[row] == UNILATERAL and rows.tool[row] == NO_TOOL:  # a film or a hold has no gap to speak of
             deepest = max(deepest, -rows.gap_m[row])
     return deepest

@@ -1,5 +1,7 @@
 """The insertion, and the one that misses, as the hands of a trainee would do them, in process."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,14 @@ def test_catheter_is_20_mm_in_the_duct_at_the_end(insertion):
 
 def test_no_particle_is_ever_deeper_than_100_um_in_the_wall(insertion):
     assert 0.0 < max(insertion.penetration) < 0.1e-3
+
+
+def test_a_film_of_mucus_is_no_penetration(insertion_duct):
+    scenario = scenarios.insertion()
+    scene = replace(scenario.scene, effects={**scenario.scene.effects, "mucus_drag": {}})
+    course = Course(replace(scenario, scene=scene), insertion_duct)
+    assert course.simulation.inserted_length_m >= 20e-3
+    assert 0.0 < max(course.penetration) < 0.1e-3
 
 
 def test_forces_are_continuous_and_felt_by_both_hands(insertion):
