@@ -12,7 +12,7 @@ import numpy.typing as npt
 from services.mechanics.kernel import kernel
 from services.mechanics.mesh import TriangleMesh, vertex_adjacency
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.residual import BlockStore, block_index
+from services.mechanics.reduction.residual import BlockArray, block_index
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -31,11 +31,8 @@ class ResidualField:
 
     def __init__(self, duct: ReducedDuct) -> None:
         n = duct.mesh.n_vertices
+        self._residual = duct.residual
         self._start, self._ring = neighbourhoods(duct.mesh, RINGS)
-        # A copy of what is near, in the order in which it is read: out of the whole residual every block of a tick
-        # comes from another page.
-        self._blocks = np.zeros((len(self._ring), 3, 3))
-        copy_near_blocks(duct.residual.store, (self._start, self._ring), self._blocks)
         self._slot = np.full(n, -1, np.int32)
         self.nodes = np.zeros(n, np.int32)
         self.displacement_m = np.zeros((n, 3))
@@ -43,9 +40,10 @@ class ResidualField:
 
     def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""
+        r = self._residual
         self.count = displace_round_loads(
+            (r.blocks, r.starts, r.neighbours, r.n_nodes),
             (self._start, self._ring),
-            self._blocks,
             (load_nodes, load_force_n),
             self._slot,
             (self.nodes, self.displacement_m),
@@ -64,36 +62,21 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
 
 
 @kernel
-def copy_near_blocks(residual: BlockStore, neighbourhood: tuple[IntArray, IntArray], out: FloatArray) -> None:
-    """Copy the residual blocks of each node and its neighbourhood, row by row; zero where there is none."""
-    blocks, starts, neighbours, n_nodes = residual
-    start, ring = neighbourhood
-    for node in range(start.shape[0] - 1):
-        for k in range(start[node], start[node + 1]):
-            place = block_index(starts, neighbours, n_nodes, node, ring[k])
-            if place < 0:
-                continue
-            for i in range(3):
-                for j in range(3):
-                    out[k, i, j] = blocks[place, i, j]
-
-
-@kernel
 def displace_round_loads(
+    residual: tuple[BlockArray, IntArray, IntArray, int],
     neighbourhood: tuple[IntArray, IntArray],
-    blocks: FloatArray,
     loads: tuple[IntArray, FloatArray],
     slot: IntArray,
     out: tuple[IntArray, FloatArray],
 ) -> int:
     """Write nodes and displacements of the dents and return how many; ``slot`` (n,) is scratch, all -1."""
+    blocks, starts, neighbours, n_nodes = residual
     start, ring = neighbourhood
     nodes, u = out
     count = 0
     for load in range(loads[0].shape[0]):
         source, force = loads[0][load], loads[1][load]
-        x, y, z = force[0], force[1], force[2]
-        if x == 0.0 and y == 0.0 and z == 0.0:
+        if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
             continue
         for k in range(start[source], start[source + 1]):
             node = ring[k]
@@ -102,9 +85,12 @@ def displace_round_loads(
                 nodes[count] = node
                 u[count, 0] = u[count, 1] = u[count, 2] = 0.0
                 count += 1
-            for i in range(3):
-                # R is symmetric: the row of the load holds the transposed block.
-                u[slot[node], i] += blocks[k, 0, i] * x + blocks[k, 1, i] * y + blocks[k, 2, i] * z
+            place = block_index(starts, neighbours, n_nodes, source, node)
+            if place >= 0:
+                block = blocks[place]
+                for i in range(3):
+                    # R is symmetric: the row of the load holds the transposed block.
+                    u[slot[node], i] += block[0, i] * force[0] + block[1, i] * force[1] + block[2, i] * force[2]
     for index in range(count):
         slot[nodes[index]] = -1
     return count

@@ -20,8 +20,6 @@ from typing import Any
 import numpy as np
 
 MANIFEST = "manifest.json"
-#: Arrays up to this are copied into memory, where they get huge pages; each process has its own then.
-_COPIED_BYTES = 128 << 20
 
 
 class CacheError(RuntimeError):
@@ -52,10 +50,7 @@ class Entry:
         (self.folder / MANIFEST).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
     def load(self, name: str) -> np.ndarray[Any, Any]:
-        """Return one array, so that no later read waits for the disk: copied, or if it is large mapped and touched.
-
-        A tick reads blocks that lie far apart. In pages of 4 KB each of them costs a walk through the page tables as
-        well, on a virtual machine through two sets of them.
+        """Map one array into memory, copy on write, and touch its pages so that no later read waits for the disk.
 
         Raises
         ------
@@ -66,8 +61,6 @@ class Entry:
             array = np.load(self._file(name), mmap_mode="c", allow_pickle=False)
         except (OSError, ValueError) as error:
             raise CacheError(f"cache entry {self.folder} is damaged, remove it: {error}") from error
-        if array.nbytes <= _COPIED_BYTES:
-            return np.array(array)
         plain = np.asarray(array)
         words_a_page = max(4096 // plain.itemsize, 1)
         plain.reshape(-1)[::words_a_page].sum()
