@@ -8,7 +8,7 @@ import numpy.typing as npt
 from services.mechanics.collision import DuctSurface
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.warping import SectionFrame
-from services.mechanics.residual_field import ResidualField
+from services.mechanics.residual_field import NearResidualField, ResidualField
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -22,10 +22,10 @@ class Wall:
     surface : DuctSurface
     """
 
-    def __init__(self, duct: ReducedDuct, half_thickness_m: float) -> None:
+    def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
         basis = duct.basis
         self.surface = DuctSurface(duct.mesh, basis.Phi, basis.omega_rad_s, half_thickness_m, duct.warp)
-        self._dents = ResidualField(duct)
+        self._dents = ResidualField(duct) if solves_contacts else NearResidualField(duct)
 
     def update(self, q: FloatArray, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take modal coordinates (r,) and the contact loads (l,), (l, 3) along world axes, each node once."""
@@ -37,8 +37,8 @@ class Wall:
 class TurnedWall(Wall):
     """Wall whose sections turn: the loads are turned back into the undeformed axes, where dents are known."""
 
-    def __init__(self, duct: ReducedDuct, half_thickness_m: float) -> None:
-        super().__init__(duct, half_thickness_m)
+    def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
+        super().__init__(duct, half_thickness_m, solves_contacts=solves_contacts)
         if duct.warp is None:
             raise ValueError("a wall that turns needs a duct with a warp")
         self._frame = SectionFrame(duct.warp)
@@ -52,6 +52,7 @@ class TurnedWall(Wall):
         super().update(q, load_nodes, loads)
 
 
-def make_wall(duct: ReducedDuct, half_thickness_m: float) -> Wall:
-    """Return the wall of a duct, turned where the duct has a warp."""
-    return (Wall if duct.warp is None else TurnedWall)(duct, half_thickness_m)
+def make_wall(duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> Wall:
+    """Return the wall of a duct, turned where the duct has a warp; see `NearResidualField` for ``solves_contacts``."""
+    kind = Wall if duct.warp is None else TurnedWall
+    return kind(duct, half_thickness_m, solves_contacts=solves_contacts)
