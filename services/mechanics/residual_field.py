@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.kernel import kernel
+from services.mechanics.kernel import LongArray, kernel
 from services.mechanics.mesh import TriangleMesh, vertex_adjacency
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual import BlockArray, BlockStore, block_index
@@ -23,50 +23,43 @@ RINGS = 3
 class ResidualField:
     """Residual displacement on the loaded nodes and those up to `RINGS` edges away from each load.
 
+    Parameters
+    ----------
+    duct : ReducedDuct
+    copies : bool
+        Read the blocks near each node from a copy, which has them in the order in which they are read; out of the whole
+        residual every one comes from another page. For who does not solve contacts: the solve reads the same blocks
+        after the dents, and is served better if they come from the same place.
+
     Attributes
     ----------
     nodes : (N,) int32, displacement_m : (N, 3) float64
         The first ``count`` mean something, each node once.
     """
 
-    def __init__(self, duct: ReducedDuct) -> None:
+    def __init__(self, duct: ReducedDuct, *, copies: bool = False) -> None:
         n = duct.mesh.n_vertices
-        self._residual = duct.residual
         self._start, self._ring = neighbourhoods(duct.mesh, RINGS)
+        self._blocks: BlockArray = duct.residual.blocks
+        self._place = np.zeros(len(self._ring), np.int64)
+        find_places(duct.residual.store, (self._start, self._ring), self._place)
+        if copies:
+            self._copy_near_blocks()
         self._slot = np.full(n, -1, np.int32)
         self.nodes = np.zeros(n, np.int32)
         self.displacement_m = np.zeros((n, 3))
         self.count = 0
 
+    def _copy_near_blocks(self) -> None:
+        known = self._place >= 0
+        self._blocks = self._blocks[self._place[known]]
+        self._place[known] = np.arange(len(self._blocks))
+
     def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""
-        r = self._residual
         self.count = displace_round_loads(
-            (r.blocks, r.starts, r.neighbours, r.n_nodes),
+            (self._blocks, self._place),
             (self._start, self._ring),
-            (load_nodes, load_force_n),
-            self._slot,
-            (self.nodes, self.displacement_m),
-        )
-
-
-class NearResidualField(ResidualField):
-    """The same from a copy of the blocks near each node, in the order in which they are read.
-
-    For who does not solve contacts: out of the whole residual every block of a tick comes from another page. The
-    contact solve reads these blocks after the dents, and is served better if they come from the same place.
-    """
-
-    def __init__(self, duct: ReducedDuct) -> None:
-        super().__init__(duct)
-        self._blocks = np.zeros((len(self._ring), 3, 3))
-        copy_near_blocks(duct.residual.store, (self._start, self._ring), self._blocks)
-
-    def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
-        """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""
-        self.count = displace_near_loads(
-            (self._start, self._ring),
-            self._blocks,
             (load_nodes, load_force_n),
             self._slot,
             (self.nodes, self.displacement_m),
@@ -85,64 +78,25 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
 
 
 @kernel
+def find_places(residual: BlockStore, neighbourhood: tuple[IntArray, IntArray], out: LongArray) -> None:
+    """Write where the block of each node and each of its neighbourhood lies, -1 where there is none."""
+    _, starts, neighbours, n_nodes = residual
+    start, ring = neighbourhood
+    for node in range(start.shape[0] - 1):
+        for k in range(start[node], start[node + 1]):
+            out[k] = block_index(starts, neighbours, n_nodes, node, ring[k])
+
+
+@kernel
 def displace_round_loads(
-    residual: tuple[BlockArray, IntArray, IntArray, int],
+    residual: tuple[BlockArray, LongArray],
     neighbourhood: tuple[IntArray, IntArray],
     loads: tuple[IntArray, FloatArray],
     slot: IntArray,
     out: tuple[IntArray, FloatArray],
 ) -> int:
     """Write nodes and displacements of the dents and return how many; ``slot`` (n,) is scratch, all -1."""
-    blocks, starts, neighbours, n_nodes = residual
-    start, ring = neighbourhood
-    nodes, u = out
-    count = 0
-    for load in range(loads[0].shape[0]):
-        source, force = loads[0][load], loads[1][load]
-        if force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0:
-            continue
-        for k in range(start[source], start[source + 1]):
-            node = ring[k]
-            if slot[node] < 0:
-                slot[node] = count
-                nodes[count] = node
-                u[count, 0] = u[count, 1] = u[count, 2] = 0.0
-                count += 1
-            place = block_index(starts, neighbours, n_nodes, source, node)
-            if place >= 0:
-                block = blocks[place]
-                for i in range(3):
-                    # R is symmetric: the row of the load holds the transposed block.
-                    u[slot[node], i] += block[0, i] * force[0] + block[1, i] * force[1] + block[2, i] * force[2]
-    for index in range(count):
-        slot[nodes[index]] = -1
-    return count
-
-
-@kernel
-def copy_near_blocks(residual: BlockStore, neighbourhood: tuple[IntArray, IntArray], out: FloatArray) -> None:
-    """Copy the residual blocks of each node and its neighbourhood, row by row; zero where there is none."""
-    blocks, starts, neighbours, n_nodes = residual
-    start, ring = neighbourhood
-    for node in range(start.shape[0] - 1):
-        for k in range(start[node], start[node + 1]):
-            place = block_index(starts, neighbours, n_nodes, node, ring[k])
-            if place < 0:
-                continue
-            for i in range(3):
-                for j in range(3):
-                    out[k, i, j] = blocks[place, i, j]
-
-
-@kernel
-def displace_near_loads(
-    neighbourhood: tuple[IntArray, IntArray],
-    blocks: FloatArray,
-    loads: tuple[IntArray, FloatArray],
-    slot: IntArray,
-    out: tuple[IntArray, FloatArray],
-) -> int:
-    """Do as `displace_round_loads` with ``blocks`` (k, 3, 3), one for each entry of the neighbourhood."""
+    blocks, places = residual
     start, ring = neighbourhood
     nodes, u = out
     count = 0
@@ -152,14 +106,17 @@ def displace_near_loads(
         if x == 0.0 and y == 0.0 and z == 0.0:
             continue
         for k in range(start[source], start[source + 1]):
-            node = ring[k]
+            node, place = ring[k], places[k]
             if slot[node] < 0:
                 slot[node] = count
                 nodes[count] = node
                 u[count, 0] = u[count, 1] = u[count, 2] = 0.0
                 count += 1
+            if place < 0:
+                continue
             for i in range(3):
-                u[slot[node], i] += blocks[k, 0, i] * x + blocks[k, 1, i] * y + blocks[k, 2, i] * z
+                # R is symmetric: the row of the load holds the transposed block.
+                u[slot[node], i] += blocks[place, 0, i] * x + blocks[place, 1, i] * y + blocks[place, 2, i] * z
     for index in range(count):
         slot[nodes[index]] = -1
     return count

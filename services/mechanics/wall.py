@@ -8,7 +8,7 @@ import numpy.typing as npt
 from services.mechanics.collision import DuctSurface
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.warping import SectionFrame
-from services.mechanics.residual_field import NearResidualField, ResidualField
+from services.mechanics.residual_field import ResidualField
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
@@ -25,7 +25,7 @@ class Wall:
     def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
         basis = duct.basis
         self.surface = DuctSurface(duct.mesh, basis.Phi, basis.omega_rad_s, half_thickness_m, duct.warp)
-        self._dents = ResidualField(duct) if solves_contacts else NearResidualField(duct)
+        self._dents = ResidualField(duct, copies=not solves_contacts)
 
     def update(self, q: FloatArray, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take modal coordinates (r,) and the contact loads (l,), (l, 3) along world axes, each node once."""
@@ -53,6 +53,6 @@ class TurnedWall(Wall):
 
 
 def make_wall(duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> Wall:
-    """Return the wall of a duct, turned where the duct has a warp; see `NearResidualField` for ``solves_contacts``."""
+    """Return the wall of a duct, turned where the duct has a warp; see `ResidualField` for ``solves_contacts``."""
     kind = Wall if duct.warp is None else TurnedWall
     return kind(duct, half_thickness_m, solves_contacts=solves_contacts)

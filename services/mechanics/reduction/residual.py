@@ -97,20 +97,24 @@ class Residual:
 
 
 @njit(cache=True, nogil=True, fastmath=False)
+def find_sorted(values: IntArray, first: int, end: int, wanted: int) -> int:
+    """Return where ``wanted`` stands among the ascending ``values[first:end]``, -1 where it does not."""
+    low, high = first, end
+    while low < high:
+        middle = (low + high) // 2
+        if values[middle] < wanted:
+            low = middle + 1
+        else:
+            high = middle
+    return int(low) if low < end and values[low] == wanted else -1
+
+
+@njit(cache=True, nogil=True, fastmath=False)
 def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, column: int) -> int:
     """Return where the block of two nodes lies, -1 where there is none."""
     if starts.shape[0] == 0:
         return int(row * n_nodes + column)
-    low, high = starts[row], starts[row + 1]
-    while low < high:
-        middle = (low + high) // 2
-        if neighbours[middle] < column:
-            low = middle + 1
-        else:
-            high = middle
-    if low < starts[row + 1] and neighbours[low] == column:
-        return int(low)
-    return -1
+    return int(find_sorted(neighbours, starts[row], starts[row + 1], column))
 
 
 @njit(cache=True, nogil=True, fastmath=False)

@@ -18,7 +18,7 @@ from numba import njit
 from scipy.sparse import csc_array, identity, tril
 from scipy.sparse.linalg import SuperLU
 
-from services.mechanics.reduction.residual import BlockArray
+from services.mechanics.reduction.residual import BlockArray, find_sorted
 from services.mechanics.reduction.state import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -179,13 +179,4 @@ def find_entry(inverse: tuple[IntArray, IntArray, IntArray, FloatArray], first: 
     """Return where the entry of two unknowns lies, -1 outside the pattern."""
     place, starts, rows, _ = inverse
     row, column = max(place[first], place[second]), min(place[first], place[second])
-    low, high = starts[column], starts[column + 1]
-    while low < high:
-        middle = (low + high) // 2
-        if rows[middle] < row:
-            low = middle + 1
-        else:
-            high = middle
-    if low < starts[column + 1] and rows[low] == row:
-        return int(low)
-    return -1
+    return int(find_sorted(rows, starts[column], starts[column + 1], row))

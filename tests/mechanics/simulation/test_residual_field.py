@@ -3,7 +3,7 @@
 import numpy as np
 
 from services.mechanics import scenarios
-from services.mechanics.residual_field import NearResidualField, ResidualField
+from services.mechanics.residual_field import ResidualField
 from services.mechanics.scene_duct import build_scene_duct
 
 
@@ -11,7 +11,7 @@ def test_both_dents_are_the_residual_of_the_loads(cache_dir):
     duct = build_scene_duct(scenarios.insertion_scene(), cache_dir)
     nodes = np.array([200, 201, 340], np.int32)
     forces = np.random.default_rng(1).normal(size=(3, 3))
-    whole, near = ResidualField(duct), NearResidualField(duct)
+    whole, near = ResidualField(duct), ResidualField(duct, copies=True)
     for _ in range(2):  # the second time on the scratch that the first has left
         whole.update(nodes, forces)
         near.update(nodes, forces)
