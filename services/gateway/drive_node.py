@@ -33,6 +33,7 @@ class Task(msgspec.Struct):
     recording: str | None = None
     script: str | None = None
     scenario: str | None = None
+    pace: float = 1.0
     range_rad: tuple[float, float] | None = None
     core: int | None = None
     priority: int | None = None
@@ -67,9 +68,9 @@ def _choose(task: Task) -> hand_motion.Wanted:
     if task.recording is not None:
         return hand_motion.recorded(Path(task.recording))
     if task.scenario is not None:
-        return hand_motion.of_scenario(task.scenario, task.index)
+        return hand_motion.of_scenario(task.scenario, task.index, task.pace)
     if task.script is not None:
-        return hand_motion.scripted(task.script, task.instrument)
+        return hand_motion.scripted(task.script, task.instrument, task.pace)
     return hand_motion.squeeze
 
 

@@ -25,18 +25,18 @@ def squeeze(time_s: float) -> float:
     return 0.55 + 0.45 * math.cos(2 * math.pi * time_s / 4.0)
 
 
-def scripted(name: str, instrument: str) -> Wanted:
+def scripted(name: str, instrument: str, pace: float = 1.0) -> Wanted:
     """Return the handle angles of a script of configs/scripts."""
     from services.gateway.script import read_player  # only here: its kernels take a second to import
 
-    return _played(read_player(name, instrument, _NO_PORT))
+    return _played(read_player(name, instrument, _NO_PORT, pace))
 
 
-def of_scenario(name: str, index: int) -> Wanted:
+def of_scenario(name: str, index: int, pace: float = 1.0) -> Wanted:
     """Return the handle angles of a scenario of the mechanics."""
     from services.gateway.scenario_script import scenario_player
 
-    return _played(scenario_player(name, index, _NO_PORT))
+    return _played(scenario_player(name, index, _NO_PORT, pace))
 
 
 def _played(player: Player) -> Wanted:

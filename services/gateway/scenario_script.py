@@ -8,7 +8,7 @@ from services.runtime.errors import ConfigError
 from services.runtime.rig import Vector3
 
 
-def scenario_player(name: str, index: int, port_m: Vector3) -> Player:
+def scenario_player(name: str, index: int, port_m: Vector3, pace: float = 1.0) -> Player:
     """Return what the hand of instrument `index` does in a scenario; at its end it holds still.
 
     Raises
@@ -28,4 +28,6 @@ def scenario_player(name: str, index: int, port_m: Vector3) -> Player:
         Breakpoint(time_s=time_s, hip_m=point, roll_rad=roll, handle_rad=jaw / ratio)
         for time_s, point, roll, jaw in rows
     )
-    return Player(Motion(beyond_hip_m=motion.grip_offset_m, breakpoints=breakpoints), loop=False, port_m=port_m)
+    return Player(
+        Motion(beyond_hip_m=motion.grip_offset_m, breakpoints=breakpoints), loop=False, port_m=port_m, pace=pace
+    )

@@ -52,7 +52,7 @@ class Script(Settings):
 
 
 class Player:
-    """Samples one motion of a script at any time.
+    """Samples one motion of a script at any time, played at a pace: 0.5 takes twice as long.
 
     Attributes
     ----------
@@ -60,11 +60,11 @@ class Player:
         Junction in the world, roll, handle, and their rates, of the last `sample`.
     """
 
-    def __init__(self, motion: Motion, loop: bool, port_m: Vector3) -> None:
+    def __init__(self, motion: Motion, loop: bool, port_m: Vector3, pace: float = 1.0) -> None:
         points = motion.breakpoints
         self._offset_m = motion.beyond_hip_m
         self._port = np.array(port_m)
-        self._times = np.array([point.time_s for point in points])
+        self._times = np.array([point.time_s for point in points]) / pace
         self._values = np.array([[*point.hip_m, point.roll_rad, point.handle_rad] for point in points])
         self._loop = loop
         self.value = np.zeros(COLUMNS)
@@ -81,7 +81,7 @@ class Player:
             draw_back(self._port, self._offset_m, self.value, self.rate)
 
 
-def read_player(name: str, instrument: str, port_m: Vector3) -> Player:
+def read_player(name: str, instrument: str, port_m: Vector3, pace: float = 1.0) -> Player:
     """Return the motion of an instrument in a script of configs/scripts.
 
     Raises
@@ -94,7 +94,7 @@ def read_player(name: str, instrument: str, port_m: Vector3) -> Player:
     if instrument not in script.motions:
         known = ", ".join(script.motions)
         raise ConfigError(f"{path}: motions: there is none for instrument {instrument!r}; known: {known}")
-    return Player(script.motions[instrument], script.loop, port_m)
+    return Player(script.motions[instrument], script.loop, port_m, pace)
 
 
 @kernel

@@ -145,14 +145,39 @@ class TickClock:
         return jump
 
 
+#: Of its core a following loop takes this share at most, once it has taken more by `_AHEAD_NS`. The kernel takes a core
+#: from real-time threads that leave it no twentieth of a second: for 50 ms, from all of them, and each second anew.
+SHARE = 0.8
+_AHEAD_NS = 50_000_000
+#: A longer tick was not work: the process was stopped, or waited for its core.
+_WORK_NS = 20_000_000
+
+
+class Breath:
+    """How long a loop must rest between ticks: not at all if it keeps its rate or falls behind but once."""
+
+    def __init__(self) -> None:
+        self._ahead_ns = 0.0
+        self._last_ns = 0
+
+    def rest_ns(self, began_ns: int, now_ns: int) -> int:
+        """Return the rest after a tick from `began_ns` to `now_ns`."""
+        busy_ns, elapsed_ns = min(now_ns - began_ns, _WORK_NS), now_ns - (self._last_ns or began_ns)
+        self._last_ns = now_ns
+        self._ahead_ns = max(0.0, self._ahead_ns + busy_ns - SHARE * elapsed_ns)
+        return round(max(0.0, self._ahead_ns - _AHEAD_NS) / SHARE)
+
+
 def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> Iterator[Frame | None]:
     """Yield each new frame of `topic`, newest only; None when none came for two periods, so that health goes on.
 
     The tick is due when its frame was sent and must be done one period later. Frames that come faster than the rate
-    (a publisher that floods) are answered at no more than four times the rate: the rest of the core stays free.
+    (a publisher that floods) are answered at no more than four times the rate, and a loop whose ticks take longer than
+    their period rests between them (`Breath`): the rest of the core stays free.
     """
     apart_ns = meter.period_ns // 4
     last_ns = 0
+    breath = Breath()
     while not stop():
         if not bus.wait(topic, time.monotonic_ns() + 2 * meter.period_ns):
             yield None
@@ -166,4 +191,6 @@ def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> 
         last_ns = time.monotonic_ns()
         meter.start(frame.sent_ns, last_ns)
         yield frame
-        meter.finish(time.monotonic_ns())
+        ended_ns = time.monotonic_ns()
+        meter.finish(ended_ns)
+        sleep_until(ended_ns + breath.rest_ns(last_ns, ended_ns))

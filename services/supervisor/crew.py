@@ -99,6 +99,11 @@ class Crew:
         """Whether every process is up, but for those given up that the rig can do without."""
         return all(m.up or (m.state is MemberState.FAILED and not m.critical) for m in self.members.values())
 
+    @property
+    def all_came_up(self) -> bool:
+        """Whether every process has been up since it was started, whatever it does now."""
+        return all(m.came_up or (m.state is MemberState.FAILED and not m.critical) for m in self.members.values())
+
     def troubles(self) -> list[str]:
         """Return what is wrong with processes that should be up, critical ones first."""
         members = sorted(self.members.values(), key=lambda m: not m.critical)
@@ -201,6 +206,7 @@ class Crew:
                 member.enter(MemberState.HUNG, now_s, wrong)
                 self.say("warning", wrong)
             case MemberState.HUNG if not wrong:
+                member.stalls_s.append(now_s)
                 member.enter(MemberState.STARTING, now_s)
             case MemberState.HUNG:
                 member.reason = wrong
@@ -208,6 +214,7 @@ class Crew:
                     self._give_up_waiting(member, now_s)
             case MemberState.STARTING if watch.says_ready(member, now_s, self.limits):
                 member.enter(MemberState.READY, now_s)
+                member.came_up = True
                 self._was_ready.add(member.name)
                 self.say("info", f"{member.name}: ready (process {member.pid})")
             case MemberState.STARTING if watch.is_overdue(member, now_s, self.limits) and not member.killed:

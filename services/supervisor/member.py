@@ -47,6 +47,8 @@ class Member:
     last_lines: list[str] = field(default_factory=list)
     progress: tuple[str, float] | None = None
     killed: bool = False
+    came_up: bool = False  # was ready since it was started
+    stalls_s: list[float] = field(default_factory=list)  # when silences ended that it came back from by itself
 
     @property
     def name(self) -> str:
@@ -88,6 +90,7 @@ class Member:
         self.stream_s = None
         self.progress = None
         self.killed = False
+        self.came_up = False
         self.waited_s = 0.0
 
     def kill(self) -> None:

@@ -35,6 +35,9 @@ class Situation:
         There was no `trouble` for the settling time.
     safe_stop
         A safe stop is in force: commanded, or nothing else is left. Only arming the rig clears it.
+    stalling
+        All have been ready, but again and again some fall silent for a moment: the machine is too slow for the scene,
+        and waiting for it to settle would be in vain.
     """
 
     stopping: bool = False
@@ -43,13 +46,15 @@ class Situation:
     settled: bool = False
     calm: bool = False
     safe_stop: bool = False
+    stalling: bool = False
 
 
 def next_state(state: RigState, now: Situation) -> RigState:
     """Return the state that follows `state`.
 
     A safe stop wins over everything but the end of the rig. It is left only through STARTING, so a rig that is armed
-    anew passes READY again. READY becomes RUNNING when it has settled; contracts are judged from then on.
+    anew passes READY again. READY becomes RUNNING when it has settled; contracts are judged from then on. A rig that
+    cannot settle is DEGRADED, where enforcement may still help it.
     """
     if now.stopping:
         return RigState.OFF
@@ -59,10 +64,10 @@ def next_state(state: RigState, now: Situation) -> RigState:
         case RigState.OFF | RigState.SAFE_STOP:
             return RigState.STARTING
         case RigState.STARTING:
-            return RigState.READY if now.all_ready else state
+            return RigState.READY if now.all_ready or now.stalling else state
         case RigState.READY:
             if not now.all_ready:
-                return RigState.STARTING
+                return RigState.DEGRADED if now.stalling else RigState.STARTING
             return RigState.RUNNING if now.settled else state
         case RigState.RUNNING:
             return RigState.DEGRADED if now.trouble or not now.all_ready else state

@@ -63,6 +63,7 @@ class Supervisor:
         ladder = Ladder(levels=setup.levels, patience_s=patience_s, may_restart=setup.launch is not None)
         self.enforcement = Enforcement(ladder)
         self.breaches: list[contracts.Breach] = []
+        self._stalled: list[contracts.Breach] = []
         self._bus = bus
         self._on_event = on_event
         self._standing = contracts.Standing(_ENTER_S, SETTLE_S)
@@ -172,10 +173,18 @@ class Supervisor:
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
             windows = {name: m.window.figures() for name, m in self.crew.members.items() if m.up}
             seen = contracts.judge({n: f for n, f in windows.items() if f is not None}, self.rig.contracts)
-        self.breaches = self._standing.update(self._now_s, seen)
+        self._stalled = self._stalls()
+        self.breaches = [*self._standing.update(self._now_s, seen), *self._stalled]
         action = self.enforcement.decide(self._now_s, [b for b in self.breaches if self._is_critical(b.process)])
         if action is not None:
             self._act(action)
+
+    def _stalls(self) -> list[contracts.Breach]:
+        """Return who keeps falling silent: of itself no reason to stop, but one to ask for less."""
+        said = {name: watch.stalling(member, self._now_s) for name, member in self.crew.members.items()}
+        return [
+            contracts.Breach(name, f"{name} stalls", text, 1.0, severe=False) for name, text in said.items() if text
+        ]
 
     def _is_critical(self, name: str) -> bool:
         member = self.crew.members.get(name)
@@ -188,6 +197,8 @@ class Supervisor:
         elif action.rung is Rung.SAFE_STOP:
             self._stop_safely(action.reason)
         self._judge_anew()
+        for member in self.crew.members.values():
+            member.stalls_s.clear()
 
     def _move(self) -> None:
         now_s = self._now_s
@@ -205,6 +216,7 @@ class Supervisor:
             settled=now_s - self._not_ready_s >= SETTLE_S,
             calm=now_s - self._trouble_s >= SETTLE_S,
             safe_stop=bool(self._safe_stop),
+            stalling=self.crew.all_came_up and bool(self._stalled),
         )
         reason = self._safe_stop or (troubles[0] if troubles else "")
         self._enter(next_state(self.state, situation), reason)

@@ -12,6 +12,8 @@ from services.supervisor.member import Member, MemberState
 
 #: Silence of a 1 kHz stream that is a hang: longer than stalls of a busy machine, short enough to notice in 100 ms.
 STREAM_SILENCE_S = 0.06
+#: So many silences within so long that a process came back from by itself are no accident: it has too much to do.
+STALLS, STALLS_WITHIN_S = 3, 10.0
 _LIVING = ("ready", "running", "degraded")
 
 
@@ -47,6 +49,13 @@ def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) 
     """
     hung_s, silent_s = now_s - member.since_s, now_s - member.heard_s - member.starved_s()
     return hung_s >= limits.heartbeat_s and (stopped or silent_s >= limits.heartbeat_s)
+
+
+def stalling(member: Member, now_s: float) -> str:
+    """Return what is said of a process that keeps falling silent for a moment, empty for nothing."""
+    member.stalls_s = [at_s for at_s in member.stalls_s if now_s - at_s <= STALLS_WITHIN_S]
+    stalls = len(member.stalls_s)
+    return f"{member.name}: fell silent {stalls} times in {STALLS_WITHIN_S:.0f} s" if stalls >= STALLS else ""
 
 
 def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:

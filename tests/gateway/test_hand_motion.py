@@ -43,6 +43,7 @@ def test_real_recordings_move_a_handle_as_a_hand_does(path: Path | None) -> None
 def test_scripts_and_scenarios_move_a_handle() -> None:
     assert hand_motion.scripted("stroke", "left")(0.0) == 1.0
     assert hand_motion.of_scenario("insertion", 0)(10.0) == pytest.approx(0.25)
+    assert hand_motion.of_scenario("insertion", 0, 0.25)(1.6) == hand_motion.of_scenario("insertion", 0)(0.4)
     assert 0.1 <= min(hand_motion.squeeze(k * 0.1) for k in range(40)) < 0.11
 
 

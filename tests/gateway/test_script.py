@@ -12,13 +12,13 @@ from services.runtime.errors import ConfigError
 PORT = (0.06, -0.1, 0.13)
 
 
-def _player(loop: bool = False, offset_m: float = 0.0) -> Player:
+def _player(loop: bool = False, offset_m: float = 0.0, pace: float = 1.0) -> Player:
     points = (
         Breakpoint(time_s=0.0, hip_m=(0.0, 0.0, 0.0)),
         Breakpoint(time_s=2.0, hip_m=(0.1, 0.0, 0.0), handle_rad=0.2),
         Breakpoint(time_s=3.0, hip_m=(0.1, -0.1, 0.0)),
     )
-    return Player(Motion(breakpoints=points, beyond_hip_m=offset_m), loop, PORT)
+    return Player(Motion(breakpoints=points, beyond_hip_m=offset_m), loop, PORT, pace)
 
 
 def _sample(player: Player, time_s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -55,6 +55,14 @@ def test_breakpoints_may_be_for_the_tip() -> None:
     player = _player(offset_m=offset_m)
     difference = (_sample(player, 0.7 + h)[0] - _sample(player, 0.7 - h)[0]) / (2 * h)
     np.testing.assert_allclose(rate, difference, atol=1e-8)
+
+
+@pytest.mark.parametrize("pace", [0.25, 2.0])
+def test_the_same_motion_at_another_pace(pace: float) -> None:
+    value, rate = _sample(_player(offset_m=0.015), 0.7)
+    paced_value, paced_rate = _sample(_player(offset_m=0.015, pace=pace), 0.7 / pace)
+    np.testing.assert_allclose(paced_value, value, rtol=1e-12)
+    np.testing.assert_allclose(paced_rate, pace * rate, rtol=1e-12)
 
 
 def test_a_loop_begins_again() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from protocol import bodies
 from services.runtime import loop
-from services.runtime.loop import LoopMeter, TickClock, follow, ticks
+from services.runtime.loop import SHARE, Breath, LoopMeter, TickClock, follow, ticks
 from services.runtime.memory_bus import MemoryBus, MemoryHub
 
 
@@ -126,3 +126,33 @@ def test_a_follower_breathes_while_what_comes_is_refused(clock: Clock) -> None:
     for _frame in follow(reader, "gateway.state", meter, lambda: hub.send("gateway.state", b"garbage") or next(stop)):
         assert _frame is None
     assert clock.now - began_ns >= 5_000_000
+
+
+def rested(work_ns: int, ticks: int, period_ns: int = 1_000_000) -> tuple[int, int]:
+    """Return how long a loop rests and how long it took, if each of its ticks works for `work_ns`."""
+    breath, now, rested = Breath(), 0, 0
+    for _ in range(ticks):
+        began = now
+        now += work_ns
+        rest = breath.rest_ns(began, now)
+        rested += rest
+        now += max(rest, period_ns - work_ns, 0)
+    return rested, now
+
+
+def test_an_overloaded_follower_leaves_its_share_of_the_core() -> None:
+    rest, took = rested(1_500_000, 10_000)
+    assert rest / took == pytest.approx(1.0 - SHARE, rel=0.02)
+
+
+@pytest.mark.parametrize("work_ns", [100_000, 790_000])
+def test_a_follower_that_keeps_its_rate_never_rests(work_ns: int) -> None:
+    assert rested(work_ns, 10_000)[0] == 0
+
+
+def test_one_long_tick_is_no_overload() -> None:
+    """The process was stopped for a second: it goes on at once."""
+    breath = Breath()
+    assert breath.rest_ns(0, 300_000) == 0
+    assert breath.rest_ns(1_000_000, 1_001_000_000) == 0
+    assert breath.rest_ns(1_002_000_000, 1_002_300_000) == 0

@@ -94,6 +94,40 @@ def test_a_brief_silence_costs_nothing_but_the_state() -> None:
     assert bench.supervisor.crew.members["haptics"].restarts.count == 0
 
 
+def stall(bench: Bench, seconds: float, every_s: float = 0.5) -> None:
+    """Let physics fall silent for 0.1 s, again and again."""
+    for _ in range(round(seconds / every_s)):
+        bench.peers["physics"].alive = False
+        bench.run(0.1)
+        bench.peers["physics"].alive = True
+        bench.run(every_s - 0.1)
+
+
+def test_a_rig_that_cannot_settle_runs_degraded_on_a_lower_quality() -> None:
+    """A machine too slow for the scene: each stall alone is forgiven, and without this the rig would start for ever."""
+    bench = Bench(rig(), levels=2)
+    bench.run(0.5)
+    stall(bench, 3.0)
+    states = list(dict.fromkeys(body.state for body in bench.told()))
+    assert states[-1] == "degraded"
+    assert "running" not in states
+    assert bench.supervisor.reason.startswith("physics")
+    assert any(breach.text.startswith("physics: fell silent") for breach in bench.supervisor.breaches)
+    stall(bench, 6.0)
+    assert bench.supervisor.enforcement.level == 1
+    stall(bench, 30.0)
+    assert not bench.supervisor.body().safe_stop, "a rig that limps is better than one that is stopped"
+    bench.run(15.0)
+    assert bench.supervisor.state is RigState.RUNNING
+
+
+def test_a_rig_is_not_degraded_before_all_have_come_up() -> None:
+    bench = Bench(rig())
+    bench.peers["visualization"].state = "starting"
+    stall(bench, 5.0)
+    assert bench.supervisor.state is RigState.STARTING
+
+
 def test_its_own_absence_counts_against_nobody() -> None:
     """The supervisor was stopped for ten seconds: on return it accuses no one."""
     bench = running(Bench(rig()))

@@ -33,6 +33,7 @@ class SimulatedGraspSettings(Settings):
     )
     script: str | None = Field(None, description="a file of configs/scripts: its handle angles")
     scenario: str | None = Field(None, description="a scenario of the mechanics: its handle angles")
+    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="of script or scenario; 0.5 takes twice as long")
     range_rad: tuple[float, float] | None = Field(
         None, description="angles that shut and open (0 and 1 rad) of the motion become, e.g. round a duct"
     )
@@ -62,6 +63,7 @@ class Driver(OdriveGrasp):
             recording=find_recording(own, place.index),
             script=own.script,
             scenario=own.scenario,
+            pace=own.pace,
             range_rad=own.range_rad,
             core=own.core,
             priority=own.priority,

@@ -26,6 +26,7 @@ class ArmSettings(Settings):
 
     script: str | None = Field(None, description="a file of configs/scripts; none: the hand holds still")
     scenario: str | None = Field(None, description="instead of a script, a scenario of the mechanics")
+    pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="of script or scenario; 0.5 takes twice as long")
     hand_stiffness_n_m: Annotated[float, Field(ge=0.0, le=2000.0)] = 300.0
     hand_damping_n_s_m: Annotated[float, Field(ge=0.0, le=50.0)] = 5.0
     hand_grip_n: Annotated[float, Field(ge=0.0)] = 20.0
@@ -108,5 +109,7 @@ def choose_player(settings: ArmSettings, place: Place) -> Player | None:
     if settings.scenario is not None:
         from services.gateway.scenario_script import scenario_player  # only here: it imports the mechanics
 
-        return scenario_player(settings.scenario, place.index, place.port_m)
-    return read_player(settings.script, place.instrument, place.port_m) if settings.script is not None else None
+        return scenario_player(settings.scenario, place.index, place.port_m, settings.pace)
+    if settings.script is not None:
+        return read_player(settings.script, place.instrument, place.port_m, settings.pace)
+    return None

@@ -78,6 +78,15 @@ def test_a_film_of_mucus_is_no_penetration(insertion_duct):
     assert 0.0 < max(course.penetration) < 0.1e-3
 
 
+def test_a_hand_four_times_slower_ends_at_the_same_place(insertion, insertion_duct):
+    """What it costs, resists and reaches is quasi-static: only friction's creep knows of the time."""
+    fast = scenarios.insertion()
+    motions = tuple(replace(m, time_s=tuple(4.0 * t for t in m.time_s)) for m in fast.motions)
+    slow = Course(replace(fast, motions=motions, duration_s=4.0 * fast.duration_s), insertion_duct)
+    assert np.linalg.norm(slow.tips[-1] - insertion.tips[-1]) < 0.1e-3
+    assert 0.0 < max(slow.penetration) < 0.1e-3
+
+
 def test_forces_are_continuous_and_felt_by_both_hands(insertion):
     force = np.array(insertion.force)
     assert np.linalg.norm(np.diff(force, axis=0), axis=2).max() < 0.3
