@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from services.mechanics.contact.rows import ContactRows, rows_at
@@ -48,7 +50,7 @@ class DuctBody:
         # At the contact points: displacement at the start that `modes` times `q_start` leave out.
         self.residual_start = np.zeros((capacity, 3))
         self.residual_change = np.zeros((capacity, 3))
-        self.corner_displacement = np.zeros((3 * capacity, 3))
+        self._corners = ContactCorners.allocate(capacity)
         self.load_nodes = np.zeros(3 * capacity, np.int32)
         self.load_force_n = np.zeros((3 * capacity, 3))
         self.n_loads = 0
@@ -75,10 +77,11 @@ class DuctBody:
         n = rows.n_contacts
         nodes, weights = rows.duct_node[:n], rows.duct_weight[:n]
         self._motion.gather(nodes, weights, self.modes[: 3 * n])
-        corners = self.corner_displacement[: 3 * n]
-        flat = nodes.reshape(-1)
-        self.reduced.residual.apply(self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads], flat, corners)
-        take_corners(corners, weights, self.residual_start, self.residual_change)
+        corners = self._corners
+        u = list_corners(nodes, weights, self._slot, corners)
+        load_nodes, loads = self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads]
+        self.reduced.residual.apply(load_nodes, loads, corners.node[:u], corners.displacement_m[:u])
+        take_corners(weights, corners, u, self.residual_start, self.residual_change)
         self._motion.add_bend(nodes, weights, self.modes[: 3 * n], self.q_start, self.residual_start[:n])
 
     def correct(self, rows: ContactRows, forces: FloatArray) -> None:
@@ -127,20 +130,57 @@ class DuctBody:
         self._gains_dt_s = dt_s
 
 
+class ContactCorners(NamedTuple):
+    """Corners of the triangles touched, each once: neighbouring contacts share them, and each costs a row of R."""
+
+    node: IntArray  # (3 C,)
+    displacement_m: FloatArray  # (3 C, 3)
+    place: IntArray  # (C, 3) of each contact's corners among them
+
+    @classmethod
+    def allocate(cls, capacity: int) -> ContactCorners:
+        """Return room for the corners of ``capacity`` contacts."""
+        node, place = np.zeros(3 * capacity, np.int32), np.zeros((capacity, 3), np.int32)
+        return cls(node, np.zeros((3 * capacity, 3)), place)
+
+
 @kernel
-def take_corners(corners: FloatArray, weights: FloatArray, start: FloatArray, change: FloatArray) -> None:
-    """Move displacements at corners (3 k, 3) to the points of ``weights`` (k, 3); zero is left at the corners.
+def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, out: ContactCorners) -> int:
+    """List the corners (k, 3) that have a weight, each once, and return how many; ``slot`` (n,) is scratch, all -1."""
+    count = 0
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            node = nodes[point, corner]
+            out.place[point, corner] = 0
+            if weights[point, corner] == 0.0:
+                continue
+            if slot[node] < 0:
+                slot[node] = count
+                out.node[count] = node
+                count += 1
+            out.place[point, corner] = slot[node]
+    for index in range(count):
+        slot[out.node[index]] = -1
+    return count
+
+
+@kernel
+def take_corners(
+    weights: FloatArray, corners: ContactCorners, count: int, start: FloatArray, change: FloatArray
+) -> None:
+    """Move the displacements of the ``count`` corners to the points of ``weights`` (k, 3); zero is left there.
 
     ``start`` takes the displacements of the points, ``change`` what lets go of them.
     """
+    moved = corners.displacement_m
     for point in range(weights.shape[0]):
         for axis in range(3):
             total = 0.0
             for corner in range(3):
-                total += weights[point, corner] * corners[3 * point + corner, axis]
-                corners[3 * point + corner, axis] = 0.0
+                total += weights[point, corner] * moved[corners.place[point, corner], axis]
             start[point, axis] = total
             change[point, axis] = -total
+    moved[:count] = 0.0
 
 
 @kernel

@@ -108,7 +108,7 @@ def _note(body: Body, patch: Patch, node: int, low: Vector, high: Vector) -> Non
     put(floats(patch.seen_box), 2 * node, low)
     put(floats(patch.seen_box), 2 * node + 1, high)
     put(floats(patch.seen_at), node, node_position(body, ints(patch.representative)[node]))
-    floats(patch.seen_energy)[node] = body.energy_travel
+    floats(patch.seen_energy)[node] = body.energy_noted
     floats(patch.seen_residual)[node] = body.residual_travel
     floats(patch.seen_turned)[node] = body.turned_travel
 
@@ -139,7 +139,7 @@ def _seen_bound2(
 def _drift(body: Body, patch: Patch, node: int) -> float:
     """Return how far any vertex can have moved since the node was looked at, infinite if it never was."""
     seen = floats(patch.seen_energy)[node]
-    if seen < 0.0:
+    if seen == -math.inf:
         return math.inf
     energy = floats(patch.reach)[node] * (body.energy_travel - seen)
     residual = body.residual_travel - floats(patch.seen_residual)[node]

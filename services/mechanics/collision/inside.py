@@ -113,5 +113,5 @@ def _is_behind(body: Body, patch: Patch, touch: Touch, p: Vector) -> int:
 @kernel
 def _note(body: Body, lumen: Lumen, i: int, p: Vector, clearance: float) -> None:
     put(floats(lumen.looked_from), i, p)
-    floats(lumen.travel)[i] = body.travel
+    floats(lumen.travel)[i] = body.travel_noted
     floats(lumen.clearance)[i] = clearance

@@ -229,7 +229,7 @@ def _start_slack(
     start, slack = floats(probes.searched_at), floats(probes.slack)
     put(start, 2 * i, ends[0])
     put(start, 2 * i + 1, ends[1])
-    floats(probes.travel)[i] = body.travel
+    floats(probes.travel)[i] = body.travel_noted
     slack[i] = SKIN_M
     if first[0] == NOTHING:
         slack[i] = max(SKIN_M, distance_to_all(body, wall, ends[0], ends[1]) - reach)

@@ -101,7 +101,7 @@ def _note_far(
     ints(memory.edge)[i] = NOTHING
     put(floats(memory.ends), 2 * i, ends[0])
     put(floats(memory.ends), 2 * i + 1, ends[1])
-    floats(memory.travel)[i] = shell.body.travel
+    floats(memory.travel)[i] = shell.body.travel_noted
     floats(memory.slack)[i] = max(distance, distance_to_all(shell.body, shell.rims, ends[0], ends[1])) - reach
 
 

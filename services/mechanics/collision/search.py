@@ -77,6 +77,24 @@ def _best_round(body: Body, patch: Patch, vertex: int, best: Touch, a: Vector, b
 
 
 @kernel
+def _best_touching(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector) -> Touch:
+    """Return the closest touch on the triangles that share a corner with the touched one; none is looked at twice."""
+    best, corner, start, ring = touch, ints(patch.triangles), ints(patch.ring_start), ints(patch.ring)
+    neighbour = ints(patch.neighbour)
+    first, second, third = neighbour[3 * touch[0]], neighbour[3 * touch[0] + 1], neighbour[3 * touch[0] + 2]
+    for other in (first, second, third):
+        if other != NO_NEIGHBOUR:
+            best = _closer(best, touch_triangle(body, patch, other, a, b))
+    for k in range(3):
+        vertex = corner[3 * touch[0] + k]
+        for place in range(start[vertex], start[vertex + 1]):
+            other = ring[place]
+            if other != touch[0] and other not in (first, second, third):
+                best = _closer(best, touch_triangle(body, patch, other, a, b))
+    return best
+
+
+@kernel
 def _closer(best: Touch, other: Touch) -> Touch:
     return other if other[1] < best[1] else best
 
@@ -93,9 +111,7 @@ def walk(body: Body, patch: Patch, triangle: int, a: Vector, b: Vector, near_m: 
     for _ in range(WALK_LIMIT):
         following = better_neighbour(body, patch, touch, a, b)
         if following[0] == touch[0] and touch[1] < near_m * near_m:
-            for corner in range(3):
-                vertex = ints(patch.triangles)[3 * touch[0] + corner]
-                following = _best_round(body, patch, vertex, following, a, b)
+            following = _best_touching(body, patch, touch, a, b)
         if following[0] == touch[0]:
             return touch
         touch = following

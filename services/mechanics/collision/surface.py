@@ -46,6 +46,7 @@ BODY = struct_type(
         "Phi",  # (n, 3, r) modes; turned walls: what is left of them without the sections' rigid motion
         "omega",  # (r,) weights of the displacement bound
         "q",  # (r,) modal coordinates of this tick
+        "anchor",  # (r,) those from which the travel is counted, see `tick`
         "residual",  # (n, 3) displacement beyond the modes, zero but at loaded nodes
         "loaded",  # (n,) int32 loaded nodes, the first n_loaded count
         "load_stamp",  # (n,) int64 last tick in which a node was loaded
@@ -66,11 +67,15 @@ BODY = struct_type(
         "largest_arm",  # turned walls: of the nodes from the axis
         "energy_norm",  # E (1 + beta E)^2, what reach and spread multiply
         "largest_residual",
-        "energy_travel",  # sum of all changes of E, grown alike, since the start
+        "anchor_norm",  # E there
+        "anchor_travel",  # energy travel up to there
+        "energy_travel",  # changes of E, grown alike; less what was noted it bounds the change since
+        "energy_noted",  # what is to be noted of it in this tick
         "residual_travel",  # sum of the largest changes of a residual
         "turned_shift",  # turned walls: how far the sections' motion has carried any node from rest
         "turned_travel",  # and the sum of that of each tick
-        "travel",  # bound of how far any node has moved
+        "travel",  # the same of how far any node has moved
+        "travel_noted",
         "largest_reach",  # of the wall's tree
     ),
     counts=(
@@ -102,7 +107,7 @@ PATCH = struct_type(
         "seen_box",  # (k, 6) bounds of the deformed triangles when they were last looked at
         "seen_slab",  # (k, 5) normal, lowest and highest offset of a leaf along it, at the same moment
         "seen_at",  # (k, 3) the representative vertex then
-        "seen_energy",  # (k,) the surface's energy travel then; negative if never
+        "seen_energy",  # (k,) the surface's energy travel then; -inf if never
         "seen_residual",  # (k,) its residual travel then
         "seen_turned",  # (k,) and that of its sections
         "stack",  # (MAX_DEPTH,) nodes still to visit
@@ -252,6 +257,7 @@ def _body_arrays(mesh: TriangleMesh, Phi: FloatArray, omega: FloatArray) -> dict
         "Phi": np.ascontiguousarray(Phi, np.float64),
         "omega": np.ascontiguousarray(omega, np.float64),
         "q": np.zeros(len(omega)),
+        "anchor": np.zeros(len(omega)),
         "residual": np.zeros((n, 3)),
         "loaded": np.zeros(n, np.int32),
         "load_stamp": np.full(n, -1, np.int64),
@@ -275,7 +281,7 @@ def _patch_arrays(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds)
         "seen_box": tree.box.copy(),
         "seen_slab": np.zeros((len(tree.box), 5)),
         "seen_at": np.zeros((len(tree.box), 3)),
-        "seen_energy": np.full(len(tree.box), -1.0),
+        "seen_energy": np.full(len(tree.box), -np.inf),
         "seen_residual": np.zeros(len(tree.box)),
         "seen_turned": np.zeros(len(tree.box)),
         "stack": np.zeros(MAX_DEPTH, np.int32),

@@ -1,4 +1,12 @@
-"""The start of a tick of a deforming surface: its state taken over, and what the search tree is told of the motion."""
+"""The start of a tick of a deforming surface: its state taken over, and what the search tree is told of the motion.
+
+What a search has found stays true until the wall has moved so and so far. A sum of all the changes since would grow
+without end where the wall only trembles: contacts at rest do that by nanometres, and the bound of a node's motion by
+the modes' energy makes micrometres a tick of them. So the change is counted from an anchor, a state of the past: with
+D the distance of a state from the anchor, two states are no further apart than D + D'. A search notes the travel
+up to the anchor *less* D, later the travel is that up to the anchor *plus* D', and their difference bounds the motion.
+When the wall has left the anchor for good, the anchor follows.
+"""
 
 from __future__ import annotations
 
@@ -8,30 +16,48 @@ from services.mechanics.collision.primitives import dot, vector
 from services.mechanics.kernel import Struct, floats, ints, kernel, longs
 from services.mechanics.mesh import FloatArray, IntArray
 
+#: A bound of motion at which the anchor follows: more than what trembles, little against the skin of the searches.
+ANCHOR_M = 20e-6
+
 
 @kernel
 def take_state(body: Struct, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
     """Take over q and the residuals if they are sound; add this tick's largest possible node motion to the travel."""
-    omega, old = floats(body.omega), floats(body.q)
-    norm, change, nothing = 0.0, 0.0, 0.0
+    omega, anchor, own = floats(body.omega), floats(body.anchor), floats(body.q)
+    norm, away, nothing = 0.0, 0.0, 0.0
     for k in range(body.n_modes):
         norm += (omega[k] * q[k]) ** 2
-        change += (omega[k] * (q[k] - old[k])) ** 2
+        away += (omega[k] * (q[k] - anchor[k])) ** 2
     for k in range(residuals.shape[0]):
         nothing += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0
         if nodes[k] < 0 or nodes[k] >= body.n_nodes:
             return False
-    if not math.isfinite(norm + change + nothing):
+    if not math.isfinite(norm + away + nothing):
         return False
     for k in range(body.n_modes):
-        old[k] = q[k]
+        own[k] = q[k]
     body.tick += 1
-    before, body.norm, change = body.norm, math.sqrt(norm), math.sqrt(change)
+    body.norm = math.sqrt(norm)
     body.energy_norm = body.norm * _grown(body, body.norm)
-    body.energy_travel += change * _grown(body, max(before, body.norm))
+    _count_travel(body, math.sqrt(away) * _grown(body, max(body.anchor_norm, body.norm)))
     body.residual_travel += _replace_residuals(body, nodes, residuals)
     body.travel = body.largest_reach * body.energy_travel + body.residual_travel
+    body.travel_noted = body.largest_reach * body.energy_noted + body.residual_travel
     return True
+
+
+@kernel
+def _count_travel(body: Struct, away: float) -> None:
+    """Count the energy travel in a state this far from the anchor; let the anchor follow if that is far."""
+    if body.largest_reach * away > ANCHOR_M:
+        own, anchor = floats(body.q), floats(body.anchor)
+        for k in range(body.n_modes):
+            anchor[k] = own[k]
+        body.anchor_norm = body.norm
+        body.anchor_travel += away
+        away = 0.0
+    body.energy_travel = body.anchor_travel + away
+    body.energy_noted = body.anchor_travel - away
 
 
 @kernel

@@ -45,6 +45,7 @@ def note_turns(body: Struct) -> None:
     body.turned_shift = carried
     body.turned_travel += math.sqrt(shift) + math.sqrt(turn) * arm
     body.travel += body.turned_travel
+    body.travel_noted += body.turned_travel
 
 
 @kernel

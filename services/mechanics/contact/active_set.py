@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.contact.dense import solve_dense
 from services.mechanics.kernel import ByteArray, FloatArray, IntArray, kernel
 
 UNILATERAL, HOLD, FILM = 0, 1, 2
@@ -35,6 +36,7 @@ class Unknowns(NamedTuple):
     shift: FloatArray  # (m,) lambda
     matrix: FloatArray  # (m * m,)
     step: FloatArray  # (m,)
+    along: FloatArray  # (m,) scratch
 
     @classmethod
     def allocate(cls, n_rows: int) -> Unknowns:
@@ -46,6 +48,7 @@ class Unknowns(NamedTuple):
             shift=np.zeros(n_rows),
             matrix=np.zeros(n_rows * n_rows),
             step=np.zeros(n_rows),
+            along=np.zeros(n_rows),
         )
 
 
@@ -117,55 +120,20 @@ def _add_hold(motion: FloatArray, limit: float, force: FloatArray, block: int, o
 @kernel
 def newton_step(W: FloatArray, motion: FloatArray, unknowns: Unknowns, n: int) -> bool:
     """Write how far each of the n unknowns goes into ``unknowns.step``; False where the matrix is singular."""
-    test, column, step = unknowns.test, unknowns.column, unknowns.step
+    test, column, step, along = unknowns.test, unknowns.column, unknowns.step, unknowns.along
     A = unknowns.matrix[: n * n].reshape(n, n)
     for i in range(n):
         row = 3 * unknowns.block[i]
-        step[i] = -(test[i, 0] * motion[row] + test[i, 1] * motion[row + 1] + test[i, 2] * motion[row + 2])
+        x, y, z = test[i, 0], test[i, 1], test[i, 2]
+        step[i] = -(x * motion[row] + y * motion[row + 1] + z * motion[row + 2])
+        for j in range(W.shape[0]):
+            along[j] = x * W[row, j] + y * W[row + 1, j] + z * W[row + 2, j]
         for j in range(n):
             first = 3 * unknowns.block[j]
-            total = 0.0
-            for axis in range(3):
-                if test[i, axis] != 0.0:
-                    total += test[i, axis] * (
-                        W[row + axis, first] * column[j, 0]
-                        + W[row + axis, first + 1] * column[j, 1]
-                        + W[row + axis, first + 2] * column[j, 2]
-                    )
-            A[i, j] = total
+            A[i, j] = along[first] * column[j, 0] + along[first + 1] * column[j, 1] + along[first + 2] * column[j, 2]
         A[i, i] += unknowns.shift[i]
     solved: bool = solve_dense(A, step[:n])
     return solved
-
-
-@kernel
-def solve_dense(A: FloatArray, b: FloatArray) -> bool:
-    """Solve A x = b in place of b by elimination with row pivots, destroying A; False where A is singular."""
-    n = b.shape[0]
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[pivot, k]):
-                pivot = i
-        if A[pivot, k] == 0.0:
-            return False
-        if pivot != k:
-            for j in range(k, n):
-                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
-            b[k], b[pivot] = b[pivot], b[k]
-        inverse = 1.0 / A[k, k]
-        for i in range(k + 1, n):
-            factor = A[i, k] * inverse
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    A[i, j] -= factor * A[k, j]
-                b[i] -= factor * b[k]
-    for k in range(n - 1, -1, -1):
-        total = b[k]
-        for j in range(k + 1, n):
-            total -= A[k, j] * b[j]
-        b[k] = total / A[k, k]
-    return True
 
 
 @kernel

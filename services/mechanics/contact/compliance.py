@@ -110,31 +110,59 @@ def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArr
 
 @kernel
 def to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
-    """Turn the lower blocks of ``W`` (m, m) into the contacts' frames in place, and mirror them."""
+    """Turn the lower blocks of ``W`` (m, m) into the contacts' frames in place, and mirror them.
+
+    Blocks are held in registers meanwhile: in arrays the compiler would store each item before it loads the next.
+    """
     for a in range(rows.used[0]):
         for i in range(3):
             for j in range(i + 1, 3):
                 W[3 * a + i, 3 * a + j] = W[3 * a + j, 3 * a + i]
+        frame = _load(rows.frame[a], 0, 0)
         for b in range(a + 1):
-            _turn_block(rows.frame[a], rows.frame[b], W, 3 * a, 3 * b)
+            half = _rows_along(_load(W, 3 * a, 3 * b), _load(rows.frame[b], 0, 0))
+            _store(W, 3 * b, 3 * a, _rows_along(_transposed(half), frame))
         for i in range(3):
             W[3 * a + i, 3 * a + i] += rows.softness_m_n[a, i]
 
 
 @kernel
-def _turn_block(F: FloatArray, G: FloatArray, W: FloatArray, row: int, column: int) -> None:
-    """Replace a block B by F B G^T in place, columns first, and its mirror image by the transpose."""
-    for j in range(column, column + 3):
-        x, y, z = W[row, j], W[row + 1, j], W[row + 2, j]
-        for i in range(3):
-            W[row + i, j] = F[i, 0] * x + F[i, 1] * y + F[i, 2] * z
-    for i in range(row, row + 3):
-        x, y, z = W[i, column], W[i, column + 1], W[i, column + 2]
-        for j in range(3):
-            W[i, column + j] = G[j, 0] * x + G[j, 1] * y + G[j, 2] * z
+def _load(array: FloatArray, row: int, column: int) -> Block:
+    return (
+        (array[row, column], array[row, column + 1], array[row, column + 2]),
+        (array[row + 1, column], array[row + 1, column + 1], array[row + 1, column + 2]),
+        (array[row + 2, column], array[row + 2, column + 1], array[row + 2, column + 2]),
+    )
+
+
+@kernel
+def _transposed(block: Block) -> Block:
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = block
+    return (xx, yx, zx), (xy, yy, zy), (xz, yz, zz)
+
+
+@kernel
+def _rows_along(block: Block, frame: Block) -> Block:
+    """Return B F^T: each row of a block along the axes of a frame."""
+    return _along(block[0], frame), _along(block[1], frame), _along(block[2], frame)
+
+
+@kernel
+def _along(vector: Row, frame: Block) -> Row:
+    x, y, z = vector
+    return (
+        frame[0][0] * x + frame[0][1] * y + frame[0][2] * z,
+        frame[1][0] * x + frame[1][1] * y + frame[1][2] * z,
+        frame[2][0] * x + frame[2][1] * y + frame[2][2] * z,
+    )
+
+
+@kernel
+def _store(W: FloatArray, row: int, column: int, block: Block) -> None:
+    """Write a block and, at its mirror image, its transpose."""
     for i in range(3):
         for j in range(3):
-            W[column + j, row + i] = W[row + i, column + j]
+            W[row + i, column + j] = W[column + j, row + i] = block[i][j]
 
 
 @kernel
