@@ -86,14 +86,17 @@ def solve_contacts(
     iterations, tolerance_n = effort
     _copy(motion, scratch.free)
     _update_motion(W, scratch.free, force, motion)
-    sweeps, patience = 0, 1
+    sweeps, patience, last_n = 0, 1, 0.0
     due = patience
     while sweeps < iterations:
         change_n = _sweep(W, motion, kind, limit, force, scratch.change)
         sweeps += 1
         if change_n <= tolerance_n or sweeps == iterations:
             return sweeps
-        if sweeps < due or (sweeps == 1 and change_n <= NEARLY_THERE * tolerance_n):
+        # Falling as before, the next change would be within the tolerance: a sweep is cheaper than a Newton step.
+        ends_next = change_n * change_n <= tolerance_n * last_n
+        last_n = change_n
+        if sweeps < due or ends_next or (sweeps == 1 and change_n <= NEARLY_THERE * tolerance_n):
             continue
         before = _potential(scratch.free, motion, force)
         if _try_newton_step(W, motion, kind, limit, force, scratch):
@@ -104,7 +107,7 @@ def solve_contacts(
         if patience > 1:
             _copy(scratch.force, force)
             _update_motion(W, scratch.free, force, motion)
-        due = sweeps + patience
+        due, last_n = sweeps + patience, 0.0
     return sweeps
 
 
