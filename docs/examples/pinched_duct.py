@@ -15,7 +15,7 @@ scene = SceneModel(duct=DuctScene(n_around=20, n_along=20, n_modes=40, membrane=
 simulation, hands = Simulation(scene, build_scene_duct(scene)), ToolInputs()
 hands.present[1] = False
 hands.position_m[0], hands.roll_rad[0] = (30e-3, 0, 12e-3), np.pi / 2
-for angle_rad in np.linspace(1.2, 0.4, 801):
+for angle_rad in [*np.linspace(1.2, 0.4, 801), *[0.4] * 400]:  # closed in 0.8 s, then held until the wall is still
     hands.jaw_angle_rad[0] = angle_rad
     simulation.step(hands)
 

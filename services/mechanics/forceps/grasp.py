@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs
+from services.mechanics.kernel import kernel
 from services.mechanics.mesh import TriangleMesh
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.tools import GraspHold
@@ -127,7 +127,7 @@ def deepest_touch(pairs: ContactPairs, tool: int, segment: int, target_kind: int
     return found
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _deepest(
     columns: tuple[ByteArray, ByteArray, ByteArray], gap_m: FloatArray, count: int, wanted: tuple[int, int, int]
 ) -> int:

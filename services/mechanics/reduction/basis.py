@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from services.mechanics.kernel import kernel
 from services.mechanics.reduction.content_hash import hash_content
 from services.mechanics.reduction.state import FloatArray, IntArray
 
@@ -69,7 +69,7 @@ class ModalBasis:
         return field
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def node_displacement(node: int, Phi: FloatArray, q: FloatArray, out: FloatArray) -> None:
     """Write the modal displacement of one node into ``out`` (3,), in m."""
     for axis in range(3):
@@ -79,14 +79,14 @@ def node_displacement(node: int, Phi: FloatArray, q: FloatArray, out: FloatArray
         out[axis] = total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def node_displacements(nodes: IntArray, Phi: FloatArray, q: FloatArray, out: FloatArray) -> None:
     """Write the modal displacements of ``nodes`` (k,) into ``out`` (k, 3), in m."""
     for k in range(nodes.shape[0]):
         node_displacement(nodes[k], Phi, q, out[k])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_modal_force(nodes: IntArray, forces: FloatArray, Phi: FloatArray, out: FloatArray) -> None:
     """Add to ``out`` (r,) the modal force of ``forces`` (k, 3), in N, acting on ``nodes`` (k,)."""
     for k in range(nodes.shape[0]):
@@ -97,7 +97,7 @@ def add_modal_force(nodes: IntArray, forces: FloatArray, Phi: FloatArray, out: F
                     out[mode] += Phi[nodes[k], axis, mode] * force
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def gather_modes(nodes: IntArray, weights: FloatArray, Phi: FloatArray, out: FloatArray) -> None:
     """Write the modes' rows at points of triangles into ``out`` (3 k, r).
 

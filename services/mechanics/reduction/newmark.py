@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
+from services.mechanics.kernel import kernel
 from services.mechanics.reduction.state import FloatArray, ModalGains, ModalState
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Newmark:
         self._dt_s = dt_s
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def newmark_step(
     q: FloatArray, qdot: FloatArray, qddot: FloatArray, force: FloatArray, constants: FloatArray, dt: float
 ) -> None:

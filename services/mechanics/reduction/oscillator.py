@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from services.mechanics.kernel import kernel
 from services.mechanics.reduction.state import FloatArray, ModalGains, ModalState
 
 
@@ -73,7 +73,7 @@ def impulse_functions(omega: FloatArray, zeta: FloatArray, dt_s: float) -> tuple
     return cosine, np.where(under, envelope * dt_s * np.sinc(angle / np.pi), hyperbolic)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def oscillator_step(
     q: FloatArray, qdot: FloatArray, qddot: FloatArray, force: FloatArray, transition: FloatArray
 ) -> None:

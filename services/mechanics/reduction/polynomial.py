@@ -13,8 +13,8 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.kernel import kernel
 from services.mechanics.reduction.derivatives import NonlinearBasis
 from services.mechanics.reduction.membrane import Membrane
 from services.mechanics.reduction.state import FloatArray, IntArray, ModalState
@@ -84,7 +84,7 @@ class CubicForce:
         apply_impulse(state.qdot, state.qddot, impulse, damping_1_s, -dt_s)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_cubic_force(
     coordinates: IntArray, quadratic: FloatArray, cubic: FloatArray, q: FloatArray, out: FloatArray, scratch: FloatArray
 ) -> None:
@@ -111,7 +111,7 @@ def add_cubic_force(
         out[coordinates[i]] += force[i]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def apply_impulse(qdot: FloatArray, qddot: FloatArray, force: FloatArray, damping: FloatArray, duration: float) -> None:
     """Change rates and accelerations (r,) in place by an impulse ``force`` times ``duration``."""
     for mode in range(qdot.shape[0]):

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from services.mechanics.kernel import kernel
 from services.mechanics.reduction.state import FloatArray, IntArray
 
 BlockArray = npt.NDArray[np.float32] | npt.NDArray[np.float64]
@@ -96,7 +96,7 @@ class Residual:
 # costs more than the nine products of a block.
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def find_sorted(values: IntArray, first: int, end: int, wanted: int) -> int:
     """Return where ``wanted`` stands among the ascending ``values[first:end]``, -1 where it does not."""
     low, high = first, end
@@ -109,7 +109,7 @@ def find_sorted(values: IntArray, first: int, end: int, wanted: int) -> int:
     return int(low) if low < end and values[low] == wanted else -1
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, column: int) -> int:
     """Return where the block of two nodes lies, -1 where there is none."""
     if starts.shape[0] == 0:
@@ -117,7 +117,7 @@ def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, 
     return int(find_sorted(neighbours, starts[row], starts[row + 1], column))
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def gather(store: BlockStore, nodes: IntArray, out: FloatArray) -> None:
     """Copy the blocks between ``nodes`` (k,) into ``out`` (3 k, 3 k), using their symmetry."""
     blocks, starts, neighbours, n_nodes = store
@@ -131,7 +131,7 @@ def gather(store: BlockStore, nodes: IntArray, out: FloatArray) -> None:
                     out[3 * b + j, 3 * a + i] = value
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
     """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
     blocks, starts, neighbours, n_nodes = store
@@ -164,7 +164,7 @@ def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: 
                     out[column + j, row + i] = out[row + i, column + j]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def apply(store: BlockStore, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
     """Add R f of the loads (l, 3) to the displacements ``out`` (k, 3) of ``nodes``."""
     blocks, starts, neighbours, n_nodes = store

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
+from services.mechanics.kernel import kernel
 from services.mechanics.reduction.residual import BlockArray, BlockStore, Residual, apply, block_index, gather
 from services.mechanics.reduction.state import FloatArray, IntArray
 from services.mechanics.reduction.warping import SectionFrame
@@ -62,7 +62,7 @@ class TurnedResidual(Residual):
         self.frame.turn_vectors(nodes, out, out)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def gather_turned_points(
     store: BlockStore, points: tuple[IntArray, FloatArray], rotations: FloatArray, out: FloatArray
 ) -> None:
@@ -89,7 +89,7 @@ def gather_turned_points(
                     out[3 * b + j, 3 * a + i] = out[3 * a + i, 3 * b + j]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _add_turned(
     weight: float, blocks: BlockArray, place: int, rotations: FloatArray, p: int, r: int, out: FloatArray
 ) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from services.mechanics.kernel import kernel
 from services.mechanics.reduction.state import FloatArray
 
 
@@ -85,7 +85,7 @@ class ViscousModes:
         return 0.5 * float(self._stiffness @ (long_term + terms))
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_viscous_force(stiffness: FloatArray, g: FloatArray, d: FloatArray, out: FloatArray) -> None:
     """Add stiffness sum_k g_k d_k to ``out`` (r,)."""
     for k in range(g.shape[0]):
@@ -93,7 +93,7 @@ def add_viscous_force(stiffness: FloatArray, g: FloatArray, d: FloatArray, out: 
             out[mode] += stiffness[mode] * g[k] * d[k, mode]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def relax_coordinates(stiffness: FloatArray, g: FloatArray, decay: FloatArray, q: FloatArray, d: FloatArray) -> float:
     """Move d (k, r) towards q (r,) in place by the factor ``decay`` (k,) and return the energy lost, >= 0."""
     lost = 0.0

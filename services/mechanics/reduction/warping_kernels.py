@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from services.mechanics.kernel import kernel, summing_kernel
 from services.mechanics.reduction.state import FloatArray, IntArray
 
 Scratch = tuple[FloatArray, FloatArray, FloatArray]
@@ -20,7 +19,7 @@ SMALL_ANGLE = 1e-4
 """Below it the series are exact to rounding; the quotients lose digits."""
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def rotation_matrix(turn: FloatArray, out: FloatArray) -> None:
     """Write exp of the cross-product matrix of ``turn`` (3,) into ``out`` (3, 3): Rodrigues' formula."""
     squared = turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2
@@ -32,7 +31,7 @@ def rotation_matrix(turn: FloatArray, out: FloatArray) -> None:
     _series(turn, first, second, squared, out)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def left_jacobian(turn: FloatArray, out: FloatArray) -> None:
     """Write into ``out`` (3, 3) the map from a change of ``turn`` (3,) to the spatial rotation it makes."""
     squared = turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2
@@ -45,7 +44,7 @@ def left_jacobian(turn: FloatArray, out: FloatArray) -> None:
     _series(turn, first, second, squared, out)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _series(w: FloatArray, first: float, second: float, squared: float, out: FloatArray) -> None:
     """Write 1 + first [w]x + second [w]x^2."""
     for i in range(3):
@@ -60,14 +59,14 @@ def _series(w: FloatArray, first: float, second: float, squared: float, out: Flo
     out[2, 1] += first * w[0]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def interpolate_turn(turn: FloatArray, segment: int, fraction: float, out: FloatArray) -> None:
     """Write the rotation vector (3,) at a place between two stations."""
     for i in range(3):
         out[i] = (1.0 - fraction) * turn[segment, i] + fraction * turn[segment + 1, i]
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc"})  # a long sum in vectorised parts, in whatever order
+@summing_kernel
 def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
     for i in range(3):
         total = 0.0
@@ -76,7 +75,7 @@ def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
         out[i] = total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _rotate(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
     """Write R ``vector``; both may be the same."""
     x, y, z = vector[0], vector[1], vector[2]
@@ -84,7 +83,7 @@ def _rotate(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
         out[i] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _rotate_back(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
     """Write R^T ``vector``; both may be the same."""
     x, y, z = vector[0], vector[1], vector[2]
@@ -92,7 +91,7 @@ def _rotate_back(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
         out[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _add_turned_rates(A: FloatArray, modes: FloatArray, arm: FloatArray, out: FloatArray) -> None:
     """Add (A modes) x arm to ``out``, all per modal coordinate (3, r): what a turn does to a point."""
     for mode in range(out.shape[1]):
@@ -104,7 +103,7 @@ def _add_turned_rates(A: FloatArray, modes: FloatArray, arm: FloatArray, out: Fl
         out[2, mode] += x * arm[1] - y * arm[0]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
     """Add R modes, (3, 3) by (3, r), to ``out``."""
     for i in range(3):
@@ -112,7 +111,7 @@ def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
             out[i, mode] += R[i, 0] * modes[0, mode] + R[i, 1] * modes[1, mode] + R[i, 2] * modes[2, mode]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def string_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None:
     """String the stations together at modal coordinates q (r,), writing turns and centres of ``axis``."""
     (centres, turn_modes, stretch), (turn, centre, _) = rest, axis
@@ -120,7 +119,8 @@ def string_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None
     R, middle, piece, step = small[:3], small[6], small[7], small[8]
     for station in range(turn.shape[0]):
         _product(turn_modes[station], q, turn[station])
-    centre[0] = centres[0]
+    for i in range(3):
+        centre[0, i] = centres[0, i]
     for k in range(stretch.shape[0]):
         interpolate_turn(turn, k, 0.5, middle)
         rotation_matrix(middle, R)
@@ -132,7 +132,7 @@ def string_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None
             centre[k + 1, i] = centre[k, i] + step[i]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def string_rates(rest: Rest, axis: Axis, scratch: Scratch) -> None:
     """Write the derivatives of the centres by q, for the turns and centres that ``axis`` holds."""
     (_, turn_modes, stretch), (turn, centre, rate) = rest, axis
@@ -152,7 +152,7 @@ def string_rates(rest: Rest, axis: Axis, scratch: Scratch) -> None:
         _add_rotated(R, stretch[k], rate[k + 1])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def node_positions(
     nodes: IntArray, tube: Tube, axis: Axis, q: FloatArray, extra: FloatArray, out: FloatArray, scratch: Scratch
 ) -> None:
@@ -173,7 +173,7 @@ def node_positions(
             out[index, i] = (1.0 - t) * centre[k, i] + t * centre[k + 1, i] + vector[i]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def node_rows(
     nodes: IntArray, tube: Tube, axis: Axis, turn_modes: FloatArray, q: FloatArray, out: FloatArray, scratch: Scratch
 ) -> None:
@@ -198,7 +198,7 @@ def node_rows(
         _add_rotated(R, local[node], out[index])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def weigh_rows(weights: FloatArray, point: int, corner: int, row: FloatArray, out: FloatArray) -> None:
     """Add the rows (3, r) of one corner of a point to ``out`` (3 k, r); the first corner overwrites."""
     weight = weights[point, corner]
@@ -208,7 +208,7 @@ def weigh_rows(weights: FloatArray, point: int, corner: int, row: FloatArray, ou
             out[3 * point + i, mode] = before + weight * row[i, mode]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def point_rows(
     points: tuple[IntArray, FloatArray],
     tube: Tube,
@@ -226,7 +226,7 @@ def point_rows(
             weigh_rows(weights, point, corner, row[0], out)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def turn_blocks(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
     """Replace each block (a, b) of ``out`` (3 k, 3 k) by Q_a block Q_b^T, with the nodes' rotations Q."""
     small = scratch[0]
@@ -246,7 +246,7 @@ def turn_blocks(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratc
                 out[other, 3 * a + i] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def turn_vectors(
     nodes: IntArray, tube: Tube, axis: Axis, back: bool, vectors: FloatArray, out: FloatArray, scratch: Scratch
 ) -> None:
@@ -262,7 +262,7 @@ def turn_vectors(
             _rotate(Q, vectors[k], out[k])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def node_rotations(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
     """Write the rotations (k, 3, 3) of the sections of ``nodes`` (k,)."""
     turn = scratch[0][6]

@@ -7,8 +7,9 @@ and vectorises; the padding holds zeros in the band and does not reach the solut
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ def empty_band(n_dofs: int) -> FloatArray:
     return np.zeros((n_dofs + HALF_BANDWIDTH, _WIDTH))
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def factor_ldl(band: FloatArray) -> bool:
     """Factor in place: unit L below the diagonal, 1/D on it. False where a pivot is not positive (not SPD, or NaN).
 
@@ -48,7 +49,7 @@ def factor_ldl(band: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def solve_ldl(band: FloatArray, rhs: FloatArray) -> None:
     """Solve in place one right-hand side, (n_dofs + 8,) with zeroed padding."""
     n_dofs = band.shape[0] - HALF_BANDWIDTH
@@ -65,13 +66,13 @@ def solve_ldl(band: FloatArray, rhs: FloatArray) -> None:
         rhs[j] = value
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def _lower(band: FloatArray, row: int, a: int) -> float:
     """L[row, row - a]; zero before the first column."""
     return band[row - a, a] if row >= a else 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def solve_ldl_block(band: FloatArray, first_dof: int, rhs: FloatArray) -> None:
     """Solve in place RHS_BLOCK right-hand sides, (n_dofs + 16, RHS_BLOCK), for the unknowns from `first_dof` on.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from services.mechanics.kernel import kernel
 
 from .elasticity import SHORTEST, Scale, bending_angle, geometric_bending, joint_gradient, row
 from .model import RodModel, RodWork
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the half joints between the walls' directions and the end segments, stiffness 2 EI/l0 each.
 
@@ -32,7 +32,7 @@ def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
         _apply_wall(model, work, theta, (last, 0), scale)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _apply_wall(model: RodModel, work: RodWork, theta: float, where: tuple[int, int], scale: Scale) -> None:
     """The gradient has three particles; `where` is (first real particle, where it starts in the gradient)."""
     first, shift = where

@@ -18,8 +18,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 from .model import RodModel, RodWork
 
@@ -32,25 +33,25 @@ _NO_PLANE = 1e-6  # angle below which bending is damped alike in every plane: it
 SHORTEST = 1e-2  # of the rest length: a segment crushed below it bends as if it were that long
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def cross(a: Vector, b: Vector) -> Vector:
     """The vector product of two tuples."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def dot(a: Vector, b: Vector) -> float:
     """The scalar product of two tuples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def row(array: FloatArray, i: int) -> Vector:
     """Row i of an (n, 3) array as a tuple, which stays in registers."""
     return (array[i, 0], array[i, 1], array[i, 2])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def any_normal(t: Vector) -> Vector:
     """A unit vector normal to the unit vector `t`."""
     other = (1.0, 0.0, 0.0) if abs(t[0]) < 0.6 else (0.0, 1.0, 0.0)
@@ -59,7 +60,7 @@ def any_normal(t: Vector) -> Vector:
     return (normal[0] * scale, normal[1] * scale, normal[2] * scale)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def segment_geometry(work: RodWork) -> None:
     """Fill unit tangents and lengths of the segments; coincident particles keep the last tangent."""
     x = work.position
@@ -72,7 +73,7 @@ def segment_geometry(work: RodWork) -> None:
                 work.tangent[j, c] = e[c] / length
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def bending_angle(t: Vector, u: Vector) -> tuple[float, Vector]:
     """Angle between unit vectors, and the unit binormal t x u (any normal of t where they are parallel)."""
     b = cross(t, u)
@@ -83,7 +84,7 @@ def bending_angle(t: Vector, u: Vector) -> tuple[float, Vector]:
     return (0.0 if cosine > 0.0 else math.pi), any_normal(t)
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def geometric_bending(theta: float) -> float:
     """(theta/2) cot(theta/2): bending stiffness out of the plane of a bent joint relative to the one in its plane."""
     half = 0.5 * theta
@@ -92,7 +93,7 @@ def geometric_bending(theta: float) -> float:
     return max(half / math.tan(half), 0.0)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def stretch_energy(model: RodModel, work: RodWork) -> float:
     """Stretch energy [J] at the geometry in `work`."""
     total = 0.0
@@ -101,7 +102,7 @@ def stretch_energy(model: RodModel, work: RodWork) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def bending_energy(model: RodModel, work: RodWork) -> float:
     """Bending energy [J] of the inner joints at the geometry in `work`."""
     total = 0.0
@@ -111,7 +112,7 @@ def bending_energy(model: RodModel, work: RodWork) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_stretch(model: RodModel, work: RodWork) -> None:
     """Add the stretch forces, with the material's damping on the rate of stretch."""
     v = work.velocity
@@ -125,7 +126,7 @@ def add_stretch(model: RodModel, work: RodWork) -> None:
             f[j + 1, c] -= tension * t[c]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_stretch_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the stretch stiffness: along each segment, and the geometric one of a segment in tension."""
     band = work.band
@@ -146,7 +147,7 @@ def add_stretch_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
                 band[first + c, 3 + a - c] -= value
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def joint_gradient(t: Vector, u: Vector, lengths: tuple[float, float], b: Vector, gradient: FloatArray) -> None:
     """Fill gradient[0] with d theta / d x of the three particles, gradient[1] with the same for out-of-plane bending.
 
@@ -165,7 +166,7 @@ def joint_gradient(t: Vector, u: Vector, lengths: tuple[float, float], b: Vector
         gradient[1, 3 + c] = -gradient[1, c] - gradient[1, 6 + c]
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def joint_rate(gradient: FloatArray, v: FloatArray, first: int) -> float:
     """Rate of the strain of a joint whose three particles start at `first`."""
     rate = 0.0
@@ -174,7 +175,7 @@ def joint_rate(gradient: FloatArray, v: FloatArray, first: int) -> float:
     return rate
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def add_joint_force(gradient: FloatArray, moment: float, first: int, f: FloatArray) -> None:
     """Subtract moment times the gradient from the three particles from `first` on."""
     for c in range(3):
@@ -183,7 +184,7 @@ def add_joint_force(gradient: FloatArray, moment: float, first: int, f: FloatArr
         f[first + 2, c] -= moment * gradient[6 + c]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float) -> None:
     """Add factor * vector vector^T (9 consecutive unknowns from `first`) to a banded matrix."""
     for c in range(9):
@@ -192,7 +193,7 @@ def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float
             band[first + c, a] += value * vector[c + a]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_bending(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the bending forces -k (theta + beta dtheta/dt) d theta/dx and their tangent."""
     shortest = SHORTEST * model.rest_length

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
+from services.mechanics.kernel import kernel
 
 from .clamp_forces import add_wall_joints
 from .elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry
@@ -10,7 +10,7 @@ from .model import RodModel, RodWork
 from .sleeve_forces import add_sleeve
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_scale: float) -> None:
     """Add to `work.force` the elastic, damping and support forces at `work.position`, `work.velocity`.
 

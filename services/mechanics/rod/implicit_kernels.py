@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 from .banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
 from .forces import add_internal_forces
@@ -21,7 +22,7 @@ _STILL = 1e-4  # of a segment length per step: what moves less than that is not 
 _HALVINGS = 6
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def predict(
     model: RodModel,
     work: RodWork,
@@ -62,11 +63,12 @@ def predict(
     return taken
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _newton_direction(model: RodModel, work: RodWork) -> float:
     """Replace the right-hand side by the solution; return their scalar product, NaN for a matrix that is not SPD."""
     _remove_held(model, work)
-    work.residual[:] = work.rhs
+    for i in range(work.rhs.shape[0]):
+        work.residual[i] = work.rhs[i]
     if not factor_ldl(work.band):
         return math.nan
     solve_ldl(work.band, work.rhs)
@@ -76,7 +78,7 @@ def _newton_direction(model: RodModel, work: RodWork) -> float:
     return product
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _start(model: RodModel, work: RodWork, motion: Motion, target: FloatArray, step: tuple[float, float]) -> float:
     """First iterate: held particles at their target (NaN: stay), free ones gone on as far as energy allows.
 
@@ -111,7 +113,7 @@ def _start(model: RodModel, work: RodWork, motion: Motion, target: FloatArray, s
     return kinetic + floor
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _stretched(model: RodModel, work: RodWork, motion: Motion, way: tuple[float, float, float]) -> float:
     """Stretch energy with held particles at their target and free ones gone on by a share of their way."""
     x, v = motion
@@ -131,7 +133,7 @@ def _stretched(model: RodModel, work: RodWork, motion: Motion, way: tuple[float,
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _line_search(model: RodModel, work: RodWork, scale: float, energy: tuple[float, float]) -> tuple[float, float]:
     """Share of the Newton step to take, and the stretch energy beyond the quadratic model that is left by it.
 
@@ -148,7 +150,7 @@ def _line_search(model: RodModel, work: RodWork, scale: float, energy: tuple[flo
     return share, excess
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _excess_stretch(model: RodModel, work: RodWork, scale: float) -> float:
     """Stretch energy after moving the iterate by scale times the solution, minus its quadratic model at the iterate."""
     total = 0.0
@@ -170,7 +172,7 @@ def _excess_stretch(model: RodModel, work: RodWork, scale: float) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _assemble(model: RodModel, work: RodWork, motion: Motion, external: FloatArray, step: tuple[float, float]) -> None:
     """Residual dt f - M dv into the right-hand side, and A, both at the current iterate."""
     x, v = motion
@@ -193,7 +195,7 @@ def _assemble(model: RodModel, work: RodWork, motion: Motion, external: FloatArr
     work.rhs[3 * x.shape[0] :] = 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _remove_held(model: RodModel, work: RodWork) -> None:
     """Take held particles out of the system: unit diagonal, zero couplings, zero right-hand side."""
     for k in range(model.held.shape[0]):
@@ -207,7 +209,7 @@ def _remove_held(model: RodModel, work: RodWork) -> None:
             work.band[j, 0] = 1.0
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def correct(model: RodModel, work: RodWork, motion: Motion, force: FloatArray, step: tuple[float, float]) -> None:
     """Add to motion = (x, v) what forces (n, 3), constant over the step, change: dv = dt A^-1 f, dx = theta dt dv."""
     x, v = motion
@@ -224,7 +226,7 @@ def correct(model: RodModel, work: RodWork, motion: Motion, force: FloatArray, s
             x[i, c] += theta * dt_s * work.rhs[3 * i + c]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def compliance(
     model: RodModel, band: FloatArray, gain: float, columns: FloatArray, particles: IntArray, out: FloatArray
 ) -> None:
@@ -245,7 +247,7 @@ def compliance(
                 out[column, row] = out[row, column]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def solve_many(
     model: RodModel, band: FloatArray, gain: float, columns: FloatArray, force: FloatArray, out: FloatArray
 ) -> None:

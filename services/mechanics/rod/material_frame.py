@@ -10,8 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 from .elasticity import Vector, any_normal, cross, dot, row
 
@@ -64,19 +65,19 @@ def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
     rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def _normal_part(t: Vector, m: Vector) -> Vector:
     along = dot(t, m)
     return (m[0] - along * t[0], m[1] - along * t[1], m[2] - along * t[2])
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def _unit(m: Vector) -> Vector:
     scale = 1.0 / math.sqrt(dot(m, m))
     return (m[0] * scale, m[1] * scale, m[2] * scale)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def transport(m: Vector, t: Vector, u: Vector) -> Vector:
     """Parallel transport of a director `m` from tangent `t` to tangent `u`: the least rotation that takes t to u."""
     b = cross(t, u)
@@ -90,7 +91,7 @@ def transport(m: Vector, t: Vector, u: Vector) -> Vector:
     return normal
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def rotate_frame(frame: Frame, j: int, angle: float) -> None:
     """Turn segment j's director about its tangent and keep count of the twist of its joints."""
     tangent, m1, twist = frame
@@ -106,7 +107,7 @@ def rotate_frame(frame: Frame, j: int, angle: float) -> None:
         twist[j] -= angle
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def follow(x: FloatArray, frame: Frame) -> None:
     """Carry the directors to the tangents of positions `x`, and measure the twist of each joint (turns counted)."""
     tangent, m1, twist = frame

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 from .forces import add_internal_forces
 from .implicit_kernels import Motion
@@ -110,7 +111,7 @@ class SemiImplicitIntegrator:
         state.position_m += self._dt_s * kick
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _predict(
     model: RodModel, work: RodWork, motion: Motion, external: FloatArray, target: FloatArray, step: tuple[float, int]
 ) -> bool:
@@ -126,7 +127,7 @@ def _predict(
     return math.isfinite(size)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _set_held_velocity(model: RodModel, motion: Motion, target: FloatArray, dt_s: float) -> None:
     x, v = motion
     for k in range(model.held.shape[0]):
@@ -135,7 +136,7 @@ def _set_held_velocity(model: RodModel, motion: Motion, target: FloatArray, dt_s
             v[i, c] = 0.0 if np.isnan(target[k, c]) else (target[k, c] - x[i, c]) / dt_s
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _semi_implicit_euler(model: RodModel, work: RodWork, motion: Motion, external: FloatArray, h: float) -> None:
     """Eq. (28) once, with the forces of eq. (27) at the old positions and velocities."""
     x, v = motion

@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 from .elasticity import Scale, Vector, dot, row
 from .model import RodModel, RodWork
@@ -35,7 +36,7 @@ from .sleeve_passage import (
 FloatArray = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add the forces that keep the rod on the axis of the sleeve and in it, and friction along it.
 
@@ -54,7 +55,7 @@ def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
         _stop(model, work, i, over, scale)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def sleeve_energy(model: RodModel, work: RodWork) -> float:
     """Energy [J] of the springs that hold the rod to the axis of the sleeve, and of its stops."""
     x = work.position
@@ -73,7 +74,7 @@ def sleeve_energy(model: RodModel, work: RodWork) -> float:
     return 0.5 * float(model.sleeve[STIFFNESS] * total + model.sleeve[STOP_STIFFNESS] * over * over)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: Scale) -> None:
     k = model.sleeve[STOP_STIFFNESS]
     for c in range(3):
@@ -83,7 +84,7 @@ def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: Scale) -> 
                 work.band[3 * i + c, b - c] += scale[0] * k * model.sleeve[3 + c] * model.sleeve[3 + b]
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
     a = (model.sleeve[3], model.sleeve[4], model.sleeve[5])
     o = offset_from_axis(model.sleeve, work.position, i)
@@ -98,7 +99,7 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
         _add_tangent(model, work, (i, 0.0), a, (scale[0] * k, scale[1] * drag))
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
     """Hold segment i to an end of the axis where it is nearest to it: the push is normal to the rod at any angle."""
     end = end_point(model.sleeve, axial)
@@ -117,7 +118,7 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale
         _add_tangent(model, work, (i, s), along, (scale[0] * k, scale[1] * drag))
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _distance_before(work: RodWork, i: int, end: Vector) -> float:
     """How far the rod was from an end of the axis, which may have been on a segment next to i then."""
     squared = math.inf
@@ -127,7 +128,7 @@ def _distance_before(work: RodWork, i: int, end: Vector) -> float:
     return math.sqrt(squared)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _friction(model: RodModel, work: RodWork, at: tuple[int, float], most: float, scale: Scale) -> float:
     """Brake the point (1 - s) x_i + s x_{i+1} along the axis by at most `most`, and return force per speed.
 
@@ -149,7 +150,7 @@ def _friction(model: RodModel, work: RodWork, at: tuple[int, float], most: float
     return float(drag)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
     """Speed along the axis of the point (1 - s) x_i + s x_{i+1}."""
     j = i + 1 if s > 0.0 else i
@@ -159,7 +160,7 @@ def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
     return speed
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _add_tangent(
     model: RodModel, work: RodWork, at: tuple[int, float], along: Vector, factor: tuple[float, float]
 ) -> None:

@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 from .elasticity import Vector, dot
 from .model import RodModel
@@ -39,7 +40,7 @@ class Passage(NamedTuple):
     has_exit: bool
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def axial_position(sleeve: FloatArray, x: FloatArray, i: int) -> float:
     """Distance of particle i beyond the entry plane."""
     total = 0.0
@@ -48,7 +49,7 @@ def axial_position(sleeve: FloatArray, x: FloatArray, i: int) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def offset_from_axis(sleeve: FloatArray, x: FloatArray, i: int) -> Vector:
     """From the axis to particle i."""
     along = axial_position(sleeve, x, i)
@@ -59,13 +60,13 @@ def offset_from_axis(sleeve: FloatArray, x: FloatArray, i: int) -> Vector:
     )
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def end_point(sleeve: FloatArray, axial: float) -> Vector:
     """The point of the axis at an axial position."""
     return (sleeve[0] + axial * sleeve[3], sleeve[1] + axial * sleeve[4], sleeve[2] + axial * sleeve[5])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]:
     """Where along segment i (0 to 1) the rod is nearest to p, and the vector from p to there."""
     r = (x[i, 0] - p[0], x[i, 1] - p[1], x[i, 2] - p[2])
@@ -75,7 +76,7 @@ def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]
     return s, (r[0] + s * e[0], r[1] + s * e[1], r[2] + s * e[2])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
     """Of the first `count` segments the one nearest to p, and where along it."""
     nearest, best, at = np.inf, 0, 0.0
@@ -87,7 +88,7 @@ def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
     return best, at
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def find_passage(sleeve: FloatArray, x: FloatArray) -> Passage:
     """The part of the rod at `x` (n, 3) that is in the sleeve.
 
@@ -109,7 +110,7 @@ def find_passage(sleeve: FloatArray, x: FloatArray) -> Passage:
     return Passage(entry + 1, last if has_exit else n - 1, True, has_exit)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
     """Share of the full stiffness that holds particle i at an axial position, and its derivative.
 
@@ -124,7 +125,7 @@ def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
     return 1.0, 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int, float]:
     """The particle that is beyond a stop and by how far, towards the exit positive; (0, 0.0) where there is none.
 

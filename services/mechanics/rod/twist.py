@@ -15,8 +15,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from services.mechanics.kernel import kernel
 
 from .elasticity import SHORTEST, Vector, bending_angle, cross, dot, row
 from .material_frame import Frame, follow, initial_frame, rotate_frame
@@ -78,14 +79,14 @@ def twist_energy(model: TwistModel, state: RodState) -> float:
     return float(_energy(model, frame))
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _update(model: TwistModel, x: FloatArray, frame: Frame, end_is_held: bool, f: FloatArray) -> None:
     follow(x, frame)
     relax(model, frame, end_is_held)
     add_forces(model, x, frame, f)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
     """One Newton step of the angles towards least energy; exact for a rod without rest curvature.
 
@@ -115,19 +116,19 @@ def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
         rotate_frame(frame, j, angle[j])
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def _has_rest_curvature(model: TwistModel, i: int) -> bool:
     return bool(model.rest_rotation[i, 0] != 0.0 or model.rest_rotation[i, 1] != 0.0)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _joint_rotation(frame: Frame, i: int) -> Vector:
     """Rotation vector w = theta b of a joint."""
     theta, b = bending_angle(row(frame[0], i), row(frame[0], i + 1))
     return (theta * b[0], theta * b[1], theta * b[2])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _rest_vector(model: TwistModel, frame: Frame, i: int, j: int) -> tuple[Vector, Vector]:
     """Half the rest rotation of joint i as segment j's frame holds it, and its derivative by that frame's angle."""
     m = row(frame[1], j)
@@ -140,7 +141,7 @@ def _rest_vector(model: TwistModel, frame: Frame, i: int, j: int) -> tuple[Vecto
     )
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _add_rest_curvature_moments(model: TwistModel, frame: Frame, i: int) -> None:
     diagonal, angle = model.work
     w = _joint_rotation(frame, i)
@@ -150,7 +151,7 @@ def _add_rest_curvature_moments(model: TwistModel, frame: Frame, i: int) -> None
         diagonal[j] += max(model.bending[i] * dot(w, rest), 0.0)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) -> None:
     """Add to f (n, 3) minus the gradient of torsion and rest curvature at fixed angles.
 
@@ -175,13 +176,13 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
             f[i + 2, c] -= h[c] * after
 
 
-@njit(cache=True, nogil=True, fastmath=False, inline="always")
+@kernel
 def _distance(x: FloatArray, j: int) -> float:
     e = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
     return math.sqrt(dot(e, e))
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _rest_curvature_gradient(model: TwistModel, frame: Frame, i: int, g: Vector) -> tuple[Vector, Vector]:
     """Add to g the gradient of -k w.w0 by the directions of both edges: (by the edge before, by the edge behind)."""
     t = row(frame[0], i)
@@ -200,7 +201,7 @@ def _rest_curvature_gradient(model: TwistModel, frame: Frame, i: int, g: Vector)
     )
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _projected(t: Vector, a: Vector, b: Vector, factor: tuple[float, float], offset: Vector) -> Vector:
     """Offset + the part normal to t of factor[0] a + factor[1] b."""
     v = (factor[0] * a[0] + factor[1] * b[0], factor[0] * a[1] + factor[1] * b[1], factor[0] * a[2] + factor[1] * b[2])
@@ -208,7 +209,7 @@ def _projected(t: Vector, a: Vector, b: Vector, factor: tuple[float, float], off
     return (offset[0] + v[0] - along * t[0], offset[1] + v[1] - along * t[1], offset[2] + v[2] - along * t[2])
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _angle_over_sine(theta: float) -> tuple[float, float]:
     """theta/sin(theta), which makes t x u the rotation vector, and its derivative by cos(theta)."""
     if theta < 1e-3:
@@ -217,7 +218,7 @@ def _angle_over_sine(theta: float) -> tuple[float, float]:
     return theta / sine, -(sine - theta * math.cos(theta)) / sine**3
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@kernel
 def _energy(model: TwistModel, frame: Frame) -> float:
     total = 0.0
     for i in range(model.torsion.shape[0]):
