@@ -65,20 +65,26 @@ def list_particles(rows_address: int, slot: IntArray, particles: IntArray) -> in
 
 
 @kernel
-def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, out: FloatArray) -> None:
-    """Add the catheter's compliance between its touched particles, ``rod`` (3 p, 3 p), to the blocks of ``out``."""
-    n_points = rows.rod_node.shape[1]
+def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, points: IntArray, out: FloatArray) -> None:
+    """Add the catheter's compliance between its touched particles, ``rod`` (3 p, 3 p), to the blocks of ``out``.
+
+    ``points`` (4 C, 2) is scratch: rows and places of those that have a weight, mostly one of four in a row.
+    """
+    count = 0
     for a in range(rows.used[0]):
-        for i in range(n_points):
-            w_i = rows.rod_weight[a, i]
-            if w_i == 0.0:
-                continue
-            first = 3 * slot[rows.rod_node[a, i]]
-            for b in range(a + 1):
-                for j in range(n_points):
-                    weight = w_i * rows.rod_weight[b, j]
-                    if weight != 0.0:
-                        _add_block(out, 3 * a, 3 * b, weight, rod, first, 3 * slot[rows.rod_node[b, j]])
+        for i in range(rows.rod_node.shape[1]):
+            if rows.rod_weight[a, i] != 0.0:
+                points[count, 0], points[count, 1] = a, i
+                count += 1
+    for p in range(count):
+        a, i = points[p, 0], points[p, 1]
+        first = 3 * slot[rows.rod_node[a, i]]
+        for q in range(count):
+            b, j = points[q, 0], points[q, 1]
+            if b > a:
+                break
+            weight = rows.rod_weight[a, i] * rows.rod_weight[b, j]
+            _add_block(out, 3 * a, 3 * b, weight, rod, first, 3 * slot[rows.rod_node[b, j]])
 
 
 @kernel

@@ -50,7 +50,7 @@ def add_bodies(
     size = 3 * state.rows.used[0]
     W = state.compliance[: size * size].reshape(size, size)
     add_modal_compliance(duct[0], duct[1], state.scratch.modes, W)
-    add_rod_compliance(state.rows, slot, rod, W)
+    add_rod_compliance(state.rows, slot, rod, state.rod_points, W)
     add_tool_compliance(state.rows, tools, W)
 
 

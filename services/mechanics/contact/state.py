@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from services.mechanics.contact.geometry import ContactGeometry, DuctGeometry, RodGeometry, ToolGeometry
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
 from services.mechanics.contact.solver import SolverScratch
 from services.mechanics.contact.warm_start import ForceMemory
-from services.mechanics.kernel import BoolArray, FloatArray, tuple_reader
+from services.mechanics.kernel import BoolArray, FloatArray, IntArray, tuple_reader
 
 
 class ContactState(NamedTuple):
@@ -30,6 +30,8 @@ class ContactState(NamedTuple):
     force_n : (C, 3) float64
         Forces on the first bodies along world axes.
     slides : (C,) bool
+    rod_points : (4 C, 2) int32
+        Scratch of the catheter's compliance.
     """
 
     geometry: ContactGeometry
@@ -40,6 +42,7 @@ class ContactState(NamedTuple):
     motion: FloatArray
     force_n: FloatArray
     slides: BoolArray
+    rod_points: IntArray
 
     @classmethod
     def allocate(cls, capacity: int, n_modes: int, geometry: ContactGeometry) -> ContactState:
@@ -53,6 +56,7 @@ class ContactState(NamedTuple):
             motion=np.zeros(3 * capacity),
             force_n=np.zeros((capacity, 3)),
             slides=np.zeros(capacity, np.bool_),
+            rod_points=np.zeros((N_ROD_POINTS * capacity, 2), np.int32),
         )
 
 

@@ -91,7 +91,7 @@ def solve(rows, rod, n):
     count, k = list_particles(rows.address, slot, particles), rows.n_contacts
     compliance, W = np.zeros((3 * count, 3 * count)), np.zeros((3 * k, 3 * k))
     rod.compliance(particles[:count], compliance)
-    add_rod_compliance(rows, slot, compliance, W)
+    add_rod_compliance(rows, slot, compliance, np.zeros((4 * rows.capacity, 2), np.int32), W)
     to_contact_frames(rows, W)
     motion = np.zeros(3 * k)
     free_motion(rows, 0.2, motion)
