@@ -2,7 +2,7 @@
 
 Each probe keeps up to two local minima of its distance to the wall and walks them over the mesh. That is all
 the work there is, until probe and wall together have moved by the slack of the last search of the tree. A search
-looks further than a contact reaches, by a skin: until the slack is used up nothing that it did not see can
+looks further than a contact reaches, by a skin: until this slack is used up nothing that it did not see can
 have come within reach (a Verlet list, kept for minima instead of pairs). New mesh, jump or lost minimum: the
 slack is gone and the tree answers.
 """
@@ -21,6 +21,7 @@ from services.mechanics.collision.primitives import (
     put,
     scaled,
     squared_distance,
+    subtract,
     unit,
     vector,
 )
@@ -46,6 +47,7 @@ JUMP_M = 20e-3
 ROOM_M = 1e3
 # Searches done ahead of need in a tick, so that probes that move together do not all search together.
 EARLY_SEARCHES = 4
+_NEW = 2  # no side
 
 Probes = Struct
 PROBES = struct_type(
@@ -53,7 +55,7 @@ PROBES = struct_type(
         "ends",  # (n, 2, 3) at the last tick
         "searched_at",  # (n, 2, 3) ends at the last search
         "travel",  # (n,) the wall's travel at the last search
-        "slack",  # (n,) motion of probe and wall after which to search again; negative without a past
+        "seen",  # (n,) distance out to which the last search looked; negative without a past
         "triangle",  # (n, 2) int32 triangle of each minimum, or NOTHING
         "side",  # (n, 2) int8 side of the wall at each minimum
         "place",  # (n, 2, 4) s on the probe and barycentric weights
@@ -71,12 +73,12 @@ class ProbeSet:
     def __init__(self, n: int) -> None:
         self._storage = np.zeros(1, PROBES)
         self.address: int = self._storage.ctypes.data
-        self._slack = np.full(n, -1.0)
+        self._seen = np.full(n, -1.0)
         self._alive: dict[str, np.ndarray] = {
             "ends": np.zeros((n, 2, 3)),
             "searched_at": np.zeros((n, 2, 3)),
             "travel": np.zeros(n),
-            "slack": self._slack,
+            "seen": self._seen,
             "triangle": np.full((n, MINIMA), NOTHING, np.int32),
             "side": np.zeros((n, MINIMA), np.int8),
             "place": np.zeros((n, MINIMA, 4)),
@@ -87,16 +89,25 @@ class ProbeSet:
 
     def reset(self) -> None:
         """Drop the past of every probe."""
-        self._slack.fill(-1.0)
+        self._seen.fill(-1.0)
 
 
 @kernel
 def forget(probes: Probes, i: int) -> None:
     """Drop the past of one probe."""
-    floats(probes.slack)[i] = -1.0
+    floats(probes.seen)[i] = -1.0
     for k in range(MINIMA):
         ints(probes.triangle)[MINIMA * i + k] = NOTHING
         flags(probes.side)[MINIMA * i + k] = UNKNOWN
+
+
+@kernel
+def motion_to(probes: Probes, i: int, p: Vector) -> Vector:
+    """Return how far probe i, a point, has come since the last tick if it is at p now; zero without a past."""
+    motion = subtract(p, vector(floats(probes.ends), 2 * i))
+    if floats(probes.seen)[i] < 0.0 or not dot(motion, motion) < JUMP_M * JUMP_M:
+        return (0.0, 0.0, 0.0)
+    return motion
 
 
 @kernel
@@ -107,12 +118,20 @@ def is_near(p: Vector) -> bool:
 
 @kernel
 def advance(
-    body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float, hint: int
+    body: Body,
+    wall: Patch,
+    probes: Probes,
+    i: int,
+    ends: tuple[Vector, Vector],
+    on_the_way: tuple[float, int],
+    there: tuple[float, int],
 ) -> None:
     """Move probe i to ``ends`` in steps shorter than it reaches, so that it cannot pass the wall unseen.
 
-    ``hint`` is the side of a newly found minimum, `UNKNOWN` to take the side on which the probe is.
+    Both last arguments hold how far to look and the side of a newly found minimum, `UNKNOWN` to take the side on
+    which the probe is.
     """
+    reach = on_the_way[0]
     last = floats(probes.ends)
     old_a, old_b = vector(last, 2 * i), vector(last, 2 * i + 1)
     if not (is_near(ends[0]) and is_near(ends[1])):
@@ -120,15 +139,15 @@ def advance(
         return
     motion = math.sqrt(max(squared_distance(ends[0], old_a), squared_distance(ends[1], old_b)))
     steps = 1
-    if motion > JUMP_M or floats(probes.slack)[i] < 0.0:
+    if motion > JUMP_M or floats(probes.seen)[i] < 0.0:
         forget(probes, i)
-    elif _used(body, probes, i, ends) >= floats(probes.slack)[i]:
+    elif _used(body, probes, i, ends) >= floats(probes.seen)[i] - reach:
         steps += int(2.0 * motion / reach)
     for step in range(1, steps):
         part = step / steps
         a = along(scaled(old_a, 1.0 - part), ends[0], part)
-        _update(body, wall, probes, i, (a, along(scaled(old_b, 1.0 - part), ends[1], part)), reach, hint)
-    _update(body, wall, probes, i, ends, reach, hint)
+        _update(body, wall, probes, i, (a, along(scaled(old_b, 1.0 - part), ends[1], part)), on_the_way)
+    _update(body, wall, probes, i, ends, there)
     put(last, 2 * i, ends[0])
     put(last, 2 * i + 1, ends[1])
 
@@ -145,14 +164,15 @@ def _used(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector]) -> fl
 
 @kernel
 def _update(
-    body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float, hint: int
+    body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], reach_and_hint: tuple[float, int]
 ) -> None:
+    reach = reach_and_hint[0]
     triangle, side = ints(probes.triangle), flags(probes.side)
     first = _follow(body, wall, triangle[MINIMA * i], ends, reach)
     second = _follow(body, wall, triangle[MINIMA * i + 1], ends, reach)
     is_lost = first[0] == NOTHING and triangle[MINIMA * i] != NOTHING
-    if is_lost or _is_search_due(body, probes, i, ends):
-        _search(body, wall, probes, i, ends, (first, second), (reach, hint))
+    if is_lost or _is_search_due(body, probes, i, ends, reach):
+        _search(body, wall, probes, i, ends, (first, second), reach_and_hint)
         return
     if first[0] != NOTHING:
         _store(probes, i, 0, settle(body, wall, first, ends[0], ends[1], side[MINIMA * i]))
@@ -170,8 +190,8 @@ def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector],
 
 
 @kernel
-def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector]) -> bool:
-    used, slack = _used(body, probes, i, ends), floats(probes.slack)[i]
+def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
+    used, slack = _used(body, probes, i, ends), floats(probes.seen)[i] - reach
     if not used < slack:
         return True
     if used > 0.5 * slack and probes.early > 0:
@@ -207,7 +227,7 @@ def _search(
     if first[0] == NOTHING or settle(body, wall, first, a, b, first_side)[2] >= 0.0:
         first = closest(body, wall, a, b, reach + SKIN_M, first[0])
         first_side = _remembered_side(first, followed, sides, hint)
-    _start_slack(body, wall, probes, i, ends, first, reach)
+    _note_seen(body, wall, probes, i, ends, first, reach)
     triangle[MINIMA * i] = triangle[MINIMA * i + 1] = NOTHING
     if first[0] == NOTHING:
         return
@@ -216,23 +236,26 @@ def _search(
     if dot(away, away) == 0.0:
         return
     second = closest_opposite(body, wall, a, b, reach + SKIN_M, scaled(unit(away), -1.0))
-    if second[0] != NOTHING:
-        second_side = _remembered_side(second, followed, sides, hint)
-        _store(probes, i, 1, settle(body, wall, second, a, b, second_side))
+    if second[0] == NOTHING:
+        return
+    contact = settle(body, wall, second, a, b, _remembered_side(second, followed, sides, hint))
+    # Through a wall one sees the back of the opposite one, which nobody has been pushed through.
+    if contact[2] >= 0.0 or hint == UNKNOWN or _remembered_side(second, followed, sides, _NEW) != _NEW:
+        _store(probes, i, 1, contact)
 
 
 @kernel
-def _start_slack(
+def _note_seen(
     body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], first: Touch, reach: float
 ) -> None:
-    """Note where the search was made and how far probe and wall may move until the next."""
-    start, slack = floats(probes.searched_at), floats(probes.slack)
+    """Note where the search was made and how far it has looked."""
+    start, seen = floats(probes.searched_at), floats(probes.seen)
     put(start, 2 * i, ends[0])
     put(start, 2 * i + 1, ends[1])
     floats(probes.travel)[i] = body.travel_noted
-    slack[i] = SKIN_M
+    seen[i] = reach + SKIN_M
     if first[0] == NOTHING:
-        slack[i] = max(SKIN_M, distance_to_all(body, wall, ends[0], ends[1]) - reach)
+        seen[i] = max(seen[i], distance_to_all(body, wall, ends[0], ends[1]))
 
 
 @kernel

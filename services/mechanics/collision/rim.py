@@ -6,8 +6,10 @@ import math
 
 import numpy as np
 
+from services.mechanics.collision.folds import flank_on, is_new_flank
 from services.mechanics.collision.primitives import (
     Vector,
+    along,
     combine,
     dot,
     put,
@@ -15,10 +17,10 @@ from services.mechanics.collision.primitives import (
     squared_distance,
     vector,
 )
-from services.mechanics.collision.probes import SKIN_M
+from services.mechanics.collision.probes import SKIN_M, Probes, motion_to
 from services.mechanics.collision.search import NOTHING, Touch, closest, distance_to_all, offset
 from services.mechanics.collision.surface import Shell, corner_positions
-from services.mechanics.collision.writer import Rows, write_pair
+from services.mechanics.collision.writer import Rows, is_due, write_pair
 from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.kernel import Struct, fill, floats, ints, kernel, struct_reader, struct_type
 from services.mechanics.mesh import FloatArray
@@ -64,33 +66,81 @@ class RimSegments:
 
 
 @kernel
-def detect_rims(shell: Shell, memory: RimMemory, positions: FloatArray, sizes: tuple[float, float], rows: Rows) -> None:
-    """Append pairs of segments with rim edges; ``sizes`` holds (radius + half thickness, margin)."""
-    thickness, margin = sizes
+def detect_rims(
+    shell: Shell, memory: RimMemory, probes: Probes, positions: FloatArray, sizes: tuple[float, float], rows: Rows
+) -> None:
+    """Append pairs of segments with rim edges.
+
+    ``sizes`` holds (radius + half thickness, margin), ``probes`` where the particles were in the last tick.
+    """
     for i in range(positions.shape[0] - 1):
         a = (positions[i, 0], positions[i, 1], positions[i, 2])
         b = (positions[i + 1, 0], positions[i + 1, 1], positions[i + 1, 2])
-        if _is_still_far(shell, memory, i, (a, b)):
-            continue
-        touch = closest(shell.body, shell.rims, a, b, thickness + margin + SKIN_M, NOTHING)
-        floats(memory.slack)[i] = -1.0
-        if not touch[1] < (thickness + margin) ** 2:
-            _note_far(shell, memory, i, (a, b), math.sqrt(touch[1]), thickness + margin)
-            continue
-        distance, normal = _signed(shell, memory, i, touch, (a, b), thickness)
-        if END_PART < touch[2] < 1.0 - END_PART:
-            _write(shell, i, touch, distance - thickness, normal, rows)
+        _detect_segment(shell, memory, i, (a, b), (motion_to(probes, i, a), motion_to(probes, i + 1, b)), sizes, rows)
 
 
 @kernel
-def _is_still_far(shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, Vector]) -> bool:
-    """Return whether segment and wall have moved too little since the last search to have met."""
+def _detect_segment(
+    shell: Shell,
+    memory: RimMemory,
+    i: int,
+    ends: tuple[Vector, Vector],
+    motions: tuple[Vector, Vector],
+    sizes: tuple[float, float],
+    rows: Rows,
+) -> None:
+    thickness, margin = sizes
+    moved = math.sqrt(max(dot(motions[0], motions[0]), dot(motions[1], motions[1])))
+    if _is_still_far(shell, memory, i, ends, moved):
+        return
+    reach = thickness + margin + moved
+    touch = closest(shell.body, shell.rims, ends[0], ends[1], reach + SKIN_M, NOTHING)
+    floats(memory.slack)[i] = -1.0
+    if not touch[1] < reach * reach:
+        _note_far(shell, memory, i, ends, math.sqrt(touch[1]), thickness + margin)
+        return
+    distance, normal = _signed(shell, memory, i, touch, ends, thickness)
+    start = rows.used
+    _write(shell, i, touch, (distance, normal), motions, sizes, rows)
+    if distance > 0.0:
+        _write_flanks(shell, i, (touch[0], normal, reach), ends, motions, sizes, rows, start)
+
+
+@kernel
+def _write_flanks(
+    shell: Shell,
+    i: int,
+    found: tuple[int, Vector, float],
+    ends: tuple[Vector, Vector],
+    motions: tuple[Vector, Vector],
+    sizes: tuple[float, float],
+    rows: Rows,
+    start: int,
+) -> None:
+    """Append pairs with the edges beside the one ``found``, where the rim bends round the segment; see `folds`."""
+    rims, (edge, normal, reach) = shell.rims, found
+    begin, ring = ints(rims.ring_start), ints(rims.ring)
+    for corner in range(2):
+        vertex = ints(rims.triangles)[3 * edge + corner]
+        for place in range(begin[vertex], begin[vertex + 1]):
+            touch = flank_on(shell.body, rims, edge, ring[place], ends, reach)
+            if touch[0] == NOTHING or touch[1] < _TOUCHING_M**2:
+                continue
+            distance = math.sqrt(touch[1])
+            away = scaled(offset(shell.body, rims, touch, ends[0], ends[1]), 1.0 / distance)
+            if dot(away, normal) > 0.0 and is_new_flank(rows, start, away):
+                _write(shell, i, touch, (distance, away), motions, sizes, rows)
+
+
+@kernel
+def _is_still_far(shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, Vector], ahead: float) -> bool:
+    """Return whether segment and wall have moved too little since the last search to meet within ``ahead`` more."""
     slack = floats(memory.slack)[i]
     if slack < 0.0:
         return False
     last = floats(memory.ends)
     moved_2 = max(squared_distance(ends[0], vector(last, 2 * i)), squared_distance(ends[1], vector(last, 2 * i + 1)))
-    is_far: bool = math.sqrt(moved_2) + shell.body.travel - floats(memory.travel)[i] < slack
+    is_far: bool = math.sqrt(moved_2) + shell.body.travel - floats(memory.travel)[i] + ahead < slack
     return is_far
 
 
@@ -133,7 +183,20 @@ def _is_same_lip(shell: Shell, memory: RimMemory, i: int, touch: Touch, thicknes
 
 
 @kernel
-def _write(shell: Shell, i: int, touch: Touch, gap: float, normal: Vector, rows: Rows) -> None:
+def _write(
+    shell: Shell,
+    i: int,
+    touch: Touch,
+    contact: tuple[float, Vector],
+    motions: tuple[Vector, Vector],
+    sizes: tuple[float, float],
+    rows: Rows,
+) -> None:
+    """Append the pair of a touch with this distance and normal, unless it is a particle's or too far away."""
+    s, gap, normal = touch[2], contact[0] - sizes[0], contact[1]
+    motion = along(scaled(motions[0], 1.0 - s), motions[1], s)
+    if not (END_PART < s < 1.0 - END_PART and is_due(gap, normal, motion, sizes[1])):
+        return
     owner = ints(shell.rim_edges.owner)[touch[0]]
     start, end = touch[3][0], 1.0 - touch[3][0]
     weights = (start, end, 0.0)
@@ -141,4 +204,4 @@ def _write(shell: Shell, i: int, touch: Touch, gap: float, normal: Vector, rows:
         weights = (0.0, start, end)
     elif owner % 3 == 2:
         weights = (end, 0.0, start)
-    write_pair(rows, (NO_TOOL, 0, i, DUCT_TRIANGLE, owner // 3, touch[2], weights), gap, normal)
+    write_pair(rows, (NO_TOOL, 0, i, DUCT_TRIANGLE, owner // 3, s, weights), gap, normal)

@@ -149,7 +149,7 @@ def _advance_piece(shell: Shell, probes: Probes, i: int, ends: tuple[Vector, Vec
         # Beyond the port: this part of the shaft is outside the patient.
         forget(probes, i)
     else:
-        advance(shell.body, shell.wall, probes, i, ends, reach, UNKNOWN)
+        advance(shell.body, shell.wall, probes, i, ends, (reach, UNKNOWN), (reach, UNKNOWN))
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.collision.primitives import Vector, put
+from services.mechanics.collision.primitives import Vector, dot, put
 from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.kernel import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
 
@@ -50,6 +50,12 @@ class PairWriter:
     def close(self) -> None:
         """Tell the pairs how many rows are used now."""
         self._pairs.count, self._pairs.dropped = int(self._counts[0]), int(self._counts[1])
+
+
+@kernel
+def is_due(gap_m: float, normal: Vector, motion: Vector, margin_m: float) -> bool:
+    """Return whether a gap is within the margin, or will be in a tick if the motion of the last one goes on."""
+    return gap_m + min(dot(normal, motion), 0.0) < margin_m
 
 
 @kernel

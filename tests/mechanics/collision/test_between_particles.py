@@ -49,6 +49,17 @@ def test_a_segment_cannot_be_drawn_through_the_lip(duct, step_m):
         assert (x - foot) @ row["normal"] == pytest.approx(row["gap_m"] + THICKNESS_M, abs=1e-12)
 
 
+def test_where_the_rim_bends_a_segment_touches_it_on_both_sides():
+    mesh = duct_mesh()
+    detector = CatheterContactDetector(rigid_surface(mesh), 2, CATHETER_M, MARGIN_M)
+    y = RADIUS_M - THICKNESS_M
+    found = [row for row in detect(detector, [[37e-3, y, 0.0], [43e-3, y, 0.0]]) if row["tool_parameter"] > 0.0]
+    assert len(found) == 2
+    assert sorted(np.sign(row["normal"][2]) for row in found) == [-1.0, 1.0]
+    for row in found:
+        assert row["normal"] @ [0.0, -1.0, 0.0] == pytest.approx(np.cos(np.pi / 24), abs=1e-6)
+
+
 def test_in_a_narrow_mouth_the_other_lip_is_not_the_far_side_of_this_one():
     mesh = duct_mesh(48, 60)
     flat = np.zeros((mesh.n_vertices, 3, 1))

@@ -45,7 +45,8 @@ def path(start, end, step_m):
 
 
 def _answers(found, without):
-    answers = [(int(row["particle"]), int(row["target"]), float(row["gap_m"])) for row in found]
+    """What is within the margin; whatever approaches may be reported before."""
+    answers = [(int(r["particle"]), int(r["target"]), float(r["gap_m"])) for r in found if r["gap_m"] < MARGIN_M]
     return [answer for answer in answers if answer[0] not in without]
 
 
@@ -70,7 +71,7 @@ def test_pairs_agree_with_brute_force_while_everything_moves():
             if any(row["gap_m"] < -THICKNESS_M for row in mine):
                 continue  # beyond the middle of the wall: held from its side, not to the closest point
             if expected.min() - THICKNESS_M >= MARGIN_M:
-                assert not mine
+                assert not mine or expected.min() - THICKNESS_M < MARGIN_M + np.linalg.norm(velocity[particle])
                 continue
             seen += 1
             row = min(mine, key=lambda r: r["gap_m"])
@@ -245,3 +246,45 @@ def test_a_pinched_lumen_holds_the_catheter_from_both_sides():
     assert sorted(round(float(row["normal"][1])) for row in found) == [-1, 1]
     for row in found:
         assert row["gap_m"] == pytest.approx(0.24 * RADIUS_M - THICKNESS_M, abs=0.02e-3)
+
+
+def in_a_fold(mesh, height_m):
+    """A place over an edge along the inside of the duct, this high above both flanks, and the two normals."""
+    across = 2.0 * np.pi / 24
+    flanks = [-np.array([0.0, np.cos(a), np.sin(a)]) for a in (0.5 * across, -0.5 * across)]
+    return np.array([20.3e-3, RADIUS_M - height_m / np.cos(0.5 * across), 0.0]), flanks
+
+
+@pytest.mark.parametrize("sideways_m", [0.0, 0.1e-3, -0.1e-3])
+def test_in_a_fold_of_the_wall_both_flanks_are_touched(sideways_m):
+    mesh = duct_mesh()
+    place, flanks = in_a_fold(mesh, THICKNESS_M)
+    found = detect(detector_of(rigid_surface(mesh)), place + np.array([0.0, 0.0, sideways_m]))
+    assert len(found) == 2
+    for flank in flanks:
+        row = max(found, key=lambda r: r["normal"] @ flank)
+        assert row["normal"] == pytest.approx(flank, abs=1e-9)
+        assert row["gap_m"] == pytest.approx(sideways_m * flank[2], abs=1e-9)
+
+
+def test_a_fast_particle_meets_what_a_slow_one_does_not_yet(duct):
+    for speed_m, expected in ((0.1e-3, 0), (0.6e-3, 1)):
+        detector = detector_of(duct)
+        for height in (THICKNESS_M + 0.9e-3 + speed_m, THICKNESS_M + 0.9e-3):
+            duct.update(NO_MODES)
+            found = detect(detector, [20e-3, RADIUS_M - height, 0.0])
+        assert len(found) == expected
+
+
+def test_a_particle_that_slides_past_a_fold_in_one_tick_has_met_its_far_flank():
+    """Along one flank, from where the other lies beside it and not below: 0.6 mm on it would be in the other one."""
+    mesh = duct_mesh()
+    surface, (fold, flanks) = rigid_surface(mesh), in_a_fold(mesh, THICKNESS_M + 0.01e-3)
+    slide = np.cross([1.0, 0.0, 0.0], flanks[0])
+    slide *= np.sign(slide @ (flanks[0] - flanks[1]))
+    for speed_m, expected in ((0.0, 1), (0.6e-3, 2)):
+        detector = detector_of(surface)
+        for back in (0.5e-3 + speed_m, 0.5e-3):
+            surface.update(NO_MODES)
+            found = detect(detector, fold - back * slide)
+        assert len(found) == expected

