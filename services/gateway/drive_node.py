@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,8 @@ class Task(msgspec.Struct):
 def main(task: Task) -> None:
     """Run the drive until the standard input closes."""
     wanted = choose_motion(task)
+    told: list[int] = []
+    signal.signal(signal.SIGUSR1, lambda number, _frame: told.append(number))  # go on: see `Device.go_on`
     release_scheduling()
     realtime.set_up(task.core, task.priority)
     drive = EmulatedDrive(task.node, task.watchdog_s, Handle(wanted(0.0)))
@@ -52,7 +55,7 @@ def main(task: Task) -> None:
             now_s = tick.started_ns * 1e-9
             for message in canbus.drain(bus):
                 send(bus, drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s))
-            began_s = began_s or (now_s if drive.armed_once else 0.0)
+            began_s = began_s or (now_s if drive.armed_once or told else 0.0)
             send(bus, list(drive.step(wanted(now_s - began_s if began_s else 0.0), now_s, ESTIMATE_S)))
     finally:
         bus.shutdown()

@@ -66,6 +66,12 @@ class Device(ABC):
     def enable(self) -> None:
         """Switch the motors on: force may follow. Returns at once."""
 
+    def go_on(self) -> None:  # noqa: B027 - most devices have nothing to do
+        """Be told, again and again, that no force can begin because too much is asked for where the hand is.
+
+        A person who feels nothing moves on, or opens the jaws; so does a simulated one.
+        """
+
     def clear_fault(self) -> None:
         """Try again after a fault: a person has armed the rig."""
         self.fault = ""

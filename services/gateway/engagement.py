@@ -41,6 +41,7 @@ class Engagement:
         self._ramp_s = ramp_s
         self._settled_s = 0.0
         self._stopped = False
+        self.refused_s = 0.0  # for how long force could begin, were not so much asked for
 
     @property
     def engaged(self) -> bool:
@@ -93,6 +94,8 @@ class Engagement:
             self.state = State.READY
         if self.engaged and not alive:
             self._let_go(State.STALE)
+        waits = self.state in (State.READY, State.STALE) and fresh and not self._stopped
+        self.refused_s = self.refused_s + dt_s if waits and demand_n >= SMALL_FORCE_N else 0.0
         if self.state in (State.READY, State.STALE):
             return self._settle(dt_s, fresh and demand_n < SMALL_FORCE_N and not self._stopped)
         if self.state is State.ENGAGING:

@@ -16,6 +16,9 @@ from services.gateway.servo import Servo, ServoLimits
 from services.runtime.rig import GatewaySettings
 from services.runtime.rig import Instrument as InstrumentSettings
 
+#: A person who is refused force for so long, because the tool pulls at something, does not keep still.
+PATIENCE_S = 2.0
+
 
 class Instrument:
     """Once a tick: `read` the arm, `answer` with a force; later in the tick, `exchange_handle`."""
@@ -64,6 +67,10 @@ class Instrument:
             arm.enable()
             if self.grasp is not None:
                 self.grasp.enable()
+        elif servo.engagement.refused_s > PATIENCE_S:
+            arm.go_on()
+            if self.grasp is not None:
+                self.grasp.go_on()
         if arm.has_force:
             pose.force_to_arm(servo.force_n, self._mount, self._arm_force)
             arm.write(self._arm_force)

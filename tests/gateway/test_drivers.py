@@ -209,6 +209,36 @@ def test_a_stall_of_the_gateway_is_not_a_fast_hand(setup_of: Callable[[str], Set
     assert 0.01 < max(speeds) < 0.06
 
 
+@pytest.mark.parametrize("begin", ["enable", "go_on"])
+def test_a_simulated_hand_begins_with_the_force_or_without_it(begin: str, setup_of: Callable[[str], Setup]) -> None:
+    arm, readings = driver.load_arm(setup_of("phantom_simulated").settings, PLACE), np.zeros((2, layout.READ_SIZE))
+    arm.open()
+    for k in range(1000):
+        arm.read(1 + k * TICK_NS, readings[0])
+    getattr(arm, begin)()
+    for k in range(1000, 2000):
+        arm.read(1 + k * TICK_NS, readings[1])
+    first, last = readings[:, layout.READ_POSITION : layout.READ_POSITION + 3]
+    assert np.linalg.norm(last - first) > 1e-3
+
+
+def test_a_simulated_handle_that_is_told_to_go_on_moves_without_torque(setup_of: Callable[[str], Setup]) -> None:
+    grasp, handle, angles = driver.load_grasp(setup_of("grasp_simulated").settings, PLACE), np.zeros(2), []
+    grasp.open()
+    try:
+        for k in range(2500):
+            grasp.read(time.monotonic_ns(), handle)
+            angles.append(float(handle[layout.HANDLE_ANGLE]))
+            if k == 500:
+                grasp.go_on()
+            time.sleep(1e-3)
+    finally:
+        grasp.close()
+    assert np.ptp(angles[250:500]) < 0.01
+    assert np.ptp(angles[500:]) > 0.1
+    assert not grasp.ready
+
+
 class Odrive:
     """The CAN driver on an in-process bus with an emulated drive."""
 

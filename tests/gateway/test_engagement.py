@@ -96,3 +96,17 @@ def test_a_fault_during_a_stop_needs_the_arming_too() -> None:
     engagement.fail("drive")
     _steps(engagement, 0.5)
     assert engagement.state is State.FAULT
+
+
+def test_how_long_force_was_refused_because_too_much_is_asked_for() -> None:
+    engagement = Engagement(ramp_s=0.5)
+    engagement.open(calibrated=True)
+    _steps(engagement, 1.0, fresh=False, demand_n=2.0)
+    assert engagement.refused_s == 0.0, "it is the stream that is missing"
+    _steps(engagement, 1.0, demand_n=2.0)
+    assert engagement.refused_s == pytest.approx(1.0)
+    _steps(engagement, DT_S)
+    assert engagement.refused_s == 0.0
+    engagement.stop()
+    _steps(engagement, 1.0, demand_n=2.0)
+    assert engagement.refused_s == 0.0, "a person has stopped it"

@@ -23,6 +23,7 @@ class FakeArm(Arm):
 
     def __init__(self) -> None:
         self.enabled = 0
+        self.went_on = False
         self.written = np.zeros(3)
 
     def open(self) -> None:
@@ -30,6 +31,9 @@ class FakeArm(Arm):
 
     def enable(self) -> None:
         self.enabled += 1
+
+    def go_on(self) -> None:
+        self.went_on = True
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
         reading[READ_POSITION] = 0.01
@@ -110,6 +114,17 @@ def test_the_handle_gets_the_torque_of_its_model(bench: Bench) -> None:
     bench.run(30, LocalModel(grasp_torque_nm=0.05, grasp_stiffness_nm_rad=0.1, in_contact=True))
     assert bench.grasp.written_nm == pytest.approx(0.05 - 0.1 * 0.4)
     assert bench.instrument.state().applied_grasp_torque_nm == bench.grasp.written_nm
+
+
+def test_a_hand_that_is_refused_force_goes_on_after_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tool that holds tissue from before the gateway began pulls at it: no force, and a hand that waits for one."""
+    bench = Bench(monkeypatch)
+    bench.run(round(1000 * instrument.PATIENCE_S), PUSH)
+    assert not bench.arm.went_on
+    bench.run(5, PUSH)
+    assert bench.arm.went_on
+    assert bench.arm.enabled == 0
+    np.testing.assert_array_equal(bench.arm.written, 0.0)
 
 
 def test_a_device_without_force_is_never_written(bench: Bench) -> None:

@@ -32,7 +32,7 @@ FAULTS = [
 def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signals) -> None:
     observer = rig.observer
     engage(rig)
-    before = observer.pids()
+    before, incarnation = observer.pids(), observer.samples[-1].incarnation
     observer.samples.clear()
     struck_ns = time.monotonic_ns()
     os.kill(before[name], number)
@@ -53,7 +53,7 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
     if name in ("haptics", "physics"):
         _assert_faded(observer.samples, struck_ns)
     if name == "gateway":
-        new = [s for s in observer.samples if s.incarnation != observer.samples[0].incarnation]
+        new = [s for s in observer.samples if s.incarnation != incarnation]
         assert new
         assert force_n(new[0]) == 0.0, "a gateway that starts anew begins limp"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -69,6 +70,7 @@ class Driver(OdriveGrasp):
             priority=own.priority,
         )
         self.process: subprocess.Popen[bytes] | None = None
+        self._goes_on = False
 
     def open(self) -> None:
         """Start the node and find it on its bus."""
@@ -80,6 +82,12 @@ class Driver(OdriveGrasp):
             if self.may_come():
                 raise
             raise DeviceError(f"{self._where}: the emulated drive ended with code {self.process.returncode}") from None
+
+    def go_on(self) -> None:
+        """Let the hand on the handle begin without torque."""
+        if self.process is not None and not self._goes_on:
+            self._goes_on = True
+            self.process.send_signal(signal.SIGUSR1)
 
     def may_come(self) -> bool:
         """Return whether the node's process lives."""

@@ -33,7 +33,7 @@ class ArmSettings(Settings):
 
 
 class Driver(Arm):
-    """The arm of `simulated_arm`, whose hand begins its script when force is first switched on."""
+    """The arm of `simulated_arm`, whose hand begins its script when force is first switched on, or refused for long."""
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._settings = driver.read_settings(ArmSettings, settings, place)
@@ -72,6 +72,10 @@ class Driver(Arm):
 
     def enable(self) -> None:
         """Let the scripted hand begin."""
+        self._running = True
+
+    def go_on(self) -> None:
+        """Let the scripted hand begin without force."""
         self._running = True
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
