@@ -94,10 +94,10 @@ class Engagement:
             self.state = State.READY
         if self.engaged and not alive:
             self._let_go(State.STALE)
-        waits = self.state in (State.READY, State.STALE) and fresh and not self._stopped
-        self.refused_s = self.refused_s + dt_s if waits and demand_n >= SMALL_FORCE_N else 0.0
         if self.state in (State.READY, State.STALE):
-            return self._settle(dt_s, fresh and demand_n < SMALL_FORCE_N and not self._stopped)
+            may_begin = fresh and not self._stopped
+            self.refused_s = self.refused_s + dt_s if may_begin and demand_n >= SMALL_FORCE_N else 0.0
+            return self._settle(dt_s, may_begin and demand_n < SMALL_FORCE_N)
         if self.state is State.ENGAGING:
             self.gain = min(1.0, self.gain + dt_s / self._ramp_s) if self._ramp_s > 0.0 else 1.0
             if self.gain >= 1.0:
@@ -115,3 +115,4 @@ class Engagement:
         self.state = state
         self.gain = 0.0
         self._settled_s = 0.0
+        self.refused_s = 0.0

@@ -97,12 +97,16 @@ class Crew:
     @property
     def all_ready(self) -> bool:
         """Whether every process is up, but for those given up that the rig can do without."""
-        return all(m.up or (m.state is MemberState.FAILED and not m.critical) for m in self.members.values())
+        return all(m.up for m in self._awaited())
 
     @property
     def all_came_up(self) -> bool:
         """Whether every process has been up since it was started, whatever it does now."""
-        return all(m.came_up or (m.state is MemberState.FAILED and not m.critical) for m in self.members.values())
+        return all(m.came_up for m in self._awaited())
+
+    def _awaited(self) -> list[Member]:
+        """Return all but those given up that the rig can do without."""
+        return [m for m in self.members.values() if m.critical or m.state is not MemberState.FAILED]
 
     def troubles(self) -> list[str]:
         """Return what is wrong with processes that should be up, critical ones first."""
@@ -206,7 +210,7 @@ class Crew:
                 member.enter(MemberState.HUNG, now_s, wrong)
                 self.say("warning", wrong)
             case MemberState.HUNG if not wrong:
-                member.stalls_s.append(now_s)
+                member.stalls_s = [*watch.recent_stalls(member, now_s), now_s]
                 member.enter(MemberState.STARTING, now_s)
             case MemberState.HUNG:
                 member.reason = wrong

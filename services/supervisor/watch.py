@@ -51,10 +51,14 @@ def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) 
     return hung_s >= limits.heartbeat_s and (stopped or silent_s >= limits.heartbeat_s)
 
 
+def recent_stalls(member: Member, now_s: float) -> list[float]:
+    """Return when the silences ended that still count."""
+    return [at_s for at_s in member.stalls_s if now_s - at_s <= STALLS_WITHIN_S]
+
+
 def stalling(member: Member, now_s: float) -> str:
     """Return what is said of a process that keeps falling silent for a moment, empty for nothing."""
-    member.stalls_s = [at_s for at_s in member.stalls_s if now_s - at_s <= STALLS_WITHIN_S]
-    stalls = len(member.stalls_s)
+    stalls = len(recent_stalls(member, now_s))
     return f"{member.name}: fell silent {stalls} times in {STALLS_WITHIN_S:.0f} s" if stalls >= STALLS else ""
 
 
