@@ -92,7 +92,7 @@ class Residual:
         apply(self.store, load_nodes, load_forces, nodes, out)
 
 
-# The kernels index whole arrays instead of slicing blocks out of them: a slice in numba counts references, which
+# The kernels index whole arrays instead of slicing blocks out of them: a slice is a descriptor of ten words, which
 # costs more than the nine products of a block.
 
 
