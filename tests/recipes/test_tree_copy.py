@@ -1,0 +1,86 @@
+"""The follower of recipes does what a block says, and stops where a recipe has gone stale."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.recipes.tree_copy import ROOT, TreeCopy
+
+RECIPE = """
+# Recipes
+
+## Adding a word
+1. A new file:
+
+   ```python
+   # services/scenes/word.py
+   \"""A word.\"""
+
+   WORD = "trocar"
+   ```
+
+2. Where it is known:
+
+   ```diff
+   --- services/scenes/__init__.py
+   {anchor}
+   +from services.scenes.word import WORD as WORD
+   ```
+
+   and what it looks like then, for the reader:
+
+   ```python
+   WORD
+   ```
+
+3. Look at it:
+
+   ```sh
+   python -c "from services.scenes import WORD; print(WORD)" > word.txt
+   ```
+
+## Something else
+
+```sh
+exit 3
+```
+"""
+
+
+@pytest.fixture
+def anchor() -> str:
+    """Some line of a file that nobody edits for this test's sake."""
+    lines = (ROOT / "services" / "scenes" / "__init__.py").read_text().splitlines()
+    return next(f" {line}" for line in lines if line.startswith("from "))
+
+
+def _told(tree: TreeCopy, anchor: str) -> None:
+    (tree.root / "docs" / "recipes.md").write_text(RECIPE.format(anchor=anchor))
+
+
+def test_blocks_are_done_from_top_to_bottom(tree: TreeCopy, anchor: str) -> None:
+    _told(tree, anchor)
+    tree.follow("Adding a word")
+    assert (tree.root / "word.txt").read_text() == "trocar\n"
+    assert not (ROOT / "services" / "scenes" / "word.py").exists()
+    assert str(tree.root) in tree.python("import protocol; print(protocol.__file__)")
+
+
+@pytest.mark.parametrize("stale", [" from nowhere import nothing", ""])
+def test_a_place_that_is_not_there_once_is_no_place(tree: TreeCopy, stale: str) -> None:
+    _told(tree, stale)
+    with pytest.raises(AssertionError, match=r"has these lines \d+ times"):
+        tree.follow("Adding a word")
+
+
+def test_a_command_that_fails_fails_the_recipe(tree: TreeCopy, anchor: str) -> None:
+    _told(tree, anchor)
+    with pytest.raises(AssertionError, match="ended with 3"):
+        tree.follow("Something else")
+
+
+def test_a_section_that_is_not_there_is_named(tree: TreeCopy, tmp_path: Path) -> None:
+    with pytest.raises(AssertionError, match="no section 'Adding a unicorn'"):
+        tree.follow("Adding a unicorn")

@@ -1,0 +1,94 @@
+"""A copy of the tree in which a section of docs/recipes.md is done to the letter: its blocks are the steps.
+
+In a section a block whose first line is ``# path/of/file`` (YAML, Python) is a new file; a ``diff`` block, whose first
+line is ``--- path/of/file``, changes one: its unchanged and removed lines stand together in the file exactly once, and
+``@@`` parts two places. A ``sh`` block is commands, run from the root. Other blocks are for the reader only.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from markdown_it import MarkdownIt
+
+ROOT = Path(__file__).resolve().parents[2]
+_COPIED = ("services", "protocol", "configs", "docs", "tests", "pyproject.toml")
+_LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap", "*.png")
+
+
+class TreeCopy:
+    """The sources, tests, configuration and documents in a folder of their own."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        for name in _COPIED:
+            if (ROOT / name).is_dir():
+                shutil.copytree(ROOT / name, root / name, ignore=_LEFT_OUT)
+            else:
+                shutil.copy2(ROOT / name, root / name)
+
+    def follow(self, section: str) -> None:
+        """Do every step of the section ``## section`` of this copy's docs/recipes.md, from top to bottom."""
+        for language, text in _blocks((self.root / "docs" / "recipes.md").read_text(encoding="utf-8"), section):
+            if language == "sh":
+                self.run("bash", "-ec", text)
+            elif language == "diff":
+                self._change(text)
+            elif text.startswith("# ") and "/" in text.splitlines()[0]:
+                self._create(text)
+
+    def run(self, *command: str, timeout_s: float = 100.0) -> str:
+        """Run a command in the copy, with this interpreter's tools first, and return what it prints.
+
+        An exit code that is not zero fails the test with everything that the command said.
+        """
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        environment = {**os.environ, "PATH": path, "PYTHONPATH": str(self.root)}
+        done = subprocess.run(
+            command, cwd=self.root, env=environment, capture_output=True, text=True, timeout=timeout_s, check=False
+        )
+        said = f"{done.stdout}\n{done.stderr}"
+        assert done.returncode == 0, f"{' '.join(command)} ended with {done.returncode}:\n{said}"
+        return done.stdout
+
+    def python(self, code: str, **options: float) -> str:
+        """Run `code` with the copy's packages, and return what it prints."""
+        return self.run(sys.executable, "-c", code, **options)
+
+    def pytest(self, *arguments: str, **options: float) -> str:
+        """Run tests of the copy, and return what pytest prints."""
+        return self.run(sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *arguments, **options)
+
+    def _create(self, text: str) -> None:
+        file = self.root / text.splitlines()[0].removeprefix("# ")
+        assert not file.exists(), f"the recipe makes {file.name}, which there is already"
+        assert file.parent.is_dir(), f"the recipe makes a file in {file.parent}, which there is not"
+        file.write_text(text.split("\n", 1)[1].lstrip("\n"), encoding="utf-8")
+
+    def _change(self, text: str) -> None:
+        first, hunks = text.split("\n", 1)
+        file = self.root / first.removeprefix("--- ")
+        content = file.read_text(encoding="utf-8")
+        for hunk in hunks.rstrip("\n").split("\n@@\n"):
+            lines = [line or " " for line in hunk.splitlines()]
+            assert {line[0] for line in lines} <= set(" +-"), f"not a diff of {file.name}:\n{hunk}"
+            before = "".join(f"{line[1:]}\n" for line in lines if line[0] != "+")
+            after = "".join(f"{line[1:]}\n" for line in lines if line[0] != "-")
+            found = f"\n{content}".count(f"\n{before}")
+            assert found == 1, f"{file.name} has these lines {found} times:\n{before}"
+            content = f"\n{content}".replace(f"\n{before}", f"\n{after}", 1)[1:]
+        file.write_text(content, encoding="utf-8")
+
+
+def _blocks(document: str, section: str) -> list[tuple[str, str]]:
+    """Return language and text of the fenced blocks in a section."""
+    tokens = MarkdownIt().parse(document)
+    headings = [i for i, token in enumerate(tokens) if token.type == "heading_open" and token.tag == "h2"]
+    for begin, end in zip(headings, [*headings[1:], len(tokens)], strict=True):
+        if tokens[begin + 1].content == section:
+            return [(t.info.strip(), t.content) for t in tokens[begin:end] if t.type == "fence"]
+    raise AssertionError(f"docs/recipes.md has no section {section!r}")
