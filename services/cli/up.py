@@ -52,7 +52,7 @@ def run_up(request: Request) -> None:
     run = Run(request, face)
     try:
         with face:
-            session.run_session(process, session.Plan(options, on_event=face.event, on_turn=run.turn))
+            session.run_session(process, session.SessionOptions(options, on_event=face.event, on_turn=run.turn))
     finally:
         process.bus.close()
         if request.json_file is not None and run.report is not None:

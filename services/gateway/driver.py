@@ -1,6 +1,6 @@
 """What a device driver is, and how one is found: by the name in the rig file, loaded when it is wanted.
 
-A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `Grasp`. Nothing is
+A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`. Nothing is
 registered anywhere. Drivers never raise from `read` or `write`: what goes wrong there is their `fault`.
 """
 
@@ -115,7 +115,7 @@ class Arm(Device):
         """Apply a force (3,) in the frame of the arm until the next call. Never waits."""
 
 
-class Grasp(Device):
+class GraspHandle(Device):
     """A handle whose opening is measured and loaded with a torque.
 
     Attributes
@@ -147,7 +147,7 @@ def load_arm(settings: DriverSettings, place: Place) -> Arm:
     return cast(Arm, _load(settings, "arm", place))
 
 
-def load_grasp(settings: DriverSettings, place: Place) -> Grasp:
+def load_grasp(settings: DriverSettings, place: Place) -> GraspHandle:
     """Return the handle that the rig file names, not yet open.
 
     Raises
@@ -157,7 +157,7 @@ def load_grasp(settings: DriverSettings, place: Place) -> Grasp:
     ConfigError
         naming the key, if its settings or its device file cannot be used.
     """
-    return cast(Grasp, _load(settings, "handle", place))
+    return cast(GraspHandle, _load(settings, "handle", place))
 
 
 def _load(settings: DriverSettings, kind: str, place: Place) -> object:
@@ -169,7 +169,7 @@ def _load(settings: DriverSettings, kind: str, place: Place) -> object:
         module = importlib.import_module(f"services.gateway.drivers.{name}")
     except ImportError as error:
         raise DeviceError(f"{where}: driver {name!r} needs {error.name}, which is not installed") from None
-    if not issubclass(module.Driver, Arm if kind == "arm" else Grasp):
+    if not issubclass(module.Driver, Arm if kind == "arm" else GraspHandle):
         raise DeviceError(f"{where}, {kind}: driver {name!r} drives something else")
     return cast(object, module.Driver(settings, place))
 

@@ -10,7 +10,7 @@ import numpy as np
 import protocol.bodies as bodies
 from protocol.vectors import Quat, Vec3
 from services.gateway import layout, pose
-from services.gateway.driver import Arm, Grasp, Place, load_arm, load_grasp
+from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
 from services.gateway.engagement import State
 from services.gateway.servo import Servo, ServoLimits
 from services.runtime.rig import GatewaySettings
@@ -23,7 +23,7 @@ PATIENCE_S = 2.0
 class Instrument:
     """Once a tick: `read` the arm, `answer` with a force; later in the tick, `exchange_handle`."""
 
-    def __init__(self, settings: InstrumentSettings, arm: Arm, grasp: Grasp | None, servo: Servo) -> None:
+    def __init__(self, settings: InstrumentSettings, arm: Arm, grasp: GraspHandle | None, servo: Servo) -> None:
         self.name = settings.name
         self.arm = arm
         self.grasp = grasp

@@ -18,7 +18,7 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow
-from services.runtime.process import Plan, Process, cache_directory, main
+from services.runtime.process import Process, ProcessConfig, cache_directory, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
@@ -102,9 +102,9 @@ def make_detector(scene: SceneModel, world: World) -> ToolContactDetector:
     return ToolContactDetector(world.surface, catheter.n_segments + 1, radius_m, scene.contact.margin_m)
 
 
-def prepare(plan: Plan) -> tuple[SceneModel, ReducedDuct]:
+def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     """Load the scene and its duct, and compile every kernel on tools that lie across the duct at rest."""
-    scene = load_scene(plan.scene_name, plan.scene_overrides)
+    scene = load_scene(process_config.scene_name, process_config.scene_overrides)
     duct = load_duct(scene, cache_directory(), progress)
     world, tools = World(scene, duct), ToolTracker(scene)
     tools.present[:] = True

@@ -15,7 +15,7 @@ from services.physics.warm_up import warm_up
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, TickClock, follow
 from services.runtime.nan_guard import NanGuard
-from services.runtime.process import Plan, Process, cache_directory, main
+from services.runtime.process import Process, ProcessConfig, cache_directory, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
@@ -74,9 +74,9 @@ class Physics:
         self._process.health.quality_level = level
 
 
-def prepare(plan: Plan) -> tuple[SceneModel, ReducedDuct]:
+def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     """Load the scene and its duct, and compile what the steps call."""
-    scene = load_scene(plan.scene_name, plan.scene_overrides)
+    scene = load_scene(process_config.scene_name, process_config.scene_overrides)
     duct = load_duct(scene, cache_directory(), progress)
     warm_up(scene, duct)
     return scene, duct

@@ -12,7 +12,7 @@ from pathlib import Path
 from protocol.topics import read_by
 from services.recorder.recording import RecordingWriter
 from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Plan, Process, main
+from services.runtime.process import Process, ProcessConfig, main
 from services.runtime.rig import Rig
 
 #: Longer than the period of what is sampled, far shorter than a turn.
@@ -34,10 +34,10 @@ def _metadata(process: Process) -> dict[str, str]:
     }
 
 
-def topics(plan: Plan) -> dict[str, tuple[str, ...]]:
+def topics(process_config: ProcessConfig) -> dict[str, tuple[str, ...]]:
     """Return how the topics are read: whole, or sampled."""
-    whole = plan.rig.recorder.whole
-    return {"reads": (), "reads_every": whole, "samples": _sampled(plan.rig)}
+    whole = process_config.rig.recorder.whole
+    return {"reads": (), "reads_every": whole, "samples": _sampled(process_config.rig)}
 
 
 def _sampled(rig: Rig) -> tuple[str, ...]:

@@ -43,7 +43,7 @@ class Keys:
         socket.setsockopt(zmq.CURVE_SECRETKEY, self.secret)
 
 
-class Doorkeeper:
+class ZapAuthenticator:
     """Answers who may read from the publishers of a context; must exist before they bind."""
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], keys: Keys) -> None:

@@ -153,7 +153,7 @@ _AHEAD_NS = 50_000_000
 _WORK_NS = 20_000_000
 
 
-class Breath:
+class DutyCycleLimiter:
     """How long a loop must rest between ticks: not at all if it keeps its rate or falls behind but once."""
 
     def __init__(self) -> None:
@@ -173,11 +173,11 @@ def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> 
 
     The tick is due when its frame was sent and must be done one period later. Frames that come faster than the rate
     (a publisher that floods) are answered at no more than four times the rate, and a loop whose ticks take longer than
-    their period rests between them (`Breath`): the rest of the core stays free.
+    their period rests between them (`DutyCycleLimiter`): the rest of the core stays free.
     """
     apart_ns = meter.period_ns // 4
     last_ns = 0
-    breath = Breath()
+    limiter = DutyCycleLimiter()
     while not stop():
         if not bus.wait(topic, time.monotonic_ns() + 2 * meter.period_ns):
             yield None
@@ -193,4 +193,4 @@ def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> 
         yield frame
         ended_ns = time.monotonic_ns()
         meter.finish(ended_ns)
-        sleep_until(ended_ns + breath.rest_ns(last_ns, ended_ns))
+        sleep_until(ended_ns + limiter.rest_ns(last_ns, ended_ns))

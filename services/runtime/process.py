@@ -32,7 +32,7 @@ class Options:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ProcessConfig:
     """What a process is to be."""
 
     name: str
@@ -66,7 +66,7 @@ class Process:
         self.health.meter = meter
         if self._fifo is not None:
             realtime.resume(self._fifo)
-        self.facts.extend((realtime.settle(), realtime.read_back()))
+        self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
         self.log.info("ready")
@@ -91,7 +91,7 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
     return Options(parsed.rig, parsed.scene, (*environment.get("TROCAR_SET", "").split(), *parsed.overrides))
 
 
-def make_plan(name: str, options: Options) -> Plan:
+def load_process_config(name: str, options: Options) -> ProcessConfig:
     """Return what a process is to be, before anything of it is real-time or on the bus.
 
     Raises
@@ -101,11 +101,11 @@ def make_plan(name: str, options: Options) -> Plan:
     """
     rig = config.load_rig(options.rig, options.overrides)
     scene_overrides = config.split_overrides(options.overrides)[1]
-    return Plan(name, rig, options.scene or rig.scene, scene_overrides, log.set_up(name))
+    return ProcessConfig(name, rig, options.scene or rig.scene, scene_overrides, log.set_up(name))
 
 
 def open_process(
-    plan: Plan,
+    process_config: ProcessConfig,
     *,
     publishes: Iterable[str] | None = None,
     reads: Iterable[str] | None = None,
@@ -122,7 +122,7 @@ def open_process(
     UserError
         if an endpoint cannot be used.
     """
-    name, rig, logger = plan.name, plan.rig, plan.log
+    name, rig, logger = process_config.name, process_config.rig, process_config.log
     settings = rig.process(name)
     facts = realtime.set_up(settings.core, settings.priority, settings.nice)
     for fact in facts:
@@ -136,7 +136,16 @@ def open_process(
         samples=samples,
         thread_above=settings.bus_thread_above,
     )
-    process = Process(name, rig, plan.scene_name, plan.scene_overrides, logger, facts, bus, HealthReporter(name, bus))
+    process = Process(
+        name,
+        rig,
+        process_config.scene_name,
+        process_config.scene_overrides,
+        logger,
+        facts,
+        bus,
+        HealthReporter(name, bus),
+    )
     process.health.realtime = facts
     if settings.priority is not None and os.sched_getscheduler(0) == os.SCHED_FIFO:
         process._fifo = settings.priority  # noqa: SLF001
@@ -161,8 +170,8 @@ def main(
     run: Callable[..., None],
     arguments: Sequence[str] | None = None,
     *,
-    prepare: Callable[[Plan], Any] | None = None,
-    topics: Callable[[Plan], Mapping[str, Iterable[str]]] | None = None,
+    prepare: Callable[[ProcessConfig], Any] | None = None,
+    topics: Callable[[ProcessConfig], Mapping[str, Iterable[str]]] | None = None,
 ) -> int:
     """Run a process from its command line; return the exit code. What a person can mend is one sentence.
 
@@ -179,9 +188,9 @@ def main(
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end
     try:
-        plan = make_plan(name, parse(name, arguments))
-        prepared = () if prepare is None else (prepare(plan),)
-        process = open_process(plan, **(topics(plan) if topics else {}))
+        process_config = load_process_config(name, parse(name, arguments))
+        prepared = () if prepare is None else (prepare(process_config),)
+        process = open_process(process_config, **(topics(process_config) if topics else {}))
         try:
             run(process, *prepared)
             process.health.change("stopping")

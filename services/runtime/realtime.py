@@ -61,7 +61,7 @@ def resume(priority: int) -> None:
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
-def settle() -> Fact:
+def freeze_garbage_collector() -> Fact:
     """Freeze what is alive and switch the collector off: to be called when a loop is warm and about to run."""
     gc.collect()
     gc.freeze()

@@ -81,7 +81,7 @@ class ZmqBus:
         self._in: dict[str, bus.Inbox] = {}
         incarnation = bus.new_incarnation()
         self._keys = keys.load(transport.keys) if transport.keys else None
-        self._door = keys.Doorkeeper(self._context, self._keys) if self._keys else None
+        self._authenticator = keys.ZapAuthenticator(self._context, self._keys) if self._keys else None
         try:
             for name in publishes:
                 self._bind(transport, name, incarnation)
@@ -136,8 +136,8 @@ class ZmqBus:
         self._senders[name].send(box.seal(body, origin_ns, valid), zmq.NOBLOCK)
         if box.sent % _COUNT_READERS_EVERY == 0:
             self.has_reader(name)
-        if self._door:
-            self._door.answer()
+        if self._authenticator:
+            self._authenticator.answer()
         return box.sent - 1
 
     def latest(self, name: str) -> Frame | None:
@@ -208,8 +208,8 @@ class ZmqBus:
     def has_reader(self, name: str) -> bool:
         """Return whether somebody has subscribed to `name` and not gone since."""
         socket = self._senders[name]
-        if self._door:
-            self._door.answer()
+        if self._authenticator:
+            self._authenticator.answer()
         while True:
             try:
                 message = socket.recv(zmq.NOBLOCK)
@@ -220,7 +220,7 @@ class ZmqBus:
     @property
     def refused_readers(self) -> int:
         """How many have knocked without the rig's keys."""
-        return self._door.refused if self._door else 0
+        return self._authenticator.refused if self._authenticator else 0
 
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of all topics."""

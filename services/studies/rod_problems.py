@@ -49,7 +49,7 @@ def example_rod(n_segments: int = 50, **changes: Any) -> RodProperties:
     return RodProperties(**(values | changes))
 
 
-def settle(
+def step_to_rest(
     integrator: ImplicitIntegrator, state: RodState, force_n: FloatArray, dt_s: float = 5e-3, speed_m_s: float = 1e-8
 ) -> RodState:
     """Step `state` in place under a dead load until nothing moves; RuntimeError if that does not happen."""
@@ -66,7 +66,7 @@ def elastica_tip(load: float, n_segments: int = 50) -> tuple[float, float, float
     state = straight_rod(properties, (0, 0, 0), X)
     force = np.zeros((n_segments + 1, 3))
     force[-1, 2] = -load * EI / LENGTH_M**2
-    settle(ImplicitIntegrator(properties, clamped(X)), state, force, dt_s=2e-3, speed_m_s=1e-9)
+    step_to_rest(ImplicitIntegrator(properties, clamped(X)), state, force, dt_s=2e-3, speed_m_s=1e-9)
     last = state.position_m[-1] - state.position_m[-2]
     tip = state.position_m[-1] / LENGTH_M
     return float(np.arctan2(-last[2], last[0])), float(-tip[2]), float(1.0 - tip[0])
@@ -105,7 +105,7 @@ def buckled_tip_angle(ratio: float, n_segments: int = 50) -> float:
     state.position_m[:, 1] += 1e-3 * np.linspace(0.0, 1.0, n_segments + 1) ** 2
     push = np.zeros((n_segments + 1, 3))
     push[-1, 0] = -ratio * np.pi**2 * EI / (2.0 * LENGTH_M) ** 2
-    settle(ImplicitIntegrator(properties, clamped(X)), state, push)
+    step_to_rest(ImplicitIntegrator(properties, clamped(X)), state, push)
     last = state.position_m[-1] - state.position_m[-2]
     return float(np.arctan2(last[1], last[0]))
 
@@ -127,7 +127,7 @@ def thrust_after_buckling_n(ends: str, n_segments: int = 50) -> float:
     state = straight_rod(properties, (0, 0, 0), X)
     state.position_m[1:-1, 2] += 1e-4 * np.sin(np.linspace(0.0, np.pi, n_segments + 1))[1:-1]
     integrator.held_target_m[1] = [LENGTH_M * (1.0 - euler_load_n(ends) / EA - 2e-4), 0.0, 0.0]
-    settle(integrator, state, np.zeros((n_segments + 1, 3)))
+    step_to_rest(integrator, state, np.zeros((n_segments + 1, 3)))
     length = np.linalg.norm(np.diff(state.position_m, axis=0), axis=1)
     return float(EA * (1.0 - length.mean() / properties.segment_length_m))
 
@@ -147,7 +147,7 @@ def hanging_chain(n_segments: int = 50) -> tuple[RodState, float]:
     state.position_m[:] = np.stack([0.1 * s, 0 * s, -0.2 * s * (1 - s)], axis=1)
     weight = np.zeros((n_segments + 1, 3))
     weight[:, 2] = -9.81 * properties.particle_mass_kg()
-    settle(ImplicitIntegrator(properties, Supports(held=(0, -1))), state, weight)
+    step_to_rest(ImplicitIntegrator(properties, Supports(held=(0, -1))), state, weight)
     first = float(np.linalg.norm(state.position_m[1] - state.position_m[0]))
     return state, 1e4 * (first / properties.segment_length_m - 1.0)
 

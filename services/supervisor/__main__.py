@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from services.runtime.errors import UserError
 from services.runtime.process import parse
-from services.supervisor.session import Plan, open_session, run_session
+from services.supervisor.session import SessionOptions, open_session, run_session
 from services.supervisor.supervisor import Event, Supervisor
 
 
@@ -17,7 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = parse("supervisor", arguments)
         process = open_session(options)
         try:
-            run_session(process, Plan(options, on_event=_print, on_turn=_Greeting().turn))
+            run_session(process, SessionOptions(options, on_event=_print, on_turn=_Greeting().turn))
         finally:
             process.bus.close()
     except UserError as error:

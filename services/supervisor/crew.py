@@ -59,7 +59,7 @@ class Crew:
     launch: Launch | None
     say: Callable[[str, str], None]
     on_counts: Callable[[str, Figures], None] = lambda _name, _counts: None
-    hearing: Callable[[], bool] = lambda: True
+    has_heard_all: Callable[[], bool] = lambda: True
     fatal: FatalStart | None = None
     stopping: bool = False
     _last_step_s: float | None = None
@@ -194,7 +194,7 @@ class Crew:
 
     def _is_hearing(self, now_s: float) -> bool:
         """Return whether silence may be judged; a bus that never rests must not hide it for ever."""
-        if self.hearing():
+        if self.has_heard_all():
             self._heard_all_s = now_s
             return True
         return now_s - self._heard_all_s >= self.limits.heartbeat_s
@@ -303,7 +303,7 @@ def _start_sentence(member: Member, status: int, log_file: Path) -> str:
     return f"{member.name} ended with exit code {status} while starting: {last} (see {log_file})"
 
 
-def muster(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:
+def build_members(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:
     """Return the members that `rig` runs, by name."""
     settings = rig.supervisor
     launched = settings.mode == "launch"

@@ -15,7 +15,7 @@ from services.supervisor.metrics import RigSource, Source, registry
 from services.supervisor.page_place import leave, page_file
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
-from services.supervisor.web import EVENT_PERIOD_S, Desk, build_app
+from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 _encoder = msgspec.json.Encoder()
@@ -28,7 +28,7 @@ class Page:
         self._supervisor = supervisor
         self._socket = sock
         self._due_s = 0.0
-        self.desk = Desk(
+        self.context = PageContext(
             rig=supervisor.rig,
             scene=scene,
             registry=registry(self._source),
@@ -41,7 +41,7 @@ class Page:
         host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
         self.address = f"http://{host}:{port}/"
         config = uvicorn.Config(
-            build_app(self.desk), log_level="error", access_log=False, lifespan="off", ws="none",
+            build_app(self.context), log_level="error", access_log=False, lifespan="off", ws="none",
             timeout_graceful_shutdown=1,
         )  # fmt: skip
         self._server = uvicorn.Server(config)
@@ -49,15 +49,15 @@ class Page:
         self._file = page_file(supervisor.rig.transport)
 
     def __enter__(self) -> Self:
-        leave(self._file, self.address, self.desk.token)
-        self._supervisor.page_address = f"{self.address}#token={self.desk.token}"
+        leave(self._file, self.address, self.context.token)
+        self._supervisor.page_address = f"{self.address}#token={self.context.token}"
         self._thread.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.desk.closing = True
+        self.context.closing = True
         self._server.should_exit = True
         self._thread.join(3.0)
         self._socket.close()
@@ -67,7 +67,7 @@ class Page:
         """Replace what the page shows, when it is due."""
         if now_s >= self._due_s:
             self._due_s = now_s + EVENT_PERIOD_S
-            self.desk.latest = _encoder.encode(dashboard.snapshot(self._supervisor, self.desk.scene, now_s))
+            self.context.latest = _encoder.encode(dashboard.snapshot(self._supervisor, self.context.scene, now_s))
 
     def _source(self) -> RigSource:
         supervisor = self._supervisor

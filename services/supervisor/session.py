@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
-from services.runtime.process import Options, Process, make_plan, open_process
+from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
+from services.supervisor.bus_threads import BusThreads
 from services.supervisor.crew import Launch
-from services.supervisor.ears import Ears
 from services.supervisor.holders import holders
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
@@ -37,7 +37,7 @@ class StartError(UserError):
 
 
 @dataclass(slots=True)
-class Plan:
+class SessionOptions:
     """What a session is to do, and whom it tells.
 
     Parameters
@@ -69,7 +69,7 @@ def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Proc
     _refuse_second_rig(options)
     streams = [spec.stream for spec in table if spec.stream is not None]
     heartbeats = [f"{spec.name}.health" for spec in table]
-    process = open_process(make_plan("supervisor", options), reads=heartbeats, samples=streams)
+    process = open_process(load_process_config("supervisor", options), reads=heartbeats, samples=streams)
     signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed: nobody is left to end it
     return process
 
@@ -82,23 +82,23 @@ def _refuse_second_rig(options: Options) -> None:
         raise BusError(f"a rig is running here already: {who}; `trocar down` ends it")
 
 
-def run_session(process: Process, plan: Plan) -> None:
-    """Run the rig until the process is asked to stop or `plan.on_turn` ends it.
+def run_session(process: Process, session: SessionOptions) -> None:
+    """Run the rig until the process is asked to stop or `session.on_turn` ends it.
 
     Raises
     ------
     UserError
         if a process cannot start; everything started is ended before.
     """
-    setup = _setup(process, plan)
+    setup = _setup(process, session)
     sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
-    supervisor = Supervisor(setup, process.bus, time.monotonic(), plan.on_event)
-    ears = Ears()
-    supervisor.crew.hearing = ears.open
-    with closing(ears), _page(sock, supervisor, process.scene_name) as page:
+    supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
+    threads = BusThreads()
+    supervisor.crew.has_heard_all = threads.are_idle
+    with closing(threads), _page(sock, supervisor, process.scene_name) as page:
         process.health.change("ready")
         try:
-            _watch(process, supervisor, page, plan)
+            _watch(process, supervisor, page, session)
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
@@ -117,25 +117,25 @@ def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractCo
     return Page(sock, supervisor, scene)
 
 
-def _watch(process: Process, supervisor: Supervisor, page: Page | None, plan: Plan) -> None:
+def _watch(process: Process, supervisor: Supervisor, page: Page | None, session: SessionOptions) -> None:
     while not process.stop() and supervisor.crew.fatal is None:
         now_s = time.monotonic()
         supervisor.step(now_s)
         process.health.send_if_due()
         if page is not None:
             page.turn(now_s)
-        if plan.on_turn(supervisor, now_s):
+        if session.on_turn(supervisor, now_s):
             return
         supervisor.crew.wait(_TURN_S)
 
 
-def _setup(process: Process, plan: Plan) -> Setup:
+def _setup(process: Process, session: SessionOptions) -> Setup:
     rig = process.rig
     levels = quality_levels(process.scene_name, process.scene_overrides)
     if rig.supervisor.mode == "attach":
         memory = endpoints.run_directory(rig.transport) / "safe_stop"
-        return Setup(rig, plan.table, None, levels, safe_stop_file=memory)
-    return Setup(rig, plan.table, Launch(arguments(plan.options), log_directory(rig)), levels)
+        return Setup(rig, session.table, None, levels, safe_stop_file=memory)
+    return Setup(rig, session.table, Launch(arguments(session.options), log_directory(rig)), levels)
 
 
 def quality_levels(scene: str, overrides: Sequence[str] = ()) -> int:

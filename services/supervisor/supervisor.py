@@ -12,7 +12,7 @@ import protocol.bodies as bodies
 from services.runtime.bus import Bus
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
-from services.supervisor.crew import Crew, Launch, muster
+from services.supervisor.crew import Crew, Launch, build_members
 from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.state_machine import RigState, Situation, next_state
@@ -58,7 +58,7 @@ class Supervisor:
         self.page_address = ""
         self.events: deque[Event] = deque(maxlen=50)
         limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
-        self.crew = Crew(muster(setup.rig, setup.table), bus, limits, setup.launch, self.say)
+        self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
         patience_s = 2.0 * settings.window_s + SETTLE_S  # what one stall leaves in window and hysteresis has passed
         ladder = Ladder(levels=setup.levels, patience_s=patience_s, may_restart=setup.launch is not None)
         self.enforcement = Enforcement(ladder)

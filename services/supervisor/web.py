@@ -1,4 +1,4 @@
-"""The page's server: static files, events, commands, metrics. Made of what `Desk` offers; knows no socket."""
+"""The page's server: static files, events, commands, metrics. Made of what `PageContext` offers; knows no socket."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h
 
 
 @dataclass(slots=True)
-class Desk:
+class PageContext:
     """What the page's thread may see and ask. `latest` is replaced whole by the supervisor's loop, five times a second.
 
     `healthy` tells whether the rig does what it is for, and in which words; `view_port` where the picture is served.
@@ -88,19 +88,19 @@ def host_of(scope: Scope) -> str:
     return text.partition(":")[0]
 
 
-def build_app(desk: Desk) -> Starlette:
+def build_app(context: PageContext) -> Starlette:
     """Return the web application."""
     routes: list[BaseRoute] = [
-        Route("/events", _events(desk)),
-        Route("/api/rig", _rig(desk)),
-        Route("/api/state", _state(desk)),
-        Route("/api/arm", _command(desk, desk.arm), methods=["POST"]),
-        Route("/api/safe_stop", _command(desk, desk.safe_stop), methods=["POST"]),
-        Route("/metrics", _metrics(desk)),
-        Route("/healthz", _healthz(desk)),
+        Route("/events", _events(context)),
+        Route("/api/rig", _rig(context)),
+        Route("/api/state", _state(context)),
+        Route("/api/arm", _command(context, context.arm), methods=["POST"]),
+        Route("/api/safe_stop", _command(context, context.safe_stop), methods=["POST"]),
+        Route("/metrics", _metrics(context)),
+        Route("/healthz", _healthz(context)),
     ]
-    if (desk.dist / "index.html").is_file():
-        routes.append(Mount("/", StaticFiles(directory=desk.dist, html=True)))
+    if (context.dist / "index.html").is_file():
+        routes.append(Mount("/", StaticFiles(directory=context.dist, html=True)))
     else:
         routes.append(Route("/", _not_built))
     return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
@@ -110,19 +110,19 @@ async def _not_built(_request: Request) -> Response:
     return HTMLResponse(_NOT_BUILT, 503)
 
 
-def _state(desk: Desk) -> Endpoint:
+def _state(context: PageContext) -> Endpoint:
     async def state(_request: Request) -> Response:
-        return Response(desk.latest, media_type="application/json")
+        return Response(context.latest, media_type="application/json")
 
     return state
 
 
-def _events(desk: Desk) -> Endpoint:
+def _events(context: PageContext) -> Endpoint:
     async def stream() -> AsyncIterator[bytes]:
         # A client that reads slowly is awaited here, alone; it then gets the newest state, never a queue of old ones.
         yield b"retry: 1000\n\n"
-        while not desk.closing:
-            yield b"event: state\ndata: " + desk.latest + b"\n\n"
+        while not context.closing:
+            yield b"event: state\ndata: " + context.latest + b"\n\n"
             await asyncio.sleep(EVENT_PERIOD_S)
 
     async def events(_request: Request) -> Response:
@@ -131,28 +131,28 @@ def _events(desk: Desk) -> Endpoint:
     return events
 
 
-def _rig(desk: Desk) -> Endpoint:
+def _rig(context: PageContext) -> Endpoint:
     async def rig(request: Request) -> Response:
         host = host_of(request.scope)
         host = f"[{host}]" if ":" in host else host
         return JSONResponse(
             {
-                "name": desk.rig.name,
-                "scene": desk.scene,
-                "viewer": desk.rig.visualization.viewer,
-                "view_ws": f"ws://{host}:{desk.view_port()}/ws",
+                "name": context.rig.name,
+                "scene": context.scene,
+                "viewer": context.rig.visualization.viewer,
+                "view_ws": f"ws://{host}:{context.view_port()}/ws",
                 "token_needed": True,
-                "contracts": desk.rig.contracts.model_dump(mode="json"),
+                "contracts": context.rig.contracts.model_dump(mode="json"),
             }
         )
 
     return rig
 
 
-def _command(desk: Desk, act: Callable[[str], None]) -> Endpoint:
+def _command(context: PageContext, act: Callable[[str], None]) -> Endpoint:
     async def command(request: Request) -> Response:
         given = request.headers.get("X-Trocar-Token", "")
-        if not secrets.compare_digest(given.encode(), desk.token.encode()):
+        if not secrets.compare_digest(given.encode(), context.token.encode()):
             return JSONResponse({"error": "the header X-Trocar-Token must carry the token that the rig printed"}, 403)
         act(f"{request.client.host if request.client else 'somebody'} over the web page")
         return JSONResponse({"ok": True})
@@ -160,17 +160,17 @@ def _command(desk: Desk, act: Callable[[str], None]) -> Endpoint:
     return command
 
 
-def _metrics(desk: Desk) -> Endpoint:
+def _metrics(context: PageContext) -> Endpoint:
     async def metrics(_request: Request) -> Response:
-        text = prometheus_client.generate_latest(desk.registry)
+        text = prometheus_client.generate_latest(context.registry)
         return Response(text, media_type=prometheus_client.CONTENT_TYPE_LATEST)
 
     return metrics
 
 
-def _healthz(desk: Desk) -> Endpoint:
+def _healthz(context: PageContext) -> Endpoint:
     async def healthz(_request: Request) -> Response:
-        ok, words = desk.healthy()
+        ok, words = context.healthy()
         return JSONResponse({"ok": ok, "state": words}, 200 if ok else 503)
 
     return healthz

@@ -7,7 +7,7 @@ import time
 
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Plan, Process, cache_directory, main
+from services.runtime.process import Process, ProcessConfig, cache_directory, main
 from services.scenes import load_duct, load_scene
 from services.visualization.composer import TOPICS, Composer
 from services.visualization.outputs import open_output
@@ -45,7 +45,7 @@ def run(process: Process) -> None:
         output.close()
 
 
-def topics(_plan: Plan) -> dict[str, tuple[str, ...]]:
+def topics(_process_config: ProcessConfig) -> dict[str, tuple[str, ...]]:
     """Return how the topics are read: a picture needs one frame in sixteen of what comes a thousand times a second."""
     return {"reads": ("supervisor.state",), "samples": TOPICS}
 

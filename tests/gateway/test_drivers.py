@@ -18,7 +18,7 @@ import pytest
 from services.gateway import canbus, cansimple, driver, layout
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
-from services.gateway.driver import Arm, Grasp, Place
+from services.gateway.driver import Arm, GraspHandle, Place
 from services.gateway.drivers import grasp_odrive_can, grasp_simulated
 from services.gateway.emulated_drive import EmulatedDrive, Handle
 from services.runtime import config
@@ -105,14 +105,14 @@ def setup_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, multicast: None) -
         setup.close()
 
 
-def _load(settings: DriverSettings) -> Arm | Grasp:
+def _load(settings: DriverSettings) -> Arm | GraspHandle:
     try:
         return driver.load_arm(settings, PLACE)
     except DeviceError:
         return driver.load_grasp(settings, PLACE)
 
 
-def _exchange(device: Arm | Grasp, ticks: int, value: float, pause: Callable[[], None]) -> None:
+def _exchange(device: Arm | GraspHandle, ticks: int, value: float, pause: Callable[[], None]) -> None:
     out = np.zeros(layout.READ_SIZE if isinstance(device, Arm) else layout.HANDLE_SIZE)
     begin_ns = time.monotonic_ns()
     for k in range(ticks):

@@ -8,7 +8,7 @@ import pytest
 from protocol import Frame, decode, encode
 from protocol.bodies import GatewayState, LocalModel
 from services.gateway import instrument
-from services.gateway.driver import Arm, ArmLimits, Grasp
+from services.gateway.driver import Arm, ArmLimits, GraspHandle
 from services.gateway.instrument import Instrument
 from services.gateway.layout import HANDLE_ANGLE, READ_POSITION, READ_ROLL, FloatArray
 from services.gateway.servo import Servo, ServoLimits
@@ -46,7 +46,7 @@ class FakeArm(Arm):
         self.written[:] = 0.0
 
 
-class FakeGrasp(Grasp):
+class FakeGrasp(GraspHandle):
     max_torque_nm = 0.3
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from protocol import bodies
 from services.runtime import loop
-from services.runtime.loop import SHARE, Breath, LoopMeter, TickClock, follow, ticks
+from services.runtime.loop import SHARE, DutyCycleLimiter, LoopMeter, TickClock, follow, ticks
 from services.runtime.memory_bus import MemoryBus, MemoryHub
 
 
@@ -130,11 +130,11 @@ def test_a_follower_breathes_while_what_comes_is_refused(clock: Clock) -> None:
 
 def rested(work_ns: int, ticks: int, period_ns: int = 1_000_000) -> tuple[int, int]:
     """Return how long a loop rests and how long it took, if each of its ticks works for `work_ns`."""
-    breath, now, rested = Breath(), 0, 0
+    limiter, now, rested = DutyCycleLimiter(), 0, 0
     for _ in range(ticks):
         began = now
         now += work_ns
-        rest = breath.rest_ns(began, now)
+        rest = limiter.rest_ns(began, now)
         rested += rest
         now += max(rest, period_ns - work_ns, 0)
     return rested, now
@@ -152,7 +152,7 @@ def test_a_follower_that_keeps_its_rate_never_rests(work_ns: int) -> None:
 
 def test_one_long_tick_is_no_overload() -> None:
     """The process was stopped for a second: it goes on at once."""
-    breath = Breath()
-    assert breath.rest_ns(0, 300_000) == 0
-    assert breath.rest_ns(1_000_000, 1_001_000_000) == 0
-    assert breath.rest_ns(1_002_000_000, 1_002_300_000) == 0
+    limiter = DutyCycleLimiter()
+    assert limiter.rest_ns(0, 300_000) == 0
+    assert limiter.rest_ns(1_000_000, 1_001_000_000) == 0
+    assert limiter.rest_ns(1_002_000_000, 1_002_300_000) == 0

@@ -63,8 +63,8 @@ class Fakes:
 
         process = session.open_session(self.options, table)
         try:
-            plan = session.Plan(self.options, table, lambda event: events.append(event.text), turn)
-            session.run_session(process, plan)
+            options = session.SessionOptions(self.options, table, lambda event: events.append(event.text), turn)
+            session.run_session(process, options)
         finally:
             process.bus.close()
         return events
@@ -253,9 +253,9 @@ from services.supervisor import session
 from services.cli import up
 
 fakes = Fakes(Options({rig!r}, None, ()))
-real = session.Plan
+real = session.SessionOptions
 session.TABLE = fakes.table()
-session.Plan = lambda options, **rest: real(options, fakes.table(), **rest)
+session.SessionOptions = lambda options, **rest: real(options, fakes.table(), **rest)
 sys.argv = ["trocar", "up", "--rig", {rig!r}, *sys.argv[1:]]
 from services.cli.app import main
 main()

@@ -140,7 +140,7 @@ def test_its_own_absence_counts_against_nobody() -> None:
 def test_what_was_not_heard_yet_is_not_silence() -> None:
     """The bus' own thread waits for a processor: nobody is called silent, but not for ever."""
     bench = running(Bench(rig()))
-    bench.supervisor.crew.hearing = lambda: False
+    bench.supervisor.crew.has_heard_all = lambda: False
     bench.peers["gateway"].alive = False
     bench.run(0.4)
     assert bench.supervisor.state is RigState.RUNNING

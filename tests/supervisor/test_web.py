@@ -15,7 +15,7 @@ from starlette.applications import Starlette
 import protocol.bodies as bodies
 from services.supervisor.metrics import RigSource, Source, registry
 from services.supervisor.state_machine import RigState
-from services.supervisor.web import Desk, build_app
+from services.supervisor.web import PageContext, build_app
 from tests.supervisor.made_up import health, histogram, loop_report, rig
 
 
@@ -41,8 +41,8 @@ def asked() -> Asked:
 
 
 @pytest.fixture
-def desk(asked: Asked, tmp_path: Path) -> Desk:
-    return Desk(
+def context(asked: Asked, tmp_path: Path) -> PageContext:
+    return PageContext(
         rig=rig(),
         scene="default",
         registry=registry(_source),
@@ -76,8 +76,8 @@ class Client:
 
 
 @pytest.fixture
-def client(desk: Desk) -> Client:
-    return Client(build_app(desk))
+def client(context: PageContext) -> Client:
+    return Client(build_app(context))
 
 
 def test_page_that_is_not_built_says_how(client: Client) -> None:
@@ -86,12 +86,12 @@ def test_page_that_is_not_built_says_how(client: Client) -> None:
     assert "npm run build" in answer.text
 
 
-def test_page_that_is_built_is_served(desk: Desk) -> None:
-    desk.dist.mkdir()
-    (desk.dist.parent / "made_up.txt").write_text("not for the world")
-    (desk.dist / "index.html").write_text("<title>it is here</title>")
-    (desk.dist / "app.js").write_text("1")
-    client = Client(build_app(desk))
+def test_page_that_is_built_is_served(context: PageContext) -> None:
+    context.dist.mkdir()
+    (context.dist.parent / "made_up.txt").write_text("not for the world")
+    (context.dist / "index.html").write_text("<title>it is here</title>")
+    (context.dist / "app.js").write_text("1")
+    client = Client(build_app(context))
     assert "it is here" in client.get("/").text
     assert client.get("/app.js").text == "1"
     assert client.get("/%2e%2e/made_up.txt").status_code == 404
@@ -108,19 +108,21 @@ def test_rig_names_the_view_on_the_host_that_was_asked(client: Client) -> None:
 
 
 @pytest.mark.parametrize("command", ["arm", "safe_stop"])
-def test_commands_need_the_token(client: Client, desk: Desk, asked: Asked, command: str) -> None:
+def test_commands_need_the_token(client: Client, context: PageContext, asked: Asked, command: str) -> None:
     assert client.post(f"/api/{command}").status_code == 403
     assert client.post(f"/api/{command}", headers={"X-Trocar-Token": "guess"}).status_code == 403
-    assert client.get(f"/api/{command}", headers={"X-Trocar-Token": desk.token}).status_code == 405
+    assert client.get(f"/api/{command}", headers={"X-Trocar-Token": context.token}).status_code == 405
     assert getattr(asked, command) == []
-    answer = client.post(f"/api/{command}", headers={"X-Trocar-Token": desk.token})
+    answer = client.post(f"/api/{command}", headers={"X-Trocar-Token": context.token})
     assert answer.status_code == 200
     assert len(getattr(asked, command)) == 1
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", ""])
-def test_another_sites_name_for_this_machine_is_refused(client: Client, desk: Desk, asked: Asked, host: str) -> None:
-    answer = client.post("/api/arm", headers={"Host": host, "X-Trocar-Token": desk.token})
+def test_another_sites_name_for_this_machine_is_refused(
+    client: Client, context: PageContext, asked: Asked, host: str
+) -> None:
+    answer = client.post("/api/arm", headers={"Host": host, "X-Trocar-Token": context.token})
     assert answer.status_code == 421
     assert asked.arm == []
 
@@ -130,26 +132,26 @@ def test_this_machines_names_are_known(client: Client, host: str) -> None:
     assert client.get("/healthz", headers={"Host": host}).status_code == 200
 
 
-def test_healthz_follows_the_rig(client: Client, desk: Desk) -> None:
-    desk.healthy = lambda: (False, "safe_stop: because")
+def test_healthz_follows_the_rig(client: Client, context: PageContext) -> None:
+    context.healthy = lambda: (False, "safe_stop: because")
     answer = client.get("/healthz")
     assert answer.status_code == 503
     assert answer.json() == {"ok": False, "state": "safe_stop: because"}
 
 
-def test_events_carry_the_newest_state_only(desk: Desk) -> None:
+def test_events_carry_the_newest_state_only(context: PageContext) -> None:
     """A client that was away for many states gets the newest one; the stream ends with the page."""
 
     async def read() -> list[str]:
         states = []
-        transport = httpx.ASGITransport(build_app(desk))
-        desk.latest = b'{"n":1}'
+        transport = httpx.ASGITransport(build_app(context))
+        context.latest = b'{"n":1}'
 
         async def later() -> None:
             for n in (2, 3, 4):
-                desk.latest = json.dumps({"n": n}).encode()
+                context.latest = json.dumps({"n": n}).encode()
             await asyncio.sleep(0.3)
-            desk.closing = True
+            context.closing = True
 
         task = asyncio.create_task(later())
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:

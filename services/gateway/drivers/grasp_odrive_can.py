@@ -13,7 +13,7 @@ from pydantic import Field
 from services.gateway import canbus, cansimple, driver
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
-from services.gateway.driver import Grasp, Place
+from services.gateway.driver import GraspHandle, Place
 from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE, FloatArray
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
@@ -86,7 +86,7 @@ class OdriveLink:
         self.estimated_ns = time.monotonic_ns()
 
 
-class OdriveGrasp(Grasp):
+class OdriveGrasp(GraspHandle):
     """The drive's life: found, set up, armed when force begins, fed every tick, let go at the end.
 
     A disarm is latched in the drive. One by the watchdog (this gateway was held up) ends with the next engagement;

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from services.gateway import driver
-from services.gateway.driver import Grasp, Place
+from services.gateway.driver import GraspHandle, Place
 from services.gateway.drivers.replay import ReplaySettings
 from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE, FloatArray
 from services.gateway.recording import read_table
@@ -16,7 +16,7 @@ from services.runtime.rig import DriverSettings
 _TICK_S = 1e-3
 
 
-class Driver(Grasp):
+class Driver(GraspHandle):
     """Reads ``time_s`` and ``handle_angle_rad``. The recording begins with the first read."""
 
     max_torque_nm = 1.0

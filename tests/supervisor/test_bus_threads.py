@@ -6,7 +6,7 @@ import time
 
 import zmq
 
-from services.supervisor.ears import Ears
+from services.supervisor.bus_threads import BusThreads
 
 
 def test_an_idle_bus_has_heard_everything_a_flooded_one_mostly_not() -> None:
@@ -19,14 +19,14 @@ def test_an_idle_bus_has_heard_everything_a_flooded_one_mostly_not() -> None:
         port = sender.bind_to_random_port("tcp://127.0.0.1")
         receiver.connect(f"tcp://127.0.0.1:{port}")
         time.sleep(0.1)
-        ears = Ears()
-        idle = [ears.open() for _ in range(50) if time.sleep(2e-3) is None]
+        threads = BusThreads()
+        idle = [threads.are_idle() for _ in range(50) if time.sleep(2e-3) is None]
         flooded = []
         for _ in range(200):
             for _ in range(200):
                 sender.send(bytes(2000))
-            flooded.append(ears.open())
-        ears.close()
+            flooded.append(threads.are_idle())
+        threads.close()
     finally:
         context.destroy(linger=0)
     assert sum(idle) > 40

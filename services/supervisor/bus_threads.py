@@ -13,13 +13,13 @@ from pathlib import Path
 _THREAD = "ZMQbg/IO"
 
 
-class Ears:
+class BusThreads:
     """The bus' threads of this process, as they are when this is made."""
 
     def __init__(self) -> None:
         self._states = [os.open(task / "stat", os.O_RDONLY) for task in _bus_threads()]
 
-    def open(self) -> bool:
+    def are_idle(self) -> bool:
         """Return whether everything that has arrived was heard: no thread of the bus is running or waiting to."""
         states = (os.pread(state, 512, 0).rpartition(b")")[2].split(maxsplit=1)[0] for state in self._states)
         return b"R" not in states
