@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from services.runtime import yaml_text
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
 
@@ -54,7 +56,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         naming file and line, if it cannot be read, is not YAML, or is not a mapping.
     """
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = yaml_text.read(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
@@ -83,7 +85,7 @@ def apply_overrides(data: dict[str, Any], overrides: Iterable[str], origins: Ori
         if not equals or not key:
             raise ConfigError(f"--set {override}: expected key.path=value")
         try:
-            value = yaml.safe_load(text)
+            value = yaml_text.read(text)
         except yaml.YAMLError:
             raise ConfigError(f"--set {override}: {text!r} is not a YAML value") from None
         _put(data, key.split("."), value, override)
@@ -103,16 +105,19 @@ def _put(data: Any, path: list[str], value: Any, override: str) -> None:
 def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
     """Return `data` as a checked `kind` (a pydantic model or a dataclass).
 
+    It is checked as JSON: what is strict there takes no string for a number, but still a list for a tuple.
+
     Raises
     ------
     ConfigError
         one sentence: file, path of the key, what is wrong, and for an unknown key the known ones.
     """
-    adapter = TypeAdapter(kind)
     try:
-        return adapter.validate_python(data)
+        return TypeAdapter(kind).validate_json(json.dumps(data, default=str))
     except ValidationError as error:
         raise ConfigError(f"{where}: {_sentence(error, kind)}") from None
+    except (TypeError, ValueError) as error:  # a key that is a date, an anchor within itself
+        raise ConfigError(f"{where}: {error}") from None
 
 
 def _sentence(error: ValidationError, kind: type[Any]) -> str:

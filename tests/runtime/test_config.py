@@ -35,6 +35,7 @@ def write(path: Path, text: str) -> Path:
             r"gateway.instruments.0.arm.driver: this key is missing \(and 1 more\)",
         ),
         ("name: a\ntransport: {kind: tcp, bind_host: 0.0.0.0}", r"transport: tcp to 0.0.0.0 leaves this host"),
+        ("name: a\n2026-01-01: b", r"rig.yaml: keys must be str"),
     ],
 )
 def test_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
@@ -59,6 +60,19 @@ def test_options_win_over_the_file_and_origins_are_known(tmp_path: Path) -> None
     assert origins["processes.physics.core"] == "--set"
     assert origins["processes.physics.priority"] == str(file)
     assert "visualization.host" not in origins
+
+
+@pytest.mark.parametrize("text", ["3e-4", "3E-4", "0.3e-3", "+.3e-3"])
+def test_a_float_with_an_exponent_is_one_whether_it_has_a_point_or_not(tmp_path: Path, text: str) -> None:
+    assert config.read_yaml(write(tmp_path, f"film_m: {text}")) == {"film_m": 3e-4}
+    data: dict[str, object] = {}
+    config.apply_overrides(data, [f"film_m={text}"], {})
+    assert data == {"film_m": 3e-4}
+
+
+@pytest.mark.parametrize("text", ["e4", "3e", "1e5m", "0x1e5", "2026-01-01"])
+def test_what_only_looks_like_a_float_is_none(tmp_path: Path, text: str) -> None:
+    assert not isinstance(config.read_yaml(write(tmp_path, f"name: {text}"))["name"], float)
 
 
 def test_an_option_reaches_into_lists(tmp_path: Path) -> None:
