@@ -1,51 +1,162 @@
-"""Where compiled kernels are kept: a folder that belongs to exactly this source.
+"""Where compiled kernels are kept: in a folder that belongs to exactly the source that they were made of.
 
-numba looks at the file of a kernel, not at those of the kernels that it calls: after an update a cached kernel may
-go on calling what its neighbour was before. So the folder's name is a hash of everything that holds kernels, and each
-version of the source compiles its own. Must be called before numba is imported, which is why `services` itself does.
+numba files a kernel under the place of its file, and looks whether that file has changed, but not those of the kernels
+that it calls: after an update a cached kernel may go on calling what its neighbour was before, and no checkout finds
+what another has compiled. So numba is given a locator of ours (``NUMBA_CACHE_LOCATOR_CLASSES``): the folder of a kernel
+is named by its module and a hash of all source that the module rests on. numba reads the variable when it is imported,
+so `services` itself calls `choose`.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
+import functools
 import hashlib
 import os
 import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import IO, Any
 
-_SOURCES = ("mechanics", "gateway", "physics", "visualization")
-_KEPT = 4
+from services.source_closure import Sources
+
+_NUMBAS_OWN = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator", "IPythonCacheLocator")
+_OPTIONS = ("NUMBA_BOUNDSCHECK", "NUMBA_OPT", "NUMBA_DEBUGINFO", "NUMBA_LOOP_VECTORIZE", "NUMBA_SLP_VECTORIZE")
+_KEPT = 8
+_IN_USE_S = 3600.0
 
 
-def choose() -> Path:
-    """Set ``NUMBA_CACHE_DIR`` for this process and its children, and return it.
+def choose() -> None:
+    """Let numba keep our kernels in `root`, here and in the children of this process."""
+    ours = f"{Locator.__module__}.{Locator.__qualname__}"
+    named = os.environ.get("NUMBA_CACHE_LOCATOR_CLASSES") or ",".join(_NUMBAS_OWN)
+    if ours not in named.split(","):
+        os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = f"{ours},{named}"
+    if "numba" in sys.modules:
+        sys.modules["numba"].core.config.reload_config()
 
-    It is ``$NUMBA_CACHE_DIR/<hash>`` where that is set, else ``kernels/<hash>`` in Trocar's cache. Of the folders
-    beside it the newest few are kept.
+
+def root() -> Path:
+    """Return ``$NUMBA_CACHE_DIR``, else ``kernels`` in Trocar's cache. It may be shared by any number of checkouts."""
+    cache = os.environ.get("TROCAR_CACHE_DIR") or Path.home() / ".cache" / "trocar"
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or Path(cache) / "kernels")
+
+
+class Locator:
+    """Tells numba where the compiled kernels of one function lie; made by numba, for functions of ours only."""
+
+    def __init__(self, module: str, digest: str, line: int) -> None:
+        self._module = module
+        self._digest = digest
+        self._line = line
+        self._folder = root() / f"{module}-{digest}"
+
+    @classmethod
+    def from_function(cls, function: Callable[..., object], path: str) -> Locator | None:
+        """Return the locator of a function, None if its file is not ours or nothing can be written."""
+        module = _sources().module_of(Path(path))
+        if module is None or not _is_writable(root()):
+            return None
+        _end_of_compilation()
+        locator = cls(module, _digest(module), function.__code__.co_firstlineno)
+        locator._mark_used()
+        return locator
+
+    def get_cache_path(self) -> str:
+        """Return the folder of this function's module as it is now."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Return what a stored kernel must have been made of: the folder says it."""
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of one name in one module apart."""
+        return str(self._line)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder. numba calls this right before it stores a kernel, so it also begins to exclude others.
+
+        numba numbers the files of a kernel's signatures by reading the index, and two processes that store two
+        signatures at once would give both the same number: one would later run code made for other types.
+        """
+        if not self._folder.is_dir():
+            _forget_oldest(self._folder.parent, self._module)
+            self._folder.mkdir(parents=True, exist_ok=True)
+        _end_of_compilation().hold(self._folder / "lock")
+
+    def _mark_used(self) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            os.utime(self._folder)
+
+
+class _EndOfCompilation(threading.local):
+    """Releases what `hold` took when this thread leaves the compilation in which it was taken: a listener of numba's.
+
+    A kernel is compiled, and stored at last, under numba's compiler lock, inside the compilation of its caller; each
+    taking and release of that lock is an event. Thread-local, as that lock has an owner.
     """
-    digest = _digest(Path(__file__).parent)
-    root = Path(os.environ.get("NUMBA_CACHE_DIR") or _cache() / "kernels")
-    if root.name != digest:
-        root = root / digest
-    os.environ["NUMBA_CACHE_DIR"] = str(root)
-    if not root.is_dir():
-        _forget_oldest(root.parent)
-    return root
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._held_at = 0
+        self._file: IO[bytes] | None = None
+
+    def hold(self, path: Path) -> None:
+        """Wait for and take the lock file ``path``."""
+        if self._file is None:
+            self._held_at = self._depth
+            self._file = path.open("wb")
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+
+    def notify(self, event: Any) -> None:
+        """Follow numba's compiler lock."""
+        self._depth += 1 if event.is_start else -1
+        if self._file is not None and self._depth < self._held_at:
+            self._file.close()
+            self._file = None
 
 
-def _cache() -> Path:
-    return Path(os.environ.get("TROCAR_CACHE_DIR") or Path.home() / ".cache" / "trocar")
+@functools.cache
+def _end_of_compilation() -> _EndOfCompilation:
+    from numba.core import event  # here, as `services` is imported by processes that have no use for numba
+
+    event.Listener.register(_EndOfCompilation)
+    listener = _EndOfCompilation()
+    event.register("numba:compiler_lock", listener)
+    return listener
 
 
-def _digest(folder: Path) -> str:
-    text = hashlib.sha256()
-    for source in _SOURCES:
-        for path in sorted((folder / source).rglob("*.py")):
-            text.update(path.relative_to(folder).as_posix().encode())
-            text.update(path.read_bytes())
-    return f"source-{text.hexdigest()[:16]}"
+@functools.cache
+def _sources() -> Sources:
+    return Sources(Path(__file__).parents[1])
 
 
-def _forget_oldest(root: Path) -> None:
-    folders = sorted(root.glob("source-*"), key=lambda path: path.stat().st_mtime, reverse=True)
-    for folder in folders[_KEPT - 1 :]:
-        shutil.rmtree(folder, ignore_errors=True)  # another process may still be writing there: next time
+@functools.cache
+def _digest(module: str) -> str:
+    """Return a hash of what decides what the kernels of a module are, beyond signature and processor."""
+    versions = [sys.modules[name].__version__ for name in ("numba", "llvmlite", "numpy")]
+    options = [f"{name}={os.environ.get(name)}" for name in _OPTIONS]
+    text = "\n".join([_sources().digest(module), *versions, *options])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@functools.cache
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+def _forget_oldest(folder: Path, module: str) -> None:
+    """Keep the last used few of a module's folders, and those in which somebody may be at work."""
+    ages = sorted((time.time() - path.stat().st_mtime, path) for path in folder.glob(f"{module}-*"))
+    for age_s, path in ages[_KEPT - 1 :]:
+        if age_s > _IN_USE_S:
+            shutil.rmtree(path, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Each version of the source compiles its own kernels."""
+"""A compiled kernel is found again exactly where all source that it was made of is the same."""
 
 from __future__ import annotations
 
@@ -11,44 +11,125 @@ from pathlib import Path
 import pytest
 
 from services import kernel_cache
+from services.source_closure import Sources
 
 ROOT = Path(kernel_cache.__file__).parent
+CALLEE = "from numba import njit\n\n@njit(cache=True)\ndef inner(x):\n    return x + 1\n"
+CALLER = (
+    "from numba import njit\nfrom services.parts import (  # brackets )\n    callee,\n)\n\n"
+    "inner = callee.inner\n\n@njit(cache=True)\ndef outer(x):\n    return 10 * inner(x)\n"
+)
+ASK = "from services.caller import outer; print(outer({}), sum(outer.stats.cache_misses.values()))"
+SLOW_INDEX = """
+import time
+from numba.core.caching import IndexDataCacheFile
+save = IndexDataCacheFile._save_index
+def slow(self, overloads):
+    time.sleep(1.0)
+    save(self, overloads)
+    time.sleep(1.0)
+IndexDataCacheFile._save_index = slow
+"""
 
 
-def _copy(folder: Path) -> Path:
-    """Copy what decides, with this module beside it, and return the folder of the copy."""
-    for name in ("mechanics", "gateway"):
-        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-    return folder
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """Return a small checkout: a kernel, another that it calls, and a module that neither knows."""
+    parts = tmp_path / "checkout" / "services" / "parts"
+    parts.mkdir(parents=True)
+    for name in ("__init__", "kernel_cache", "source_closure"):
+        shutil.copy(ROOT / f"{name}.py", parts.parent)
+    (parts / "__init__.py").touch()
+    (parts / "callee.py").write_text(CALLEE)
+    (parts / "stranger.py").write_text("X = 1\n")
+    (parts.parent / "caller.py").write_text(CALLER)
+    return tmp_path / "checkout"
 
 
-def test_a_change_in_any_kernel_is_another_folder(tmp_path: Path) -> None:
-    copy = _copy(tmp_path / "services")
-    before = kernel_cache._digest(copy)
-    assert kernel_cache._digest(copy) == before
-    source = next((copy / "mechanics" / "rod").glob("*.py"))
-    source.write_text(source.read_text() + "\n")
-    assert kernel_cache._digest(copy) != before
+def _start(tree: Path, argument: str, before: str = "", **variables: str) -> subprocess.Popen[str]:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environment |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / "kernels"), **variables}
+    command = [sys.executable, "-c", before + ASK.format(argument)]
+    return subprocess.Popen(command, env=environment, cwd=tree, stdout=subprocess.PIPE, text=True)
 
 
-def test_children_share_the_folder_and_do_not_nest_it(tmp_path: Path) -> None:
-    code = "import os, services; print(os.environ['NUMBA_CACHE_DIR'])"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    outputs = []
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-        outputs.append(done.stdout.strip())
-        environment["NUMBA_CACHE_DIR"] = outputs[-1]
-    assert outputs[0] == outputs[1]
-    assert Path(outputs[0]).parent == tmp_path
+def _run(tree: Path, argument: str = "1", **variables: str) -> tuple[float, int]:
+    """Return what the kernel says and how often it had to be compiled."""
+    return _answer(_start(tree, argument, **variables))
 
 
-def test_the_newest_few_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for age in range(6):
-        folder = tmp_path / f"source-{age}"
+def _answer(process: subprocess.Popen[str]) -> tuple[float, int]:
+    output, _ = process.communicate(timeout=120)
+    assert process.returncode == 0
+    value, misses = output.split()
+    return float(value), int(misses)
+
+
+def test_an_edit_of_a_callee_compiles_its_callers_and_an_edit_elsewhere_does_not(tree: Path) -> None:
+    assert _run(tree) == (20, 1)
+    assert _run(tree) == (20, 0)
+    (tree / "services" / "parts" / "stranger.py").write_text("X = 2\n")
+    assert _run(tree) == (20, 0)
+    (tree / "services" / "parts" / "callee.py").write_text(CALLEE.replace("x + 1", "x + 2"))
+    assert _run(tree) == (30, 1)
+    (tree / "services" / "parts" / "callee.py").write_text(CALLEE)
+    assert _run(tree) == (20, 0), "what was there before is still there"
+
+
+def test_a_copy_of_the_tree_compiles_nothing_and_other_options_do(tree: Path) -> None:
+    assert _run(tree) == (20, 1)
+    copy = tree.parent / "elsewhere" / "copy"
+    shutil.copytree(tree, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.rmtree(tree)
+    variables = {"NUMBA_CACHE_DIR": str(tree.parent / "kernels")}
+    assert _run(copy, **variables) == (20, 0)
+    assert _run(copy, NUMBA_BOUNDSCHECK="1", **variables) == (20, 1)
+
+
+def test_two_processes_that_compile_two_signatures_at_once_keep_both(tree: Path) -> None:
+    both = [_start(tree, argument, SLOW_INDEX) for argument in ("1", "1.5")]
+    assert [_answer(process) for process in both] == [(20, 1), (25, 1)]
+    assert _run(tree, "1") == (20, 0)
+    assert _run(tree, "1.5") == (25, 0)
+
+
+def test_a_folder_that_cannot_be_written_is_left_to_numba(tree: Path) -> None:
+    (tree.parent / "kernels").touch()
+    assert _run(tree, NUMBA_CACHE_DIR=str(tree.parent / "kernels" / "below"), XDG_CACHE_HOME=str(tree)) == (20, 1)
+
+
+def test_every_way_to_import_is_followed(tmp_path: Path) -> None:
+    package = tmp_path / "services" / "a"
+    package.mkdir(parents=True)
+    (tmp_path / "services" / "__init__.py").touch()
+    (package / "__init__.py").write_text("from services.a.far import X\n")
+    for name in ("far", "near", "lazy", "plain", "strange"):
+        (package / f"{name}.py").write_text("X = 1\n")
+    (package / "user.py").write_text(
+        "import numpy as np\nimport services.a.plain as p\nfrom . import near\nfrom services.a import X\n"
+        "def f():\n    from .lazy import X\n"
+    )
+    closure = Sources(tmp_path).closure("services.a.user")
+    assert closure == {f"services.a.{name}" for name in ("user", "near", "lazy", "plain", "far")} | {"services.a"}
+
+
+def test_what_was_not_used_for_longest_is_forgotten_but_nothing_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    module = "services.mechanics.example"
+    for age in range(20):
+        folder = tmp_path / f"{module}-{age:02}"
         folder.mkdir()
         os.utime(folder, (1_000_000 - age, 1_000_000 - age))
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    chosen = kernel_cache.choose()
-    assert chosen.parent == tmp_path
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["source-0", "source-1", "source-2"]
+    (tmp_path / "services.mechanics.other-1").mkdir()
+    os.utime(tmp_path / "services.mechanics.other-1", (0, 0))
+    os.utime(tmp_path / f"{module}-19")
+    locator = kernel_cache.Locator(module, "new", 1)
+    with_numba = kernel_cache._end_of_compilation()
+    locator.ensure_cache_path()
+    with_numba._file.close()
+    with_numba._file = None
+    kept = sorted(path.name.rpartition("-")[2] for path in tmp_path.glob(f"{module}-*"))
+    assert kept == ["00", "01", "02", "03", "04", "05", "19", "new"]
+    assert (tmp_path / "services.mechanics.other-1").is_dir()
