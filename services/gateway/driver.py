@@ -1,7 +1,8 @@
 """What a device driver is, and how one is found: by the name in the rig file, loaded when it is wanted.
 
-A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`. Nothing is
-registered anywhere. Drivers never raise from `read` or `write`: what goes wrong there is their `fault`.
+A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`, and a
+function ``bench`` (see `bench`) that the contract suite calls. Nothing is registered anywhere. Drivers never raise from
+`read` or `write`: what goes wrong there is their `fault`.
 """
 
 from __future__ import annotations
@@ -9,10 +10,14 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
 from typing import TypeVar, cast
 
 from services.gateway import drivers
+from services.gateway.bench import REAL_TIME, Bench, Clock
 from services.gateway.layout import FloatArray
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
@@ -33,12 +38,13 @@ class ArmLimits:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a driver works: which instrument, where its arm stands, where its trocar is."""
+    """Where a driver works: which instrument, where its arm stands, where its trocar is, and by which clock."""
 
     instrument: str
     mount: Mount
     port_m: Vector3 = (0.0, 0.0, 0.0)
     index: int = 0
+    clock: Clock = REAL_TIME
 
 
 class Device(ABC):
@@ -48,9 +54,12 @@ class Device(ABC):
     ----------
     fault : str
         Empty, or one sentence: the device must not be used until a person has looked.
+    has_force : bool
+        False for a device that only measures.
     """
 
     fault: str = ""
+    has_force: bool = True
 
     @abstractmethod
     def open(self) -> None:
@@ -87,8 +96,6 @@ class Arm(Device):
     Attributes
     ----------
     limits : ArmLimits
-    has_force : bool
-        False for a device that only measures.
     calibrated : bool
         Whether positions can be trusted; before that no force is written.
     buttons : int
@@ -96,13 +103,14 @@ class Arm(Device):
     """
 
     limits: ArmLimits
-    has_force: bool = True
     calibrated: bool = True
     buttons: int = 0
 
     @abstractmethod
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Write position, velocity, temperature and roll into `reading`; see `layout`. Never waits.
+
+        What the device does not measure, temperature or roll, stays as it is.
 
         Parameters
         ----------
@@ -163,15 +171,35 @@ def load_grasp(settings: DriverSettings, place: Place) -> GraspHandle:
 def _load(settings: DriverSettings, kind: str, place: Place) -> object:
     where = f"instrument {place.instrument!r}"
     name = settings.driver
-    if name not in known_drivers():
-        raise DeviceError(f"{where}: there is no driver {name!r}; known: {', '.join(known_drivers())}")
-    try:
-        module = importlib.import_module(f"services.gateway.drivers.{name}")
-    except ImportError as error:
-        raise DeviceError(f"{where}: driver {name!r} needs {error.name}, which is not installed") from None
+    module = _module(name, where)
     if not issubclass(module.Driver, Arm if kind == "arm" else GraspHandle):
         raise DeviceError(f"{where}, {kind}: driver {name!r} drives something else")
     return cast(object, module.Driver(settings, place))
+
+
+def open_bench(name: str, folder: Path) -> AbstractContextManager[Bench]:
+    """Return the bench of a driver, to be entered; files that it needs go into `folder`.
+
+    Raises
+    ------
+    DeviceError
+        one sentence, if there is no such driver, or it says nothing of a bench.
+    BenchUnavailable
+        when it is entered, if this host lacks what it needs.
+    """
+    bench = getattr(_module(name, "bench"), "bench", None)
+    if bench is None:
+        raise DeviceError(f"driver {name!r} has no function `bench`: see docs/recipes.md")
+    return cast(AbstractContextManager[Bench], bench(folder))
+
+
+def _module(name: str, where: str) -> ModuleType:
+    if name not in known_drivers():
+        raise DeviceError(f"{where}: there is no driver {name!r}; known: {', '.join(known_drivers())}")
+    try:
+        return importlib.import_module(f"services.gateway.drivers.{name}")
+    except ImportError as error:
+        raise DeviceError(f"{where}: driver {name!r} needs {error.name}, which is not installed") from None
 
 
 def read_settings(kind: type[T], settings: DriverSettings, place: Place) -> T:

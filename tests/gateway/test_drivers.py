@@ -1,4 +1,4 @@
-"""The contract that every driver file keeps. One that cannot do without settings or a device file has a row here."""
+"""What single drivers do beyond the contract, and what a person is told when one cannot be had."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import can
@@ -18,9 +18,9 @@ import pytest
 from services.gateway import canbus, cansimple, driver, layout
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
-from services.gateway.driver import Arm, GraspHandle, Place
+from services.gateway.driver import Arm, Place
 from services.gateway.drivers import grasp_odrive_can, grasp_simulated
-from services.gateway.emulated_drive import EmulatedDrive, Handle
+from services.gateway.virtual_node import VirtualNode
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import DriverSettings, Mount
@@ -29,134 +29,9 @@ PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
 TICK_NS = 1_000_000
 
 
-class NodeClock:
-    """An emulated drive on python-can's in-process bus, and the only time that its driver knows: exact and quick."""
-
-    def __init__(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.drive = EmulatedDrive(1, 0.05, Handle(0.5))
-        self.speaking = True
-        self._ticks = 5000
-        self._bus = can.Bus(interface="virtual", channel=channel)
-        fake = SimpleNamespace(monotonic_ns=lambda: self._ticks * TICK_NS, sleep=self.advance)
-        monkeypatch.setattr(grasp_odrive_can, "time", fake)
-
-    def advance(self, seconds: float = 1e-3) -> None:
-        for _ in range(round(seconds / 1e-3)):
-            self._ticks += 1
-            now_s = self._ticks * 1e-3
-            for message in canbus.drain(self._bus):
-                self.drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s)
-            for identifier, data in self.drive.step(0.5, now_s, 1e-3):
-                if self.speaking:
-                    self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
-
-    def close(self) -> None:
-        self._bus.shutdown()
-
-
-def _recording(folder: Path) -> Path:
-    path = folder / "recording.csv"
-    path.write_text("time_s,x_m,y_m,z_m,roll_rad,handle_angle_rad\n0,0,0,0,0,1\n1,0.01,0,0,0.1,0.5\n")
-    return path
-
-
-def _rows(folder: Path) -> dict[str, dict[str, Any]]:
-    return {
-        "phantom_simulated": {"device": "phantom_premium_1_5", "settings": {"script": "stroke"}},
-        "grasp_simulated": {"device": "grasp_odrive", "settings": {"recording": "none"}},
-        "replay": {"settings": {"file": _recording(folder)}},
-        "grasp_replay": {"settings": {"file": _recording(folder)}},
-    }
-
-
-class Setup:
-    """How a driver is named in a rig file here, and how a tick passes for it."""
-
-    def __init__(self, name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.clock: NodeClock | None = None
-        if name == "grasp_odrive_can":
-            self.clock = NodeClock(str(folder), monkeypatch)
-            bus = {"interface": "virtual", "channel": str(folder)}
-            self.settings = DriverSettings(driver=name, device="grasp_odrive", settings={"bus": bus, "node": 1})
-        else:
-            self.settings = DriverSettings(driver=name, **_rows(folder).get(name, {}))
-
-    def pause(self) -> None:
-        if self.clock is not None:
-            self.clock.advance()
-        else:
-            time.sleep(1e-3)
-
-    def close(self) -> None:
-        if self.clock is not None:
-            self.clock.close()
-
-
-@pytest.fixture
-def setup_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, multicast: None) -> Iterator[Callable[[str], Setup]]:
-    made: list[Setup] = []
-
-    def make(name: str) -> Setup:
-        made.append(Setup(name, tmp_path, monkeypatch))
-        return made[-1]
-
-    yield make
-    for setup in made:
-        setup.close()
-
-
-def _load(settings: DriverSettings) -> Arm | GraspHandle:
-    try:
-        return driver.load_arm(settings, PLACE)
-    except DeviceError:
-        return driver.load_grasp(settings, PLACE)
-
-
-def _exchange(device: Arm | GraspHandle, ticks: int, value: float, pause: Callable[[], None]) -> None:
-    out = np.zeros(layout.READ_SIZE if isinstance(device, Arm) else layout.HANDLE_SIZE)
-    begin_ns = time.monotonic_ns()
-    for k in range(ticks):
-        device.read(begin_ns + k * TICK_NS, out)
-        assert np.isfinite(out).all()
-        if isinstance(device, Arm):
-            device.write(np.array([0.0, 0.0, value]))
-        else:
-            device.write(value)
-        pause()
-
-
-@pytest.mark.parametrize("name", driver.known_drivers())
-def test_a_driver_opens_is_read_and_written_and_closes(name: str, setup_of: Callable[[str], Setup]) -> None:
-    setup = setup_of(name)
-    device = _load(setup.settings)
-    device.open()
-    try:
-        device.enable()
-        device.enable()
-        _exchange(device, 50, 0.01, setup.pause)
-        device.clear_fault()
-        for _ in range(100):  # a busy host may have kept a drive's own process from speaking
-            _exchange(device, 50, 0.01, setup.pause)
-            if not device.fault:
-                break
-        assert device.fault == ""
-    finally:
-        device.close()
-    _exchange(device, 2, 0.01, setup.pause)
-    device.close()
-
-
-@pytest.mark.parametrize("name", driver.known_drivers())
-def test_a_driver_that_was_never_opened_closes(name: str, setup_of: Callable[[str], Setup]) -> None:
-    _load(setup_of(name).settings).close()
-
-
-@pytest.mark.parametrize("name", driver.known_drivers())
-def test_an_unknown_setting_is_refused_by_name(name: str, setup_of: Callable[[str], Setup]) -> None:
-    settings = setup_of(name).settings
-    spoiled = settings.model_copy(update={"settings": {**settings.settings, "colour": 1}})
-    with pytest.raises(ConfigError, match=rf"instrument 'left', driver '{name}': colour: unknown key"):
-        _load(spoiled)
+def _arm() -> Arm:
+    settings = DriverSettings(driver="phantom_simulated", device="phantom_premium_1_5", settings={"script": "stroke"})
+    return driver.load_arm(settings, PLACE)
 
 
 def test_an_unknown_driver_is_told_with_the_known_ones() -> None:
@@ -186,17 +61,9 @@ def test_a_device_file_is_asked_for() -> None:
         driver.load_arm(DriverSettings(driver="phantom_simulated"), PLACE)
 
 
-def test_a_simulated_arm_leaves_no_force(setup_of: Callable[[str], Setup]) -> None:
-    arm = driver.load_arm(setup_of("phantom_simulated").settings, PLACE)
-    arm.open()
-    _exchange(arm, 5, 1.0, lambda: None)
-    arm.close()
-    np.testing.assert_array_equal(arm.force_n, 0.0)  # type: ignore[attr-defined]
-
-
-def test_a_stall_of_the_gateway_is_not_a_fast_hand(setup_of: Callable[[str], Setup]) -> None:
+def test_a_stall_of_the_gateway_is_not_a_fast_hand() -> None:
     reading = np.zeros(layout.READ_SIZE)
-    arm = driver.load_arm(setup_of("phantom_simulated").settings, PLACE)
+    arm = _arm()
     arm.open()
     arm.enable()
     speeds = []
@@ -210,8 +77,8 @@ def test_a_stall_of_the_gateway_is_not_a_fast_hand(setup_of: Callable[[str], Set
 
 
 @pytest.mark.parametrize("begin", ["enable", "go_on"])
-def test_a_simulated_hand_begins_with_the_force_or_without_it(begin: str, setup_of: Callable[[str], Setup]) -> None:
-    arm, readings = driver.load_arm(setup_of("phantom_simulated").settings, PLACE), np.zeros((2, layout.READ_SIZE))
+def test_a_simulated_hand_begins_with_the_force_or_without_it(begin: str) -> None:
+    arm, readings = _arm(), np.zeros((2, layout.READ_SIZE))
     arm.open()
     for k in range(1000):
         arm.read(1 + k * TICK_NS, readings[0])
@@ -222,8 +89,9 @@ def test_a_simulated_hand_begins_with_the_force_or_without_it(begin: str, setup_
     assert np.linalg.norm(last - first) > 1e-3
 
 
-def test_a_simulated_handle_that_is_told_to_go_on_moves_without_torque(setup_of: Callable[[str], Setup]) -> None:
-    grasp, handle, angles = driver.load_grasp(setup_of("grasp_simulated").settings, PLACE), np.zeros(2), []
+def test_a_simulated_handle_that_is_told_to_go_on_moves_without_torque(multicast: None) -> None:
+    settings = DriverSettings(driver="grasp_simulated", device="grasp_odrive", settings={"recording": "none"})
+    grasp, handle, angles = driver.load_grasp(settings, PLACE), np.zeros(2), []
     grasp.open()
     try:
         for k in range(2500):
@@ -242,11 +110,11 @@ def test_a_simulated_handle_that_is_told_to_go_on_moves_without_torque(setup_of:
 class Odrive:
     """The CAN driver on an in-process bus with an emulated drive."""
 
-    def __init__(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.node = NodeClock(channel, monkeypatch)
+    def __init__(self, channel: str) -> None:
+        self.node = VirtualNode(channel)
         bus = {"interface": "virtual", "channel": channel}
         settings = DriverSettings(driver="grasp_odrive_can", device="grasp_odrive", settings={"bus": bus})
-        self.grasp = driver.load_grasp(settings, PLACE)
+        self.grasp = driver.load_grasp(settings, replace(PLACE, clock=self.node.clock))
         self.host = can.Bus(interface="virtual", channel=channel)
 
     def run(self, seconds: float, torque_nm: float = 0.0, write: bool = True) -> float:
@@ -269,8 +137,8 @@ class Odrive:
 
 
 @pytest.fixture
-def odrive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Odrive]:
-    bench = Odrive(str(tmp_path), monkeypatch)
+def odrive(tmp_path: Path) -> Iterator[Odrive]:
+    bench = Odrive(str(tmp_path))
     bench.grasp.open()
     yield bench
     bench.close()
@@ -349,28 +217,29 @@ def test_own_echoes_strange_frames_and_lies_are_not_believed(odrive: Odrive) -> 
     assert odrive.run(0.1) == pytest.approx(0.5, abs=0.01)
 
 
-def test_gear_direction_and_zero_of_the_device_file_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = NodeClock(str(tmp_path), monkeypatch)
+def test_gear_direction_and_zero_of_the_device_file_count(tmp_path: Path) -> None:
+    node = VirtualNode(str(tmp_path))
     file = config.load(GraspFile, config.find("device", "grasp_odrive"))[0].model_copy(
         update={"motor_turns_per_handle_turn": 4.0, "opens_with_positive_motor": False, "shut_at_motor_turns": 0.2}
     )
-    grasp = grasp_odrive_can.OdriveGrasp(file, {"interface": "virtual", "channel": str(tmp_path)}, 1, PLACE)
+    bus = {"interface": "virtual", "channel": str(tmp_path)}
+    grasp = grasp_odrive_can.OdriveGrasp(file, bus, 1, replace(PLACE, clock=node.clock))
     grasp.open()
     grasp.enable()
     handle = np.zeros(2)
-    clock.advance(0.2)
+    node.advance(0.2)
     grasp.write(0.1)
-    clock.advance()
+    node.advance()
     grasp.read(0, handle)
-    assert clock.drive.torque_nm == pytest.approx(-0.1 / 4.0)
-    turns = clock.drive.handle.angle_rad / (2 * math.pi)
+    assert node.drive.torque_nm == pytest.approx(-0.1 / 4.0)
+    turns = node.drive.handle.angle_rad / (2 * math.pi)
     assert handle[layout.HANDLE_ANGLE] == pytest.approx(-(turns - 0.2) * 2 * math.pi / 4.0, abs=1e-6)
     grasp.close()
-    clock.close()
+    node.close()
 
 
-def test_no_drive_on_the_bus_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Odrive(str(tmp_path), monkeypatch)
+def test_no_drive_on_the_bus_is_one_sentence(tmp_path: Path) -> None:
+    bench = Odrive(str(tmp_path))
     bench.node.speaking = False
     with pytest.raises(DeviceError, match=r"instrument 'left': no heartbeat of node 1 within 3 s"):
         bench.grasp.open()

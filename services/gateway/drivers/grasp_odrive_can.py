@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 import struct
-import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 import can
 from pydantic import Field
 
 from services.gateway import canbus, cansimple, driver
+from services.gateway.bench import Bench, Clock
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import GraspHandle, Place
@@ -41,8 +44,9 @@ class OdriveLink:
         When those came, by this host's monotonic clock.
     """
 
-    def __init__(self, bus: can.BusABC, node: int) -> None:
+    def __init__(self, bus: can.BusABC, node: int, clock: Clock) -> None:
         self.bus = bus
+        self._clock = clock
         self.angle_turns = self.rate_turns_s = 0.0
         self.errors = 0
         self.state: int | None = None
@@ -64,7 +68,7 @@ class OdriveLink:
                     self._take_estimates(bytes(message.data))
                 elif identifier == self._heartbeat_id:
                     self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
-                    self.heartbeat_ns = time.monotonic_ns()
+                    self.heartbeat_ns = self._clock.monotonic_ns()
             except struct.error:
                 self.malformed += 1
 
@@ -83,7 +87,7 @@ class OdriveLink:
             self.malformed += 1
             return
         self.angle_turns, self.rate_turns_s = angle, rate
-        self.estimated_ns = time.monotonic_ns()
+        self.estimated_ns = self._clock.monotonic_ns()
 
 
 class OdriveGrasp(GraspHandle):
@@ -102,6 +106,7 @@ class OdriveGrasp(GraspHandle):
         self._bus_settings = bus
         self._node = node
         self._where = f"instrument {place.instrument!r}"
+        self._clock = place.clock
         self._link: OdriveLink | None = None
         sign = 1.0 if file.opens_with_positive_motor else -1.0
         self._rad_per_turn = sign * 2 * math.pi / file.motor_turns_per_handle_turn
@@ -110,7 +115,7 @@ class OdriveGrasp(GraspHandle):
 
     def open(self) -> None:
         """Find the drive and set it up; it stays idle."""
-        link = OdriveLink(canbus.open_bus(self._bus_settings, self._where), self._node)
+        link = OdriveLink(canbus.open_bus(self._bus_settings, self._where), self._node, self._clock)
         self._link = link
         if not self._find(link):
             raise DeviceError(f"{self._where}: no heartbeat of node {self._node} within {self.found_timeout_s:g} s")
@@ -127,9 +132,9 @@ class OdriveGrasp(GraspHandle):
         return True
 
     def _find(self, link: OdriveLink) -> bool:
-        until_ns = time.monotonic_ns() + round(self.found_timeout_s * 1e9)
-        while link.state is None and self.may_come() and time.monotonic_ns() < until_ns:
-            time.sleep(0.005)
+        until_ns = self._clock.monotonic_ns() + round(self.found_timeout_s * 1e9)
+        while link.state is None and self.may_come() and self._clock.monotonic_ns() < until_ns:
+            self._clock.sleep(0.005)
             link.receive()
         return link.state is not None
 
@@ -148,7 +153,7 @@ class OdriveGrasp(GraspHandle):
             link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.CLOSED_LOOP))
         except can.CanError as error:
             self.fault = f"CAN: {error}"
-        self._arming_until_ns = time.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
+        self._arming_until_ns = self._clock.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
 
     def clear_fault(self) -> None:
         """Clear what is latched in the drive, e-stop included: a person has armed the rig."""
@@ -164,7 +169,7 @@ class OdriveGrasp(GraspHandle):
         link.receive()
         handle[HANDLE_ANGLE] = self._rad_per_turn * (link.angle_turns - self._file.shut_at_motor_turns)
         handle[HANDLE_RATE] = self._rad_per_turn * link.rate_turns_s
-        self._judge(link, time.monotonic_ns())
+        self._judge(link, self._clock.monotonic_ns())
 
     def _judge(self, link: OdriveLink, now_ns: int) -> None:
         young = now_ns - link.estimated_ns < self._file.feedback_timeout_s * 1e9
@@ -210,3 +215,16 @@ class Driver(OdriveGrasp):
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         own = driver.read_settings(OdriveSettings, settings, place)
         super().__init__(driver.read_device_file(GraspFile, settings, place), own.bus, own.node, place)
+
+
+@contextmanager
+def bench(folder: Path) -> Iterator[Bench]:
+    """Put an emulated drive on an in-process bus and in the driver's own time."""
+    from services.gateway.virtual_node import VirtualNode  # only here: a real drive needs no emulated one
+
+    node, bus = VirtualNode(str(folder)), {"interface": "virtual", "channel": str(folder)}
+    settings = DriverSettings(driver="grasp_odrive_can", device="grasp_odrive", settings={"bus": bus})
+    try:
+        yield Bench(settings, output=lambda _: abs(node.drive.applied_nm), clock=node.clock)
+    finally:
+        node.close()

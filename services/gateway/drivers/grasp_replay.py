@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
 from services.gateway import driver
+from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import GraspHandle, Place
 from services.gateway.drivers.replay import ReplaySettings
 from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE, FloatArray
@@ -19,6 +23,7 @@ _TICK_S = 1e-3
 class Driver(GraspHandle):
     """Reads ``time_s`` and ``handle_angle_rad``. The recording begins with the first read."""
 
+    has_force = False
     max_torque_nm = 1.0
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
@@ -47,7 +52,14 @@ class Driver(GraspHandle):
         handle[HANDLE_RATE] = (here - np.interp(time_s - _TICK_S, self._times, self._angles)) / _TICK_S
 
     def write(self, torque_nm: float) -> None:
-        """Ignore the torque."""
+        """Ignore the torque: `has_force` says so."""
 
     def close(self) -> None:
         """Nothing to give up."""
+
+
+@contextmanager
+def bench(folder: Path) -> Iterator[Bench]:
+    """Replay a second of a straight line."""
+    file = write_recording(folder, time_s=(0.0, 1.0), handle_angle_rad=(1.0, 0.5))
+    yield Bench(DriverSettings(driver="grasp_replay", settings={"file": file}), output=no_output)

@@ -7,14 +7,18 @@ import signal
 import socket
 import subprocess
 import sys
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
+import can
 import msgspec
 from pydantic import Field
 
-from services.gateway import driver
+from services.gateway import canbus, cansimple, driver
+from services.gateway.bench import REAL_TIME, Bench, BenchUnavailable
+from services.gateway.cansimple import AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.drive_node import Task
 from services.gateway.driver import Place
@@ -106,6 +110,43 @@ class Driver(OdriveGrasp):
                 except subprocess.TimeoutExpired:
                     process.kill()
                     process.wait()
+
+
+class Listener:
+    """Somebody else on the bus of a node, who hears what torque it is told."""
+
+    def __init__(self, bus: can.BusABC, node: int) -> None:
+        self._bus = bus
+        self._node = node
+        self._torque_nm = 0.0
+        self._closed_loop = False
+
+    def torque_nm(self) -> float:
+        """Return the newest torque that the node was told, 0 unless it has said that its loop is closed."""
+        for message in canbus.drain(self._bus):
+            if message.arbitration_id == cansimple.identifier(self._node, cansimple.SET_INPUT_TORQUE):
+                self._torque_nm = cansimple.unpack_float(bytes(message.data))
+            elif message.arbitration_id == cansimple.identifier(self._node, cansimple.HEARTBEAT):
+                self._closed_loop = cansimple.unpack_heartbeat(bytes(message.data))[1] == AxisState.CLOSED_LOOP
+        return self._torque_nm if self._closed_loop else 0.0
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """Listen on the bus of the node that the driver starts."""
+    bus = private_bus()
+    try:
+        overheard = canbus.open_bus(bus, "bench")
+    except DeviceError as error:
+        raise BenchUnavailable(str(error)) from None
+    listener = Listener(overheard, 1)
+    settings = DriverSettings(
+        driver="grasp_simulated", device="grasp_odrive", settings={"recording": "none", "bus": bus}
+    )
+    try:
+        yield Bench(settings, output=lambda _: abs(listener.torque_nm()), clock=REAL_TIME)
+    finally:
+        overheard.shutdown()
 
 
 def private_bus() -> dict[str, Any]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from services.gateway import driver, pose, premium_model, simulated_arm
+from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.layout import READ_ROLL, READ_SIZE, FloatArray
@@ -52,6 +56,7 @@ class Driver(Arm):
         self._last_ns = 0
         self._script_s = 0.0
         self._running = False
+        self._enabled = False
         self._move_hand()
         try:
             start = premium_model.inverse(self._hand[HAND_TARGET : HAND_TARGET + 3])
@@ -71,8 +76,8 @@ class Driver(Arm):
         self.calibrated = True
 
     def enable(self) -> None:
-        """Let the scripted hand begin."""
-        self._running = True
+        """Switch the motors on, and let the scripted hand begin."""
+        self._running = self._enabled = True
 
     def go_on(self) -> None:
         """Let the scripted hand begin without force."""
@@ -92,11 +97,12 @@ class Driver(Arm):
         reading[READ_ROLL] = self._player.value[ROLL] if self._player else 0.0
 
     def write(self, force_n: FloatArray) -> None:
-        """Hold `force_n` until the next call."""
-        self._force[:] = force_n
+        """Hold `force_n` until the next call; nothing while the motors are off."""
+        self._force[:] = force_n if self._enabled else 0.0
 
     def close(self) -> None:
-        """Leave zero force."""
+        """Switch the motors off."""
+        self._enabled = False
         self._force[:] = 0.0
 
     def _move_hand(self) -> None:
@@ -106,6 +112,13 @@ class Driver(Arm):
             return
         self._player.sample(self._script_s)
         simulated_arm.place_hand(self._player.value, self._player.rate, self._stand, self._hand)
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """Let the hand follow a stroke: the arm is its own stand-in."""
+    settings = DriverSettings(driver="phantom_simulated", device="phantom_premium_1_5", settings={"script": "stroke"})
+    yield Bench(settings, output=lambda arm: float(np.linalg.norm(arm.force_n)))
 
 
 def choose_player(settings: ArmSettings, place: Place) -> Player | None:
