@@ -1,0 +1,67 @@
+"""A driver is one file: the contract suite finds it by itself, passes the one of the recipe and fails broken ones."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from tests.recipes.tree_copy import TreeCopy
+
+DRIVERS = Path("services/gateway/drivers")
+SUITE = "tests/gateway/test_driver_contract.py"
+
+#: What is spoiled in a copy of the recipe's driver, and the test of the contract that must see it.
+BROKEN = {
+    "reads_nan": ("handle[HANDLE_ANGLE] = angle", "handle[HANDLE_ANGLE] = float('nan')", "what_is_read"),
+    "reads_no_rate": ("handle[HANDLE_RATE] =", "_rate =", "what_is_read"),
+    "reads_degrees": ("handle[HANDLE_ANGLE] = angle", "handle[HANDLE_ANGLE] = 57.3 * angle", "what_is_read"),
+    "never_fades": ('self._torque.write_text("0\\n")', "pass", "gone_after_close"),
+    "pushes_unasked": ("if self.ready:", "if self._is_open:", "force_is_off_until_enabled"),
+    "pushes_millinewtons": ("{torque_nm:.6f}", "{1e-3 * torque_nm:.6f}", "as_written"),
+    "never_ready": ("self.ready = self._is_open\n", "pass\n", "as_written"),
+    "pushes_after_its_end": ("if self.ready:", "if True:", "harmless"),
+    "waits": ("angle = float", "__import__('time').sleep(0.001); angle = float", "never_wait"),
+    "takes_any_setting": (
+        "driver.read_settings(SysfsSettings, settings, place).folder",
+        "settings.settings['folder']",
+        "unknown",
+    ),
+    "bears_nothing": ("place).max_torque_nm", "place).max_torque_nm * 0.0", "positive"),
+    "has_no_bench": ("def bench(", "def trial(", "what_is_read"),
+}
+
+
+@pytest.fixture
+def followed(tree: TreeCopy) -> TreeCopy:
+    tree.follow("Adding a device driver")
+    return tree
+
+
+def test_a_driver_is_one_file_and_the_contract_sees_what_is_wrong_with_one(followed: TreeCopy) -> None:
+    """The recipe itself runs the contract over its driver; here over broken ones, all in one run."""
+    good = (followed.root / DRIVERS / "sysfs_handle.py").read_text()
+    for name, (before, after, _) in BROKEN.items():
+        assert before in good, name
+        spoiled = good.replace(before, after).replace('driver="sysfs_handle"', f'driver="{name}"')
+        (followed.root / DRIVERS / f"{name}.py").write_text(spoiled)
+    failed = _failed_tests(followed)
+    assert failed.pop("sysfs_handle", set()) == set()
+    for name, (_, _, seen_by) in BROKEN.items():
+        assert any(seen_by in test for test in failed[name]), f"{name}: {failed[name]}"
+
+
+def _failed_tests(tree: TreeCopy) -> dict[str, set[str]]:
+    """Return by driver which tests of the contract fail or cannot be set up; and those that have passed as none."""
+    report = tree.root / "report.xml"
+    names = " or ".join(("sysfs_handle", *BROKEN))
+    tree.run("bash", "-c", f"python -m pytest -q -p no:cacheprovider --junitxml={report} {SUITE} -k '{names}' || true")
+    failed: dict[str, set[str]] = {}
+    for case in ElementTree.parse(report).iter("testcase"):
+        test, driver = re.fullmatch(r"(\w+)\[(\w+)\]", case.get("name", "")).groups()  # type: ignore[union-attr]
+        seen = failed.setdefault(driver, set())
+        if any(child.tag in ("failure", "error") for child in case):
+            seen.add(test)
+    return failed
