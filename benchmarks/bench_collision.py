@@ -11,11 +11,11 @@ import numpy as np
 from report import Row, measure, write_report
 
 from services.mechanics.collision import CatheterContactDetector, DuctSurface, ToolContactDetector
-from services.mechanics.contact.pairs import ContactPairs
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.fem import ShellModel, ShellSection
 from services.mechanics.fem.supports import clamp
 from services.mechanics.reduction.build import build_basis
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS_M, LENGTH_M, THICKNESS_M = 4e-3, 40e-3, 0.5e-3
 CATHETER_M, MARGIN_M = 0.835e-3, 0.5e-3

@@ -24,7 +24,6 @@ import numpy as np
 from report import Row, measure, write_report
 
 from services.mechanics.contact.compliance import add_modal_compliance
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction import (
     DuctRecipe,
@@ -38,11 +37,12 @@ from services.mechanics.reduction import (
 )
 from services.mechanics.reduction.basis import add_modal_force, gather_modes
 from services.mechanics.reduction.build import build_basis
-from services.mechanics.reduction.manifold import relaxed_membrane_force
-from services.mechanics.reduction.patches import largest_radius_m, patch_pattern
+from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
 from services.mechanics.reduction.recipe import MIB
+from services.mechanics.reduction.residual.patches import largest_radius_m, patch_pattern
 from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
-from services.mechanics.reduction.warping import SectionFrame, TubeWarp
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 SECTION = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
 ELEMENTS = ElementChoice("opt", "dkt")

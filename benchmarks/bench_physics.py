@@ -21,15 +21,15 @@ import numpy as np
 from contact_peers import mujoco_duct
 from report import Row, Timing, measure, write_report
 
+from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.compliance import add_modal_compliance
-from services.mechanics.contact.pairs import ContactPairs
-from services.mechanics.duct_recipe import duct_recipe
 from services.mechanics.reduction.cache import default_cache_dir
 from services.mechanics.scenarios import insertion, insertion_scene, paper_scene
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
-from services.mechanics.scene_duct import build_scene_duct, scene_mesh
+from services.mechanics.scene.duct_recipe import duct_recipe
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
+from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
 from services.runtime import realtime
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml

@@ -14,7 +14,7 @@ from report import Row, measure, write_report
 from protocol import bodies
 from protocol.arrays import pack
 from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.runtime.memory_bus import MemoryBus, MemoryHub
 from services.visualization import codec
 from services.visualization.composer import TOPICS, Composer

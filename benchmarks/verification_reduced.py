@@ -6,13 +6,13 @@ import numpy as np
 from scipy.optimize import minimize
 from verification_table import Entry, Table
 
-from services.mechanics.duct_geometry import DuctGeometry, alternating_triangles, parametric_duct
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
-from services.mechanics.mesh import TriangleMesh, vertex_normals
 from services.mechanics.reduction import ModalBasis
 from services.mechanics.reduction.build import build_basis, residual_response
-from services.mechanics.reduction.manifold import relaxed_membrane_force
-from services.mechanics.reduction.warping import SectionFrame, TubeWarp
+from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
+from services.mechanics.surface.mesh import TriangleMesh, vertex_normals
+from services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
 
 SZE = {1.0: (3.015, 0.563), 2.0: (4.933, 1.604), 3.0: (6.031, 2.541), 4.0: (6.698, 3.286)}
 SZE_SOURCE = "Sze, Liu, Lo, FEAD 40:1551 (2004)"

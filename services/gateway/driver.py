@@ -18,7 +18,7 @@ from typing import TypeVar, cast
 
 from services.gateway import drivers
 from services.gateway.bench import REAL_TIME, Bench, Clock
-from services.gateway.layout import FloatArray
+from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import DriverSettings, Mount, Vector3

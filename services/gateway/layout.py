@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
 from protocol.bodies import LocalModel
-
-FloatArray = npt.NDArray[np.float64]
+from services.mechanics.arrays import FloatArray
 
 # What an arm reads, in its own frame: z up, origin at the middle of its workspace.
 READ_POSITION, READ_VELOCITY, READ_TEMPERATURE, READ_ROLL, READ_SIZE = 0, 3, 6, 7, 8

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from services.gateway.kernel import kernel
-from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY, FloatArray
+from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY
+from services.mechanics.arrays import FloatArray
 from services.runtime.rig import Mount
 
 

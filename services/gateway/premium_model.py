@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from services.gateway.kernel import kernel
-from services.gateway.layout import FloatArray
+from services.mechanics.arrays import FloatArray
 
 L1, L2, L3, L5, L6 = 0.215, 0.170, 0.0325, -0.0368, 0.0527  # m
 MASS_A, MASS_C, MASS_BE, MASS_DF = 0.0202, 0.0249, 0.2359, 0.1906  # kg

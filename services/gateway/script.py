@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from services.gateway.kernel import kernel
-from services.gateway.layout import FloatArray
+from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings, Vector3

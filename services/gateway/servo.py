@@ -14,7 +14,7 @@ import numpy as np
 from protocol.bodies import LocalModel
 from services.gateway import layout, servo_law
 from services.gateway.engagement import Engagement, State
-from services.gateway.layout import FloatArray
+from services.mechanics.arrays import FloatArray
 
 #: This many late ticks in a row, each longer than this, and the arm is let go.
 OVERRUNS, OVERRUN_S = 3, 0.002

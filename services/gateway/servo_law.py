@@ -50,8 +50,8 @@ from services.gateway.layout import (
     NOW_GRASP_GAIN,
     NOW_TEMPERATURE,
     NOW_TTL,
-    FloatArray,
 )
+from services.mechanics.arrays import FloatArray
 
 #: A model is used as it is up to this age, and up to this share of its life.
 HOLD_S, HOLD_SHARE = 0.005, 0.25

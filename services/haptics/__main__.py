@@ -11,9 +11,9 @@ from services.haptics.local_model import FREE, local_model
 from services.haptics.outputs import tool_contacts
 from services.haptics.tool_tracker import ToolTracker
 from services.haptics.world import World
+from services.mechanics.bodies.forceps.grasp import Grasp, deepest_touch
 from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
-from services.mechanics.contact.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
-from services.mechanics.forceps.grasp import Grasp, deepest_touch
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.log import progress

@@ -5,8 +5,8 @@ from __future__ import annotations
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts, ToolState
-from services.mechanics.contact.pairs import ContactPairs
-from services.mechanics.tools import GraspHold
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.scene.tools import GraspHold
 
 
 def tool_contacts(tick: int, tools: tuple[ToolState, ...], pairs: ContactPairs, holds: list[GraspHold]) -> ToolContacts:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from protocol.bodies import GatewayState, InstrumentState, PhysicsContacts, ToolReaction, ToolState
-from services.mechanics.forceps.grasp import JawState
-from services.mechanics.forceps.kinematics import jaw_angle_from_handle
-from services.mechanics.forceps.tool_body import ToolBody
+from services.mechanics.bodies.forceps.grasp import JawState
+from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
+from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.scene import SceneModel
-from services.mechanics.tools import N_TOOLS
+from services.mechanics.scene.tools import N_TOOLS
 
 _NOTHING = ToolReaction()
 

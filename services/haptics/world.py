@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from protocol import Frame
 from protocol.arrays import pack
 from protocol.bodies import Catheter, Duct
+from services.mechanics.bodies.wall import make_wall
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
-from services.mechanics.wall import make_wall
-
-FloatArray = npt.NDArray[np.float64]
 
 
 class World:

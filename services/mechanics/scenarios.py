@@ -10,12 +10,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
-from services.mechanics.tools import N_TOOLS, ToolInputs
+from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
-FloatArray = npt.NDArray[np.float64]
 Vector3 = tuple[float, float, float]
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.mesh import TriangleMesh
 from services.mechanics.reduction.cache import Entry, default_cache_dir, fetch
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
+from services.mechanics.surface.mesh import TriangleMesh
 from services.meshes.errors import MeshError
 from services.meshes.loading import SurfaceSettings, load_duct_surface
 

@@ -8,16 +8,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
-from services.mechanics.mesh import (
-    FloatArray,
-    IntArray,
-    TriangleMesh,
-    half_edges,
-    triangle_areas_m2,
-    unique_edges,
-    vertex_components,
-)
+from services.mechanics.surface.mesh import TriangleMesh, half_edges, triangle_areas_m2, unique_edges, vertex_components
 from services.meshes.crossings import crossing_triangles
 
 

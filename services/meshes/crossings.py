@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.surface.mesh import TriangleMesh
 
 CHUNK = 2048
 """Triangles whose candidate partners are held at the same time."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.mesh import TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
 from services.meshes.checking import smallest_angles_rad
 from services.meshes.errors import MeshError
 from services.meshes.openings import Opening, find_openings, lumen_diameter_m, name_ends, place_by_ends

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh, boundary_loops
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
 from services.meshes.errors import MeshError
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.surface.mesh import TriangleMesh
 from services.meshes.errors import MeshError
 
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 25.4e-3}

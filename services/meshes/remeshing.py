@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from services.mechanics.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
+from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
 from services.meshes.checking import check_surface
 from services.meshes.errors import MeshError
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
+from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
 from services.meshes.checking import check_surface, flipped_edges
 from services.meshes.errors import MeshError
 from services.meshes.openings import enclosed_volume_m3, find_openings

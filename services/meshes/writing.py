@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from services.mechanics.mesh import FloatArray, TriangleMesh
+from services.mechanics.arrays import FloatArray
+from services.mechanics.surface.mesh import TriangleMesh
 
 
 def write_vtu(

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, ContactPairs
-from services.mechanics.forceps.kinematics import N_SEGMENTS
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import IntArray
+from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
+from services.mechanics.compiled import kernel
+from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import N_TOOLS, GraspHold, ToolInputs
 
-FloatArray = NDArray[Any]
-IntArray = NDArray[Any]
+Column = NDArray[Any]
 _COLUMNS = ("tool", "tool_segment", "target_kind", "target", "tool_parameter", "target_weights", "normal", "gap_m")
 
 
@@ -83,7 +83,7 @@ class ContactsReader:
 
 
 @kernel
-def indices_are_there(indices: tuple[IntArray, ...], n_targets: IntArray) -> bool:
+def indices_are_there(indices: tuple[Column, ...], n_targets: IntArray) -> bool:
     """Return whether tools, segments, kinds and targets of all pairs exist."""
     tool, segment, kind, target = indices
     for row in range(tool.shape[0]):
@@ -94,7 +94,7 @@ def indices_are_there(indices: tuple[IntArray, ...], n_targets: IntArray) -> boo
 
 
 @kernel
-def copy_columns(source: tuple[FloatArray, ...], out: tuple[FloatArray, ...], particle: NDArray[np.int32]) -> int:
+def copy_columns(source: tuple[Column, ...], out: tuple[Column, ...], particle: IntArray) -> int:
     """Copy as many rows as there is room for, and return how many."""
     tool, segment, kind, target, parameter, weights, normal, gap = source
     n: int = min(tool.shape[0], particle.shape[0])

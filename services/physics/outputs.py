@@ -11,16 +11,15 @@ from protocol import Frame
 from protocol.arrays import pack
 from protocol.bodies import Catheter, Duct, PhysicsContacts, ToolReaction, ToolState
 from protocol.vectors import Mat3, Vec3
-from services.mechanics.contact.pairs import NO_TOOL
+from services.mechanics.arrays import ByteArray, FloatArray
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.solver import HOLD
-from services.mechanics.kernel import kernel
+from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import N_TOOLS
 from services.runtime.bus import Bus
 
 Arrays = tuple[NDArray[Any], ...]
-ByteArray = NDArray[np.int8]
-FloatArray = NDArray[np.float64]
 
 _INSERTED_EVERY = 16
 _NO_TWIST = pack(np.zeros(0))

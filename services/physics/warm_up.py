@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.catheter_body import CatheterBody
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
-from services.mechanics.duct_body import DuctBody
-from services.mechanics.forceps.tool_body import ToolBody
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import GraspHold, ToolInputs
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.runtime.log import progress

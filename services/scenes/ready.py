@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from services.mechanics.mesh import TriangleMesh
 from services.mechanics.reduction.build import Progress
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime.errors import ConfigError
 
 

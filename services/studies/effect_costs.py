@@ -12,8 +12,8 @@ from services.mechanics.effects import EFFECTS
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scenarios import insertion
 from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
 
 START_TICK = 500  # the jaws close on the catheter
 N_TICKS = 1300  # until it is 20 mm in

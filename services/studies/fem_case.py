@@ -31,7 +31,7 @@ def exactly_one(part: Part, *names: str) -> None:
 
 
 class ParametricMesh(Part):
-    """A duct by numbers; see `services.mechanics.duct_geometry.DuctGeometry`."""
+    """A duct by numbers; see `services.mechanics.surface.tube.DuctGeometry`."""
 
     radius_m: Positive
     length_m: Positive

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import StaticSolution
-from services.mechanics.mesh import FloatArray
 from services.meshes.writing import write_vtu
 from services.studies.fem_run import FemResult, select
 

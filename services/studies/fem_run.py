@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import (
     EigenModes,
     ElementChoice,
@@ -21,7 +21,8 @@ from services.mechanics.fem import (
     pressure_load,
     surface_load,
 )
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.loading import SurfaceSettings, load_duct_surface
 from services.meshes.reading import read_surface
 from services.meshes.repairing import merge_and_drop

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.rod import (
     ImplicitIntegrator,
     RodProperties,
@@ -21,8 +21,6 @@ from services.mechanics.rod import (
     roll,
     straight_rod,
 )
-
-FloatArray = NDArray[np.float64]
 
 LENGTH_M = 0.1
 EI = 25e-6

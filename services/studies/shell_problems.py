@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.duct_geometry import DuctGeometry, alternating_triangles, parametric_duct
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import (
     ElementChoice,
     ShellModel,
@@ -21,7 +21,8 @@ from services.mechanics.fem import (
     compute_modes,
     surface_load,
 )
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
 
 ALL_OPT = ElementChoice("opt", "dkt")
 UNIT_DENSITY = 1.0

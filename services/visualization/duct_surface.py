@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 import protocol.bodies as bodies
 from services.mechanics.reduction import ReducedDuct
-from services.mechanics.reduction.warping import SectionFrame
-from services.visualization.picture import FloatArray
+from services.mechanics.reduction.large_rotations.warping import SectionFrame
+from services.visualization.picture import Float32Array
 
 
 class DuctSurface:
@@ -23,7 +23,7 @@ class DuctSurface:
     def __init__(self, duct: ReducedDuct) -> None:
         self.duct = duct
         self.rest_m: npt.NDArray[np.float64] = duct.mesh.vertices_m
-        self.points_m: FloatArray = self.rest_m.astype(np.float32)
+        self.points_m: Float32Array = self.rest_m.astype(np.float32)
         self._modes = duct.basis.Phi.reshape(-1, duct.basis.n_modes)
         self._frame = None if duct.warp is None else SectionFrame(duct.warp)
         self._every_node = np.arange(duct.basis.n_nodes, dtype=np.int32)

@@ -7,11 +7,11 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
-from services.visualization.picture import FloatArray, IndexArray
+from services.visualization.picture import Float32Array, IndexArray
 
 
 @njit(cache=True, nogil=True, fastmath=False)  # type: ignore[untyped-decorator]  # numba has no types
-def vertex_normals(points: FloatArray, triangles: IndexArray, out: FloatArray) -> None:
+def vertex_normals(points: Float32Array, triangles: IndexArray, out: Float32Array) -> None:
     """Write into ``out`` (n, 3) the unit normals of ``points``: mean of the triangles round each, weighted by area.
 
     A vertex of no triangle, or of triangles without area, gets zero.

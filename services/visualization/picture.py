@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float32]
+Float32Array = npt.NDArray[np.float32]
 IndexArray = npt.NDArray[np.int32]
 
 
@@ -44,7 +44,7 @@ class Layout:
 
     epoch: int
     scene: str
-    rest_m: FloatArray
+    rest_m: Float32Array
     triangles: IndexArray
     thickness_m: float
     mouth: tuple[int, ...]
@@ -76,9 +76,9 @@ class Picture:
     sequence: int = 0
     tick: int = 0
     origin_ns: int = 0
-    points_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
-    centreline_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
-    poses: FloatArray = field(default_factory=lambda: np.zeros((0, 7), np.float32))
-    jaw_rad: FloatArray = field(default_factory=lambda: np.zeros(0, np.float32))
-    force_n: FloatArray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    points_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    centreline_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    poses: Float32Array = field(default_factory=lambda: np.zeros((0, 7), np.float32))
+    jaw_rad: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    force_n: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     inserted_length_m: float = 0.0

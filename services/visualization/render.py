@@ -15,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
 from services.visualization.normals import vertex_normals
-from services.visualization.picture import FloatArray, IndexArray, Layout, Picture, ToolShape
+from services.visualization.picture import Float32Array, IndexArray, Layout, Picture, ToolShape
 from services.visualization.tube import sweep_tube, tube_triangles
 
 _SIDES = 12
@@ -28,7 +28,7 @@ _TISSUE, _CATHETER, _STEEL, _SLEEVE, _NIGHT = "#c4675c", "#d8a63c", "#b4bbc2", "
 class _Surface:
     """A mesh of fixed topology whose points and normals change."""
 
-    def __init__(self, plotter: pv.Plotter, points: FloatArray, triangles: IndexArray, colour: str) -> None:
+    def __init__(self, plotter: pv.Plotter, points: Float32Array, triangles: IndexArray, colour: str) -> None:
         faces = np.hstack([np.full((len(triangles), 1), 3, np.int64), triangles]).ravel()
         self.mesh = pv.PolyData(np.ascontiguousarray(points, np.float32), faces)
         self.mesh.point_data["Normals"] = np.zeros_like(points, np.float32)
@@ -37,8 +37,8 @@ class _Surface:
         actor.prop.SetInterpolationToPhong()
         self._vtk_points = self.mesh.GetPoints().GetData()
         self._vtk_normals = self.mesh.GetPointData().GetNormals()
-        self.points: FloatArray = vtk_to_numpy(self._vtk_points)
-        self.normals: FloatArray = vtk_to_numpy(self._vtk_normals)
+        self.points: Float32Array = vtk_to_numpy(self._vtk_points)
+        self.normals: Float32Array = vtk_to_numpy(self._vtk_normals)
 
     def changed(self) -> None:
         """Tell VTK that points and normals are new."""
@@ -114,7 +114,7 @@ class Renderer:
         if first:
             self._look_at(layout.rest_m)
 
-    def _look_at(self, points: FloatArray) -> None:
+    def _look_at(self, points: Float32Array) -> None:
         """Take the laparoscope's place: from beside and above, towards the mouth's half of the duct."""
         low, high = points.min(axis=0), points.max(axis=0)
         size = float(np.linalg.norm(high - low))
@@ -141,7 +141,7 @@ class _Tool:
         self._shaft = [_solid(plotter, sleeve, _SLEEVE), _solid(plotter, collar, _STEEL)]
         self._jaws = [_solid(plotter, blade.copy(), _STEEL) for _ in range(2)]
 
-    def place(self, pose: FloatArray, opening_rad: float) -> None:
+    def place(self, pose: Float32Array, opening_rad: float) -> None:
         """Move to a pose (7,) with the jaws `opening_rad` apart."""
         transform = pose_matrix(pose)
         for actor in self._shaft:
@@ -150,7 +150,7 @@ class _Tool:
             actor.user_matrix = transform @ _turn_about_z(sign * opening_rad)
 
 
-def pose_matrix(pose: FloatArray) -> npt.NDArray[np.float64]:
+def pose_matrix(pose: Float32Array) -> npt.NDArray[np.float64]:
     """Return the homogeneous transform (4, 4) of a position and quaternion wxyz."""
     w, x, y, z = (float(value) for value in pose[3:])
     matrix = np.eye(4)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import protocol.bodies as bodies
-from services.mechanics.forceps import tool_frame
+from services.mechanics.bodies.forceps import tool_frame
 
 Vector = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from services.visualization.picture import FloatArray, IndexArray
+from services.visualization.picture import Float32Array, IndexArray
 
 
 def tube_triangles(n_rings: int, sides: int) -> IndexArray:
@@ -20,7 +20,7 @@ def tube_triangles(n_rings: int, sides: int) -> IndexArray:
 
 
 @njit(cache=True, nogil=True, fastmath=False)  # type: ignore[untyped-decorator]  # numba has no types
-def sweep_tube(line: FloatArray, radius: float, points: FloatArray, normals: FloatArray) -> None:
+def sweep_tube(line: Float32Array, radius: float, points: Float32Array, normals: Float32Array) -> None:
     """Write points and normals (n s, 3) of a tube round ``line`` (n, 3), carrying the frame by projection.
 
     The first ring's direction is any normal of the first tangent; every next ring keeps the last direction less its

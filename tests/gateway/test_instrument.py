@@ -10,8 +10,9 @@ from protocol.bodies import GatewayState, LocalModel
 from services.gateway import instrument
 from services.gateway.driver import Arm, ArmLimits, GraspHandle
 from services.gateway.instrument import Instrument
-from services.gateway.layout import HANDLE_ANGLE, READ_POSITION, READ_ROLL, FloatArray
+from services.gateway.layout import HANDLE_ANGLE, READ_POSITION, READ_ROLL
 from services.gateway.servo import Servo, ServoLimits
+from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings, Mount
 from services.runtime.rig import Instrument as InstrumentSettings
 

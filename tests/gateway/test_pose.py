@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from services.gateway import layout, pose
-from services.mechanics.forceps.kinematics import tool_frame
+from services.mechanics.bodies.forceps.kinematics import tool_frame
 from services.runtime.rig import Mount
 
 PORT = np.array([0.06, -0.1, 0.13])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from services.gateway import premium_model
-from services.gateway.layout import FloatArray
 from services.gateway.premium_model import GEARS
+from services.mechanics.arrays import FloatArray
 
 POSTURES = [np.array(q) for q in ((0.0, 0.4, 0.4), (0.3, 0.9, 0.6), (-0.7, 0.2, 0.8), (0.5, -0.2, 0.3))]
 

@@ -6,7 +6,7 @@ import pytest
 from services.gateway.scenario_script import scenario_player
 from services.gateway.script import HANDLE, HIP, ROLL
 from services.mechanics.scenarios import SCENARIOS
-from services.mechanics.tools import ToolInputs
+from services.mechanics.scene.tools import ToolInputs
 from services.runtime.errors import ConfigError
 
 

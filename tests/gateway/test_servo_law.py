@@ -8,8 +8,8 @@ from hypothesis.extra.numpy import arrays
 
 from protocol.bodies import LocalModel
 from services.gateway import layout, servo_law
-from services.gateway.layout import FloatArray
 from services.gateway.servo import ServoLimits
+from services.mechanics.arrays import FloatArray
 
 DT_S = 1e-3
 TTL_S = 0.02

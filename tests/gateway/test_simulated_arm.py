@@ -7,8 +7,9 @@ import pytest
 import scipy.signal
 
 from services.gateway import premium_model, simulated_arm
-from services.gateway.layout import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY, FloatArray
+from services.gateway.layout import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.simulated_arm import ArmState
+from services.mechanics.arrays import FloatArray
 
 CENTRE = premium_model.centre()
 FREE = np.zeros(simulated_arm.HAND_SIZE)

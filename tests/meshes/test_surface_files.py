@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
 from services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes, point_load
-from services.mechanics.mesh import TriangleMesh, boundary_loops, triangle_areas_m2, unique_edges
+from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2, unique_edges
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.cached import load_mesh
 from services.meshes.checking import check_surface, smallest_angles_rad
 from services.meshes.crossings import crossing_triangles

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.writing import write_vtu
 
 pyvista = pytest.importorskip("pyvista", reason="the mesh extra is not installed")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.visualization.normals import vertex_normals
 from services.visualization.tube import sweep_tube, tube_triangles
 

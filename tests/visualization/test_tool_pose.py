@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.mechanics.forceps import tool_frame, tool_segments
+from services.mechanics.bodies.forceps import tool_frame, tool_segments
 from services.visualization import tool_pose
 from services.visualization.render import pose_matrix
 

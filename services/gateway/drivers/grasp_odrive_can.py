@@ -17,7 +17,8 @@ from services.gateway.bench import Bench, Clock
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import GraspHandle, Place
-from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE, FloatArray
+from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE
+from services.mechanics.arrays import FloatArray
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 

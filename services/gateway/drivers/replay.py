@@ -12,8 +12,9 @@ import numpy as np
 from services.gateway import driver
 from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import Arm, ArmLimits, Place
-from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY, FloatArray
+from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY
 from services.gateway.recording import read_table
+from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings, Settings
 
 COLUMNS = ("time_s", "x_m", "y_m", "z_m")

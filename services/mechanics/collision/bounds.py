@@ -18,8 +18,8 @@ from typing import Protocol
 
 import numpy as np
 
-from services.mechanics.mesh import FloatArray, IntArray
-from services.mechanics.reduction.warping import TubeWarp
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.reduction.large_rotations.warping import TubeWarp
 
 
 class MotionBounds(Protocol):

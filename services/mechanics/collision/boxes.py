@@ -14,7 +14,7 @@ import math
 from services.mechanics.collision.primitives import Vector, along, cross, dot, put, subtract, unit, vector
 from services.mechanics.collision.surface import Body, Patch, corner_positions, node_position
 from services.mechanics.collision.tree import LEAF
-from services.mechanics.kernel import floats, ints, kernel
+from services.mechanics.compiled import floats, ints, kernel
 
 Box = tuple[Vector, Vector]
 # Cosine between the directions of the two contacts of one probe at which they count as opposite walls.

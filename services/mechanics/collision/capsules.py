@@ -12,6 +12,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.collision.primitives import (
     Vector,
     along,
@@ -25,9 +27,7 @@ from services.mechanics.collision.primitives import (
     vector,
 )
 from services.mechanics.collision.writer import Rows, write_pair
-from services.mechanics.contact.pairs import CATHETER_SEGMENT
-from services.mechanics.kernel import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
-from services.mechanics.mesh import FloatArray
+from services.mechanics.compiled import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
 
 Tools = tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]
 """(segments (n_tools, 3, 2, 3), radii (n_tools, 3), present (n_tools,))."""

@@ -14,7 +14,7 @@ from services.mechanics.collision.search import NOTHING, Touch, better_neighbour
 from services.mechanics.collision.surface import Body, Patch, corner_positions
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.collision.writer import Rows
-from services.mechanics.kernel import floats, ints, kernel
+from services.mechanics.compiled import floats, ints, kernel
 
 # Flanks that turn by less than 12 degrees from one to the other are one.
 SAME_FLANK = 0.978

@@ -17,7 +17,7 @@ from services.mechanics.collision.probes import JUMP_M
 from services.mechanics.collision.search import NOTHING, Touch, closest, offset
 from services.mechanics.collision.sides import surface_normal, triangle_normal
 from services.mechanics.collision.surface import Body, Patch, Shell
-from services.mechanics.kernel import Struct, fill, flags, floats, kernel, struct_reader, struct_type
+from services.mechanics.compiled import Struct, fill, flags, floats, kernel, struct_reader, struct_type
 
 STEP_M = 0.25e-3
 HORIZON_M = 5e-3

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from services.mechanics.kernel import kernel
+from services.mechanics.compiled import kernel
 
 Vector = tuple[float, float, float]
 

@@ -36,7 +36,7 @@ from services.mechanics.collision.search import (
 )
 from services.mechanics.collision.sides import UNKNOWN, Contact, settle
 from services.mechanics.collision.surface import Body, Patch
-from services.mechanics.kernel import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
+from services.mechanics.compiled import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
 
 MINIMA = 2
 # The second minimum is given up when the walls no longer face each other; later than it is taken up.

@@ -27,7 +27,7 @@ from services.mechanics.collision.surface import (
 )
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.collision.tree import LEAF
-from services.mechanics.kernel import floats, ints, kernel
+from services.mechanics.compiled import floats, ints, kernel
 
 Touch = tuple[int, float, float, Vector]
 NOTHING = -1

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.capsules import CapsuleMemory, meet, memory_at, row_of
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
 from services.mechanics.collision.primitives import along, squared_distance
 from services.mechanics.collision.writer import PairWriter, rows_at, write_pair
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
-from services.mechanics.kernel import flags, kernel
-from services.mechanics.mesh import FloatArray
+from services.mechanics.compiled import flags, kernel
 
 
 class SelfContactDetector:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.bounds import LinearBounds, MotionBounds, TurnedBounds
 from services.mechanics.collision.primitives import Vector, vector
 from services.mechanics.collision.tick import take_state
@@ -18,7 +19,7 @@ from services.mechanics.collision.topology import (
 )
 from services.mechanics.collision.tree import MAX_DEPTH, build_tree
 from services.mechanics.collision.turned import note_turns, turn_into_place, turned_arrays
-from services.mechanics.kernel import (
+from services.mechanics.compiled import (
     Struct,
     fill,
     floats,
@@ -30,8 +31,8 @@ from services.mechanics.kernel import (
     struct_type,
     summing_kernel,
 )
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh, boundary_loops
-from services.mechanics.reduction.warping import SectionFrame, TubeWarp
+from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
 
 Body = Struct
 """The deformation, shared by the patches of one surface; see `BODY`."""

@@ -7,7 +7,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, memory_at, segment_ends
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs
 from services.mechanics.collision.primitives import (
     Vector,
     along,
@@ -23,9 +25,7 @@ from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.sides import UNKNOWN
 from services.mechanics.collision.surface import DuctSurface, Shell, shell_at
 from services.mechanics.collision.writer import PairWriter, Rows, rows_at, write_pair
-from services.mechanics.contact.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs
-from services.mechanics.kernel import floats, ints, kernel
-from services.mechanics.mesh import FloatArray
+from services.mechanics.compiled import floats, ints, kernel
 
 N_SEGMENTS = 3
 # Probes per segment. The shaft's are of PIECE_M, counted from the junction, the last reaching to the port: they

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from services.mechanics.mesh import FloatArray, IntArray
+from services.mechanics.arrays import FloatArray, IntArray
 
 NO_NEIGHBOUR = -1
 

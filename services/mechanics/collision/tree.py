@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.bounds import MotionBounds
-from services.mechanics.mesh import FloatArray, IntArray
 
 LEAF_TRIANGLES = 4
 LEAF = -1

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from services.mechanics.collision.primitives import Vector, along, cross, dot, put, scaled, squared_distance, vector
-from services.mechanics.kernel import Struct, floats, ints, kernel
-from services.mechanics.reduction.warping import SectionFrame, TubeWarp
+from services.mechanics.compiled import Struct, floats, ints, kernel
+from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 
 
 def turned_arrays(warp: TubeWarp, frame: SectionFrame) -> dict[str, np.ndarray]:

@@ -1,5 +1,1 @@
-"""Contact between tools, catheter and duct: candidate pairs, and the solve in contact space."""
-
-from services.mechanics.contact.pairs import ContactPairs
-
-__all__ = ["ContactPairs"]
+"""Contact between tools, catheter and duct: rows from candidate pairs, and their solve in contact space."""

@@ -19,8 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.dense import solve_dense
-from services.mechanics.kernel import ByteArray, FloatArray, IntArray, kernel
 
 UNILATERAL, HOLD, FILM = 0, 1, 2
 # The block solves put a sliding force on its limit to rounding; anything closer than this is on it.

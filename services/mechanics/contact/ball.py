@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.kernel import FloatArray, kernel
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 _NEWTON_STEPS = 12
 _CLOSE = 1e-12

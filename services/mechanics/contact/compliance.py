@@ -6,9 +6,10 @@ once at the end. Only the lower triangle is built; W is symmetric because each b
 
 from __future__ import annotations
 
-from services.mechanics.contact.pairs import NO_TOOL
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.kernel import FloatArray, IntArray, kernel, summing_kernel
 
 Row = tuple[float, float, float]
 Block = tuple[Row, Row, Row]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from services.mechanics.kernel import FloatArray, kernel, summing_kernel
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel, summing_kernel
 
 #: Columns of a panel. The rest of the matrix is loaded and stored once for each panel, not once for each column.
 PANEL = 4

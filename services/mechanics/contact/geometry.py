@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, PairArrays
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from services.mechanics.bodies.forceps.kinematics import contact_lever
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, PairArrays
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
 from services.mechanics.contact.solver import HOLD, UNILATERAL
-from services.mechanics.forceps.kinematics import contact_lever
-from services.mechanics.kernel import BoolArray, FloatArray, IntArray, kernel
 
 
 class ToolGeometry(NamedTuple):

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.bodies.forceps.kinematics import contact_lever
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, NO_TOOL
+from services.mechanics.compiled import kernel, tuple_reader
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, write_frame
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, JAW_A, NO_TOOL
 from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N, LOOSE_SOFTNESS_M_N, ContactRows
 from services.mechanics.contact.solver import HOLD, ON_THE_LIMIT
 from services.mechanics.contact.state import state_at
-from services.mechanics.forceps.kinematics import contact_lever
-from services.mechanics.kernel import ByteArray, FloatArray, IntArray, LongArray, kernel, tuple_reader
 
 
 class HoldArrays(NamedTuple):

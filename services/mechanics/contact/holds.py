@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A
+from services.mechanics.compiled import Placed
 from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, JAW_A
 from services.mechanics.contact.system import ContactSystem
-from services.mechanics.forceps.tool_body import ToolBody
-from services.mechanics.kernel import FloatArray, Placed
 from services.mechanics.scene import ForcepsScene
-from services.mechanics.tools import GraspHold
+from services.mechanics.scene.tools import GraspHold
 
 # A grasp holds two points; more come only from a peer that has lost its mind.
 CAPACITY = 16

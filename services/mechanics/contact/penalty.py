@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import UNILATERAL
-from services.mechanics.kernel import kernel
 
 # Below this sliding speed friction grows in proportion to it: an explicit force cannot stick.
 SLIP_SPEED_M_S = 1e-3

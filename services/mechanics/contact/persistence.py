@@ -12,11 +12,12 @@ from typing import Protocol
 
 import numpy as np
 
-from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, PairArrays, pairs_at
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, PairArrays, pairs_at
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.solver import UNILATERAL
 from services.mechanics.contact.state import state_at
-from services.mechanics.kernel import FloatArray, IntArray, kernel
 
 CAPACITY = 32
 # A point seen from more than 60 degrees off its normal has slid round the tool.

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.contact.pairs import NO_TOOL
-from services.mechanics.forceps.kinematics import N_COORDINATES
-from services.mechanics.kernel import ByteArray, FloatArray, IntArray, LongArray, tuple_reader, tuple_table
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.compiled import tuple_reader, tuple_table
 
 # A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
 SURFACE_SOFTNESS_M_N = 1e-6

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.active_set import (
     FILM,
     HOLD,
@@ -18,7 +20,6 @@ from services.mechanics.contact.active_set import (
     newton_step,
 )
 from services.mechanics.contact.ball import bounded_2, bounded_3
-from services.mechanics.kernel import BoolArray, ByteArray, FloatArray, kernel
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
 NEARLY_THERE = 100.0

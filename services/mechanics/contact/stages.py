@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.pairs import pairs_at
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.compliance import (
     add_modal_compliance,
     add_rod_compliance,
@@ -11,12 +14,10 @@ from services.mechanics.contact.compliance import (
     world_forces,
 )
 from services.mechanics.contact.geometry import append_pairs, subtract_duct_motion
-from services.mechanics.contact.pairs import pairs_at
 from services.mechanics.contact.penalty import penalty_forces
 from services.mechanics.contact.solver import mark_sliding, solve_contacts
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.warm_start import recall_forces, store_forces
-from services.mechanics.kernel import FloatArray, IntArray, kernel
 
 
 @kernel

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from services.mechanics.compiled import tuple_reader
 from services.mechanics.contact.geometry import ContactGeometry, DuctGeometry, RodGeometry, ToolGeometry
 from services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
 from services.mechanics.contact.solver import SolverScratch
 from services.mechanics.contact.warm_start import ForceMemory
-from services.mechanics.kernel import BoolArray, FloatArray, IntArray, tuple_reader
 
 
 class ContactState(NamedTuple):

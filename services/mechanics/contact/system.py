@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.mechanics.catheter_body import CatheterBody
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.compiled import Placed
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import ContactGeometry, DuctGeometry, RodGeometry, ToolGeometry
-from services.mechanics.contact.pairs import ContactPairs
 from services.mechanics.contact.state import ContactState
-from services.mechanics.duct_body import DuctBody
-from services.mechanics.forceps.tool_body import ToolBody
-from services.mechanics.kernel import FloatArray, Placed
 from services.mechanics.scene import ContactSettings
 
 

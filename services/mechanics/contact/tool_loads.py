@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.contact.pairs import NO_TOOL
+from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.compiled import kernel, tuple_reader
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import HOLD, UNILATERAL
 from services.mechanics.contact.state import state_at
-from services.mechanics.forceps.tool_body import ToolArrays, tools_at
-from services.mechanics.kernel import BoolArray, FloatArray, kernel, tuple_reader
-from services.mechanics.tools import ToolResults
+from services.mechanics.scene.tools import ToolResults
 
 STIFFNESS_CAPACITY = 24  # contacts of one tool that enter its local stiffness
 

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from services.mechanics.arrays import BoolArray, FloatArray, LongArray
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.kernel import BoolArray, FloatArray, LongArray, kernel
 
 
 class ForceMemory(NamedTuple):

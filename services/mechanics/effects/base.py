@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-import numpy.typing as npt
+from services.mechanics.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from services.mechanics.contact.pairs import ContactPairs
+    from services.mechanics.collision.pairs import ContactPairs
     from services.mechanics.contact.rows import ContactRows
-    from services.mechanics.mesh import TriangleMesh
     from services.mechanics.scene import SceneModel
     from services.mechanics.simulation import Simulation
-
-FloatArray = npt.NDArray[np.float64]
+    from services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True, slots=True)

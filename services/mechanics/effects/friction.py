@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from services.mechanics.arrays import BoolArray
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.solver import UNILATERAL
 from services.mechanics.effects.base import Effect
-from services.mechanics.kernel import BoolArray, kernel
 from services.mechanics.scene import SceneModel
 
 if TYPE_CHECKING:

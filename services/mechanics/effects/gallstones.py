@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.collision import CatheterContactDetector
+from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.geometry import RodGeometry, append_pairs, write_frame
-from services.mechanics.contact.pairs import NO_TOOL, ContactPairs
 from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
+from services.mechanics.contact.search import DuctSearch
 from services.mechanics.contact.solver import UNILATERAL
-from services.mechanics.contact_search import DuctSearch
 from services.mechanics.effects.base import Effect
-from services.mechanics.kernel import FloatArray, kernel
 from services.mechanics.scene import SceneModel
 
 if TYPE_CHECKING:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from services.mechanics.effects.base import Effect, FloatArray
-from services.mechanics.mesh import TriangleMesh, vertex_areas_m2
+from services.mechanics.arrays import FloatArray
+from services.mechanics.effects.base import Effect
 from services.mechanics.scene import SceneModel
+from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.mechanics.effects.base import Effect, FloatArray
+from services.mechanics.arrays import FloatArray
+from services.mechanics.effects.base import Effect
 from services.mechanics.fem import pressure_load
-from services.mechanics.mesh import TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from services.mechanics.effects.base import Effect
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.sections import refuse_unless_tube
-from services.mechanics.reduction.warping import TubeWarp
+from services.mechanics.reduction.large_rotations.sections import refuse_unless_tube
+from services.mechanics.reduction.large_rotations.warping import TubeWarp
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation

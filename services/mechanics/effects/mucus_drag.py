@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from services.mechanics.contact.pairs import NO_TOOL
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.compiled import kernel
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import FILM
 from services.mechanics.effects.base import Effect
-from services.mechanics.kernel import kernel
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation

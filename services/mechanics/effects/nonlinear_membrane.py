@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from services.mechanics.duct_recipe import duct_recipe
 from services.mechanics.effects.base import Effect
-from services.mechanics.reduction.manifold import fetch_membrane_force
+from services.mechanics.reduction.nonlinear.manifold import fetch_membrane_force
+from services.mechanics.scene.duct_recipe import duct_recipe
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation

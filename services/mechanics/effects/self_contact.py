@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, PairArrays
 from services.mechanics.collision.primitives import closest_of_segments
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, PairArrays
+from services.mechanics.compiled import kernel
 from services.mechanics.effects.base import Effect
-from services.mechanics.kernel import FloatArray, kernel
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation

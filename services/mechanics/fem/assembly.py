@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import bsr_array
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.elements import (
     BENDING_DOFS,
     BENDING_ELEMENTS,
@@ -18,7 +19,7 @@ from services.mechanics.fem.elements import (
 from services.mechanics.fem.frames import local_coordinates, local_frames
 from services.mechanics.fem.section import ShellSection, plane_stress_matrices
 from services.mechanics.fem.triangle import signed_areas
-from services.mechanics.mesh import FloatArray, TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
 
 CHUNK = 8192
 """Triangles whose 18 x 18 matrices exist at the same time (21 MB)."""

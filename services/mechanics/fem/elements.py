@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import cst, dkt, opt, paper
-from services.mechanics.mesh import FloatArray
 
 
 class StiffnessKernel(Protocol):

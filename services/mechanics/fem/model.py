@@ -11,10 +11,11 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
 from services.mechanics.fem.section import ShellSection
 from services.mechanics.fem.supports import Support, check_supported, held_dofs
-from services.mechanics.mesh import FloatArray, IntArray, TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
 
 __all__ = ["ElementChoice", "ShellModel", "StaticSolution"]
 

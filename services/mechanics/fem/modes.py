@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.model import ShellModel
-from services.mechanics.mesh import FloatArray
 
 
 @dataclass(frozen=True)

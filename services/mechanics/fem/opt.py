@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.triangle import signed_areas
-from services.mechanics.mesh import FloatArray
 
 ALPHA_B = 1.5
 BETA = np.array([1.0, 2.0, 1.0, 0.0, 1.0, -1.0, -1.0, -1.0, -2.0])

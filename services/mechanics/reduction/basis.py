@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
 from services.mechanics.reduction.content_hash import hash_content
-from services.mechanics.reduction.state import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import EigenModes, ShellModel, compute_modes
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.free_dofs import nodal_translations
-from services.mechanics.reduction.residual import BlockArray
-from services.mechanics.reduction.state import FloatArray, IntArray
+from services.mechanics.reduction.residual.blocks import BlockArray
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it done, 0 to 1."""

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ShellModel
 from services.mechanics.reduction.free_dofs import factorise, free_load, nodal_translations
 from services.mechanics.reduction.newmark import NewmarkConstants
-from services.mechanics.reduction.state import FloatArray
 
 
 class DirectNewmark:

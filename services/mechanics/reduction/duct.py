@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.mesh import TriangleMesh
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.reduction.basis import ModalBasis, node_displacements
-from services.mechanics.reduction.residual import Residual
-from services.mechanics.reduction.state import FloatArray, IntArray, ModalState
-from services.mechanics.reduction.warping import TubeWarp
+from services.mechanics.reduction.large_rotations.warping import TubeWarp
+from services.mechanics.reduction.residual.blocks import Residual
+from services.mechanics.reduction.state import ModalState
+from services.mechanics.surface.mesh import TriangleMesh
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.state import FloatArray
 
 
 def free_load(model: ShellModel, forces_n: FloatArray) -> FloatArray:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from services.mechanics.kernel import kernel
-from services.mechanics.reduction.state import FloatArray, ModalGains, ModalState
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.reduction.state import ModalGains, ModalState
 
 if TYPE_CHECKING:
     from typing import Any

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.kernel import kernel
-from services.mechanics.reduction.state import FloatArray, ModalGains, ModalState
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.reduction.state import ModalGains, ModalState
 
 
 class ExactOscillator:

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from services.mechanics import fem
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
-from services.mechanics.mesh import TriangleMesh
 from services.mechanics.reduction import cache
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import (
@@ -23,9 +23,9 @@ from services.mechanics.reduction.build import (
 )
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.patches import build_patches, largest_radius_m
-from services.mechanics.reduction.residual import Residual
-from services.mechanics.reduction.state import FloatArray
+from services.mechanics.reduction.residual.blocks import Residual
+from services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
+from services.mechanics.surface.mesh import TriangleMesh
 
 MIB = 2**20
 FORMAT = 1

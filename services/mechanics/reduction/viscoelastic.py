@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.kernel import kernel
-from services.mechanics.reduction.state import FloatArray
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,9 @@ and vectorises; the padding holds zeros in the band and does not reach the solut
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.mechanics.kernel import kernel
-
-FloatArray = NDArray[np.float64]
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 HALF_BANDWIDTH = 8
 RHS_BLOCK = 16  # right-hand sides solved side by side, a few vector registers each

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.kernel import kernel
+from services.mechanics.compiled import kernel
 
 from .elasticity import SHORTEST, Scale, bending_angle, geometric_bending, joint_gradient, row
 from .model import RodModel, RodWork

@@ -17,14 +17,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 from .model import RodModel, RodWork
 
-FloatArray = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Scale = tuple[float, float]
 

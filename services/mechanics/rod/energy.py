@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from services.mechanics.arrays import FloatArray
 
 from .elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
 from .forces import add_internal_forces
@@ -14,8 +15,6 @@ from .model import RodModel, RodWork, allocate_work
 from .sleeve_forces import sleeve_energy
 from .state import RodState
 from .twist import TwistModel, twist_energy
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

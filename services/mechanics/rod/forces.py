@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.mechanics.kernel import kernel
+from services.mechanics.compiled import kernel
 
 from .clamp_forces import add_wall_joints
 from .elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from services.mechanics.arrays import FloatArray, IntArray
 
 from . import implicit_kernels as kernels
 from .banded import empty_columns
@@ -12,9 +13,6 @@ from .properties import RodProperties
 from .state import RodState
 from .supports import Supports
 from .twist import TwistModel, add_frame_forces, build_twist_model
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 class ImplicitIntegrator:

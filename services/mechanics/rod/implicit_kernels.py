@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
 
 from .banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
 from .forces import add_internal_forces
 from .model import RodModel, RodWork
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 Motion = tuple[FloatArray, FloatArray]
 
 _TOLERANCE = 1e-3  # unasked stretch energy left by a step, over the energy in motion

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from services.mechanics.arrays import FloatArray, IntArray
 
 from .implicit import ImplicitIntegrator
 from .properties import RodProperties
 from .semi_implicit import SemiImplicitIntegrator
 from .state import RodState
 from .supports import Supports
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 
 class RodIntegrator(Protocol):

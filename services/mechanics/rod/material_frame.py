@@ -10,13 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 from .elasticity import Vector, any_normal, cross, dot, row
 
-FloatArray = NDArray[np.float64]
 Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
 
 

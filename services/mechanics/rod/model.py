@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 
 from .banded import HALF_BANDWIDTH, empty_band
 from .properties import RodProperties
 from .supports import Supports
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-BoolArray = NDArray[np.bool_]
 
 
 class RodModel(NamedTuple):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
 
 from .forces import add_internal_forces
 from .implicit_kernels import Motion
@@ -17,9 +17,6 @@ from .stability import stable_time_step
 from .state import RodState
 from .supports import Supports
 from .twist import TwistModel, add_frame_forces, build_twist_model
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 SAFETY = 0.9  # of the computed limit, for the geometric stiffness that a strong pull adds to it
 

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 from .elasticity import Scale, Vector, dot, row
 from .model import RodModel, RodWork
@@ -32,8 +30,6 @@ from .sleeve_passage import (
     offset_from_axis,
     stop_overlap,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 @kernel

@@ -9,14 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 from .elasticity import Vector, dot
 from .model import RodModel
-
-FloatArray = NDArray[np.float64]
 
 # Places in the sleeve's array after its entry (3) and unit axis (3); see `supports.Sleeve.as_array`.
 LENGTH = 6

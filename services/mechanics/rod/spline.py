@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-FloatArray = NDArray[np.float64]
+from services.mechanics.arrays import FloatArray
 
 
 def smooth_centreline(position_m: FloatArray, points_per_segment: int = 4) -> tuple[FloatArray, FloatArray]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from services.mechanics.arrays import FloatArray
 
 from .material_frame import MaterialFrame
 from .properties import RodProperties
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass

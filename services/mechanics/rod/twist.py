@@ -15,16 +15,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from services.mechanics.kernel import kernel
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 from .elasticity import SHORTEST, Vector, bending_angle, cross, dot, row
 from .material_frame import Frame, follow, initial_frame, rotate_frame
 from .properties import RodProperties
 from .state import RodState
-
-FloatArray = NDArray[np.float64]
 
 _SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradient grows no further (a fold of 168 deg)
 

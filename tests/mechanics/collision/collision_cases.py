@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.collision import DuctSurface
-from services.mechanics.contact.pairs import ContactPairs
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
-from services.mechanics.mesh import TriangleMesh
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS_M, LENGTH_M, HALF_M = 4e-3, 40e-3, 0.25e-3
 CATHETER_M, MARGIN_M = 0.8e-3, 0.5e-3

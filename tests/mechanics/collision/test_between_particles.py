@@ -5,7 +5,7 @@ import pytest
 from collision_cases import CATHETER_M, HALF_M, MARGIN_M, RADIUS_M, duct_mesh, rigid_surface, rows
 
 from services.mechanics.collision import CatheterContactDetector, SelfContactDetector
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
 
 THICKNESS_M = CATHETER_M + HALF_M
 

@@ -10,8 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from services.mechanics.collision import CatheterContactDetector
+from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.topology import fill_rim
-from services.mechanics.contact.pairs import ContactPairs
 
 ANATOMY = Path(__file__).parents[3].parent / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
 GRID_M, STEP_M = 1.4e-3, 0.15e-3

@@ -17,7 +17,7 @@ from collision_cases import (
 )
 
 from services.mechanics.collision import CatheterContactDetector
-from services.mechanics.contact.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
 
 THICKNESS_M = CATHETER_M + HALF_M
 NO_MODES = np.zeros(0)

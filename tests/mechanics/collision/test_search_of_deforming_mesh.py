@@ -12,8 +12,8 @@ from collision_cases import (
 )
 
 from services.mechanics.collision import CatheterContactDetector, search
+from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.topology import fill_rim
-from services.mechanics.contact.pairs import ContactPairs
 
 EVERYWHERE_M = 1.0
 

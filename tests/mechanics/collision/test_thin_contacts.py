@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from services.mechanics.collision import CatheterContactDetector, DuctSurface, ToolContactDetector
-from services.mechanics.contact.pairs import JAW_A, ContactPairs
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
+from services.mechanics.collision.pairs import JAW_A, ContactPairs
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 RADIUS_M, HALF_M, CATHETER_M, MARGIN_M = 4e-3, 0.25e-3, 0.8e-3, 0.5e-3
 

@@ -20,7 +20,7 @@ from collision_cases import (
 )
 
 from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
 
 SHAFT_M, JAW_M = 2.5e-3, 1e-3
 RADII = np.array([[SHAFT_M, JAW_M, JAW_M]])

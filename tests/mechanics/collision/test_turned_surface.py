@@ -8,7 +8,7 @@ from services.mechanics.collision import DuctSurface, search
 from services.mechanics.collision.bounds import TurnedBounds
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction.build import build_basis
-from services.mechanics.reduction.warping import TubeWarp
+from services.mechanics.reduction.large_rotations.warping import TubeWarp
 
 MODES = 24
 

@@ -7,7 +7,7 @@ from services.mechanics.fem import ElementChoice, Orthotropy, ShellModel, ShellS
 from services.mechanics.fem.assembly import assemble_stiffness
 from services.mechanics.fem.elements import MEMBRANE_ELEMENTS
 from services.mechanics.fem.supports import rigid_body_modes
-from services.mechanics.mesh import TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
 from services.studies.shell_problems import mapped_patch, plate_deflection
 
 NU = 0.3

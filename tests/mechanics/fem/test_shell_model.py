@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
 from services.mechanics.fem import (
     ElementChoice,
     ShellModel,
@@ -14,7 +13,8 @@ from services.mechanics.fem import (
     pressure_load,
     surface_load,
 )
-from services.mechanics.mesh import TriangleMesh
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.studies.shell_problems import REFERENCE_SECTION, mapped_patch
 
 DUCT = parametric_duct(DuctGeometry(4e-3, 40e-3, 12, 16))

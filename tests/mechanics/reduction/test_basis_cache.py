@@ -7,12 +7,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from services.mechanics.duct_geometry import DuctGeometry, parametric_duct
 from services.mechanics.fem import ElementChoice, ShellSection, clamp
 from services.mechanics.reduction import CacheError, DuctRecipe, ResidualChoice, cache, find_basis, reduce_duct
 from services.mechanics.reduction.content_hash import hash_content
 from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene_duct import build_scene_duct, scene_mesh
+from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
 def small_recipe(**changes) -> DuctRecipe:

@@ -3,8 +3,8 @@
 import numpy as np
 from numba import njit
 
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.collision.primitives import closest_of_segments, closest_segment_triangle
-from services.mechanics.contact.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL
 
 
 class BruteSearch:

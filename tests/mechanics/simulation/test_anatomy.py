@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.energy import EnergyBook, stored_energies_j
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
+from services.mechanics.simulation.energy import EnergyBook, stored_energies_j
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
 

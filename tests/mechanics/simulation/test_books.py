@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from services.mechanics import scenarios
-from services.mechanics.energy import EnergyBook
-from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
+from services.mechanics.simulation.energy import EnergyBook
+from services.mechanics.simulation.scene_duct import build_scene_duct
 
 ON_TOP = {
     "viscoelasticity": {},

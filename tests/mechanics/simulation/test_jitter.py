@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from services.mechanics import scenarios
-from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
+from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.runtime.loop import LoopMeter, TickClock
 
 TICKS = 2100  # the hand has come to rest 200 ms before

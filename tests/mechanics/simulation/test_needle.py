@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from services.mechanics import scenarios
-from services.mechanics.catheter_body import introducer, rod_supports
-from services.mechanics.energy import EnergyBook
+from services.mechanics.bodies.catheter import introducer, rod_supports
 from services.mechanics.scenarios import Scenario, ToolMotion
 from services.mechanics.scene import CatheterScene
-from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
+from services.mechanics.simulation.energy import EnergyBook
+from services.mechanics.simulation.scene_duct import build_scene_duct
 
 # Where the middle of the jaws is, in mm, at times in s: the catheter is grasped and carried to the mouth.
 PICK = ((0.0, (72, 1.5, 12)), (0.25, (72, 1.5, 0)), (0.5, (72, 1.5, 0)), (0.8, (68, 0, 0)), (1.0, (66, 0, 0)))

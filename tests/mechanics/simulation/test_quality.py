@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from services.mechanics.scene import QualityLevel
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ import pytest
 from test_needle import PEAK, PICK, hands, run
 
 from services.mechanics import scenarios
-from services.mechanics.scene_duct import build_scene_duct
+from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.tools import ToolInputs
+from services.mechanics.simulation.scene_duct import build_scene_duct
 
 START = np.array([66.0, 0.0, 0.0])  # of the hand, with the tip just within the mouth; mm
 

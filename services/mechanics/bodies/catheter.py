@@ -1,0 +1,185 @@
+"""The catheter in a step: its integrator, loads from effects, and compliance at the touched particles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.contact.compliance import list_particles
+from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.rod import (
+    RodProperties,
+    RodState,
+    RoundTube,
+    Sleeve,
+    Supports,
+    build_integrator,
+    straight_rod,
+)
+from services.mechanics.scene import CatheterScene
+
+# A tenth of a micrometre in a second and a half: far below what is seen or felt.
+SLEEP_SPEED_M_S = 1e-7
+
+
+class CatheterBody:
+    """Particles of the catheter, from the proximal end (0) to the tip.
+
+    Attributes
+    ----------
+    state : RodState
+    start_m, motion_m : (n, 3) float64
+        Positions at the start of the step, and the motion over it without contact forces.
+    external_force_n : (n, 3) float64
+        Loads that effects put on the particles in this step.
+    contact_force_n : (n, 3) float64
+        Contact forces of the last step.
+    """
+
+    def __init__(
+        self, scene: CatheterScene, *, twist: bool = False, may_sleep: bool = False, feeds_back: bool = False
+    ) -> None:
+        self.properties = rod_properties(scene, twist=twist)
+        self.state = initial_state(scene, self.properties)
+        self.integrator = build_integrator(scene.integrator, self.properties, rod_supports(scene))
+        n = self.properties.n_particles
+        self.radius_m = 0.5 * scene.outer_diameter_m
+        self.start_m = self.state.position_m.copy()
+        self.motion_m = np.zeros((n, 3))
+        self.external_force_n = np.zeros((n, 3))
+        self.contact_force_n = np.zeros((n, 3))
+        self._load_n = np.zeros((n, 3))
+        self._was_touched = False
+        self._may_sleep = may_sleep
+        self._linearises = scene.integrator == "implicit"
+        self._feeds_back = feeds_back
+        self._last_external_n = np.full((n, 3), np.nan)
+        self.slot = np.full(n, -1, np.int32)
+        self._particles = np.zeros(n, np.int32)
+        self._compliance = np.zeros(9 * n * n)
+
+    def predict(self, dt_s: float) -> None:
+        """Step the particles without contact forces.
+
+        The implicit integrator linearises where it expects the step to end. That is with last tick's contact forces,
+        not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
+        """
+        self.start_m[:] = self.state.position_m
+        if self.is_asleep():
+            self.motion_m[:] = 0.0
+            return
+        self._last_external_n[:] = self.external_force_n
+        np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
+        if self._feeds_back:
+            self.integrator.predict(self.state, self._load_n, dt_s)
+        elif not (self._was_touched and self._linearises):
+            self.integrator.predict(self.state, self.external_force_n, dt_s)
+        else:
+            self.integrator.predict(self.state, self._load_n, dt_s)
+            np.negative(self.contact_force_n, out=self._load_n)
+            self.integrator.correct(self.state, self._load_n)
+        np.subtract(self.state.position_m, self.start_m, out=self.motion_m)
+
+    def is_asleep(self) -> bool:
+        """Whether the step can be left out: nothing touches the catheter, its loads are the same, and it hangs still.
+
+        Its state stays as it is, and so does the factorised matrix: a contact in this step finds it ready.
+        """
+        return (
+            self._may_sleep
+            and not self._was_touched
+            and float(np.abs(self.state.velocity_m_s).max()) < SLEEP_SPEED_M_S
+            and np.array_equal(self.external_force_n, self._last_external_n)
+        )
+
+    def compliance(self, rows: ContactRows) -> FloatArray:
+        """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is."""
+        count = list_particles(rows.address, self.slot, self._particles)
+        size = 3 * count
+        out: FloatArray = self._compliance[: size * size].reshape(size, size)
+        if count:
+            self.integrator.compliance(self._particles[:count], out)
+        return out
+
+    def correct(self, rows: ContactRows, forces: FloatArray) -> None:
+        """Apply the contact forces (k, 3) on the first bodies to the particles they touch.
+
+        With ``feeds_back`` they act in the next step, held over all of it, as in the paper's architecture (section VI):
+        penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments.
+        """
+        spread_rod_forces(rows.address, forces, self.contact_force_n)
+        self._was_touched = rows.n_contacts > 0
+        if self._was_touched and not self._feeds_back:
+            self.integrator.correct(self.state, self.contact_force_n)
+
+
+def rod_properties(scene: CatheterScene, *, twist: bool) -> RodProperties:
+    """Stiffness and mass of a scene's catheter."""
+    tube = RoundTube(
+        outer_diameter_m=scene.outer_diameter_m,
+        inner_diameter_m=scene.inner_diameter_m,
+        youngs_modulus_pa=scene.youngs_modulus_pa,
+        density_kg_m3=scene.density_kg_m3,
+        poisson_ratio=scene.poisson_ratio,
+    )
+    return tube.rod(
+        scene.n_segments,
+        scene.length_m,
+        twist=twist,
+        internal_damping_s=scene.internal_damping_s,
+        viscous_drag_n_s_m2=scene.viscous_drag_n_s_m2,
+    )
+
+
+def initial_state(scene: CatheterScene, properties: RodProperties) -> RodState:
+    """Straight, at rest, its tip where the scene says."""
+    direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
+    start = np.asarray(scene.tip_position_m) - scene.length_m * direction
+    return straight_rod(properties, start, direction)
+
+
+def rod_supports(scene: CatheterScene) -> Supports:
+    """What holds the proximal end."""
+    if scene.anchor == "clamped":
+        return Supports(held=(0,), start_direction=scene.direction)
+    if scene.anchor == "introducer":
+        return Supports(sleeve=introducer(scene))
+    return Supports()
+
+
+def introducer(scene: CatheterScene) -> Sleeve:
+    """The needle that the catheter starts in.
+
+    Raises
+    ------
+    ValueError
+        Where the catheter would start outside.
+    """
+    direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
+    exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
+    entry_m = exit_m - scene.introducer_length_m * direction
+    needle = Sleeve(
+        entry_m, exit_m, friction=scene.introducer_friction, seal_friction_n=scene.introducer_seal_friction_n
+    )
+    inside_m = min(2.0 * scene.length_m / scene.n_segments, 0.5 * scene.introducer_length_m)
+    longest_m = scene.length_m - inside_m
+    if not needle.least_tip_m <= scene.introducer_to_tip_m <= longest_m:
+        raise ValueError(
+            f"catheter.introducer_to_tip_m: {scene.introducer_to_tip_m:g} m leaves the catheter outside its needle; "
+            f"within {needle.least_tip_m:g} and {longest_m:g} m it starts in it"
+        )
+    return needle
+
+
+@kernel
+def spread_rod_forces(rows_address: int, forces: FloatArray, out: FloatArray) -> None:
+    """Write the contact forces on the particles (n, 3)."""
+    rows = rows_at(rows_address)
+    out[:] = 0.0
+    for row in range(rows.used[0]):
+        for point in range(rows.rod_node.shape[1]):
+            weight = rows.rod_weight[row, point]
+            if weight != 0.0:
+                for axis in range(3):
+                    out[rows.rod_node[row, point], axis] += weight * forces[row, axis]

@@ -1,0 +1,230 @@
+"""The duct in a step: modal prediction, displacement at contacts, and the effect of contact impulses."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.wall_motion import wall_motion
+from services.mechanics.compiled import kernel
+from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.state import ModalIntegrator, ModalState
+
+
+class DuctBody:
+    r"""Modal state of the duct and its contact loads.
+
+    A contact force f is applied as the impulse :math:`f \Delta t` at the *start* of the step, and contacts ask for
+    the position at its end. Applied over the step instead, any integrator with
+    :math:`x^+ - x = (v + v^+) \Delta t / 2` turns the velocity of a touching point round in every tick
+    (contact chatter). As an impulse the static response is the same, an impact is inelastic, and a
+    lasting contact does no work on the duct in equilibrium.
+
+    Attributes
+    ----------
+    state : ModalState
+    modes : (3 C, r) float64
+        Rows of the modes at the contact points, world axes, d position / d q at the start of the step; valid for
+        the contacts of this step.
+    load_nodes : (L,) int32, load_force_n : (L, 3) float64, n_loads : int
+        Contact forces on nodes, each node once; they act through the residual compliance.
+    modal_force : (r,) float64
+        Loads that effects put on the modes in this step, the constant ones included.
+    constant_modal_force : (r,) float64
+    """
+
+    def __init__(self, reduced: ReducedDuct, integrator: ModalIntegrator, capacity: int) -> None:
+        self._motion = wall_motion(reduced, capacity)
+        self.reduced = self._motion.reduced
+        self.integrator = integrator
+        n_modes = reduced.basis.n_modes
+        self.state = ModalState.at_rest(n_modes)
+        self.q_start = np.zeros(n_modes)
+        self.dq_free = np.zeros(n_modes)
+        self.modal_force = np.zeros(n_modes)
+        self.constant_modal_force = np.zeros(n_modes)
+        self.contact_impulse = np.zeros(n_modes)
+        self.modes = np.zeros((3 * capacity, n_modes))
+        # At the contact points: displacement at the start that `modes` times `q_start` leave out.
+        self.residual_start = np.zeros((capacity, 3))
+        self.residual_change = np.zeros((capacity, 3))
+        self._corners = ContactCorners.allocate(capacity)
+        self.load_nodes = np.zeros(3 * capacity, np.int32)
+        self.load_force_n = np.zeros((3 * capacity, 3))
+        self.n_loads = 0
+        self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
+        self._gains_dt_s = 0.0
+
+    def set_constant_load(self, nodal_n: FloatArray) -> None:
+        """Take a constant load (n, 3) on and start in equilibrium with it."""
+        basis = self.reduced.basis
+        self.constant_modal_force[:] = np.einsum("nar,na->r", basis.Phi, nodal_n)
+        self.state.q[:] = self.constant_modal_force / basis.omega_rad_s**2
+
+    def predict(self, dt_s: float) -> None:
+        """Step the modes without contact forces."""
+        if dt_s != self._gains_dt_s:
+            self._prepare(dt_s)
+        self.q_start[:] = self.state.q
+        self._motion.update(self.q_start)
+        self.integrator.predict(self.state, self.modal_force, dt_s)
+        np.subtract(self.state.q, self.q_start, out=self.dq_free)
+
+    def gather(self, rows: ContactRows) -> None:
+        """Collect the modes at the contact points and the displacement there that is not in the modes."""
+        n = rows.n_contacts
+        nodes, weights = rows.duct_node[:n], rows.duct_weight[:n]
+        self._motion.gather(nodes, weights, self.modes[: 3 * n])
+        corners = self._corners
+        u = list_corners(nodes, weights, self._slot, corners)
+        load_nodes, loads = self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads]
+        self.reduced.residual.apply(load_nodes, loads, corners.node[:u], corners.displacement_m[:u])
+        take_corners(weights, corners, u, self.residual_start, self.residual_change)
+        self._motion.add_bend(nodes, weights, self.modes[: 3 * n], self.q_start, self.residual_start[:n])
+
+    def correct(self, rows: ContactRows, forces: FloatArray) -> None:
+        """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads."""
+        self.n_loads = spread_loads(rows.address, forces, self._slot, self.load_nodes, self.load_force_n)
+        modal_contact_force(self.modes, rows.n_contacts, forces, self.contact_impulse)
+        add_impulse(self.contact_impulse, self._gains, self.state.q, self.state.qdot, self.state.qddot)
+
+    def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
+        """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""
+        nodes = self.reduced.mesh.triangles[triangle]
+        corners = self._motion.positions(nodes, self.q_start)
+        n = self.n_loads
+        self.reduced.residual.apply(self.load_nodes[:n], self.load_force_n[:n], nodes, corners)
+        point: FloatArray = weights @ corners
+        return point
+
+    @property
+    def position_gain(self) -> FloatArray:
+        """(r,) change of q at the end of the step per modal contact force."""
+        gain: FloatArray = self._gains[0]
+        return gain
+
+    def kinetic_energy_j(self) -> float:
+        """Kinetic energy of the modes."""
+        return self.state.kinetic_energy_j()
+
+    def strain_energy_j(self) -> float:
+        """Elastic energy of the modes and of the residual compliance under the contact loads."""
+        modal = self.state.strain_energy_j(self.reduced.basis.omega_rad_s)
+        n = self.n_loads
+        nodes, force, moved = self.load_nodes[:n], self.load_force_n[:n], np.zeros((n, 3))
+        self.reduced.residual.apply(nodes, force, nodes, moved)
+        return modal + 0.5 * float(np.sum(moved * force))
+
+    def _prepare(self, dt_s: float) -> None:
+        """Find the gains of an impulse by letting the integrator carry a unit jump of the rates through a step.
+
+        The jump also changes the acceleration, by the damping force.
+        """
+        n_modes = self.state.q.size
+        damping = 2.0 * self.reduced.basis.omega_rad_s * self.reduced.damping_ratio
+        probe = ModalState(np.zeros(n_modes), np.ones(n_modes), -damping)
+        self.integrator.predict(probe, np.zeros(n_modes), dt_s)
+        self._gains = dt_s * np.stack([probe.q, probe.qdot, probe.qddot])
+        self._gains_dt_s = dt_s
+
+
+class ContactCorners(NamedTuple):
+    """Corners of the triangles touched, each once: neighbouring contacts share them, and each costs a row of R."""
+
+    node: IntArray  # (3 C,)
+    displacement_m: FloatArray  # (3 C, 3)
+    place: IntArray  # (C, 3) of each contact's corners among them
+
+    @classmethod
+    def allocate(cls, capacity: int) -> ContactCorners:
+        """Return room for the corners of ``capacity`` contacts."""
+        node, place = np.zeros(3 * capacity, np.int32), np.zeros((capacity, 3), np.int32)
+        return cls(node, np.zeros((3 * capacity, 3)), place)
+
+
+@kernel
+def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, out: ContactCorners) -> int:
+    """List the corners (k, 3) that have a weight, each once, and return how many; ``slot`` (n,) is scratch, all -1."""
+    count = 0
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            node = nodes[point, corner]
+            out.place[point, corner] = 0
+            if weights[point, corner] == 0.0:
+                continue
+            if slot[node] < 0:
+                slot[node] = count
+                out.node[count] = node
+                count += 1
+            out.place[point, corner] = slot[node]
+    for index in range(count):
+        slot[out.node[index]] = -1
+    return count
+
+
+@kernel
+def take_corners(
+    weights: FloatArray, corners: ContactCorners, count: int, start: FloatArray, change: FloatArray
+) -> None:
+    """Move the displacements of the ``count`` corners to the points of ``weights`` (k, 3); zero is left there.
+
+    ``start`` takes the displacements of the points, ``change`` what lets go of them.
+    """
+    moved = corners.displacement_m
+    for point in range(weights.shape[0]):
+        for axis in range(3):
+            total = 0.0
+            for corner in range(3):
+                total += weights[point, corner] * moved[corners.place[point, corner], axis]
+            start[point, axis] = total
+            change[point, axis] = -total
+    moved[:count] = 0.0
+
+
+@kernel
+def spread_loads(rows_address: int, forces: FloatArray, slot: IntArray, nodes: IntArray, loads: FloatArray) -> int:
+    """Write the reactions on the duct's nodes, each node once, and return how many; ``slot`` (n,) is scratch."""
+    rows = rows_at(rows_address)
+    count = 0
+    for row in range(rows.used[0]):
+        if forces[row, 0] == 0.0 and forces[row, 1] == 0.0 and forces[row, 2] == 0.0:
+            continue
+        for corner in range(3):
+            weight = rows.duct_weight[row, corner]
+            if weight == 0.0:
+                continue
+            node = rows.duct_node[row, corner]
+            if slot[node] < 0:
+                slot[node] = count
+                nodes[count] = node
+                loads[count] = 0.0
+                count += 1
+            for axis in range(3):
+                loads[slot[node], axis] -= weight * forces[row, axis]
+    for index in range(count):
+        slot[nodes[index]] = -1
+    return count
+
+
+@kernel
+def modal_contact_force(modes: FloatArray, n_contacts: int, forces: FloatArray, out: FloatArray) -> None:
+    """Write the modal force (r,) of the reactions to ``forces`` (k, 3)."""
+    out[:] = 0.0
+    for row in range(n_contacts):
+        for axis in range(3):
+            force = forces[row, axis]
+            if force != 0.0:
+                for mode in range(out.shape[0]):
+                    out[mode] -= modes[3 * row + axis, mode] * force
+
+
+@kernel
+def add_impulse(force: FloatArray, gains: FloatArray, q: FloatArray, qdot: FloatArray, qddot: FloatArray) -> None:
+    """Add to the end state, in place, what a modal contact force (r,) changes; ``gains`` (3, r)."""
+    for mode in range(force.shape[0]):
+        q[mode] += gains[0, mode] * force[mode]
+        qdot[mode] += gains[1, mode] * force[mode]
+        qddot[mode] += gains[2, mode] * force[mode]

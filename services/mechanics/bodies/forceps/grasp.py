@@ -1,0 +1,137 @@
+"""When jaws take hold and let go: closed until contact, then a grasp, released on opening."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from services.mechanics.arrays import ByteArray, FloatArray
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs
+from services.mechanics.compiled import kernel
+from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene.tools import GraspHold
+from services.mechanics.surface.mesh import TriangleMesh
+
+TOUCHING_M = 0.1e-3
+HOLDS_PER_GRASP = 2
+
+
+@dataclass(frozen=True, slots=True)
+class JawState:
+    """What a grasp depends on besides contacts: where the jaws are, and where the handle wants them."""
+
+    proxy_angle_rad: float
+    asked_angle_rad: float
+
+
+@dataclass(slots=True)
+class Grasp:
+    """Grasp of one forceps: open, or holding two points of one thing.
+
+    It closes when both jaws touch the same thing from opposite sides and the handle squeezes it with at least
+    ``grasp_torque_nm``; two points are held, so that the thing does not spin about one. It opens when the handle
+    opens by ``release_angle_rad`` beyond where it closed.
+
+    The largest force of a grasp is 2 mu N with N = torque / lever, both jaws pressing with N: the handle decides
+    how much it holds, from one tick to the next.
+    """
+
+    tool: int
+    forceps: ForcepsScene
+    mesh: TriangleMesh
+    segment_length_m: float
+    holds: list[GraspHold] = field(default_factory=list)
+    _lever_m: float = 0.0
+    _next_id: int = 0
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether the jaws hold something."""
+        return bool(self.holds)
+
+    def update(self, pairs: ContactPairs, jaws: JawState) -> list[GraspHold]:
+        """Take the contacts and jaw angles of this tick and return what is held, live until the next call."""
+        if self.holds:
+            stop = self.holds[0].jaw_angle_rad
+            if jaws.asked_angle_rad > stop + self.forceps.release_angle_rad:
+                self.holds.clear()
+            else:
+                self._set_limit(stop - jaws.asked_angle_rad)
+        elif self._torque_nm(jaws.proxy_angle_rad - jaws.asked_angle_rad) >= self.forceps.grasp_torque_nm:
+            self._try_to_close(pairs, jaws)
+        return self.holds
+
+    def _torque_nm(self, squeeze_rad: float) -> float:
+        return self.forceps.jaw_stiffness_nm_rad * squeeze_rad
+
+    def _set_limit(self, squeeze_rad: float) -> None:
+        push_n = max(self._torque_nm(squeeze_rad), 0.0) / self._lever_m
+        for hold in self.holds:
+            hold.limit_n = 2.0 * self.forceps.grip_friction * push_n / len(self.holds)
+
+    def _try_to_close(self, pairs: ContactPairs, jaws: JawState) -> None:
+        for kind in (CATHETER_SEGMENT, DUCT_TRIANGLE):
+            a = deepest_touch(pairs, self.tool, JAW_A, kind)
+            b = deepest_touch(pairs, self.tool, JAW_B, kind)
+            if a < 0 or b < 0:
+                continue
+            points = self._catheter_points(pairs, a, b) if kind == CATHETER_SEGMENT else self._wall_points(pairs, a, b)
+            if points:
+                parameter = 0.5 * float(pairs.tool_parameter[a] + pairs.tool_parameter[b])
+                self._lever_m = max(parameter * self.forceps.jaw_length_m, self.forceps.jaw_radius_m)
+                self._close(kind, points, jaws)
+                return
+
+    def _close(self, kind: int, points: list[tuple[int, FloatArray]], jaws: JawState) -> None:
+        for target, weights in points:
+            self.holds.append(GraspHold(self._new_id(), self.tool, kind, target, weights, 0.0, jaws.proxy_angle_rad))
+        self._set_limit(jaws.proxy_angle_rad - jaws.asked_angle_rad)
+
+    def _new_id(self) -> int:
+        """Numbers of different tools never meet: each tool counts in its own residue class."""
+        self._next_id += 1
+        return HOLDS_PER_GRASP * self._next_id + self.tool
+
+    def _catheter_points(self, pairs: ContactPairs, a: int, b: int) -> list[tuple[int, FloatArray]]:
+        """Two points of the catheter a jaw's width apart, round the middle of what both jaws touch."""
+        at_a = float(pairs.target[a] + pairs.target_weights[a, 1])
+        at_b = float(pairs.target[b] + pairs.target_weights[b, 1])
+        width = self.forceps.jaw_radius_m / self.segment_length_m
+        if abs(at_a - at_b) > 2.0 * width + 1.0:
+            return []
+        middle = 0.5 * (at_a + at_b)
+        return [self._catheter_point(middle - 0.5 * width), self._catheter_point(middle + 0.5 * width)]
+
+    @staticmethod
+    def _catheter_point(at: float) -> tuple[int, FloatArray]:
+        at = max(at, 0.0)
+        segment = int(at)
+        return segment, np.array([1.0 - (at - segment), at - segment, 0.0])
+
+    def _wall_points(self, pairs: ContactPairs, a: int, b: int) -> list[tuple[int, FloatArray]]:
+        """The touched points on both faces, if they are one fold of wall and not two sides of the tube."""
+        points = [(int(pairs.target[i]), pairs.target_weights[i].copy()) for i in (a, b)]
+        positions = [w @ self.mesh.vertices_m[self.mesh.triangles[t]] for t, w in points]
+        apart = float(np.linalg.norm(positions[0] - positions[1]))
+        return points if apart <= 4.0 * self.forceps.jaw_radius_m else []
+
+
+def deepest_touch(pairs: ContactPairs, tool: int, segment: int, target_kind: int) -> int:
+    """Return the pair of a jaw that touches this kind of target closest, -1 where none touches."""
+    columns = (pairs.tool, pairs.tool_segment, pairs.target_kind)
+    found: int = _deepest(columns, pairs.gap_m, pairs.count, (tool, segment, target_kind))
+    return found
+
+
+@kernel
+def _deepest(
+    columns: tuple[ByteArray, ByteArray, ByteArray], gap_m: FloatArray, count: int, wanted: tuple[int, int, int]
+) -> int:
+    best = -1
+    for i in range(count):
+        if columns[0][i] != wanted[0] or columns[1][i] != wanted[1] or columns[2][i] != wanted[2]:
+            continue
+        if gap_m[i] < TOUCHING_M and (best < 0 or gap_m[i] < gap_m[best]):
+            best = i
+    return best

@@ -1,0 +1,174 @@
+"""Both instruments as massless proxies, tied to the hands by virtual couplings."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.bodies.forceps.kinematics import N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
+from services.mechanics.compiled import Placed, kernel, tuple_reader
+from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene.tools import N_TOOLS, ToolInputs
+
+
+class ToolArrays(NamedTuple):
+    """The arrays of a `ToolBody` as its kernels read and write them."""
+
+    port: FloatArray  # (2, 3)
+    jaw_length: FloatArray  # (2,)
+    stiffness: FloatArray  # (2, 4) of the couplings
+    damping: FloatArray  # (2, 4)
+    present: BoolArray  # (2,)
+    roll: FloatArray  # (2,)
+    hand: FloatArray  # (2, 4)
+    stretch: FloatArray  # (2, 4)
+    proxy: FloatArray  # (2, 4)
+    free: FloatArray  # (2, 4)
+    motion: FloatArray  # (2, 4)
+    compliance: FloatArray  # (2, 4)
+    jaw_stop: FloatArray  # (2,)
+    frame: FloatArray  # (2, 3, 3)
+    length: FloatArray  # (2,)
+    segments: FloatArray  # (2, 3, 2, 3)
+
+    @classmethod
+    def allocate(cls) -> ToolArrays:
+        """Return two absent tools without size or stiffness."""
+        coordinates = {name: np.zeros((N_TOOLS, N_COORDINATES)) for name in _PER_COORDINATE}
+        return cls(
+            port=np.zeros((N_TOOLS, 3)),
+            jaw_length=np.zeros(N_TOOLS),
+            present=np.zeros(N_TOOLS, np.bool_),
+            roll=np.zeros(N_TOOLS),
+            jaw_stop=np.full(N_TOOLS, -np.inf),
+            frame=np.zeros((N_TOOLS, 3, 3)),
+            length=np.zeros(N_TOOLS),
+            segments=np.zeros((N_TOOLS, N_SEGMENTS, 2, 3)),
+            **coordinates,
+        )
+
+
+_PER_COORDINATE = ("stiffness", "damping", "hand", "stretch", "proxy", "free", "motion", "compliance")
+tools_at = tuple_reader(ToolArrays.allocate())
+
+
+class ToolBody:
+    r"""Proxies x = (J, opening) of the tools, and the compliance with which a contact force moves them.
+
+    The proxy has no mass: what the contacts push, the coupling gives to the hand,
+    :math:`F = K d + B \dot d` with d = proxy - hand. Backward Euler over the tick gives
+    :math:`d^+ = (F + (B / \Delta t)\, d) / (K + B / \Delta t)`: stable for every tick, and passive seen from
+    the world, because the rate of d is taken at the end of the step.
+
+    Attributes
+    ----------
+    proxy : (2, 4) float64
+        J in m and the opening in rad, at the end of the last step.
+    free : (2, 4) float64
+        Where the proxies would be at the end of this step without contact forces.
+    motion : (2, 4) float64
+        From the start of the step to ``free``.
+    held : (2, 2) bool
+        Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
+    jaw_stop_rad : (2,) float64
+        Opening below which something held keeps the jaws; -inf where nothing does.
+    frame : (2, 3, 3) float64
+        Rows b, h, d of each tool.
+    segments : (2, 3, 2, 3) float64
+        Start and end of shaft, jaw A and jaw B.
+    radius_m : (2, 3) float64
+    compliance : (2, 4) float64
+        Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N m)).
+    """
+
+    def __init__(self, forceps: tuple[ForcepsScene, ...]) -> None:
+        if len(forceps) != N_TOOLS:
+            raise ValueError(f"a scene has {N_TOOLS} forceps, not {len(forceps)}")
+        self.forceps = forceps
+        self.radius_m = np.array([[f.shaft_radius_m, f.jaw_radius_m, f.jaw_radius_m] for f in forceps])
+        self.held = np.zeros((N_TOOLS, 2), np.bool_)
+        self._placed = Placed(ToolArrays.allocate())
+        self.address = self._placed.address
+        a = self._placed.arrays
+        a.port[:] = [f.port_position_m for f in forceps]
+        a.jaw_length[:] = [f.jaw_length_m for f in forceps]
+        a.stiffness[:] = [[f.coupling_stiffness_n_m] * 3 + [f.jaw_stiffness_nm_rad] for f in forceps]
+        a.damping[:] = [[f.coupling_damping_n_s_m] * 3 + [f.jaw_damping_nm_s_rad] for f in forceps]
+        self.port_m, self.present, self.roll_rad = a.port, a.present, a.roll
+        self.stiffness, self.damping, self.compliance = a.stiffness, a.damping, a.compliance
+        self.hand, self.stretch, self.proxy, self.free, self.motion = a.hand, a.stretch, a.proxy, a.free, a.motion
+        self.jaw_stop_rad = a.jaw_stop
+        self.frame, self.length_m, self.segments = a.frame, a.length, a.segments
+
+    def predict(self, inputs: ToolInputs, dt_s: float) -> None:
+        """Move the hands and find where the proxies go without contact; poses stay those of the start.
+
+        A tool that appears starts with its proxy at the hand. Jaws that hold something do not close further.
+        """
+        hands = (inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad)
+        predict_proxies(self.address, inputs.present, hands, dt_s)
+
+    def correct(self, force: FloatArray) -> None:
+        """Apply the generalised contact forces (2, 4) of the step, in N and N m."""
+        correct_proxies(self.address, force)
+
+    def update_pose(self) -> None:
+        """Recompute frames and segments from the proxies."""
+        update_poses(self.address)
+
+
+@kernel
+def predict_proxies(
+    address: int, present: BoolArray, hands: tuple[FloatArray, FloatArray, FloatArray], dt_s: float
+) -> None:
+    """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`."""
+    tools = tools_at(address)
+    position, opening, roll = hands
+    for tool in range(present.shape[0]):
+        for axis in range(3):
+            tools.hand[tool, axis] = position[tool, axis]
+        tools.hand[tool, 3] = opening[tool]
+        tools.roll[tool] = roll[tool]
+        if present[tool] and not tools.present[tool]:
+            for axis in range(tools.hand.shape[1]):
+                tools.stretch[tool, axis] = 0.0
+                tools.proxy[tool, axis] = tools.hand[tool, axis]
+        tools.present[tool] = present[tool]
+        for axis in range(tools.hand.shape[1]):
+            rate = tools.damping[tool, axis] / dt_s
+            tools.compliance[tool, axis] = 1.0 / (tools.stiffness[tool, axis] + rate)
+            spring_back = tools.compliance[tool, axis] * rate * tools.stretch[tool, axis]
+            tools.free[tool, axis] = tools.hand[tool, axis] + spring_back
+        if tools.free[tool, 3] < tools.jaw_stop[tool]:
+            tools.free[tool, 3] = tools.jaw_stop[tool]
+            tools.compliance[tool, 3] = 0.0
+        for axis in range(tools.hand.shape[1]):
+            tools.motion[tool, axis] = tools.free[tool, axis] - tools.proxy[tool, axis]
+    _update_poses(tools)
+
+
+@kernel
+def correct_proxies(address: int, force: FloatArray) -> None:
+    """Add to the free end positions what the contact forces (2, 4) move."""
+    tools = tools_at(address)
+    for tool in range(force.shape[0]):
+        for axis in range(force.shape[1]):
+            proxy = tools.free[tool, axis] + tools.compliance[tool, axis] * force[tool, axis]
+            tools.proxy[tool, axis] = proxy
+            tools.stretch[tool, axis] = proxy - tools.hand[tool, axis]
+
+
+@kernel
+def update_poses(address: int) -> None:
+    """Write frames (2, 3, 3), shaft lengths (2,) and segments (2, 3, 2, 3) of both tools."""
+    _update_poses(tools_at(address))
+
+
+@kernel
+def _update_poses(tools: ToolArrays) -> None:
+    for tool in range(tools.proxy.shape[0]):
+        junction, port, frame = tools.proxy[tool, :3], tools.port[tool], tools.frame[tool]
+        tools.length[tool] = tool_frame(junction, port, tools.roll[tool], frame)
+        tool_segments(junction, port, frame, tools.proxy[tool, 3], tools.jaw_length[tool], tools.segments[tool])

@@ -1,0 +1,79 @@
+"""What the simulation asks of collision detection, and the detection that answers unless a scene brings its own."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.bodies.wall import make_wall
+from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scene import SceneModel
+
+
+class ContactSearch(Protocol):
+    """Finds candidate pairs from positions at the start of the step."""
+
+    @property
+    def inside(self) -> npt.NDArray[np.int8]:
+        """(n,) one where a particle of the catheter is in the lumen."""
+
+    def start(self, duct: DuctBody) -> None:
+        """Take over the duct's shape at the start of the step."""
+
+    def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write where ``nodes`` (k,) of the wall are into ``out`` (k, 3), in m."""
+
+    def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
+        """Append those of the catheter against the duct."""
+
+    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append those of the tools against duct and catheter."""
+
+
+class DuctSearch:
+    """Collision detection of `services.mechanics.collision` on the reduced duct."""
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
+        half_thickness_m = 0.5 * scene.duct.thickness_m
+        margin_m = scene.contact.margin_m
+        radius_m = 0.5 * scene.catheter.outer_diameter_m
+        self._wall = make_wall(duct, half_thickness_m)
+        self.surface = self._wall.surface
+        self._had_tools = True
+        n_particles = scene.catheter.n_segments + 1
+        self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
+        self.tools = ToolContactDetector(self.surface, n_particles, radius_m, margin_m)
+
+    @property
+    def inside(self) -> npt.NDArray[np.int8]:
+        """(n,) one where a particle of the catheter is in the lumen; a live view."""
+        return self.catheter.inside
+
+    def start(self, duct: DuctBody) -> None:
+        """Move the wall."""
+        n = duct.n_loads
+        self._wall.update(duct.q_start, duct.load_nodes[:n], duct.load_force_n[:n])
+
+    def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write where ``nodes`` (k,) of the wall are into ``out`` (k, 3), in m."""
+        self.surface.node_positions(nodes, out)
+
+    def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
+        """Append those of the catheter against the duct."""
+        self.catheter.detect(catheter.start_m, pairs)
+
+    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append those of the tools against duct and catheter."""
+        present = bool(tools.present.any())
+        # An absent tool has to be told once, so that it loses its past.
+        if present or self._had_tools:
+            self.tools.detect(tools.segments, tools.radius_m, catheter.start_m, pairs, tools.present)
+        self._had_tools = present

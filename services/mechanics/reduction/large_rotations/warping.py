@@ -1,0 +1,188 @@
+"""Large rotations of a reduced tube: its cross-sections are turned and strung together again.
+
+A linear mode moves every node along a straight line, so a duct bent far grows longer and thicker. Here each
+cross-section's turn and the strain between neighbouring sections are read off the linear field; the sections are
+then turned by finite rotations and the axis is integrated anew, carrying the rest of the linear field (pinch,
+ovalling) along in the turned frame. It is a geometrically exact beam whose sections deform, and to first order it
+is the linear field itself. docs/decisions/large-rotations.md says why not modal warping.
+
+With kappa linear in q, the linear modal energy is that of a Reissner beam: loads that act through the Jacobian
+dx/dq reproduce large deflections of equilibrium too, not only of shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.reduction.basis import ModalBasis
+from services.mechanics.reduction.large_rotations.sections import Sections, cut_sections
+from services.mechanics.reduction.large_rotations.warping_kernels import (
+    node_positions,
+    node_rotations,
+    node_rows,
+    point_rows,
+    string_axis,
+    string_rates,
+    turn_blocks,
+    turn_vectors,
+)
+from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
+
+
+@dataclass(frozen=True, slots=True)
+class TubeWarp:
+    """What warping needs of a duct, prepared once.
+
+    Attributes
+    ----------
+    sections : Sections
+        Stations along the axis.
+    turn : (s + 1, 3, r) float64
+        Rotation vector of each station per modal coordinate.
+    stretch : (s, 3, r) float64
+        Change of the axis between stations, in their frame, per modal coordinate: strain times length.
+    arm_m : (n, 3) float64
+        Each node from its point of the axis.
+    local : (n, 3, r) float64
+        What is left of the modes when the sections' rigid motion is taken off.
+    """
+
+    sections: Sections
+    turn: FloatArray
+    stretch: FloatArray
+    arm_m: FloatArray
+    local: FloatArray
+
+    @classmethod
+    def from_basis(cls, mesh: TriangleMesh, basis: ModalBasis, held: IntArray, n_segments: int = 24) -> TubeWarp:
+        """Fit the sections' rigid motion to every mode by area-weighted least squares; none at the held end."""
+        sections = cut_sections(mesh, held, n_segments)
+        shift, turn = _section_motion(mesh, basis, sections)
+        axis_m = np.diff(sections.centres_m, axis=0)
+        middle_turn = 0.5 * (turn[:-1] + turn[1:])
+        stretch = np.diff(shift, axis=0) - np.cross(middle_turn, axis_m[:, :, None], axis=1)
+        shares = sections.shares()
+        arm = mesh.vertices_m - np.asarray(shares @ sections.centres_m)
+        rigid = _spread(shares, shift) + np.cross(_spread(shares, turn), arm[:, :, None], axis=1)
+        return cls(sections, turn, np.ascontiguousarray(stretch), arm, np.ascontiguousarray(basis.Phi - rigid))
+
+    def positions(self, q: FloatArray, extra_m: FloatArray | None = None) -> FloatArray:
+        """Return the position of every node (n, 3) in m; ``extra_m`` (n, 3) adds displacement in turned frames."""
+        frame = SectionFrame(self)
+        frame.update(q)
+        out = np.empty_like(self.arm_m)
+        nodes = np.arange(len(out), dtype=np.int32)
+        extra = np.zeros_like(out) if extra_m is None else extra_m
+        frame.node_positions(nodes, extra, out)
+        return out
+
+
+class SectionFrame:
+    """The warped axis at one state: updated once a tick, then read at a few nodes. Nothing is allocated.
+
+    Cost: a few microseconds for the axis, less than one a node, whatever the size of the mesh. Derivatives of the
+    axis cost some ten times as much and are made when rows are first asked for in a state.
+    """
+
+    def __init__(self, warp: TubeWarp) -> None:
+        stations, _, modes = warp.turn.shape
+        sections = warp.sections
+        self._warp = warp
+        self._q = np.zeros(modes)
+        self._rest = (sections.centres_m, warp.turn, warp.stretch)
+        self._tube = (sections.segment, sections.fraction, warp.arm_m, warp.local)
+        self._axis = (np.zeros((stations, 3)), np.zeros((stations, 3)), np.zeros((stations, 3, modes)))
+        self._scratch = (np.zeros((9, 3)), np.zeros((3, modes)), np.zeros((1, 3, modes)))
+        self._rates_are_stale = True
+        self.update(self._q)
+
+    @property
+    def centres_m(self) -> FloatArray:
+        """Points of the axis (s + 1, 3) in this state; a live view."""
+        return self._axis[1]
+
+    @property
+    def turns(self) -> FloatArray:
+        """Rotation vectors of the stations (s + 1, 3) in this state; a live view."""
+        return self._axis[0]
+
+    def update(self, q: FloatArray) -> None:
+        """Integrate the axis for modal coordinates q (r,)."""
+        self._q[:] = q
+        string_axis(self._rest, self._q, self._axis, self._scratch)
+        self._rates_are_stale = True
+
+    def _refresh_rates(self) -> None:
+        if self._rates_are_stale:
+            string_rates(self._rest, self._axis, self._scratch)
+            self._rates_are_stale = False
+
+    def node_positions(self, nodes: IntArray, extra_m: FloatArray, out: FloatArray) -> None:
+        """Write the positions of ``nodes`` (k,) into ``out`` (k, 3), in m.
+
+        ``extra_m`` (k, 3) is a displacement in the undeformed axes that is carried along, such as the residual
+        compliance's.
+        """
+        node_positions(nodes, self._tube, self._axis, self._q, extra_m, out, self._scratch)
+
+    def node_rows(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi."""
+        self._refresh_rates()
+        node_rows(nodes, self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
+
+    def gather_rows(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+        """Write d position / d q at points of triangles into ``out`` (3 k, r), as `gather_modes` does for Phi.
+
+        ``nodes`` (k, 3) are the corners, ``weights`` (k, 3) the barycentric coordinates. Loads act on the modes
+        through these rows too: then their power is that of the warped points.
+        """
+        self._refresh_rates()
+        point_rows((nodes, weights), self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
+
+    def turn_blocks(self, nodes: IntArray, out: FloatArray) -> None:
+        """Turn a compliance ``out`` (3 k, 3 k) between ``nodes`` (k,), in place, from undeformed into world axes.
+
+        The residual compliance belongs to the wall and turns with its sections: Q_a R_ab Q_b^T.
+        """
+        turn_blocks(nodes, self._tube, self._axis, out, self._scratch)
+
+    def turn_vectors(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
+        """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from undeformed into world axes; ``out`` (k, 3) may be the same."""
+        turn_vectors(nodes, self._tube, self._axis, False, vectors, out, self._scratch)
+
+    def turn_back(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
+        """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from world into undeformed axes; ``out`` (k, 3) may be the same."""
+        turn_vectors(nodes, self._tube, self._axis, True, vectors, out, self._scratch)
+
+    def node_rotations(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write the rotations of the sections of ``nodes`` (k,) into ``out`` (k, 3, 3)."""
+        node_rotations(nodes, self._tube, self._axis, out, self._scratch)
+
+
+def _section_motion(mesh: TriangleMesh, basis: ModalBasis, sections: Sections) -> tuple[FloatArray, FloatArray]:
+    """Return shift and turn (s + 1, 3, r) of each station per modal coordinate, zero at the first."""
+    r, n_stations = basis.n_modes, sections.n_stations
+    shift, turn = np.zeros((2, n_stations, 3, r))
+    shares = sections.shares()
+    areas = vertex_areas_m2(mesh)
+    for station in range(1, n_stations):
+        nodes = shares.indices[shares.indptr[station] : shares.indptr[station + 1]]
+        weight = shares.data[shares.indptr[station] : shares.indptr[station + 1]] * areas[nodes]
+        weight = weight / weight.sum()
+        arm = mesh.vertices_m[nodes] - sections.centres_m[station]
+        shift[station] = np.einsum("k,kir->ir", weight, basis.Phi[nodes])
+        moment = np.einsum("k,kir->ir", weight, np.cross(arm[:, :, None], basis.Phi[nodes], axis=1))
+        inertia = np.einsum("k,ki,kj->ij", weight, arm, arm)
+        inertia = np.trace(inertia) * np.eye(3) - inertia
+        turn[station] = np.linalg.solve(inertia, moment)
+    return shift, turn
+
+
+def _spread(shares: csc_array, stations: FloatArray) -> FloatArray:
+    """Interpolate (s + 1, 3, r) at stations to (n, 3, r) at nodes."""
+    flat = np.asarray(shares @ stations.reshape(len(stations), -1))
+    return flat.reshape(-1, *stations.shape[1:])

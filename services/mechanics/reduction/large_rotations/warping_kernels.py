@@ -1,0 +1,271 @@
+"""Kernels of `warping`: finite rotations, the axis strung together, nodes carried along and their derivatives."""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel, summing_kernel
+
+Scratch = tuple[FloatArray, FloatArray, FloatArray]
+"""Room for a few 3-vectors (9, 3), for rows at a section (3, r) and at a node (1, 3, r)."""
+Rest = tuple[FloatArray, FloatArray, FloatArray]
+"""Of the stations: centres (s + 1, 3), turn modes (s + 1, 3, r), stretch modes (s, 3, r)."""
+Axis = tuple[FloatArray, FloatArray, FloatArray]
+"""Of the stations in a state: turns (s + 1, 3), centres (s + 1, 3), derivatives of the centres (s + 1, 3, r)."""
+Tube = tuple[IntArray, FloatArray, FloatArray, FloatArray]
+"""Of the nodes: segment (n,), fraction (n,), arm (n, 3), local modes (n, 3, r)."""
+SMALL_ANGLE = 1e-4
+"""Below it the series are exact to rounding; the quotients lose digits."""
+
+
+@kernel
+def rotation_matrix(turn: FloatArray, out: FloatArray) -> None:
+    """Write exp of the cross-product matrix of ``turn`` (3,) into ``out`` (3, 3): Rodrigues' formula."""
+    squared = turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2
+    angle = math.sqrt(squared)
+    if angle < SMALL_ANGLE:
+        first, second = 1.0 - squared / 6.0, 0.5 - squared / 24.0
+    else:
+        first, second = math.sin(angle) / angle, (1.0 - math.cos(angle)) / squared
+    _series(turn, first, second, squared, out)
+
+
+@kernel
+def left_jacobian(turn: FloatArray, out: FloatArray) -> None:
+    """Write into ``out`` (3, 3) the map from a change of ``turn`` (3,) to the spatial rotation it makes."""
+    squared = turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2
+    angle = math.sqrt(squared)
+    if angle < SMALL_ANGLE:
+        first, second = 0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0
+    else:
+        first = (1.0 - math.cos(angle)) / squared
+        second = (angle - math.sin(angle)) / (angle * squared)
+    _series(turn, first, second, squared, out)
+
+
+@kernel
+def _series(w: FloatArray, first: float, second: float, squared: float, out: FloatArray) -> None:
+    """Write 1 + first [w]x + second [w]x^2."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = second * w[i] * w[j]
+        out[i, i] += 1.0 - second * squared
+    out[0, 1] -= first * w[2]
+    out[0, 2] += first * w[1]
+    out[1, 0] += first * w[2]
+    out[1, 2] -= first * w[0]
+    out[2, 0] -= first * w[1]
+    out[2, 1] += first * w[0]
+
+
+@kernel
+def interpolate_turn(turn: FloatArray, segment: int, fraction: float, out: FloatArray) -> None:
+    """Write the rotation vector (3,) at a place between two stations."""
+    for i in range(3):
+        out[i] = (1.0 - fraction) * turn[segment, i] + fraction * turn[segment + 1, i]
+
+
+@summing_kernel
+def _product(modes: FloatArray, q: FloatArray, out: FloatArray) -> None:
+    for i in range(3):
+        total = 0.0
+        for mode in range(q.shape[0]):
+            total += modes[i, mode] * q[mode]
+        out[i] = total
+
+
+@kernel
+def _rotate(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
+    """Write R ``vector``; both may be the same."""
+    x, y, z = vector[0], vector[1], vector[2]
+    for i in range(3):
+        out[i] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+
+
+@kernel
+def _rotate_back(R: FloatArray, vector: FloatArray, out: FloatArray) -> None:
+    """Write R^T ``vector``; both may be the same."""
+    x, y, z = vector[0], vector[1], vector[2]
+    for i in range(3):
+        out[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
+
+
+@kernel
+def _add_turned_rates(A: FloatArray, modes: FloatArray, arm: FloatArray, out: FloatArray) -> None:
+    """Add (A modes) x arm to ``out``, all per modal coordinate (3, r): what a turn does to a point."""
+    for mode in range(out.shape[1]):
+        x = A[0, 0] * modes[0, mode] + A[0, 1] * modes[1, mode] + A[0, 2] * modes[2, mode]
+        y = A[1, 0] * modes[0, mode] + A[1, 1] * modes[1, mode] + A[1, 2] * modes[2, mode]
+        z = A[2, 0] * modes[0, mode] + A[2, 1] * modes[1, mode] + A[2, 2] * modes[2, mode]
+        out[0, mode] += y * arm[2] - z * arm[1]
+        out[1, mode] += z * arm[0] - x * arm[2]
+        out[2, mode] += x * arm[1] - y * arm[0]
+
+
+@kernel
+def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
+    """Add R modes, (3, 3) by (3, r), to ``out``."""
+    for i in range(3):
+        for mode in range(out.shape[1]):
+            out[i, mode] += R[i, 0] * modes[0, mode] + R[i, 1] * modes[1, mode] + R[i, 2] * modes[2, mode]
+
+
+@kernel
+def string_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None:
+    """String the stations together at modal coordinates q (r,), writing turns and centres of ``axis``."""
+    (centres, turn_modes, stretch), (turn, centre, _) = rest, axis
+    small = scratch[0]
+    R, middle, piece, step = small[:3], small[6], small[7], small[8]
+    for station in range(turn.shape[0]):
+        _product(turn_modes[station], q, turn[station])
+    for i in range(3):
+        centre[0, i] = centres[0, i]
+    for k in range(stretch.shape[0]):
+        interpolate_turn(turn, k, 0.5, middle)
+        rotation_matrix(middle, R)
+        _product(stretch[k], q, piece)
+        for i in range(3):
+            piece[i] += centres[k + 1, i] - centres[k, i]
+        _rotate(R, piece, step)
+        for i in range(3):
+            centre[k + 1, i] = centre[k, i] + step[i]
+
+
+@kernel
+def string_rates(rest: Rest, axis: Axis, scratch: Scratch) -> None:
+    """Write the derivatives of the centres by q, for the turns and centres that ``axis`` holds."""
+    (_, turn_modes, stretch), (turn, centre, rate) = rest, axis
+    small, between, _ = scratch
+    R, A, middle, step = small[:3], small[3:6], small[6], small[8]
+    rate[0] = 0.0
+    for k in range(stretch.shape[0]):
+        interpolate_turn(turn, k, 0.5, middle)
+        rotation_matrix(middle, R)
+        left_jacobian(middle, A)
+        for i in range(3):
+            step[i] = centre[k + 1, i] - centre[k, i]
+            for mode in range(between.shape[1]):
+                between[i, mode] = 0.5 * (turn_modes[k, i, mode] + turn_modes[k + 1, i, mode])
+                rate[k + 1, i, mode] = rate[k, i, mode]
+        _add_turned_rates(A, between, step, rate[k + 1])
+        _add_rotated(R, stretch[k], rate[k + 1])
+
+
+@kernel
+def node_positions(
+    nodes: IntArray, tube: Tube, axis: Axis, q: FloatArray, extra: FloatArray, out: FloatArray, scratch: Scratch
+) -> None:
+    """Write the warped positions (k, 3) of ``nodes`` (k,); ``extra`` (k, 3) rides along."""
+    (segment, fraction, arm, local), (turn, centre, _) = tube, axis
+    small = scratch[0]
+    R, vector, carried = small[:3], small[6], small[7]
+    for index in range(nodes.shape[0]):
+        node = nodes[index]
+        k, t = segment[node], fraction[node]
+        interpolate_turn(turn, k, t, vector)
+        rotation_matrix(vector, R)
+        _product(local[node], q, carried)
+        for i in range(3):
+            carried[i] += arm[node, i] + extra[index, i]
+        _rotate(R, carried, vector)
+        for i in range(3):
+            out[index, i] = (1.0 - t) * centre[k, i] + t * centre[k + 1, i] + vector[i]
+
+
+@kernel
+def node_rows(
+    nodes: IntArray, tube: Tube, axis: Axis, turn_modes: FloatArray, q: FloatArray, out: FloatArray, scratch: Scratch
+) -> None:
+    """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q."""
+    (segment, fraction, arm, local), (turn, _, rate) = tube, axis
+    small, between, _ = scratch
+    R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
+    for index in range(nodes.shape[0]):
+        node = nodes[index]
+        k, t = segment[node], fraction[node]
+        interpolate_turn(turn, k, t, vector)
+        rotation_matrix(vector, R)
+        left_jacobian(vector, A)
+        _product(local[node], q, carried)
+        for i in range(3):
+            carried[i] += arm[node, i]
+            for mode in range(q.shape[0]):
+                between[i, mode] = (1.0 - t) * turn_modes[k, i, mode] + t * turn_modes[k + 1, i, mode]
+                out[index, i, mode] = (1.0 - t) * rate[k, i, mode] + t * rate[k + 1, i, mode]
+        _rotate(R, carried, vector)
+        _add_turned_rates(A, between, vector, out[index])
+        _add_rotated(R, local[node], out[index])
+
+
+@kernel
+def weigh_rows(weights: FloatArray, point: int, corner: int, row: FloatArray, out: FloatArray) -> None:
+    """Add the rows (3, r) of one corner of a point to ``out`` (3 k, r); the first corner overwrites."""
+    weight = weights[point, corner]
+    for i in range(3):
+        for mode in range(out.shape[1]):
+            before = 0.0 if corner == 0 else out[3 * point + i, mode]
+            out[3 * point + i, mode] = before + weight * row[i, mode]
+
+
+@kernel
+def point_rows(
+    points: tuple[IntArray, FloatArray],
+    tube: Tube,
+    axis: Axis,
+    turn_modes: FloatArray,
+    q: FloatArray,
+    out: FloatArray,
+    scratch: Scratch,
+) -> None:
+    """Weigh the rows at the corners of points, (nodes (k, 3), weights (k, 3)), into ``out`` (3 k, r)."""
+    (nodes, weights), row = points, scratch[2]
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            node_rows(nodes[point, corner : corner + 1], tube, axis, turn_modes, q, row, scratch)
+            weigh_rows(weights, point, corner, row[0], out)
+
+
+@kernel
+def turn_blocks(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
+    """Replace each block (a, b) of ``out`` (3 k, 3 k) by Q_a block Q_b^T, with the nodes' rotations Q."""
+    small = scratch[0]
+    Q, vector, column = small[:3], small[6], small[7]
+    for a in range(nodes.shape[0]):
+        interpolate_turn(axis[0], tube[0][nodes[a]], tube[1][nodes[a]], vector)
+        rotation_matrix(vector, Q)
+        for other in range(out.shape[0]):
+            for i in range(3):
+                column[i] = out[3 * a + i, other]
+            for i in range(3):
+                out[3 * a + i, other] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]
+        for other in range(out.shape[0]):
+            for i in range(3):
+                column[i] = out[other, 3 * a + i]
+            for i in range(3):
+                out[other, 3 * a + i] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]
+
+
+@kernel
+def turn_vectors(
+    nodes: IntArray, tube: Tube, axis: Axis, back: bool, vectors: FloatArray, out: FloatArray, scratch: Scratch
+) -> None:
+    """Write ``vectors`` (k, 3) of nodes turned with their sections, or ``back`` from there, into ``out`` (k, 3)."""
+    small = scratch[0]
+    Q, turn = small[:3], small[6]
+    for k in range(nodes.shape[0]):
+        interpolate_turn(axis[0], tube[0][nodes[k]], tube[1][nodes[k]], turn)
+        rotation_matrix(turn, Q)
+        if back:
+            _rotate_back(Q, vectors[k], out[k])
+        else:
+            _rotate(Q, vectors[k], out[k])
+
+
+@kernel
+def node_rotations(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
+    """Write the rotations (k, 3, 3) of the sections of ``nodes`` (k,)."""
+    turn = scratch[0][6]
+    for k in range(nodes.shape[0]):
+        interpolate_turn(axis[0], tube[0][nodes[k]], tube[1][nodes[k]], turn)
+        rotation_matrix(turn, out[k])

@@ -1,0 +1,183 @@
+"""Residual compliance: the static response of all the modes that were left out.
+
+A truncated basis is too stiff exactly where a forceps pinches. The lost part of a static response,
+R = K^-1 - Phi Lambda^-1 Phi^T, restores it: u_i = Phi_i q + sum_j R_ij f_j over the loaded nodes j. The modes
+left out are faster than what the hand feels, so their response is taken as immediate (static correction, the
+mode acceleration method; Craig and Kurdila, "Fundamentals of Structural Dynamics").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
+
+BlockArray = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+BlockStore = tuple[BlockArray, IntArray, IntArray, int]
+"""Blocks, row starts, neighbours and number of nodes, as kernels take them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """R as 3 x 3 blocks between pairs of nodes, in m/N: all pairs, or those within a patch radius.
+
+    Reading blocks allocates nothing and costs the same whatever the size of the mesh.
+
+    Attributes
+    ----------
+    n_nodes : int
+        Nodes of the mesh, n.
+    blocks : (p, 3, 3) float32 or float64
+        With all pairs p = n^2, row after row. float32 rounds each entry by 1e-7.
+    starts : (n + 1,) int32
+        With patches, the blocks of node i are ``starts[i]`` to ``starts[i + 1]``; empty with all pairs.
+    neighbours : (p,) int32
+        With patches, the other node of each block, ascending in a row; empty with all pairs.
+    """
+
+    n_nodes: int
+    blocks: BlockArray
+    starts: IntArray
+    neighbours: IntArray
+
+    @classmethod
+    def full(cls, blocks: BlockArray) -> Residual:
+        """Wrap the blocks (n, n, 3, 3) between all pairs of nodes.
+
+        Raises
+        ------
+        ValueError
+            The array has another shape.
+        """
+        if blocks.ndim != 4 or blocks.shape[0] != blocks.shape[1] or blocks.shape[2:] != (3, 3):
+            raise ValueError(f"residual blocks have shape {blocks.shape}, expected (n, n, 3, 3)")
+        empty = np.zeros(0, np.int32)
+        return cls(blocks.shape[0], blocks.reshape(-1, 3, 3), empty, empty)
+
+    @classmethod
+    def patches(cls, starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> Residual:
+        """Wrap compressed rows of blocks; pairs without a block count as zero."""
+        if blocks.shape != (neighbours.size, 3, 3):
+            raise ValueError(f"residual blocks have shape {blocks.shape}, expected ({neighbours.size}, 3, 3)")
+        return cls(starts.size - 1, blocks, starts, neighbours)
+
+    @classmethod
+    def none(cls, n_nodes: int) -> Residual:
+        """Return the residual of a bare truncated basis, for comparison: every left-out mode is rigid."""
+        starts, neighbours = np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32)
+        return cls(n_nodes, np.zeros((0, 3, 3), np.float32), starts, neighbours)
+
+    @property
+    def store(self) -> BlockStore:
+        """What the kernels of this module read."""
+        return self.blocks, self.starts, self.neighbours, self.n_nodes
+
+    def gather(self, nodes: IntArray, out: FloatArray) -> None:
+        """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
+        gather(self.store, nodes, out)
+
+    def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+        """Write R between points of triangles into ``out`` (3 k, 3 k).
+
+        ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point.
+        """
+        gather_points(self.store, nodes, weights, out)
+
+    def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
+        """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``."""
+        apply(self.store, load_nodes, load_forces, nodes, out)
+
+
+# The kernels index whole arrays instead of slicing blocks out of them: a slice is a descriptor of ten words, which
+# costs more than the nine products of a block.
+
+
+@kernel
+def find_sorted(values: IntArray, first: int, end: int, wanted: int) -> int:
+    """Return where ``wanted`` stands among the ascending ``values[first:end]``, -1 where it does not."""
+    low, high = first, end
+    while low < high:
+        middle = (low + high) // 2
+        if values[middle] < wanted:
+            low = middle + 1
+        else:
+            high = middle
+    return int(low) if low < end and values[low] == wanted else -1
+
+
+@kernel
+def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, column: int) -> int:
+    """Return where the block of two nodes lies, -1 where there is none."""
+    if starts.shape[0] == 0:
+        return int(row * n_nodes + column)
+    return int(find_sorted(neighbours, starts[row], starts[row + 1], column))
+
+
+@kernel
+def gather(store: BlockStore, nodes: IntArray, out: FloatArray) -> None:
+    """Copy the blocks between ``nodes`` (k,) into ``out`` (3 k, 3 k), using their symmetry."""
+    blocks, starts, neighbours, n_nodes = store
+    for a in range(nodes.shape[0]):
+        for b in range(a + 1):
+            place = block_index(starts, neighbours, n_nodes, nodes[a], nodes[b])
+            for i in range(3):
+                for j in range(3):
+                    value = blocks[place, i, j] if place >= 0 else 0.0
+                    out[3 * a + i, 3 * b + j] = value
+                    out[3 * b + j, 3 * a + i] = value
+
+
+@kernel
+def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+    """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
+    blocks, starts, neighbours, n_nodes = store
+    for a in range(nodes.shape[0]):
+        for b in range(a + 1):
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for corner in range(3):
+                for other in range(3):
+                    weight = weights[a, corner] * weights[b, other]
+                    if weight == 0.0:
+                        continue
+                    place = block_index(starts, neighbours, n_nodes, nodes[a, corner], nodes[b, other])
+                    if place < 0:
+                        continue
+                    xx += weight * blocks[place, 0, 0]
+                    xy += weight * blocks[place, 0, 1]
+                    xz += weight * blocks[place, 0, 2]
+                    yx += weight * blocks[place, 1, 0]
+                    yy += weight * blocks[place, 1, 1]
+                    yz += weight * blocks[place, 1, 2]
+                    zx += weight * blocks[place, 2, 0]
+                    zy += weight * blocks[place, 2, 1]
+                    zz += weight * blocks[place, 2, 2]
+            row, column = 3 * a, 3 * b
+            out[row, column], out[row, column + 1], out[row, column + 2] = xx, xy, xz
+            out[row + 1, column], out[row + 1, column + 1], out[row + 1, column + 2] = yx, yy, yz
+            out[row + 2, column], out[row + 2, column + 1], out[row + 2, column + 2] = zx, zy, zz
+            for i in range(3):
+                for j in range(3):
+                    out[column + j, row + i] = out[row + i, column + j]
+
+
+@kernel
+def apply(store: BlockStore, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
+    """Add R f of the loads (l, 3) to the displacements ``out`` (k, 3) of ``nodes``."""
+    blocks, starts, neighbours, n_nodes = store
+    for a in range(nodes.shape[0]):
+        x, y, z = 0.0, 0.0, 0.0
+        for b in range(load_nodes.shape[0]):
+            place = block_index(starts, neighbours, n_nodes, nodes[a], load_nodes[b])
+            if place < 0:
+                continue
+            fx, fy, fz = load_forces[b, 0], load_forces[b, 1], load_forces[b, 2]
+            x += blocks[place, 0, 0] * fx + blocks[place, 0, 1] * fy + blocks[place, 0, 2] * fz
+            y += blocks[place, 1, 0] * fx + blocks[place, 1, 1] * fy + blocks[place, 1, 2] * fz
+            z += blocks[place, 2, 0] * fx + blocks[place, 2, 1] * fy + blocks[place, 2, 2] * fz
+        out[a, 0] += x
+        out[a, 1] += y
+        out[a, 2] += z

@@ -1,0 +1,119 @@
+"""The dent that contact loads leave in the wall beyond the modes, on the nodes round them.
+
+A load moves not only the nodes it acts on: the residual compliance fades over a few edges. Detection that moved the
+loaded nodes alone would see spikes, and contacts would jump from one triangle to the next.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray, LongArray
+from services.mechanics.compiled import kernel
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore, block_index
+from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
+
+RINGS = 3
+
+
+class ResidualField:
+    """Residual displacement on the loaded nodes and those up to `RINGS` edges away from each load.
+
+    Parameters
+    ----------
+    duct : ReducedDuct
+    copies : bool
+        Read the blocks near each node from a copy, which has them in the order in which they are read; out of the whole
+        residual every one comes from another page. For who does not solve contacts: the solve reads the same blocks
+        after the dents, and is served better if they come from the same place.
+
+    Attributes
+    ----------
+    nodes : (N,) int32, displacement_m : (N, 3) float64
+        The first ``count`` mean something, each node once.
+    """
+
+    def __init__(self, duct: ReducedDuct, *, copies: bool = False) -> None:
+        n = duct.mesh.n_vertices
+        self._start, self._ring = neighbourhoods(duct.mesh, RINGS)
+        self._blocks: BlockArray = duct.residual.blocks
+        self._place = np.zeros(len(self._ring), np.int64)
+        find_places(duct.residual.store, (self._start, self._ring), self._place)
+        if copies:
+            self._copy_near_blocks()
+        self._slot = np.full(n, -1, np.int32)
+        self.nodes = np.zeros(n, np.int32)
+        self.displacement_m = np.zeros((n, 3))
+        self.count = 0
+
+    def _copy_near_blocks(self) -> None:
+        known = self._place >= 0
+        self._blocks = self._blocks[self._place[known]]
+        self._place[known] = np.arange(len(self._blocks))
+
+    def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
+        """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""
+        self.count = displace_round_loads(
+            (self._blocks, self._place),
+            (self._start, self._ring),
+            (load_nodes, load_force_n),
+            self._slot,
+            (self.nodes, self.displacement_m),
+        )
+
+
+def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
+    """Return (n + 1,) starts and the nodes within ``rings`` edges of each node, itself included."""
+    step = vertex_adjacency(mesh).astype(np.float64)
+    step.setdiag(1.0)
+    reach = step
+    for _ in range(rings - 1):
+        reach = (reach @ step).tocsr()
+    reach.sort_indices()
+    return reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
+
+
+@kernel
+def find_places(residual: BlockStore, neighbourhood: tuple[IntArray, IntArray], out: LongArray) -> None:
+    """Write where the block of each node and each of its neighbourhood lies, -1 where there is none."""
+    _, starts, neighbours, n_nodes = residual
+    start, ring = neighbourhood
+    for node in range(start.shape[0] - 1):
+        for k in range(start[node], start[node + 1]):
+            out[k] = block_index(starts, neighbours, n_nodes, node, ring[k])
+
+
+@kernel
+def displace_round_loads(
+    residual: tuple[BlockArray, LongArray],
+    neighbourhood: tuple[IntArray, IntArray],
+    loads: tuple[IntArray, FloatArray],
+    slot: IntArray,
+    out: tuple[IntArray, FloatArray],
+) -> int:
+    """Write nodes and displacements of the dents and return how many; ``slot`` (n,) is scratch, all -1."""
+    blocks, places = residual
+    start, ring = neighbourhood
+    nodes, u = out
+    count = 0
+    for load in range(loads[0].shape[0]):
+        source, force = loads[0][load], loads[1][load]
+        x, y, z = force[0], force[1], force[2]
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        for k in range(start[source], start[source + 1]):
+            node, place = ring[k], places[k]
+            if slot[node] < 0:
+                slot[node] = count
+                nodes[count] = node
+                u[count, 0] = u[count, 1] = u[count, 2] = 0.0
+                count += 1
+            if place < 0:
+                continue
+            for i in range(3):
+                # R is symmetric: the row of the load holds the transposed block.
+                u[slot[node], i] += blocks[place, 0, i] * x + blocks[place, 1, i] * y + blocks[place, 2, i] * z
+    for index in range(count):
+        slot[nodes[index]] = -1
+    return count

@@ -1,0 +1,151 @@
+"""Tissue of bile ducts: values with their sources and ranges; what nobody measured is called an assumption.
+
+No modulus, relaxation time or friction of the human cystic duct was found in print. The presets therefore say of
+every number where it comes from, and over which range a study should vary it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.fem import Orthotropy, ShellSection
+from services.mechanics.reduction.viscoelastic import PronySeries
+
+DUCH = "Duch, Andersen, Gregersen, BioMedical Engineering OnLine 3:23 (2004), ten porcine common bile ducts"
+CANINE = "Bio-Medical Materials and Engineering 1(2), 1991"
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A material value in SI units with its range, source, and whether it is an assumption."""
+
+    value: float
+    low: float
+    high: float
+    source: str
+    assumed: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.value <= self.high:
+            raise ValueError(f"tissue: {self.value} is outside its own range {self.low} to {self.high}")
+
+
+@dataclass(frozen=True, slots=True)
+class Tissue:
+    """Wall of a duct.
+
+    Attributes
+    ----------
+    thickness_m, density_kg_m3 : Quantity
+    axial_modulus_pa, circumferential_modulus_pa : Quantity
+        Young's moduli along the duct and round it; equal in an isotropic wall.
+    major_poisson_ratio : Quantity
+        Contraction along the softer direction per stretch along the stiffer one.
+    relaxing_shares, relaxation_times_s : tuple of Quantity
+        Prony series of the instantaneous modulus.
+    """
+
+    thickness_m: Quantity
+    density_kg_m3: Quantity
+    axial_modulus_pa: Quantity
+    circumferential_modulus_pa: Quantity
+    major_poisson_ratio: Quantity
+    relaxing_shares: tuple[Quantity, ...]
+    relaxation_times_s: tuple[Quantity, ...]
+
+    def section(self, axis: FloatArray) -> ShellSection:
+        """Return the shell section; ``axis`` (3,) or (m, 3) is the duct's axis, direction 1 of the material.
+
+        The shear modulus of an orthotropic wall follows Huber's estimate
+        sqrt(E1 E2) / (2 (1 + sqrt(nu12 nu21))), as nobody measured it.
+        """
+        E1, E2 = self.axial_modulus_pa.value, self.circumferential_modulus_pa.value
+        ratio, major = E2 / E1, self.major_poisson_ratio.value
+        thickness, density = self.thickness_m.value, self.density_kg_m3.value
+        if ratio == 1.0:
+            return ShellSection(thickness, E1, major, density)
+        nu12 = major / ratio if ratio > 1.0 else major
+        nu21 = nu12 * ratio
+        shear = np.sqrt(E1 * E2) / (2.0 * (1.0 + np.sqrt(nu12 * nu21)))
+        return ShellSection(thickness, E1, nu12, density, Orthotropy(axis, ratio, float(shear / E1)))
+
+    def prony_series(self) -> PronySeries:
+        """Return the relaxation of the instantaneous modulus."""
+        shares, times = self.relaxing_shares, self.relaxation_times_s
+        return PronySeries(tuple(q.value for q in shares), tuple(q.value for q in times))
+
+    def assumptions(self) -> dict[str, Quantity]:
+        """Return the quantities that are assumptions, by name."""
+        named: dict[str, Quantity] = {}
+        for name in self.__slots__:
+            entry = getattr(self, name)
+            quantities = entry if isinstance(entry, tuple) else (entry,)
+            for index, quantity in enumerate(quantities):
+                if quantity.assumed:
+                    named[f"{name}[{index}]" if isinstance(entry, tuple) else name] = quantity
+        return named
+
+
+_WALL = Quantity(0.8e-3, 0.5e-3, 1.2e-3, "assumption; walls of about 1 mm are quoted without measurement")
+_DENSITY = Quantity(1060.0, 1040.0, 1060.0, "assumption; usual for soft tissue")
+_POISSON = Quantity(0.45, 0.40, 0.499, "assumption; soft tissue is nearly incompressible")
+_SHARES = tuple(
+    Quantity(share, 0.0, 0.3, f"assumption; ducts of dogs hardly creep ({CANINE}), human ones do (Girard 2019)")
+    for share in (0.2, 0.15, 0.1)
+)
+_TIMES = tuple(
+    Quantity(time, 0.3 * time, 3.0 * time, "assumption; one time a decade over what a grasp lasts")
+    for time in (0.1, 1.0, 10.0)
+)
+
+TISSUES: dict[str, Tissue] = {
+    "reference_duct": Tissue(
+        Quantity(0.5e-3, 0.5e-3, 1.2e-3, "assumption; the wall of the verification cases"),
+        _DENSITY,
+        Quantity(100e3, 30e3, 400e3, "assumption; within the secants that Duch's ducts allow"),
+        Quantity(100e3, 30e3, 400e3, "assumption; isotropic, as in the paper"),
+        _POISSON,
+        _SHARES,
+        _TIMES,
+    ),
+    "porcine_common_bile_duct": Tissue(
+        _WALL,
+        _DENSITY,
+        Quantity(
+            58e3,
+            39e3,
+            93e3,
+            f"{DUCH}: p r / 2 = 11.6 N/m at 25 % stretch is 46 N/m over an assumed 0.8 mm",
+            assumed=True,
+        ),
+        Quantity(360e3, 240e3, 580e3, f"{DUCH}: p r = 23 N/m at 8 % stretch is 290 N/m over an assumed 0.8 mm"),
+        _POISSON,
+        _SHARES,
+        _TIMES,
+    ),
+    "soft_cystic_duct": Tissue(
+        _WALL,
+        _DENSITY,
+        Quantity(40e3, 20e3, 93e3, f"assumption; softer than the common bile duct, as in dogs ({CANINE})"),
+        Quantity(200e3, 80e3, 580e3, f"assumption; softer than the common bile duct, as in dogs ({CANINE})"),
+        _POISSON,
+        _SHARES,
+        _TIMES,
+    ),
+}
+
+
+def tissue(name: str) -> Tissue:
+    """Return a preset.
+
+    Raises
+    ------
+    ValueError
+        There is no such preset; the message lists those there are.
+    """
+    if name not in TISSUES:
+        raise ValueError(f"unknown tissue '{name}'; known: {', '.join(TISSUES)}")
+    return TISSUES[name]

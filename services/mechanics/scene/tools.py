@@ -1,0 +1,110 @@
+"""What the hands send into a step, and what the mechanics sends back to each of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.arrays import FloatArray
+
+N_TOOLS = 2
+
+
+@dataclass(slots=True)
+class GraspHold:
+    """The jaws of one tool holding one point of the catheter or of the duct wall.
+
+    The simulation owns where the point sits in the jaws: it is fixed when a ``hold_id`` is first seen and
+    moves only when the hold slips. A hold that is no longer named is released.
+
+    Attributes
+    ----------
+    hold_id : int
+        Never reused; a new grasp takes a new number.
+    tool : int
+    target_kind : int
+        `pairs.DUCT_TRIANGLE` or `pairs.CATHETER_SEGMENT`.
+    target : int
+        Triangle or segment at the moment of the grasp.
+    target_weights : (3,) float64
+        Barycentric in the triangle; (1 - s, s, 0) on the segment.
+    limit_n : float
+        Largest force the hold carries before it slips: grip friction times the squeeze.
+    jaw_angle_rad : float
+        Opening at which the held thing stops the jaws.
+    """
+
+    hold_id: int
+    tool: int
+    target_kind: int
+    target: int
+    target_weights: FloatArray
+    limit_n: float
+    jaw_angle_rad: float
+
+
+def _identity_quaternions() -> FloatArray:
+    return np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (N_TOOLS, 1))
+
+
+@dataclass(slots=True)
+class ToolInputs:
+    """State of both instruments at the end of the tick: the measured HIP, never the proxy.
+
+    Attributes
+    ----------
+    present : (2,) bool
+        A tool that is absent touches nothing and feels nothing.
+    position_m, velocity_m_s : (2, 3) float64
+        Junction point J of shaft and jaws.
+    orientation_wxyz : (2, 4) float64
+        Orientation of the handle as the device measures it; only kept for those who draw it.
+    roll_rad : (2,) float64
+        Rotation of the jaws about the shaft.
+    jaw_angle_rad, jaw_rate_rad_s : (2,) float64
+        Opening the handle asks for; the jaws stop earlier when something is between them.
+    holds : list of GraspHold, or None
+        None lets the simulation run the grasp itself.
+    """
+
+    present: npt.NDArray[np.bool_] = field(default_factory=lambda: np.ones(N_TOOLS, np.bool_))
+    position_m: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
+    velocity_m_s: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
+    orientation_wxyz: FloatArray = field(default_factory=_identity_quaternions)
+    roll_rad: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
+    jaw_angle_rad: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
+    jaw_rate_rad_s: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
+    holds: list[GraspHold] | None = None
+
+
+@dataclass(slots=True)
+class ToolResults:
+    """What each instrument feels, written in place by every step.
+
+    Attributes
+    ----------
+    force_n : (2, 3) float64
+        Force of the virtual world on the tool, reduced to J.
+    torque_nm : (2, 3) float64
+        Torque of the same forces about J.
+    port_moment_nm : (2, 3) float64
+        Moment of the same forces about the port, which the trocar and the hand share.
+    grasp_torque_nm : (2,) float64
+        Torque that opens the jaws; positive pushes the handle open.
+    stiffness_n_m : (2, 3, 3) float64
+        Local stiffness between the hand and the world at J, coupling included; zero out of contact.
+    proxy_position_m : (2, 3) float64
+        Where J is when the coupling spring is stretched.
+    proxy_jaw_angle_rad : (2,) float64
+        Where the jaws are.
+    """
+
+    force_n: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
+    torque_nm: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
+    port_moment_nm: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
+    grasp_torque_nm: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
+    stiffness_n_m: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3, 3)))
+    proxy_position_m: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
+    proxy_jaw_angle_rad: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))

@@ -1,0 +1,235 @@
+"""Energy books of a simulation: what the hands put in, what is stored, and where the rest went.
+
+Every entry is taken from its own quantity, never as the difference of others, so that the books can fail to balance.
+They allocate and evaluate forces again: for tests and studies, not for the 1 kHz step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.contact.solver import HOLD
+from services.mechanics.reduction import ModalState
+from services.mechanics.rod import ImplicitIntegrator, RodState
+from services.mechanics.rod.energy import RodEnergy, internal_forces, rod_energy
+from services.mechanics.rod.twist import add_frame_forces
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+
+
+@dataclass(slots=True)
+class EnergyFlow:
+    """Energy in J since the books were opened; everything but ``input_j`` and ``stored_j`` is dissipated.
+
+    Attributes
+    ----------
+    input_j
+        Work of the hands on the couplings and jaws.
+    stored_j
+        Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
+    coupling_j
+        Dampers of the virtual couplings.
+    rod_j
+        Damping of the catheter's material, its drag and its needle's friction.
+    duct_j
+        Damping of the modes.
+    friction_j
+        Sliding in contacts and slipping holds.
+    effects_j
+        What effects say that they dissipate.
+    impact_j
+        Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
+    numerical_j
+        What implicit steps take out: of the catheter (backward Euler), the couplings and the residual compliance.
+    """
+
+    input_j: float = 0.0
+    stored_j: float = 0.0
+    coupling_j: float = 0.0
+    rod_j: float = 0.0
+    duct_j: float = 0.0
+    friction_j: float = 0.0
+    effects_j: float = 0.0
+    impact_j: float = 0.0
+    numerical_j: float = 0.0
+
+    @property
+    def dissipated_j(self) -> float:
+        """Sum of all that was dissipated."""
+        return sum(float(getattr(self, f.name)) for f in fields(self)[2:])
+
+    @property
+    def imbalance_j(self) -> float:
+        """Input less stored less dissipated: zero if the books balance."""
+        return self.input_j - self.stored_j - self.dissipated_j
+
+
+class EnergyBook:
+    """Steps a simulation and keeps its books."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.flow = EnergyFlow()
+        self._opening_j = stored_energy_j(simulation)
+
+    def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
+        """Take one step of the simulation and enter it."""
+        before = _Snapshot.of(self.simulation)
+        slipped_j = self.simulation.holds.dissipated_j
+        spent_j = _dissipated_by_effects_j(self.simulation)
+        self.simulation.step(tools, None, dt_s)
+        self._enter_tools(before, dt_s)
+        self._enter_rod(before)
+        self._enter_duct(before, dt_s)
+        self._enter_contacts()
+        self.flow.friction_j += self.simulation.holds.dissipated_j - slipped_j
+        self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
+        self.flow.stored_j = stored_energy_j(self.simulation) - self._opening_j
+
+    def _enter_tools(self, before: _Snapshot, dt_s: float) -> None:
+        tools = self.simulation.tools
+        hand_motion = tools.hand - before.hand
+        change = tools.stretch - before.stretch
+        force = tools.stiffness * tools.stretch + tools.damping * change / dt_s
+        self.flow.input_j -= float(np.sum(force * hand_motion))
+        self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
+        self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
+
+    def _enter_rod(self, before: _Snapshot) -> None:
+        integrator = _implicit(self.simulation)
+        model, state = integrator.model, self.simulation.catheter.state
+        motion = state.position_m - before.rod.position_m
+        at_rest = RodState(state.position_m, np.zeros_like(motion))
+        elastic = internal_forces(model, at_rest)
+        viscous = internal_forces(model, state, before.rod) - elastic
+        viscous -= model.drag[:, None] * state.velocity_m_s
+        if integrator.twist is not None:
+            add_frame_forces(integrator.twist, before.rod.copy(), elastic)
+        self.flow.rod_j -= float(np.sum(viscous * motion))
+        change = state.velocity_m_s - before.rod.velocity_m_s
+        elastic_change_j = rod_elastic_j(self.simulation) - before.rod_elastic_j
+        self.flow.numerical_j += 0.5 * float(model.mass @ np.sum(change**2, axis=1))
+        self.flow.numerical_j -= float(np.sum(elastic * motion)) + elastic_change_j
+
+    def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
+        duct = self.simulation.duct
+        basis = duct.reduced.basis
+        impulse = dt_s * duct.contact_impulse
+        jumped = before.modal.qdot + impulse
+        mean_rate = 0.5 * (jumped + duct.state.qdot)
+        damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio
+        self.flow.duct_j += dt_s * float(np.sum(damping * mean_rate**2))
+        change = duct.state.q - before.modal.q
+        # The impulse acts at the start of the step; the rows below count its force over the whole of it.
+        self.flow.impact_j += float(np.sum(duct.contact_impulse * change - impulse * (jumped - 0.5 * impulse)))
+        self._enter_residual(before)
+
+    def _enter_residual(self, before: _Snapshot) -> None:
+        duct = self.simulation.duct
+        change = nodal_loads(self.simulation) - before.loads
+        nodes = np.flatnonzero(np.any(change != 0.0, axis=1)).astype(np.int32)
+        moved = np.zeros((len(nodes), 3))
+        duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
+        self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
+
+    def _enter_contacts(self) -> None:
+        """Work of the contact forces on the relative motion, friction and normal apart."""
+        system = self.simulation.system
+        rows = system.rows
+        for row in range(rows.n_contacts):
+            force = rows.force_n[row]
+            end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
+            if rows.kind[row] == HOLD:
+                continue
+            self.flow.friction_j -= float(force[1:] @ end[1:])
+            gap = float(rows.gap_m[row])
+            start = gap if gap > 0.0 else system.settings.recovery * gap
+            self.flow.impact_j -= float(force[0] * (end[0] - start))
+
+
+@dataclass(slots=True)
+class _Snapshot:
+    """What the books need of the state before a step."""
+
+    hand: FloatArray
+    stretch: FloatArray
+    rod: RodState
+    rod_elastic_j: float
+    modal: ModalState
+    loads: FloatArray
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> _Snapshot:
+        rod, tools = simulation.catheter.state, simulation.tools
+        return cls(
+            tools.hand.copy(),
+            tools.stretch.copy(),
+            rod.copy(),
+            rod_elastic_j(simulation),
+            simulation.duct.state.copy(),
+            nodal_loads(simulation),
+        )
+
+
+def stored_energy_j(simulation: Simulation) -> float:
+    """Return everything stored in the scene at the end of the last step."""
+    return float(sum(stored_energies_j(simulation).values()))
+
+
+def stored_energies_j(simulation: Simulation) -> dict[str, float]:
+    """Return what is stored where: catheter, duct, couplings, grips, and each effect."""
+    tools, duct = simulation.tools, simulation.duct
+    rod = _rod_energy(simulation)
+    stored = {
+        "catheter": rod.total_j,
+        "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
+        "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
+        "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
+        "grips": _grip_energy_j(simulation),
+    }
+    stored |= {name: effect.potential_energy_j(simulation) for name, effect in simulation.effects.items()}
+    return stored
+
+
+def _dissipated_by_effects_j(simulation: Simulation) -> float:
+    return sum(effect.dissipated_j for effect in simulation.effects.values())
+
+
+def _grip_energy_j(simulation: Simulation) -> float:
+    rows = simulation.system.rows
+    n = rows.n_contacts
+    held = rows.kind[:n] == HOLD
+    return 0.5 * float(np.sum(rows.softness_m_n[:n][held] * rows.force_n[:n][held] ** 2))
+
+
+def _rod_energy(simulation: Simulation) -> RodEnergy:
+    """Energies with the material frame brought to where the particles are: in a step it lags by one."""
+    integrator = _implicit(simulation)
+    state = simulation.catheter.state.copy()
+    if integrator.twist is not None:
+        add_frame_forces(integrator.twist, state, np.zeros_like(state.position_m))
+    return rod_energy(integrator.model, state, integrator.twist)
+
+
+def _implicit(simulation: Simulation) -> ImplicitIntegrator:
+    integrator = simulation.catheter.integrator
+    if not isinstance(integrator, ImplicitIntegrator):
+        raise TypeError("the books are kept for the implicit integrator of the catheter only")
+    return integrator
+
+
+def rod_elastic_j(simulation: Simulation) -> float:
+    """Return the elastic energy of the catheter and of the springs of its supports."""
+    energy = _rod_energy(simulation)
+    return energy.total_j - energy.kinetic_j
+
+
+def nodal_loads(simulation: Simulation) -> FloatArray:
+    """Return the contact loads (n, 3) on every node of the duct."""
+    loads = np.zeros((simulation.duct.reduced.mesh.n_vertices, 3))
+    n = simulation.n_loads
+    loads[simulation.load_nodes[:n]] = simulation.load_force_n[:n]
+    return loads

@@ -1,0 +1,86 @@
+"""From a scene to its reduced duct: mesh, section, modes and the rest shape under the effects' constant loads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.effects import build_effects
+from services.mechanics.effects.base import Effect, acts_in
+from services.mechanics.effects.large_rotations import LargeRotations
+from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.recipe import fetch_residual_displacement, reduce_duct
+from services.mechanics.scene import DuctScene, SceneModel
+from services.mechanics.scene.duct_recipe import duct_recipe
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+
+
+def build_scene_duct(
+    scene: SceneModel,
+    cache_dir: Path | None = None,
+    progress: Progress = ignore_progress,
+    mesh: TriangleMesh | None = None,
+) -> ReducedDuct:
+    """Return the reduced duct of a scene, built or loaded from the cache.
+
+    Every process calls this with the same scene and gets the same duct. Constant loads (weight of the wall,
+    insufflation) move the rest shape by the part of their static response that the modes leave out; the modes
+    carry the rest of it.
+
+    Parameters
+    ----------
+    scene : SceneModel
+    cache_dir : Path, optional
+        By default the user's cache.
+    progress : callable
+        Called as ``progress(stage, fraction)``.
+    mesh : TriangleMesh, optional
+        The surface of a scene with ``duct.mesh_file``; such files are read by `services.meshes`.
+
+    Raises
+    ------
+    ValueError
+        The scene names a file and no mesh was given, or a setting makes no sense.
+    """
+    if mesh is None:
+        mesh = scene_mesh(scene.duct)
+    effects = build_effects(scene)
+    recipe = duct_recipe(scene.duct, mesh, effects)
+    duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
+    load = constant_load(effects, mesh)
+    if load is not None and load.any():
+        shift = fetch_residual_displacement(recipe, duct, load, cache_dir, progress)
+        duct = replace(duct, mesh=TriangleMesh(mesh.vertices_m + shift, mesh.triangles, mesh.vertex_sets))
+    rotations = effects.get("large_rotations")
+    return rotations.turned(duct) if isinstance(rotations, LargeRotations) else duct
+
+
+def scene_mesh(duct: DuctScene) -> TriangleMesh:
+    """Mesh the parametric duct."""
+    if duct.mesh_file is not None:
+        raise ValueError(f"duct.mesh_file: {duct.mesh_file} must be read first, pass its mesh")
+    geometry = DuctGeometry(
+        radius_m=duct.radius_m,
+        length_m=duct.length_m,
+        n_around=duct.n_around,
+        n_along=duct.n_along,
+        wall_thickness_m=duct.thickness_m,
+        taper=duct.taper,
+        curvature_1_m=duct.curvature_1_m,
+        cut_angle_rad=duct.cut_angle_rad,
+        slit_length_m=duct.slit_length_m,
+        slit_width_m=duct.slit_width_m,
+    )
+    return parametric_duct(geometry)
+
+
+def constant_load(effects: Mapping[str, Effect], mesh: TriangleMesh) -> FloatArray | None:
+    """Return the sum (n, 3) of the effects' constant loads on the duct's nodes in N, None without any."""
+    loads = [e.nodal_load_n(mesh) for e in effects.values() if acts_in(e, "nodal_load_n")]
+    return np.sum(loads, axis=0) if loads else None

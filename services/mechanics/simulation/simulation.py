@@ -1,0 +1,262 @@
+"""Duct, catheter and two forceps, one tick at a time."""
+
+from __future__ import annotations
+
+from time import perf_counter_ns
+
+import numpy as np
+import numpy.typing as npt
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps import Grasp, JawState, ToolBody
+from services.mechanics.bodies.mouth import Mouth
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.compiled import Placed
+from services.mechanics.contact.holds import HoldRegistry
+from services.mechanics.contact.persistence import PressedPoints
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.search import ContactSearch, DuctSearch
+from services.mechanics.contact.system import Bodies, ContactSystem
+from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
+from services.mechanics.effects import build_effects
+from services.mechanics.effects.base import STAGES, acts_in
+from services.mechanics.reduction import ExactOscillator, ModalIntegrator, ModalState, Newmark, ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
+from services.mechanics.simulation.scene_duct import constant_load
+
+STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
+
+
+class Simulation:
+    """A scene that moves in steps of one tick.
+
+    Every array that it shows is written in place by `step`; nothing is allocated there in proportion to mesh,
+    catheter or contacts.
+
+    Parameters
+    ----------
+    scene : SceneModel
+    duct : ReducedDuct
+        From `build_scene_duct`, which lays the effects' constant loads into its rest shape.
+    search : ContactSearch, optional
+        Collision detection; by default that of `services.mechanics.collision`.
+    """
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
+        self.scene = scene
+        self.effects = build_effects(scene)
+        self._stages = {stage: tuple(e for e in self.effects.values() if acts_in(e, stage)) for stage in STAGES}
+        capacity = scene.contact.capacity
+        self.duct = DuctBody(duct, _integrator(scene, duct), capacity)
+        self.catheter = CatheterBody(
+            scene.catheter,
+            twist="twist" in self.effects,
+            may_sleep=scene.sleeping,
+            feeds_back=scene.contact.model == "penalty",
+        )
+        self.tools = ToolBody(scene.forceps)
+        self.bodies = Bodies(self.duct, self.catheter, self.tools, 0.5 * scene.duct.thickness_m)
+        self.system = ContactSystem(self.bodies, scene.contact)
+        self.holds = HoldRegistry(scene.forceps, self.system)
+        segment_length_m = self.catheter.properties.segment_length_m
+        self.grasps = tuple(
+            Grasp(tool, forceps, duct.mesh, segment_length_m) for tool, forceps in enumerate(scene.forceps)
+        )
+        if search is None:
+            search = DuctSearch(scene, duct)
+        self.search = search
+        self.tool_results = ToolResults()
+        self._mouth = Mouth(duct)
+        self.max_penetration_m = 0.0
+        self.quality_level = 0
+        self._pressed = PressedPoints(self.bodies.half_thickness_m, scene.contact.margin_m)
+        self._catheter_pairs = ContactPairs.allocate(capacity)
+        self._tool_pairs = ContactPairs.allocate(capacity)
+        self._tool_force = np.zeros((N_TOOLS, 4))
+        self._felt = Placed(ReportArrays.of(self.tool_results, self._tool_force))
+        self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
+        self._mark_ns = 0
+        load = constant_load(self.effects, duct.mesh)
+        if load is not None:
+            self.duct.set_constant_load(load)
+        for effect in self._stages["prepare"]:
+            effect.prepare(self)
+
+    def step(self, tools: ToolInputs, pairs: ContactPairs | None = None, dt_s: float = 1e-3) -> None:
+        """Advance everything by one tick.
+
+        Parameters
+        ----------
+        tools : ToolInputs
+            The hands at the end of the tick.
+        pairs : ContactPairs, optional
+            Candidate pairs of the tools, as the haptics process found them; None finds them here.
+        dt_s : float
+            Length of the tick.
+        """
+        self._mark_ns = perf_counter_ns()
+        self._add_loads(dt_s)
+        self._lap(0)
+        self.duct.predict(dt_s)
+        self.catheter.predict(dt_s)
+        self._predict_tools(tools, dt_s)
+        self._lap(1)
+        self._collect(tools, pairs)
+        self._lap(2)
+        if self.system.rows.n_contacts:
+            self._solve_contacts(dt_s)
+        else:
+            self.system.rest()
+            self._lap(3)
+        self._lap(4)
+        self._correct(dt_s)
+        self._lap(5)
+        self._report()
+        self._lap(6)
+
+    @property
+    def duct_state(self) -> ModalState:
+        """Modal coordinates of the duct."""
+        return self.duct.state
+
+    @property
+    def load_nodes(self) -> IntArray:
+        """(L,) nodes of the duct that contacts load; the first `n_loads` mean something."""
+        return self.duct.load_nodes
+
+    @property
+    def load_force_n(self) -> FloatArray:
+        """(L, 3) contact forces on those nodes."""
+        return self.duct.load_force_n
+
+    @property
+    def n_loads(self) -> int:
+        """Number of loaded nodes."""
+        return self.duct.n_loads
+
+    @property
+    def contacts(self) -> ContactRows:
+        """Contacts and holds of the last step with their solved forces."""
+        return self.system.rows
+
+    @property
+    def contact_force_n(self) -> FloatArray:
+        """(k, 3) solved forces on the first bodies, along world axes."""
+        return self.system.force_n[: self.system.rows.n_contacts]
+
+    @property
+    def slides(self) -> npt.NDArray[np.bool_]:
+        """(C,) whether each contact slid in the last step."""
+        return self.system.slides
+
+    @property
+    def stage_cost_ns(self) -> dict[str, int]:
+        """What each stage of the last step took."""
+        return dict(zip(STAGE_NAMES, self._cost_ns.tolist(), strict=True))
+
+    @property
+    def inserted_length_m(self) -> float:
+        """Length of catheter beyond the plane of the duct's mouth, 0 while its tip is not in the lumen."""
+        return self._mouth.inserted_length_m(self.duct.state.q, self.catheter, self.search.inside)
+
+    def set_quality(self, level: int) -> None:
+        """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""
+        if not 0 <= level < len(self.scene.quality):
+            raise ValueError(f"quality level {level} is not within 0 and {len(self.scene.quality) - 1}")
+        self.quality_level = level
+
+    @property
+    def _n_modes(self) -> int:
+        wanted = self.scene.quality[self.quality_level].n_modes
+        n_modes = self.duct.state.q.size
+        return n_modes if wanted is None else min(wanted, n_modes)
+
+    @property
+    def _iterations(self) -> int:
+        return self.scene.quality[self.quality_level].iterations
+
+    def _lap(self, stage: int) -> None:
+        now = perf_counter_ns()
+        self._cost_ns[stage] = now - self._mark_ns
+        self._mark_ns = now
+
+    def _add_loads(self, dt_s: float) -> None:
+        self.catheter.external_force_n[:] = 0.0
+        self.duct.modal_force[:] = self.duct.constant_modal_force
+        for effect in self._stages["add_loads"]:
+            effect.add_loads(self, dt_s)
+
+    def _predict_tools(self, tools: ToolInputs, dt_s: float) -> None:
+        self.holds.tell(self.tools)
+        self.tools.predict(tools, dt_s)
+
+    def _collect(self, tools: ToolInputs, pairs: ContactPairs | None) -> None:
+        """Find pairs and turn them, and the holds, into contact rows."""
+        system = self.system
+        system.clear()
+        self.search.start(self.duct)
+        if pairs is None:
+            pairs = self._tool_pairs
+            pairs.clear()
+            self.search.tool_pairs(self.catheter, self.tools, pairs)
+        self._pressed.append_to(pairs, self.search, system.address)
+        self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
+        self._catheter_pairs.clear()
+        self.search.catheter_pairs(self.catheter, self._catheter_pairs)
+        for effect in self._stages["add_pairs"]:
+            effect.add_pairs(self, self._catheter_pairs)
+        system.append(pairs)
+        system.append(self._catheter_pairs)
+        for effect in self._stages["add_rows"]:
+            effect.add_rows(self, system.rows)
+        self.holds.append_rows()
+
+    def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
+        """Run the grasps of both tools; an absent tool holds nothing."""
+        held: list[GraspHold] = []
+        for tool, grasp in enumerate(self.grasps):
+            if tools.present[tool]:
+                jaws = JawState(float(self.tools.proxy[tool, 3]), float(tools.jaw_angle_rad[tool]))
+                held += grasp.update(pairs, jaws)
+        return held
+
+    def _solve_contacts(self, dt_s: float) -> None:
+        self.system.measure()
+        for effect in self._stages["set_limits"]:
+            effect.set_limits(self, self.system.rows)
+        if self.scene.contact.model == "implicit":
+            self._assemble(dt_s)
+            self._lap(3)
+            self.system.solve(self._iterations)
+        else:
+            self._lap(3)
+            self.system.push_back(dt_s)
+
+    def _assemble(self, dt_s: float) -> None:
+        self.system.assemble(self._n_modes)
+        for effect in self._stages["add_compliance"]:
+            effect.add_compliance(self, self.system.compliance_m_n, dt_s)
+        self.system.finish_compliance()
+
+    def _correct(self, dt_s: float) -> None:
+        system = self.system
+        self.holds.slide()
+        self._pressed.keep(system.rows)
+        load_tools(system.address, self._tool_force)
+        system.apply(self._tool_force)
+        for effect in self._stages["after_solve"]:
+            effect.after_solve(self, dt_s)
+
+    def _report(self) -> None:
+        """Write what the tools feel."""
+        addresses = (self.system.address, self.tools.address, self._felt.address)
+        wants_stiffness = self.scene.contact.model == "implicit"
+        self.max_penetration_m = report(*addresses, bool(self.holds.active), wants_stiffness)
+
+
+def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:
+    kind = ExactOscillator if scene.duct.integrator == "exact" else Newmark
+    return kind(duct.basis.omega_rad_s, duct.damping_ratio)

@@ -1,0 +1,137 @@
+"""Triangle surface meshes: vertices, triangles, named vertex sets, and the topology read off them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from services.mechanics.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """A surface of flat triangles with named sets of vertices.
+
+    On a duct wall the triangles are wound so that normals point away from the lumen.
+    """
+
+    vertices_m: FloatArray
+    """(n, 3) positions."""
+    triangles: IntArray
+    """(m, 3) vertex indices, counter-clockwise seen from outside."""
+    vertex_sets: Mapping[str, IntArray] = field(default_factory=dict)
+    """Name to vertex indices; ``clamped`` and ``mouth`` on a duct, rims in order round the rim."""
+
+    def __post_init__(self) -> None:
+        vertices = np.ascontiguousarray(self.vertices_m, dtype=np.float64)
+        triangles = np.ascontiguousarray(self.triangles, dtype=np.int32)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or not len(vertices):
+            raise ValueError(f"mesh: vertices_m has shape {vertices.shape}, expected (n, 3)")
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
+            raise ValueError(f"mesh: triangles has shape {triangles.shape}, expected (m, 3)")
+        if not np.isfinite(vertices).all():
+            place = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+            raise ValueError(f"mesh: vertex {place} is not finite")
+        if triangles.min() < 0 or triangles.max() >= len(vertices):
+            raise ValueError(f"mesh: a triangle names vertex {triangles.max()}, there are {len(vertices)}")
+        sets = {name: np.ascontiguousarray(ids, dtype=np.int32) for name, ids in self.vertex_sets.items()}
+        for name, ids in sets.items():
+            if ids.ndim != 1 or (len(ids) and (ids.min() < 0 or ids.max() >= len(vertices))):
+                raise ValueError(f"mesh: vertex set '{name}' names vertices that do not exist")
+        object.__setattr__(self, "vertices_m", vertices)
+        object.__setattr__(self, "triangles", triangles)
+        object.__setattr__(self, "vertex_sets", sets)
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices n."""
+        return len(self.vertices_m)
+
+    @property
+    def n_triangles(self) -> int:
+        """Number of triangles m."""
+        return len(self.triangles)
+
+
+def triangle_area_vectors(mesh: TriangleMesh) -> FloatArray:
+    """(m, 3) outward normals scaled by the triangle's area in m²."""
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, k]] for k in range(3))
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def triangle_areas_m2(mesh: TriangleMesh) -> FloatArray:
+    """(m,) areas."""
+    areas: FloatArray = np.linalg.norm(triangle_area_vectors(mesh), axis=1)
+    return areas
+
+
+def vertex_normals(mesh: TriangleMesh) -> FloatArray:
+    """(n, 3) unit normals, the area-weighted mean of the triangles round each vertex."""
+    area_vectors = triangle_area_vectors(mesh)
+    normals = np.zeros_like(mesh.vertices_m)
+    for corner in range(3):
+        np.add.at(normals, mesh.triangles[:, corner], area_vectors)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.where(length > 0.0, length, 1.0)
+
+
+def vertex_areas_m2(mesh: TriangleMesh) -> FloatArray:
+    """(n,) a third of the area of the triangles round each vertex; sums to the surface."""
+    areas = np.zeros(mesh.n_vertices)
+    np.add.at(areas, mesh.triangles, triangle_areas_m2(mesh)[:, None] / 3.0)
+    return areas
+
+
+def half_edges(mesh: TriangleMesh) -> IntArray:
+    """(3 m, 2) directed edges; rows 3 t + k are edge k -> k + 1 of triangle t."""
+    return mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+
+
+def unique_edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray]:
+    """(e, 2) undirected edges, lower index first, and (e,) how many triangles share each."""
+    edges, counts = np.unique(np.sort(half_edges(mesh), axis=1), axis=0, return_counts=True)
+    return edges.astype(np.int32), counts.astype(np.int32)
+
+
+def vertex_adjacency(mesh: TriangleMesh) -> csr_array[np.int8]:
+    """(n, n) sparse matrix with a one where two vertices share an edge."""
+    edges, _ = unique_edges(mesh)
+    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    ones = np.ones(len(rows), np.int8)
+    return coo_array((ones, (rows, columns)), shape=(mesh.n_vertices,) * 2).tocsr()
+
+
+def vertex_components(mesh: TriangleMesh) -> IntArray:
+    """(n,) index of the connected piece each vertex belongs to; an unused vertex is its own piece."""
+    _, labels = connected_components(vertex_adjacency(mesh), directed=False)
+    return labels.astype(np.int32)
+
+
+def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
+    """Open rims, longest first, each in order along the direction of its triangles' edges.
+
+    Raises
+    ------
+    ValueError
+        A rim branches at a vertex, so the surface is not a manifold there.
+    """
+    directed = half_edges(mesh)
+    _, inverse, counts = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    boundary = directed[counts[inverse.ravel()] == 1]
+    successor = dict(boundary.tolist())
+    if len(successor) != len(boundary):
+        starts, times = np.unique(boundary[:, 0], return_counts=True)
+        raise ValueError(f"mesh: open rims meet at vertex {starts[times > 1][0]}, the surface branches there")
+    loops: list[IntArray] = []
+    while successor:
+        start, following = successor.popitem()
+        loop = [start]
+        while following != start:
+            loop.append(following)
+            following = successor.pop(following)
+        loops.append(np.array(loop, np.int32))
+    return sorted(loops, key=lambda rim: (-len(rim), int(rim.min())))

@@ -1,0 +1,115 @@
+"""What the contact solve promises of the end of the step is what the bodies do."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.contact.solver import HOLD
+from services.mechanics.scene.tools import GraspHold, ToolInputs
+from services.mechanics.simulation import Simulation
+
+
+@pytest.fixture
+def pressed(with_effects, small_duct):
+    """Tool 0 presses the duct from above, tool 1 holds the catheter; gravity lays it on the wall."""
+    scene = with_effects(friction={}, gravity={}, grasp_slip={})
+    simulation = Simulation(scene, small_duct)
+    tools = ToolInputs()
+    hold_point = simulation.catheter.state.position_m[10].copy()
+    tools.holds = [
+        GraspHold(1, 1, 1, 10, np.array([1.0, 0.0, 0.0]), 2.0, 0.3),
+        GraspHold(2, 1, 1, 10, np.array([0.5, 0.5, 0.0]), 2.0, 0.3),
+    ]
+    for k in range(150):
+        tools.position_m[0] = 20e-3, 0.0, 15e-3 + 5.5e-3 - min(k, 60) * 4e-5
+        tools.position_m[1] = hold_point + np.array([-k * 2e-5, 0.0, 8e-3])
+        simulation.step(tools)
+    return simulation, tools
+
+
+def duct_points(simulation, rows, n):
+    basis = simulation.duct.reduced.basis
+    field = basis.displacements(simulation.duct.state.q)
+    loads = simulation.n_loads
+    every = np.arange(basis.n_nodes, dtype=np.int32)
+    simulation.duct.reduced.residual.apply(simulation.load_nodes[:loads], simulation.load_force_n[:loads], every, field)
+    corners = simulation.duct.reduced.mesh.vertices_m + field
+    return np.einsum("kc,kci->ki", rows.duct_weight[:n], corners[rows.duct_node[:n]])
+
+
+def test_motion_of_the_bodies_is_the_motion_that_was_solved_for(pressed):
+    simulation, tools = pressed
+    body = simulation.tools
+    tools.position_m[0, 2] -= 3e-5
+    simulation.step(tools)
+    start_tools, start_rod = body.free - body.motion, simulation.catheter.start_m
+    rows, n = simulation.contacts, simulation.contacts.n_contacts
+    assert n >= 4
+    end = duct_points(simulation, rows, n)
+    rod = simulation.catheter.state.position_m - start_rod
+    for row in range(n):
+        solved = simulation.system.motion_m[3 * row : 3 * row + 3].copy()
+        solved -= rows.softness_m_n[row] * rows.force_n[row]
+        moved = rows.rod_weight[row] @ rod[rows.rod_node[row]]
+        if rows.tool[row] >= 0:
+            moved = moved + rows.lever[row] @ (body.proxy - start_tools)[rows.tool[row]]
+        if rows.kind[row] == HOLD:
+            moved = moved + rows.point_m[row] + rows.rod_weight[row] @ start_rod[rows.rod_node[row]]
+            assert np.allclose(rows.frame[row] @ moved, solved, atol=1e-12)
+        elif rows.force_n[row, 0] > 0.0 and rows.gap_m[row] >= 0.0 and rows.rod_weight[row].any():
+            start = rows.point_m[row] + rows.frame[row, 0] * (rows.gap_m[row] - 0.5e-3)
+            gap = (rows.point_m[row] + moved - end[row]) @ rows.frame[row, 0] - 0.5e-3
+            assert start is not None
+            assert gap == pytest.approx(solved[0], abs=1e-10)
+
+
+def test_every_force_has_its_reaction(pressed):
+    simulation, tools = pressed
+    total_force = 0.0
+    for _ in range(30):
+        simulation.step(tools)
+        on_duct = simulation.load_force_n[: simulation.n_loads].sum(axis=0)
+        on_rod = simulation.catheter.contact_force_n.sum(axis=0)
+        rows, forces = simulation.contacts, simulation.contact_force_n
+        on_tools = forces[rows.tool[: rows.n_contacts] >= 0].sum(axis=0)
+        total_force += np.abs(on_duct).sum()
+        assert np.abs(on_duct + on_rod + on_tools).max() < 1e-12
+    assert total_force > 0.1
+
+
+def test_port_carries_what_the_hand_at_the_junction_does_not(pressed):
+    simulation, tools = pressed
+    simulation.step(tools)
+    results, body = simulation.tool_results, simulation.tools
+    rows, forces = simulation.contacts, simulation.contact_force_n
+    for tool in range(2):
+        mine = rows.tool[: rows.n_contacts] == tool
+        moment = np.cross(rows.point_m[: rows.n_contacts][mine] - body.port_m[tool], forces[mine]).sum(axis=0)
+        assert np.allclose(moment, results.port_moment_nm[tool], atol=1e-14)
+        arm = body.segments[tool, 1, 0] - body.port_m[tool]
+        about_tip = results.port_moment_nm[tool] - np.cross(arm, forces[mine].sum(axis=0))
+        assert np.allclose(about_tip, results.torque_nm[tool], atol=1e-14)
+
+
+def test_local_stiffness_predicts_the_change_of_force(pressed):
+    simulation, tools = pressed
+    tools.present[1] = False
+    tools.holds = []
+    for _ in range(300):
+        simulation.step(tools)
+    K = simulation.tool_results.stiffness_n_m[0].copy()
+    assert np.allclose(K, K.T)
+    assert np.linalg.eigvalsh(K).min() >= -1e-9
+    assert 0.0 < K[2, 2] < simulation.scene.forceps[0].coupling_stiffness_n_m
+
+
+def test_same_inputs_give_the_same_bits(with_effects, small_duct):
+    ends = []
+    for _ in range(2):
+        simulation = Simulation(with_effects(friction={}, gravity={}), small_duct)
+        tools = ToolInputs()
+        for k in range(80):
+            tools.position_m[0] = 20e-3, 0.0, 15e-3 + 5.5e-3 - k * 3e-5
+            tools.position_m[1] = 30e-3, 0.0, 40e-3
+            simulation.step(tools)
+        ends.append(np.concatenate([simulation.duct.state.q, simulation.catheter.state.position_m.ravel()]))
+    assert np.array_equal(*ends)

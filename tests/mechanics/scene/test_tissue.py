@@ -1,0 +1,79 @@
+"""Tissue presets reproduce the distension they are read from, and say what is assumed."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.fem import ElementChoice, ShellModel, Support, clamp, pressure_load
+from services.mechanics.fem.frames import local_frames
+from services.mechanics.fem.section import plane_stress_matrices
+from services.mechanics.scene.tissue import TISSUES, Quantity, tissue
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+
+
+@pytest.mark.parametrize("name", TISSUES)
+def test_every_preset_makes_a_stable_section_and_series(name):
+    preset = tissue(name)
+    mesh = parametric_duct(DuctGeometry(4e-3, 20e-3, 12, 8))
+    D = plane_stress_matrices(preset.section(np.array([1.0, 0.0, 0.0])), local_frames(mesh))
+    assert np.linalg.eigvalsh(D).min() > 0.0
+    assert 0.0 < preset.prony_series().relaxation(np.array([1e6]))[0] < 1.0
+
+
+def test_moduli_are_those_of_the_directions():
+    preset = tissue("porcine_common_bile_duct")
+    mesh = parametric_duct(DuctGeometry(4e-3, 20e-3, 48, 8))
+    frames = local_frames(mesh)
+    compliance = np.linalg.inv(plane_stress_matrices(preset.section(np.array([1.0, 0.0, 0.0])), frames))
+    for direction, modulus in (("axial", 58e3), ("round", 360e3)):
+        component = np.abs(frames[:, :2] @ [1.0, 0.0, 0.0])
+        c = component[:, 0] if direction == "axial" else component[:, 1]
+        aligned = np.flatnonzero((c > 0.999) | (c < 0.001))
+        index = np.where(c[aligned] > 0.5, 0, 1)
+        assert aligned.size
+        assert 1.0 / compliance[aligned, index, index] == pytest.approx(modulus, rel=0.02)
+
+
+def test_pressure_widens_the_porcine_duct_less_than_it_lengthens_it():
+    """Duch: 5 kPa lengthens by 25 % and widens by 8 %. The secants are uniaxial readings: coupling lowers both."""
+    preset = tissue("porcine_common_bile_duct")
+    mesh = parametric_duct(DuctGeometry(4.3e-3, 24.4e-3, 24, 20, wall_thickness_m=0.8e-3))
+    mouth = mesh.vertex_sets["mouth"]
+    slides = Support(mesh.vertex_sets["clamped"], ("ux", "rx"))
+    pinned = [Support(np.array([0]), ("uz",)), Support(np.array([6]), ("uy",)), Support(np.array([12]), ("uz",))]
+    model = ShellModel(mesh, preset.section(np.array([1.0, 0.0, 0.0])), [slides, *pinned], ElementChoice("opt", "dkt"))
+    load = pressure_load(mesh, 5e3)
+    load[mouth, 0] += 5e3 * np.pi * 4.3e-3**2 / mouth.size
+    u = model.solve_static(load).displacement_m
+    longer = u[mouth, 0].mean() / 24.4e-3
+    ring = np.flatnonzero(np.abs(mesh.vertices_m[:, 0] - 12.2e-3) < 1e-4)
+    wider = np.mean(np.einsum("ni,ni->n", u[ring, 1:], mesh.vertices_m[ring, 1:])) / 4.3e-3**2
+    print(f"at 5 kPa: {longer:.1%} longer (25 %), {wider:.1%} wider (8 %)")
+    E1, E2, nu12 = 58e3, 360e3, 0.45 * 58e3 / 360e3
+    hoop, axial = 5e3 * 4.3e-3 / 0.8e-3, 0.5 * 5e3 * 4.3e-3 / 0.8e-3
+    assert longer == pytest.approx(axial / E1 - nu12 * hoop / E1, rel=0.03)
+    assert wider == pytest.approx(hoop / E2 - nu12 * axial / E1, rel=0.03)
+    assert longer > 1.5 * wider
+
+
+def test_what_is_assumed_is_named():
+    assumptions = tissue("reference_duct").assumptions()
+    assert "axial_modulus_pa" in assumptions
+    assert "relaxation_times_s[2]" in assumptions
+    assert all("assum" in quantity.source for quantity in assumptions.values())
+
+
+def test_unknown_names_and_values_out_of_range_are_refused():
+    with pytest.raises(ValueError, match="unknown tissue 'liver'; known: reference_duct"):
+        tissue("liver")
+    with pytest.raises(ValueError, match=r"2\.0 is outside its own range"):
+        Quantity(2.0, 0.0, 1.0, "nobody")
+
+
+def test_clamped_orthotropic_duct_is_softer_along_than_round():
+    mesh = parametric_duct(DuctGeometry(4e-3, 30e-3, 16, 16))
+    section = tissue("porcine_common_bile_duct").section(np.array([1.0, 0.0, 0.0]))
+    model = ShellModel(mesh, section, [clamp(mesh)], ElementChoice("opt", "dkt"))
+    pull = np.zeros((mesh.n_vertices, 3))
+    pull[mesh.vertex_sets["mouth"], 0] = 1e-3 / 16
+    stretch = model.solve_static(pull).displacement_m[mesh.vertex_sets["mouth"], 0].mean()
+    assert stretch == pytest.approx(1e-3 * 30e-3 / (58e3 * 0.8e-3 * 2.0 * np.pi * 4e-3), rel=0.05)
