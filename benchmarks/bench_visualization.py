@@ -66,9 +66,7 @@ class Bench:
             "physics.duct": bodies.Duct(
                 tick=1, basis_hash=self.duct.basis.content_hash, q=q, q_rate=q, load_node=nodes, load_force_n=loads
             ),
-            "physics.catheter": bodies.Catheter(
-                tick=1, position_m=line, velocity_m_s=line, radius_m=8e-4, twist_rad=pack([])
-            ),
+            "physics.catheter": bodies.Catheter(tick=1, position_m=line, velocity_m_s=line, radius_m=8e-4),
             "physics.contacts": bodies.PhysicsContacts(
                 tick=1, tools=(bodies.ToolReaction(),) * 2, kind=pack([], "|i1"), point_m=none, force_n=none
             ),

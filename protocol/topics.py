@@ -52,11 +52,11 @@ _EVERYONE = ("physics", "haptics", "gateway", "visualization", "recorder")
 
 _ROWS = (
     _row("gateway.state", "haptics visualization recorder", bodies.GatewayState, 1),
-    _row("haptics.contact_model", "gateway recorder", bodies.ContactModel, 1),
-    _row("haptics.contacts", "physics recorder", bodies.ToolContacts, 1),
-    _row("physics.duct", "haptics visualization recorder", bodies.Duct, 1),
-    _row("physics.catheter", "haptics visualization recorder", bodies.Catheter, 1),
-    _row("physics.contacts", "haptics visualization recorder", bodies.PhysicsContacts, 1),
+    _row("haptics.contact_model", "gateway recorder", bodies.ContactModel, 2),
+    _row("haptics.contacts", "physics recorder", bodies.ToolContacts, 2),
+    _row("physics.duct", "haptics visualization recorder", bodies.Duct, 2),
+    _row("physics.catheter", "haptics visualization recorder", bodies.Catheter, 2),
+    _row("physics.contacts", "haptics visualization recorder", bodies.PhysicsContacts, 2),
     *(_health(process) for process in PROCESSES),
     Topic("supervisor.state", "supervisor", _EVERYONE, bodies.SupervisorState, 1, 10.0, "every", 0.5, command=True),
 )

@@ -1,8 +1,9 @@
 """Old body versions: what they looked like, and how each becomes the next.
 
 A row ``UPGRADES[(topic, version)] = (old body type, lift)`` says how a body of `version` becomes one of the next
-version. A field is never reused. A field added at the end with a default keeps the version; anything else is a new
-version and a row here, and the old version's golden bytes stay in ``tests/protocol/golden``.
+version; the old body types are in `protocol.former`. A field is never reused. A field added at the end with a default
+keeps the version; anything else is a new version and a row here, and the old version's golden bytes stay in
+``tests/protocol/golden``.
 """
 
 from __future__ import annotations
@@ -12,9 +13,24 @@ from typing import Any
 
 import msgspec
 
+from protocol import bodies, former
 from protocol.topics import Topic
 
-UPGRADES: dict[tuple[str, int], tuple[type[msgspec.Struct], Callable[[Any], Any]]] = {}
+Upgrade = tuple[type[msgspec.Struct], Callable[[Any], Any]]
+
+
+def by_name(old: type[msgspec.Struct], new: type[msgspec.Struct]) -> Upgrade:
+    """Return the row of an upgrade that keeps the fields that have kept their names; new ones take their default."""
+    return old, lambda body: msgspec.convert(body, new, from_attributes=True)
+
+
+UPGRADES: dict[tuple[str, int], Upgrade] = {
+    ("haptics.contact_model", 1): by_name(former.ContactModel1, bodies.ContactModel),
+    ("haptics.contacts", 1): by_name(former.ToolContacts1, bodies.ToolContacts),
+    ("physics.duct", 1): by_name(former.Duct1, bodies.Duct),
+    ("physics.catheter", 1): by_name(former.Catheter1, bodies.Catheter),
+    ("physics.contacts", 1): by_name(former.PhysicsContacts1, bodies.PhysicsContacts),
+}
 
 
 def body_type(row: Topic, version: int) -> type[msgspec.Struct] | None:

@@ -22,9 +22,8 @@ class LocalModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     grasp_torque_nm: Annotated[float, Meta(description="torque on the handle at the reference angle")] = 0.0
     grasp_stiffness_nm_rad: Annotated[float, Meta(ge=0.0)] = 0.0
     grasp_damping_nm_s_rad: Annotated[float, Meta(ge=0.0)] = 0.0
-    reference_angle_rad: float = 0.0
+    reference_angle_rad: Annotated[float, Meta(description="handle angle that the torque was solved for")] = 0.0
     reference_rate_rad_s: float = 0.0
-    port_moment_nm: Annotated[Vec3, Meta(description="coupling moment about the trocar, for the record")] = ZERO3
     in_contact: Annotated[bool, Meta(description="false: free space, every force above is zero")] = False
 
 
@@ -40,12 +39,9 @@ class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """One forceps as physics needs it."""
 
     position_m: Annotated[Vec3, Meta(description="HIP: the junction J")]
-    velocity_m_s: Vec3 = ZERO3
     port_m: Annotated[Vec3, Meta(description="the trocar's fixed point")] = ZERO3
     roll_rad: Annotated[float, Meta(description="of the jaws about the shaft; pose = J, port and roll")] = 0.0
     jaw_angle_rad: Annotated[float, Meta(description="opening between the jaws that the handle asks for")] = 0.0
-    jaw_rate_rad_s: float = 0.0
-    closing_torque_nm: Annotated[float, Meta(description="what the hand squeezes with, at the handle")] = 0.0
 
 
 class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -23,7 +23,6 @@ class Duct(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     q_rate: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)/s")]
     load_node: Annotated[Array, Spec("<i4", ("loads",), "index")]
     load_force_n: Annotated[Array, Spec("<f8", ("loads", 3), "N")]
-    quality_level: Annotated[int, Meta(ge=0, lt=16)] = 0
 
 
 class Catheter(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -33,7 +32,6 @@ class Catheter(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     position_m: Annotated[Array, Spec("<f8", ("particles", 3), "m")]
     velocity_m_s: Annotated[Array, Spec("<f8", ("particles", 3), "m/s")]
     radius_m: Annotated[float, Meta(gt=0.0)]
-    twist_rad: Annotated[Array, Spec("<f8", ("twists",), "rad")]
     inserted_length_m: Annotated[float, Meta(description="arc length inside the lumen")] = 0.0
 
 
@@ -41,12 +39,14 @@ class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """Solved force on one tool, and the stiffness that it meets."""
 
     force_n: Annotated[Vec3, Meta(description="on the tool, at J")] = ZERO3
-    torque_nm: Annotated[Vec3, Meta(description="about J")] = ZERO3
     port_moment_nm: Annotated[Vec3, Meta(description="coupling moment about the trocar")] = ZERO3
-    grasp_torque_nm: Annotated[float, Meta(description="on the handle, opens it where positive")] = 0.0
-    grasp_stiffness_nm_rad: float = 0.0
+    grasp_torque_nm: Annotated[float, Meta(description="on the jaws, opens them where positive")] = 0.0
+    grasp_stiffness_nm_rad: Annotated[float, Meta(description="local stiffness of the opening, coupling included")] = (
+        0.0
+    )
     stiffness_n_m: Annotated[Mat3, Meta(description="local stiffness felt at J, virtual coupling included")] = ZERO9
     position_m: Annotated[Vec3, Meta(description="the HIP that the force was solved for")] = ZERO3
+    jaw_angle_rad: Annotated[float, Meta(description="opening asked for that the torque was solved for")] = 0.0
     proxy_position_m: Annotated[Vec3, Meta(description="where the tool is held by what it touches")] = ZERO3
     contacts: Annotated[int, Meta(ge=0)] = 0
     holds: Annotated[int, Meta(ge=0, description="grasps in force")] = 0
@@ -64,4 +64,3 @@ class PhysicsContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True
     point_m: Annotated[Array, Spec("<f8", ("contacts", 3), "m")]
     force_n: Annotated[Array, Spec("<f8", ("contacts", 3), "N")]
     max_penetration_m: float = 0.0
-    iterations: Annotated[int, Meta(ge=0)] = 0

@@ -79,9 +79,7 @@ class ToolTracker:
         body.proxy[i, 3] = reaction.proxy_jaw_angle_rad if reaction.contacts or reaction.holds else jaw
         return ToolState(
             position_m=instrument.position_m,
-            velocity_m_s=instrument.velocity_m_s,
             port_m=instrument.port_m,
             roll_rad=instrument.roll_rad,
             jaw_angle_rad=jaw,
-            jaw_rate_rad_s=forceps.jaw_ratio * instrument.handle_rate_rad_s,
         )

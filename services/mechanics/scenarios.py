@@ -61,32 +61,24 @@ class Scenario:
 
 def _write_tool(motion: ToolMotion, forceps: ForcepsScene, time_s: float, tool: int, out: ToolInputs) -> None:
     table = np.column_stack([np.array(motion.grip_point_m), motion.jaw_angle_rad, motion.roll_rad])
-    value, rate = least_jerk(np.array(motion.time_s), table, time_s)
-    port = np.array(forceps.port_position_m)
-    arm = value[:3] - port
-    length = float(np.linalg.norm(arm))
-    d = arm / length
-    out.position_m[tool] = value[:3] - motion.grip_offset_m * d
-    # J = P - l d, and d turns with P about the port.
-    turn = (rate[:3] - d * (d @ rate[:3])) / length
-    out.velocity_m_s[tool] = rate[:3] - motion.grip_offset_m * turn
-    out.jaw_angle_rad[tool], out.jaw_rate_rad_s[tool] = value[3], rate[3]
-    out.roll_rad[tool] = value[4]
+    value = least_jerk(np.array(motion.time_s), table, time_s)
+    arm = value[:3] - np.array(forceps.port_position_m)
+    out.position_m[tool] = value[:3] - motion.grip_offset_m * (arm / float(np.linalg.norm(arm)))
+    out.jaw_angle_rad[tool], out.roll_rad[tool] = value[3], value[4]
 
 
-def least_jerk(times_s: FloatArray, table: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return values and rates (c,) at ``time_s`` of breakpoints (k,) by (k, c); constant outside them.
+def least_jerk(times_s: FloatArray, table: FloatArray, time_s: float) -> FloatArray:
+    """Return values (c,) at ``time_s`` of breakpoints (k,) by (k, c); constant outside them.
 
     6 s^5 - 15 s^4 + 10 s^3 between two breakpoints (Flash and Hogan, J. Neurosci. 5, 1985).
     """
     k = int(np.searchsorted(times_s, time_s, side="right")) - 1
     if k < 0 or k >= len(times_s) - 1:
-        return table[max(min(k, len(times_s) - 1), 0)].copy(), np.zeros(table.shape[1])
-    span = times_s[k + 1] - times_s[k]
-    s = (time_s - times_s[k]) / span
-    step = table[k + 1] - table[k]
-    value = table[k] + step * (s**3 * (10.0 + s * (6.0 * s - 15.0)))
-    return value, step * (30.0 * s**2 * (1.0 - s) ** 2) / span
+        last: FloatArray = table[max(min(k, len(times_s) - 1), 0)]
+        return last
+    s = (time_s - times_s[k]) / (times_s[k + 1] - times_s[k])
+    value: FloatArray = table[k] + (table[k + 1] - table[k]) * (s**3 * (10.0 + s * (6.0 * s - 15.0)))
+    return value
 
 
 def insertion_scene() -> SceneModel:

@@ -75,10 +75,8 @@ class ContactsReader:
             tools.present[i] = True
             self._port_m[i] = tool.port_m
             tools.position_m[i] = tool.position_m
-            tools.velocity_m_s[i] = tool.velocity_m_s
             tools.roll_rad[i] = tool.roll_rad
             tools.jaw_angle_rad[i] = tool.jaw_angle_rad
-            tools.jaw_rate_rad_s[i] = tool.jaw_rate_rad_s
         tools.holds = [_hold(hold) for hold in body.holds]
 
 

@@ -22,9 +22,8 @@ from services.runtime.bus import Bus
 Arrays = tuple[NDArray[Any], ...]
 
 _INSERTED_EVERY = 16
-_NO_TWIST = pack(np.zeros(0))
-# Columns of the table of reactions, a row a tool: twelve for four vectors, nine for K, and these.
-_GRASP_TORQUE, _JAW_ANGLE, _CONTACTS, _HOLDS, _COLUMNS = 21, 22, 23, 24, 25
+# Columns of the table of reactions, a row a tool: nine for three vectors, nine for K, and these.
+_GRASP_TORQUE, _GRASP_STIFFNESS, _JAW_ANGLE, _CONTACTS, _HOLDS, _COLUMNS = 18, 19, 20, 21, 22, 23
 
 
 class Outputs:
@@ -55,7 +54,6 @@ class Outputs:
             q_rate=pack(s.duct_state.qdot),
             load_node=pack(s.load_nodes[: s.n_loads], "<i4"),
             load_force_n=pack(s.load_force_n[: s.n_loads]),
-            quality_level=s.quality_level,
         )
 
     def _catheter(self, tick: int) -> Catheter:
@@ -65,7 +63,6 @@ class Outputs:
             position_m=pack(catheter.state.position_m),
             velocity_m_s=pack(catheter.state.velocity_m_s),
             radius_m=catheter.radius_m,
-            twist_rad=_NO_TWIST,
             inserted_length_m=self._inserted_length_m(tick),
         )
 
@@ -80,12 +77,13 @@ class Outputs:
         s = self._simulation
         rows, out, forces = s.contacts, s.tool_results, s.contact_force_n
         n = rows.n_contacts
-        vectors = out.force_n, out.torque_nm, out.port_moment_nm, out.proxy_position_m
-        tabulate(vectors, out.stiffness_n_m, (out.grasp_torque_nm, out.proxy_jaw_angle_rad), self._table)
+        vectors = out.force_n, out.port_moment_nm, out.proxy_position_m
+        scalars = out.grasp_torque_nm, out.grasp_stiffness_nm_rad, out.proxy_jaw_angle_rad
+        tabulate(vectors, out.stiffness_n_m, scalars, self._table)
         count((rows.tool, rows.kind, rows.duct_weight), forces, self._kinds, self._table)
         return PhysicsContacts(
             tick=tick,
-            tools=tuple(map(_reaction, self._table.tolist(), (tool.position_m for tool in tools))),
+            tools=tuple(map(_reaction, self._table.tolist(), tools)),
             kind=pack(self._kinds[:n], "|i1"),
             point_m=pack(rows.point_m[:n]),
             force_n=pack(forces),
@@ -93,16 +91,17 @@ class Outputs:
         )
 
 
-def _reaction(row: list[float], position_m: Vec3) -> ToolReaction:
-    """Return a row of the table as it travels."""
+def _reaction(row: list[float], tool: ToolState) -> ToolReaction:
+    """Return a row of the table, and the hand that it was solved for, as it travels."""
     return ToolReaction(
         force_n=cast(Vec3, tuple(row[0:3])),
-        torque_nm=cast(Vec3, tuple(row[3:6])),
-        port_moment_nm=cast(Vec3, tuple(row[6:9])),
+        port_moment_nm=cast(Vec3, tuple(row[3:6])),
         grasp_torque_nm=row[_GRASP_TORQUE],
-        stiffness_n_m=cast(Mat3, tuple(row[12:21])),
-        position_m=position_m,
-        proxy_position_m=cast(Vec3, tuple(row[9:12])),
+        grasp_stiffness_nm_rad=row[_GRASP_STIFFNESS],
+        stiffness_n_m=cast(Mat3, tuple(row[9:18])),
+        position_m=tool.position_m,
+        jaw_angle_rad=tool.jaw_angle_rad,
+        proxy_position_m=cast(Vec3, tuple(row[6:9])),
         proxy_jaw_angle_rad=row[_JAW_ANGLE],
         contacts=int(row[_CONTACTS]),
         holds=int(row[_HOLDS]),
@@ -114,11 +113,12 @@ def tabulate(vectors: Arrays, stiffness: FloatArray, scalars: Arrays, table: Flo
     """Write what each tool feels into its row."""
     for tool in range(table.shape[0]):
         for axis in range(3):
-            for block in range(4):
+            for block in range(3):
                 table[tool, 3 * block + axis] = vectors[block][tool, axis]
             for other in range(3):
-                table[tool, 12 + 3 * axis + other] = stiffness[tool, axis, other]
-        table[tool, _GRASP_TORQUE], table[tool, _JAW_ANGLE] = scalars[0][tool], scalars[1][tool]
+                table[tool, 9 + 3 * axis + other] = stiffness[tool, axis, other]
+        table[tool, _GRASP_TORQUE], table[tool, _GRASP_STIFFNESS] = scalars[0][tool], scalars[1][tool]
+        table[tool, _JAW_ANGLE] = scalars[2][tool]
 
 
 @kernel

@@ -130,11 +130,10 @@ def test_scripted_hands_move_without_jumps(name):
     tools, places = ToolInputs(), []
     for tick in range(0, round(1000 * scenario.duration_s)):
         scenario.write_inputs(1e-3 * tick, tools)
-        places.append(np.concatenate([tools.position_m.ravel(), tools.velocity_m_s.ravel()]))
-    places = np.array(places)
-    speed = np.diff(places[:, :6], axis=0) / 1e-3
+        places.append(tools.position_m.ravel().copy())
+    speed = np.diff(places, axis=0) / 1e-3
     assert np.abs(speed).max() < 0.3
-    assert np.abs(0.5 * (places[1:, 6:] + places[:-1, 6:]) - speed).max() < 2e-3
+    assert np.abs(np.diff(speed, axis=0)).max() < 4e-3
 
 
 def test_the_papers_scene_runs(cache_dir):

@@ -35,7 +35,7 @@ def test_any_msgpack_reads_the_same_positions(name: str) -> None:
     """The wire is plain msgpack: another language's library sees the fields where docs/wire.md says."""
     frame = samples.frame(name)
     plain = msgpack.unpackb(encode(frame), strict_map_key=False)
-    assert plain[:8] == [1, name, 1, samples.INCARNATION, 7, 2_000, 1_000, True]
+    assert plain[:8] == [1, name, TOPICS[name].version, samples.INCARNATION, 7, 2_000, 1_000, True]
     body = frame.body
     assert len(plain[8]) == len(body.__struct_fields__)
     for value, field in zip(plain[8], body.__struct_fields__, strict=True):
@@ -74,7 +74,7 @@ def test_each_refusal_has_its_reason() -> None:
     assert _reason(_enveloped(protocol=2)) is Reason.PROTOCOL_VERSION
     assert _reason(_enveloped(topic="gateway.coffee")) is Reason.UNKNOWN_TOPIC
     assert _reason(good, "physics.duct") is Reason.WRONG_TOPIC
-    assert _reason(_enveloped(version=2)) is Reason.NEWER_VERSION
+    assert _reason(_enveloped(version=TOPICS["gateway.state"].version + 1)) is Reason.NEWER_VERSION
     assert _reason(_enveloped(body=["x"])) is Reason.BODY
 
 

@@ -104,7 +104,7 @@ def test_the_layout_changes_with_tools_and_particles_and_with_nothing_else():
     rig.bend([1e-3])
     assert rig.composer.compose().epoch == first.epoch + 1
     line = np.zeros((4, 3))
-    body = bodies.Catheter(tick=1, position_m=pack(line), velocity_m_s=pack(line), radius_m=1e-3, twist_rad=pack([]))
+    body = bodies.Catheter(tick=1, position_m=pack(line), velocity_m_s=pack(line), radius_m=1e-3)
     rig.out.publish("physics.catheter", body)
     assert rig.composer.compose().epoch == first.epoch + 2
     assert rig.composer.layout.n_particles == 4

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel, tuple_reader
@@ -27,10 +28,11 @@ class ReportArrays(NamedTuple):
     port_moment: FloatArray  # (2, 3)
     grasp_torque: FloatArray  # (2,)
     stiffness: FloatArray  # (2, 3, 3)
+    grasp_stiffness: FloatArray  # (2,)
     proxy_position: FloatArray  # (2, 3)
     proxy_jaw_angle: FloatArray  # (2,)
     loads: FloatArray  # (2, 4) generalised contact forces
-    scratch: FloatArray  # (m (m + 3),), m = 3 STIFFNESS_CAPACITY
+    scratch: FloatArray  # (m (m + 4),), m = 3 STIFFNESS_CAPACITY
 
     @classmethod
     def of(cls, results: ToolResults, loads: FloatArray) -> ReportArrays:
@@ -41,10 +43,11 @@ class ReportArrays(NamedTuple):
             results.port_moment_nm,
             results.grasp_torque_nm,
             results.stiffness_n_m,
+            results.grasp_stiffness_nm_rad,
             results.proxy_position_m,
             results.proxy_jaw_angle_rad,
             loads,
-            np.zeros(3 * STIFFNESS_CAPACITY * (3 * STIFFNESS_CAPACITY + 3)),
+            np.zeros(3 * STIFFNESS_CAPACITY * (3 * STIFFNESS_CAPACITY + N_COORDINATES)),
         )
 
 
@@ -78,9 +81,7 @@ def report(state_address: int, tools_address: int, report_address: int, holding:
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]
         if holding:
-            # The opening torque with which something held keeps the jaws from closing.
-            squeeze = max(tools.jaw_stop[tool] - tools.hand[tool, 3], 0.0)
-            out.grasp_torque[tool] += tools.stiffness[tool, 3] * squeeze
+            out.grasp_torque[tool] += tools.stiffness[tool, 3] * _squeeze(tools, tool)
         for axis in range(3):
             out.force[tool, axis] = out.loads[tool, axis]
             out.proxy_position[tool, axis] = tools.proxy[tool, axis]
@@ -89,6 +90,13 @@ def report(state_address: int, tools_address: int, report_address: int, holding:
         size = 3 * state.rows.used[0]
         local_stiffness(state.rows, state.compliance[: size * size].reshape(size, size), state.slides, tools, out)
     return _deepest_overlap(state.rows)
+
+
+@kernel
+def _squeeze(tools: ToolArrays, tool: int) -> float:
+    """How far the hand asks jaws to close beyond where something held keeps them, in rad."""
+    squeeze: float = max(tools.jaw_stop[tool] - tools.hand[tool, 3], 0.0)
+    return squeeze
 
 
 @kernel
@@ -112,28 +120,39 @@ def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: F
 def local_stiffness(
     rows: ContactRows, W: FloatArray, slides: BoolArray, tools: ToolArrays, report: ReportArrays
 ) -> None:
-    r"""Write the stiffness (2, 3, 3) in N/m between each hand and the world, its coupling included.
+    r"""Write the stiffness between each hand and the world: (2, 3, 3) in N/m at J, (2,) in N m/rad of the jaws.
 
     The rows of a tool that carry force (normals; tangents too while they stick; holds that do not slip) stay
     closed when the hand moves by dx, so their forces change by :math:`-S^{-1} G\,dx` with S their compliance.
-    S contains the coupling as it acts over one step, damper included; what the damper adds is taken
-    out (1/K minus the step's compliance is put in), so that the result is a spring.
+    S contains the couplings as they act over one step, dampers included; what a damper adds is taken
+    out (1/K minus the step's compliance is put in), so that the result is a spring. Jaws that something held
+    stops do not follow the hand: it meets the coupling alone.
     """
-    out, scratch = report.stiffness, report.scratch
-    for tool in range(out.shape[0]):
-        out[tool] = 0.0
+    for tool in range(report.stiffness.shape[0]):
+        report.stiffness[tool] = 0.0
+        report.grasp_stiffness[tool] = tools.stiffness[tool, 3] if _squeeze(tools, tool) > 0.0 else 0.0
         n = _count_closed(rows, slides, tool)
         if n == 0:
             continue
-        S = scratch[: n * n].reshape(n, n)
-        G = scratch[n * n : n * n + 3 * n].reshape(n, 3)
+        S = report.scratch[: n * n].reshape(n, n)
+        G = report.scratch[n * n : n * (n + N_COORDINATES)].reshape(n, N_COORDINATES)
         _fill_closed(rows, W, slides, tool, S, G)
         _add_excess(tools, tool, S, G)
         if _whiten(S, G):
             for i in range(3):
                 for j in range(3):
                     for k in range(n):
-                        out[tool, i, j] += G[k, i] * G[k, j]
+                        report.stiffness[tool, i, j] += G[k, i] * G[k, j]
+            if _follows_hand(tools, tool, 3):
+                for k in range(n):
+                    report.grasp_stiffness[tool] += G[k, 3] * G[k, 3]
+
+
+@kernel
+def _follows_hand(tools: ToolArrays, tool: int, coordinate: int) -> bool:
+    """Whether a coordinate of the proxy moves with the hand: jaws at the stop of something held do not."""
+    follows: bool = tools.compliance[tool, coordinate] > 0.0
+    return follows
 
 
 @kernel
@@ -167,18 +186,18 @@ def _fill_closed(
     S: FloatArray,
     G: FloatArray,
 ) -> None:
-    """Fill the compliance S (n, n) and the levers G (n, 3) of the closed rows, in the contacts' frames."""
+    """Fill the compliance S (n, n) and the levers G (n, 4) of the closed rows, in the contacts' frames."""
     n = S.shape[0]
     i = 0
     for row in range(rows.used[0]):
         for a in range(_closed_axes(rows, slides, row, tool)):
             if i == n:
                 break
-            for axis in range(3):
+            for coordinate in range(G.shape[1]):
                 total = 0.0
                 for k in range(3):
-                    total += rows.frame[row, a, k] * rows.lever[row, k, axis]
-                G[i, axis] = total
+                    total += rows.frame[row, a, k] * rows.lever[row, k, coordinate]
+                G[i, coordinate] = total
             j = 0
             for other in range(row + 1):
                 for b in range(_closed_axes(rows, slides, other, tool)):
@@ -192,16 +211,18 @@ def _fill_closed(
 @kernel
 def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
     """Add what the coupling's spring gives way beyond spring and damper in one step."""
-    for axis in range(3):
-        excess = 1.0 / tools.stiffness[tool, axis] - tools.compliance[tool, axis]
+    for coordinate in range(G.shape[1]):
+        if not _follows_hand(tools, tool, coordinate):
+            continue
+        excess = 1.0 / tools.stiffness[tool, coordinate] - tools.compliance[tool, coordinate]
         for i in range(S.shape[0]):
             for j in range(S.shape[0]):
-                S[i, j] += excess * G[i, axis] * G[j, axis]
+                S[i, j] += excess * G[i, coordinate] * G[j, coordinate]
 
 
 @kernel
 def _whiten(S: FloatArray, G: FloatArray) -> bool:
-    """Overwrite G (n, 3) by L^-1 G with S = L L^T (in place); False where S is not positive."""
+    """Overwrite G (n, 4) by L^-1 G with S = L L^T (in place); False where S is not positive."""
     n = S.shape[0]
     for j in range(n):
         pivot = S[j, j]
@@ -215,11 +236,11 @@ def _whiten(S: FloatArray, G: FloatArray) -> bool:
             for k in range(j):
                 total -= S[i, k] * S[j, k]
             S[i, j] = total / S[j, j]
-        for axis in range(3):
-            total = G[j, axis]
+        for coordinate in range(G.shape[1]):
+            total = G[j, coordinate]
             for k in range(j):
-                total -= S[j, k] * G[k, axis]
-            G[j, axis] = total / S[j, j]
+                total -= S[j, k] * G[k, coordinate]
+            G[j, coordinate] = total / S[j, j]
     return True
 
 

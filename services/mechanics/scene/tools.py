@@ -45,10 +45,6 @@ class GraspHold:
     jaw_angle_rad: float
 
 
-def _identity_quaternions() -> FloatArray:
-    return np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (N_TOOLS, 1))
-
-
 @dataclass(slots=True)
 class ToolInputs:
     """State of both instruments at the end of the tick: the measured HIP, never the proxy.
@@ -57,13 +53,11 @@ class ToolInputs:
     ----------
     present : (2,) bool
         A tool that is absent touches nothing and feels nothing.
-    position_m, velocity_m_s : (2, 3) float64
+    position_m : (2, 3) float64
         Junction point J of shaft and jaws.
-    orientation_wxyz : (2, 4) float64
-        Orientation of the handle as the device measures it; only kept for those who draw it.
     roll_rad : (2,) float64
         Rotation of the jaws about the shaft.
-    jaw_angle_rad, jaw_rate_rad_s : (2,) float64
+    jaw_angle_rad : (2,) float64
         Opening the handle asks for; the jaws stop earlier when something is between them.
     holds : list of GraspHold, or None
         None lets the simulation run the grasp itself.
@@ -71,11 +65,8 @@ class ToolInputs:
 
     present: npt.NDArray[np.bool_] = field(default_factory=lambda: np.ones(N_TOOLS, np.bool_))
     position_m: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
-    velocity_m_s: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
-    orientation_wxyz: FloatArray = field(default_factory=_identity_quaternions)
     roll_rad: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
     jaw_angle_rad: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
-    jaw_rate_rad_s: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
     holds: list[GraspHold] | None = None
 
 
@@ -95,6 +86,8 @@ class ToolResults:
         Torque that opens the jaws; positive pushes the handle open.
     stiffness_n_m : (2, 3, 3) float64
         Local stiffness between the hand and the world at J, coupling included; zero out of contact.
+    grasp_stiffness_nm_rad : (2,) float64
+        How much `grasp_torque_nm` falls per radian by which the hand opens the jaws, coupling included.
     proxy_position_m : (2, 3) float64
         Where J is when the coupling spring is stretched.
     proxy_jaw_angle_rad : (2,) float64
@@ -106,5 +99,6 @@ class ToolResults:
     port_moment_nm: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
     grasp_torque_nm: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
     stiffness_n_m: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3, 3)))
+    grasp_stiffness_nm_rad: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
     proxy_position_m: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
     proxy_jaw_angle_rad: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))

@@ -1,0 +1,116 @@
+"""Bodies as they were in former versions: only what decodes their bytes. `protocol.upgrades` lifts them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from protocol.arrays import Array, Spec
+from protocol.bodies.haptics import GraspHold
+from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
+
+
+class LocalModel1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 carried a moment that no servo uses."""
+
+    force_n: Vec3 = ZERO3
+    stiffness_n_m: Mat3 = ZERO9
+    damping_n_s_m: Mat3 = ZERO9
+    reference_position_m: Vec3 = ZERO3
+    reference_velocity_m_s: Vec3 = ZERO3
+    grasp_torque_nm: float = 0.0
+    grasp_stiffness_nm_rad: Annotated[float, Meta(ge=0.0)] = 0.0
+    grasp_damping_nm_s_rad: Annotated[float, Meta(ge=0.0)] = 0.0
+    reference_angle_rad: float = 0.0
+    reference_rate_rad_s: float = 0.0
+    port_moment_nm: Vec3 = ZERO3
+    in_contact: bool = False
+
+
+class ContactModel1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 of ``haptics.contact_model``."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    ttl_s: Annotated[float, Meta(gt=0.0, le=0.1)]
+    instruments: Annotated[tuple[LocalModel1, ...], Meta(max_length=8)] = ()
+
+
+class ToolState1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 carried rates and a torque that physics does not need."""
+
+    position_m: Vec3
+    velocity_m_s: Vec3 = ZERO3
+    port_m: Vec3 = ZERO3
+    roll_rad: float = 0.0
+    jaw_angle_rad: float = 0.0
+    jaw_rate_rad_s: float = 0.0
+    closing_torque_nm: float = 0.0
+
+
+class ToolContacts1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 of ``haptics.contacts``."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    tools: Annotated[tuple[ToolState1, ...], Meta(max_length=8)]
+    tool: Annotated[Array, Spec("|i1", ("pairs",), "1")]
+    tool_segment: Annotated[Array, Spec("|i1", ("pairs",), "1")]
+    target_kind: Annotated[Array, Spec("|i1", ("pairs",), "1")]
+    target: Annotated[Array, Spec("<i4", ("pairs",), "index")]
+    tool_parameter: Annotated[Array, Spec("<f8", ("pairs",), "1")]
+    target_weights: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
+    normal: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
+    gap_m: Annotated[Array, Spec("<f8", ("pairs",), "m")]
+    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+
+
+class Duct1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 of ``physics.duct`` repeated the quality level of ``physics.health``."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    basis_hash: Annotated[str, Meta(max_length=64)]
+    q: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)")]
+    q_rate: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)/s")]
+    load_node: Annotated[Array, Spec("<i4", ("loads",), "index")]
+    load_force_n: Annotated[Array, Spec("<f8", ("loads", 3), "N")]
+    quality_level: Annotated[int, Meta(ge=0, lt=16)] = 0
+
+
+class Catheter1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 of ``physics.catheter`` had an array of twists that was always empty."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    position_m: Annotated[Array, Spec("<f8", ("particles", 3), "m")]
+    velocity_m_s: Annotated[Array, Spec("<f8", ("particles", 3), "m/s")]
+    radius_m: Annotated[float, Meta(gt=0.0)]
+    twist_rad: Annotated[Array, Spec("<f8", ("twists",), "rad")]
+    inserted_length_m: float = 0.0
+
+
+class ToolReaction1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 said the moment about J, which force and port moment say too, and not what jaws it was solved for."""
+
+    force_n: Vec3 = ZERO3
+    torque_nm: Vec3 = ZERO3
+    port_moment_nm: Vec3 = ZERO3
+    grasp_torque_nm: float = 0.0
+    grasp_stiffness_nm_rad: float = 0.0
+    stiffness_n_m: Mat3 = ZERO9
+    position_m: Vec3 = ZERO3
+    proxy_position_m: Vec3 = ZERO3
+    contacts: Annotated[int, Meta(ge=0)] = 0
+    holds: Annotated[int, Meta(ge=0)] = 0
+    proxy_jaw_angle_rad: float = -1.0
+
+
+class PhysicsContacts1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 of ``physics.contacts`` had a number of iterations that was always 0."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    tools: Annotated[tuple[ToolReaction1, ...], Meta(max_length=8)]
+    kind: Annotated[Array, Spec("|i1", ("contacts",), "1")]
+    point_m: Annotated[Array, Spec("<f8", ("contacts", 3), "m")]
+    force_n: Annotated[Array, Spec("<f8", ("contacts", 3), "N")]
+    max_penetration_m: float = 0.0
+    iterations: Annotated[int, Meta(ge=0)] = 0
