@@ -13,8 +13,8 @@ from services.haptics.local_model import local_model
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import ForcepsScene, SceneModel
-from services.mechanics.simulation import Simulation
 from services.mechanics.scene.tools import GraspHold, ToolInputs
+from services.mechanics.simulation import Simulation
 from services.physics.outputs import Outputs
 from services.runtime.process import cache_directory
 from services.scenes import load_duct, load_scene

@@ -1,4 +1,4 @@
-"""What contacts do to the tools: forces, moments about tip and port, jaw torque, and the stiffness felt."""
+"""What contacts do to the tools: forces, moments about the port, jaw torque, and the stiffness felt."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ class ReportArrays(NamedTuple):
     """The arrays of `ToolResults`, and what they are worked out from besides the contacts."""
 
     force: FloatArray  # (2, 3)
-    torque: FloatArray  # (2, 3)
     port_moment: FloatArray  # (2, 3)
     grasp_torque: FloatArray  # (2,)
     stiffness: FloatArray  # (2, 3, 3)
@@ -39,7 +38,6 @@ class ReportArrays(NamedTuple):
         """View the arrays of ``results``."""
         return cls(
             results.force_n,
-            results.torque_nm,
             results.port_moment_nm,
             results.grasp_torque_nm,
             results.stiffness_n_m,
@@ -76,7 +74,6 @@ def report(state_address: int, tools_address: int, report_address: int, holding:
     ``holding`` says whether something held keeps jaws from closing.
     """
     state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
-    _moments(state.rows, state.force_n, tools.segments[:, 1, 0], out.torque)
     _moments(state.rows, state.force_n, tools.port, out.port_moment)
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]

@@ -78,8 +78,6 @@ class ToolResults:
     ----------
     force_n : (2, 3) float64
         Force of the virtual world on the tool, reduced to J.
-    torque_nm : (2, 3) float64
-        Torque of the same forces about J.
     port_moment_nm : (2, 3) float64
         Moment of the same forces about the port, which the trocar and the hand share.
     grasp_torque_nm : (2,) float64
@@ -95,7 +93,6 @@ class ToolResults:
     """
 
     force_n: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
-    torque_nm: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
     port_moment_nm: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3)))
     grasp_torque_nm: FloatArray = field(default_factory=lambda: np.zeros(N_TOOLS))
     stiffness_n_m: FloatArray = field(default_factory=lambda: np.zeros((N_TOOLS, 3, 3)))
