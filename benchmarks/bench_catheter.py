@@ -20,9 +20,9 @@ from report import Row, Timing, measure, write_report
 
 from services.mechanics.rod import (
     ImplicitIntegrator,
+    Introducer,
     RodProperties,
     SemiImplicitIntegrator,
-    Sleeve,
     Supports,
     clamped,
     smooth_centreline,
@@ -61,11 +61,11 @@ def step_calls() -> dict[str, Callable[[], None]]:
     curvature = np.zeros((49, 3))
     curvature[-8:, 0] = 60.0
     twisted = example_rod(50, **damping, torsional_stiffness_n_m2=GJ, rest_curvature_1_m=curvature)
-    needle = Supports(held=(0,), sleeve=Sleeve((0.01, 0, 0), (0.04, 0, 0), friction=0.1))
+    introducer = Supports(held=(0,), introducer=Introducer((0.01, 0, 0), (0.04, 0, 0), friction=0.1))
     return {
         "step, 50 segments, clamped, damped": swinging(plain, clamped(X)),
         "step, 50 segments, with twist and a bent tip": swinging(twisted, clamped(X)),
-        "step, 50 segments, through a needle with friction": swinging(plain, needle),
+        "step, 50 segments, through an introducer with friction": swinging(plain, introducer),
         "step, 100 segments": swinging(example_rod(100, **damping), clamped(X)),
     }
 

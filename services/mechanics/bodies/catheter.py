@@ -9,10 +9,10 @@ from services.mechanics.compiled import kernel
 from services.mechanics.contact.compliance import list_particles
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.rod import (
+    Introducer,
     RodProperties,
     RodState,
     RoundTube,
-    Sleeve,
     Supports,
     build_integrator,
     straight_rod,
@@ -144,12 +144,12 @@ def rod_supports(scene: CatheterScene) -> Supports:
     if scene.anchor == "clamped":
         return Supports(held=(0,), start_direction=scene.direction)
     if scene.anchor == "introducer":
-        return Supports(sleeve=introducer(scene))
+        return Supports(introducer=build_introducer(scene))
     return Supports()
 
 
-def introducer(scene: CatheterScene) -> Sleeve:
-    """The needle that the catheter starts in.
+def build_introducer(scene: CatheterScene) -> Introducer:
+    """The introducer that the catheter starts in.
 
     Raises
     ------
@@ -159,17 +159,17 @@ def introducer(scene: CatheterScene) -> Sleeve:
     direction = np.asarray(scene.direction) / np.linalg.norm(scene.direction)
     exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
     entry_m = exit_m - scene.introducer_length_m * direction
-    needle = Sleeve(
+    introducer = Introducer(
         entry_m, exit_m, friction=scene.introducer_friction, seal_friction_n=scene.introducer_seal_friction_n
     )
     inside_m = min(2.0 * scene.length_m / scene.n_segments, 0.5 * scene.introducer_length_m)
     longest_m = scene.length_m - inside_m
-    if not needle.least_tip_m <= scene.introducer_to_tip_m <= longest_m:
+    if not introducer.least_tip_m <= scene.introducer_to_tip_m <= longest_m:
         raise ValueError(
-            f"catheter.introducer_to_tip_m: {scene.introducer_to_tip_m:g} m leaves the catheter outside its needle; "
-            f"within {needle.least_tip_m:g} and {longest_m:g} m it starts in it"
+            f"catheter.introducer_to_tip_m: {scene.introducer_to_tip_m:g} m leaves the catheter outside its "
+            f"introducer; within {introducer.least_tip_m:g} and {longest_m:g} m it starts in it"
         )
-    return needle
+    return introducer
 
 
 @kernel

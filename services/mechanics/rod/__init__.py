@@ -8,10 +8,11 @@ from .properties import RodProperties, RoundTube
 from .semi_implicit import SemiImplicitIntegrator
 from .spline import smooth_centreline
 from .state import RodState, rod_along, straight_rod
-from .supports import Sleeve, Supports, clamped
+from .supports import Introducer, Supports, clamped
 
 __all__ = [
     "ImplicitIntegrator",
+    "Introducer",
     "MaterialFrame",
     "RodEnergy",
     "RodIntegrator",
@@ -19,7 +20,6 @@ __all__ = [
     "RodState",
     "RoundTube",
     "SemiImplicitIntegrator",
-    "Sleeve",
     "Supports",
     "build_integrator",
     "clamped",

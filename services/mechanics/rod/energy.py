@@ -11,15 +11,15 @@ from services.mechanics.arrays import FloatArray
 
 from .elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
 from .forces import add_internal_forces
+from .introducer_forces import introducer_energy
 from .model import RodModel, RodWork, allocate_work
-from .sleeve_forces import sleeve_energy
 from .state import RodState
 from .twist import TwistModel, twist_energy
 
 
 @dataclass(frozen=True)
 class RodEnergy:
-    """Energies in joule; `support_j` is what the sleeve's springs hold, `bending_j` counts clamped ends too."""
+    """Energies in joule; `support_j` is what the introducer's springs hold, `bending_j` counts clamped ends too."""
 
     kinetic_j: float
     stretch_j: float
@@ -43,16 +43,16 @@ def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None
         stretch_j=float(stretch_energy(model, work)),
         bending_j=float(bending_energy(model, work)) + _wall_energy(model, work),
         twist_j=twist_energy(twist, state) if twist is not None else 0.0,
-        support_j=float(sleeve_energy(model, work)) if model.sleeve.size else 0.0,
+        support_j=float(introducer_energy(model, work)) if model.introducer.size else 0.0,
     )
 
 
 def internal_forces(model: RodModel, state: RodState, before: RodState | None = None) -> FloatArray:
-    """The rod's own forces (n, 3): elastic, damping, of clamps and sleeve, but not the drag and the frame's.
+    """The rod's own forces (n, 3): elastic, damping, of clamps and introducer, but not the drag and the frame's.
 
-    The sleeve's friction follows the wall's push and the speed at the end of the step before: `before` is that state,
-    `state` itself where it is None. With a state at rest the forces are the elastic ones. Allocates: not for the 1 kHz
-    step.
+    The introducer's friction follows the wall's push and the speed at the end of the step before: `before` is that
+    state, `state` itself where it is None. With a state at rest the forces are the elastic ones. Allocates: not for the
+    1 kHz step.
     """
     before = before or state
     work = allocate_work(len(state.position_m))

@@ -6,8 +6,8 @@ from services.mechanics.compiled import kernel
 
 from .clamp_forces import add_wall_joints
 from .elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry
+from .introducer_forces import add_introducer
 from .model import RodModel, RodWork
-from .sleeve_forces import add_sleeve
 
 
 @kernel
@@ -23,5 +23,5 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_sc
         add_stretch_tangent(model, work, scale)
     add_bending(model, work, scale)
     add_wall_joints(model, work, scale)
-    if model.sleeve.shape[0] > 0:
-        add_sleeve(model, work, (scale[1], damping_scale))
+    if model.introducer.shape[0] > 0:
+        add_introducer(model, work, (scale[1], damping_scale))

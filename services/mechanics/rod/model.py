@@ -17,7 +17,7 @@ class RodModel(NamedTuple):
     """Read-only arrays of one rod: n particles, n - 1 segments, n - 2 joints.
 
     mass, drag (n,) [kg, N s/m]; EA (n-1,) [N]; joint_stiffness (n-2,) [N m/rad]; rest_length [m]; beta [s];
-    walls (2, 3) with NaN rows where an end may turn; wall_stiffness (2,) [N m/rad]; sleeve (13,) or (0,);
+    walls (2, 3) with NaN rows where an end may turn; wall_stiffness (2,) [N m/rad]; introducer (13,) or (0,);
     held (h,) particle indices; is_held (n,).
     """
 
@@ -29,7 +29,7 @@ class RodModel(NamedTuple):
     beta: float
     walls: FloatArray
     wall_stiffness: FloatArray
-    sleeve: FloatArray
+    introducer: FloatArray
     held: IntArray
     is_held: BoolArray
 
@@ -71,7 +71,7 @@ def build_model(properties: RodProperties, supports: Supports) -> RodModel:
         beta=float(properties.internal_damping_s),
         walls=supports.wall_directions(),
         wall_stiffness=2.0 * EI[[0, -1]] / properties.segment_length_m,
-        sleeve=supports.sleeve.as_array() if supports.sleeve is not None else np.zeros(0),
+        introducer=supports.introducer.as_array() if supports.introducer is not None else np.zeros(0),
         held=held,
         is_held=is_held,
     )

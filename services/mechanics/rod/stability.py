@@ -9,14 +9,14 @@ from scipy.linalg import eigvals_banded
 
 from .banded import HALF_BANDWIDTH
 from .forces import add_internal_forces
+from .introducer_passage import STIFFNESS, STOP_STIFFNESS
 from .model import RodModel, allocate_work
-from .sleeve_passage import STIFFNESS, STOP_STIFFNESS
 
 
 def largest_frequency_rad_s(model: RodModel) -> float:
     """Largest angular frequency [rad/s] of the unstretched straight rod, held particles taken out.
 
-    The largest eigenvalue of M^-1/2 K M^-1/2, K from the same kernels as the step, clamped ends included; a sleeve
+    The largest eigenvalue of M^-1/2 K M^-1/2, K from the same kernels as the step, clamped ends included; an introducer
     counts as if it held every particle twice, as it may next to one of its ends, and stopped it. A pull T adds about
     4 T/(m l0).
     """
@@ -24,11 +24,11 @@ def largest_frequency_rad_s(model: RodModel) -> float:
     work = allocate_work(n)
     work.position[:, 0] = model.rest_length * np.arange(n)
     walls = np.where(np.isnan(model.walls), np.nan, [1.0, 0.0, 0.0])
-    straight = model._replace(walls=walls, sleeve=np.zeros(0), beta=0.0)
+    straight = model._replace(walls=walls, introducer=np.zeros(0), beta=0.0)
     add_internal_forces(straight, work, (1.0, 1.0), 0.0)
-    if model.sleeve.size:
-        work.band[: 3 * n, 0] += np.tile([0.0, 2.0, 2.0], n) * model.sleeve[STIFFNESS]
-        work.band[0 : 3 * n : 3, 0] += model.sleeve[STOP_STIFFNESS]
+    if model.introducer.size:
+        work.band[: 3 * n, 0] += np.tile([0.0, 2.0, 2.0], n) * model.introducer[STIFFNESS]
+        work.band[0 : 3 * n : 3, 0] += model.introducer[STOP_STIFFNESS]
     scale = np.repeat(np.where(model.is_held, 0.0, 1.0 / np.sqrt(model.mass)), 3)
     padded = np.concatenate((scale, np.zeros(HALF_BANDWIDTH)))
     band = np.stack([work.band[: 3 * n, a] * scale * padded[a : a + 3 * n] for a in range(HALF_BANDWIDTH + 1)])

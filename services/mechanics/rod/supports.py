@@ -1,4 +1,4 @@
-"""What holds a rod: prescribed particles, clamped ends, and the introducer needle that it slides through."""
+"""What holds a rod: prescribed particles, clamped ends, and the introducer that it slides through."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from services.mechanics.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
-class Sleeve:
-    """A straight rigid tube that lets the rod slide along its axis only: the introducer needle.
+class Introducer:
+    """A straight rigid tube that lets the rod slide along its axis only.
 
     Every particle between entry and exit is pulled to the axis, and the points of the centreline nearest to the entry
     and to the exit are pulled to these. Because those points move continuously along the rod, sliding it by a segment
@@ -28,7 +28,7 @@ class Sleeve:
     friction
         Coulomb coefficient against the wall, 0 for none. Regularised: full friction above `slip_speed_m_s`.
     slip_speed_m_s
-        Below this sliding speed friction is viscous (a sleeve holds by creeping, not by sticking).
+        Below this sliding speed friction is viscous (an introducer holds by creeping, not by sticking).
     seal_friction_n
         Friction of a seal at the exit, whatever the rod's push on the wall.
     stop_stiffness_n_m
@@ -47,16 +47,16 @@ class Sleeve:
     least_tip_m: float = 5e-3
 
     def as_array(self) -> FloatArray:
-        """(13,) entry, unit axis, and the numbers that `sleeve_passage` names; ValueError where one makes no sense."""
+        """(13,) entry, unit axis, and what `introducer_passage` names; ValueError where a number makes no sense."""
         entry = np.asarray(self.entry_m, dtype=np.float64)
         axis = np.asarray(self.exit_m, dtype=np.float64) - entry
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
-            raise ValueError("the entry and exit of a sleeve must be apart")
+            raise ValueError("the entry and exit of an introducer must be apart")
         if not min(self.lateral_stiffness_n_m, self.stop_stiffness_n_m, self.slip_speed_m_s) > 0.0:
-            raise ValueError("a sleeve needs positive stiffnesses and slip speed")
+            raise ValueError("an introducer needs positive stiffnesses and slip speed")
         if not min(self.friction, self.seal_friction_n, self.least_tip_m) >= 0.0:
-            raise ValueError("the friction of a sleeve, of its seal, and least_tip_m must be at least 0")
+            raise ValueError("the friction of an introducer, of its seal, and least_tip_m must be at least 0")
         spring = [length, self.lateral_stiffness_n_m]
         friction = [self.friction, self.slip_speed_m_s, self.seal_friction_n]
         return np.concatenate((entry, axis / length, spring, friction, [self.stop_stiffness_n_m, self.least_tip_m]))
@@ -75,14 +75,14 @@ class Supports:
         (3,) direction, in the order of the particles, that a wall gives the tangent at the first or last particle; None
         lets it turn freely. A half joint of stiffness 2 EI/l0: with the particle held it is the clamped end of beam
         theory, second order in l0.
-    sleeve
-        The introducer needle, or None.
+    introducer
+        What the rod slides through, or None.
     """
 
     held: tuple[int, ...] = ()
     start_direction: ArrayLike | None = None
     end_direction: ArrayLike | None = None
-    sleeve: Sleeve | None = field(default=None)
+    introducer: Introducer | None = field(default=None)
 
     def held_indices(self, n_particles: int) -> IntArray:
         """Sorted particle indices; ValueError for one outside the rod or named twice."""

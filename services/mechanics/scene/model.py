@@ -51,8 +51,8 @@ class CatheterScene:
     """The catheter: particle 0 is the proximal end, the last particle is the tip.
 
     It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``.
-    ``anchor`` "clamped" holds the proximal end; "introducer" is a needle of ``introducer_length_m``, its exit
-    ``introducer_to_tip_m`` behind the tip, through which the catheter slides and which it cannot leave.
+    ``anchor`` "clamped" holds the proximal end; with "introducer" it slides through one of ``introducer_length_m``, its
+    exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
     ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
     keeps the catheter where it was left.
     """

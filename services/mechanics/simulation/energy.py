@@ -33,7 +33,7 @@ class EnergyFlow:
     coupling_j
         Dampers of the virtual couplings.
     rod_j
-        Damping of the catheter's material, its drag and its needle's friction.
+        Damping of the catheter's material, its drag and its introducer's friction.
     duct_j
         Damping of the modes.
     friction_j

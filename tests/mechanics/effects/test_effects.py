@@ -72,7 +72,7 @@ def test_effect_with_nothing_to_do_is_bit_identical_to_none(with_effects, small_
 
 
 def test_catheter_hangs_as_a_cantilever_under_its_weight(with_effects, small_duct):
-    """A short, stiff overhang out of the needle's mouth: w L^4 / 8 EI with a clamped root."""
+    """A short, stiff overhang out of the introducer's mouth: w L^4 / 8 EI with a clamped root."""
     scene = with_effects(gravity={})
     catheter = replace(
         scene.catheter,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import RodState, Sleeve, Supports, initial_frame, rod_energy, roll
+from services.mechanics.rod import Introducer, RodState, Supports, initial_frame, rod_energy, roll
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.model import allocate_work, build_model
 from services.mechanics.rod.twist import add_frame_forces, build_twist_model, twist_energy
@@ -45,9 +45,9 @@ def numerical_gradient(energy, position, h=1e-8):
     [
         Supports(),
         Supports(start_direction=(1, 0.3, 0), end_direction=(0.5, 0, 1)),
-        Supports(sleeve=Sleeve((0.021, 0.001, 0), (0.062, 0.002, 0.003), lateral_stiffness_n_m=500.0)),
+        Supports(introducer=Introducer((0.021, 0.001, 0), (0.062, 0.002, 0.003), lateral_stiffness_n_m=500.0)),
     ],
-    ids=["free", "clamped ends", "sleeve"],
+    ids=["free", "clamped ends", "introducer"],
 )
 def test_force_is_the_gradient_of_the_energy(supports):
     model = build_model(example_rod(N), supports)
@@ -81,8 +81,8 @@ def test_tangent_of_a_straight_rod_is_its_stiffness(stretch):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_tangent_is_positive_semidefinite_in_any_configuration(seed):
-    sleeve = Sleeve((0.021, 0.001, 0), (0.062, 0.002, 0.003))
-    model = build_model(example_rod(N), Supports(start_direction=(1, 0, 0), sleeve=sleeve))
+    introducer = Introducer((0.021, 0.001, 0), (0.062, 0.002, 0.003))
+    model = build_model(example_rod(N), Supports(start_direction=(1, 0, 0), introducer=introducer))
     eigenvalues = np.linalg.eigvalsh(dense(forces(model, bent_chain(seed, 1.5), scale=(1.0, 1.0)).band))
     assert eigenvalues.min() > -1e-9 * eigenvalues.max()
 

@@ -3,7 +3,15 @@ import math
 import numpy as np
 import pytest
 
-from services.mechanics.rod import RodProperties, RoundTube, Sleeve, Supports, build_integrator, rod_along, straight_rod
+from services.mechanics.rod import (
+    Introducer,
+    RodProperties,
+    RoundTube,
+    Supports,
+    build_integrator,
+    rod_along,
+    straight_rod,
+)
 from services.studies.rod_problems import example_rod
 
 
@@ -55,12 +63,12 @@ def test_what_has_no_physical_meaning_is_refused_by_name(changes, named):
         Supports(held=(51,)),
         Supports(held=(0, -51)),
         Supports(start_direction=(0, 0, 0)),
-        Supports(sleeve=Sleeve((0, 0, 0), (0, 0, 0))),
-        Supports(sleeve=Sleeve((0, 0, 0), (1, 0, 0), friction=-1.0)),
+        Supports(introducer=Introducer((0, 0, 0), (0, 0, 0))),
+        Supports(introducer=Introducer((0, 0, 0), (1, 0, 0), friction=-1.0)),
     ],
 )
 def test_supports_that_do_not_fit_are_refused(supports):
-    with pytest.raises(ValueError, match=r"held|direction|sleeve"):
+    with pytest.raises(ValueError, match=r"held|direction|introducer"):
         build_integrator("implicit", example_rod(), supports)
 
 

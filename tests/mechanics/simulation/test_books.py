@@ -32,7 +32,7 @@ def insert(cache_dir, effects, **catheter):
     return simulation, book.flow
 
 
-def test_books_balance_over_an_insertion_with_friction_in_the_needle(cache_dir):
+def test_books_balance_over_an_insertion_with_friction_in_the_introducer(cache_dir):
     free = insert(cache_dir, {}, introducer_seal_friction_n=0.0)[1]
     simulation, flow = insert(cache_dir, {}, introducer_friction=0.3)
     assert simulation.inserted_length_m > 20e-3

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_needle import PEAK, PICK, hands, run
+from test_introducer import PEAK, PICK, hands, run
 
 from services.mechanics import scenarios
 from services.mechanics.scene.tools import ToolInputs

@@ -1,4 +1,4 @@
-"""What a catheter and its needle must survive: strokes, withdrawal, being pulled out, being swept aside."""
+"""What a catheter and its introducer must survive: strokes, withdrawal, being pulled out, being swept aside."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.mechanics import scenarios
-from services.mechanics.bodies.catheter import introducer, rod_supports
+from services.mechanics.bodies.catheter import build_introducer, rod_supports
 from services.mechanics.scenarios import Scenario, ToolMotion
 from services.mechanics.scene import CatheterScene
 from services.mechanics.scene.tools import ToolInputs
@@ -58,7 +58,7 @@ def run(scenario: Scenario, duct, *, books=False):
     scenario.write_inputs(0.0, tools)
     simulation.step(tools)
     course = Course(simulation, EnergyBook(simulation) if books else None)
-    needle = rod_supports(scenario.scene.catheter).sleeve.as_array()
+    introducer = rod_supports(scenario.scene.catheter).introducer.as_array()
     for tick in range(round(1000 * scenario.duration_s)):
         scenario.write_inputs(1e-3 * tick, tools)
         (course.book or simulation).step(tools)
@@ -66,8 +66,8 @@ def run(scenario: Scenario, duct, *, books=False):
         course.force_n.append(simulation.tool_results.force_n.copy())
         course.penetration_m.append(simulation.max_penetration_m)
         course.depth_m.append(simulation.inserted_length_m)
-        course.hub_m.append((rod.position_m[0] - needle[:3]) @ needle[3:6])
-        course.tip_m.append((rod.position_m[-1] - needle[:3]) @ needle[3:6] - needle[6])
+        course.hub_m.append((rod.position_m[0] - introducer[:3]) @ introducer[3:6])
+        course.tip_m.append((rod.position_m[-1] - introducer[:3]) @ introducer[3:6] - introducer[6])
         course.speed_m_s.append(np.abs(rod.velocity_m_s).max())
     return course
 
@@ -95,7 +95,7 @@ def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(duct, speed_m_s):
     assert flow.rod_j > 0.0
 
 
-def test_a_catheter_withdrawn_at_once_stays_in_its_needle_and_goes_in_again(duct):
+def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(duct):
     """The hand goes 80 mm beyond where the catheter's end stops, at 0.5 m/s, and comes back; the grip slips instead."""
     out_and_in = ((2.6, (72, 0, 0)), (2.9, (150, 0, 0)), (3.2, (150, 0, 0)), (3.7, (66, 0, 0)), (4.6, (44.5, 0, 0)))
     course = run(hands((*INSERT, *out_and_in), "withdrawal"), duct)
@@ -109,8 +109,8 @@ def test_a_catheter_withdrawn_at_once_stays_in_its_needle_and_goes_in_again(duct
     assert max(course.speed_m_s) < 10.0
 
 
-def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_needle(duct):
-    """The hand takes it 120 mm away; 4 mm of it stay in the needle's 25 mm, less what the stop gives."""
+def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_introducer(duct):
+    """The hand takes it 120 mm away; 4 mm of it stay in the introducer's 25 mm, less what the stop gives."""
     away = ((1.4, (90, -60, 60)), (1.9, (70, -120, 70)), (2.3, (70, -120, 70)))
     course = run(hands((*PICK, *away), "pulled"), duct)
     assert 21e-3 < max(course.hub_m) < 22e-3
@@ -118,8 +118,8 @@ def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_needle(duct):
     assert max(course.speed_m_s) < 10.0
 
 
-def test_a_catheter_swept_round_behind_its_needle_is_not_caught_by_it(duct):
-    """The free end crosses the planes of the needle 60 mm beside it; after that the hand has its catheter as before."""
+def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
+    """The free end crosses the planes of the introducer 60 mm beside it; then the hand has its catheter as before."""
     round_it = (
         (2.6, (72, 0, 0)),
         (2.9, (72, 80, 0)),
@@ -134,8 +134,8 @@ def test_a_catheter_swept_round_behind_its_needle_is_not_caught_by_it(duct):
     assert -0.1 < min(course.hub_m) <= max(course.hub_m) < 23e-3
 
 
-def test_a_catheter_bent_round_the_edge_of_its_needle_by_a_grasp_that_never_slips_stays_calm(duct):
-    """To its stop and 10 mm further, at more than 60 degrees to the needle: the coupling pulls with 5 N, no more."""
+def test_a_catheter_bent_round_the_edge_of_its_introducer_by_a_grasp_that_never_slips_stays_calm(duct):
+    """To its stop and 10 mm further, at more than 60 degrees to the axis: the coupling pulls with 5 N, no more."""
     aside = (
         (2.6, (72, 0, 0)),
         (3.0, (100, 60, 20)),
@@ -153,15 +153,15 @@ def test_a_catheter_bent_round_the_edge_of_its_needle_by_a_grasp_that_never_slip
     assert max(course.hub_m) < 23e-3
 
 
-def test_a_catheter_that_would_start_outside_its_needle_is_refused():
+def test_a_catheter_that_would_start_outside_its_introducer_is_refused():
     with pytest.raises(ValueError, match=r"introducer_to_tip_m: 0.1 m leaves .* 0.005 and 0.096 m"):
-        introducer(CatheterScene(introducer_to_tip_m=0.1))
+        build_introducer(CatheterScene(introducer_to_tip_m=0.1))
     with pytest.raises(ValueError, match=r"introducer_to_tip_m: 0.001 m"):
-        introducer(CatheterScene(introducer_to_tip_m=1e-3))
+        build_introducer(CatheterScene(introducer_to_tip_m=1e-3))
 
 
 def test_the_seal_keeps_a_catheter_that_points_down_where_it_was_left(duct):
-    """Its weight pulls along the needle: through a seal it creeps, without one it falls out to its stop."""
+    """Its weight pulls along the introducer: through a seal it creeps, without one it falls out to its stop."""
     moved = {}
     for seal_n in (0.0, 20e-3):
         scene = scenarios.insertion_scene()

@@ -1,7 +1,7 @@
-"""Which part of a rod is in its sleeve: the particles between the points of the rod nearest to the ends of its axis.
+"""Which part of a rod is in its introducer: the particles between its points nearest to the ends of the axis.
 
-Found anew from the positions alone: a free part that swings across an end plane beside the sleeve, folds back along it,
-or is pulled round its edge, is not taken for the part inside.
+Found anew from the positions alone: a free part that swings across an end plane beside the introducer, folds back
+along it, or is pulled round its edge, is not taken for the part inside.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from services.mechanics.compiled import kernel
 from .elasticity import Vector, dot
 from .model import RodModel
 
-# Places in the sleeve's array after its entry (3) and unit axis (3); see `supports.Sleeve.as_array`.
+# Places in the introducer's array after its entry (3) and unit axis (3); see `supports.Introducer.as_array`.
 LENGTH = 6
 STIFFNESS = 7
 FRICTION = 8
@@ -39,29 +39,33 @@ class Passage(NamedTuple):
 
 
 @kernel
-def axial_position(sleeve: FloatArray, x: FloatArray, i: int) -> float:
+def axial_position(introducer: FloatArray, x: FloatArray, i: int) -> float:
     """Distance of particle i beyond the entry plane."""
     total = 0.0
     for c in range(3):
-        total += (x[i, c] - sleeve[c]) * sleeve[3 + c]
+        total += (x[i, c] - introducer[c]) * introducer[3 + c]
     return total
 
 
 @kernel
-def offset_from_axis(sleeve: FloatArray, x: FloatArray, i: int) -> Vector:
+def offset_from_axis(introducer: FloatArray, x: FloatArray, i: int) -> Vector:
     """From the axis to particle i."""
-    along = axial_position(sleeve, x, i)
+    along = axial_position(introducer, x, i)
     return (
-        x[i, 0] - sleeve[0] - along * sleeve[3],
-        x[i, 1] - sleeve[1] - along * sleeve[4],
-        x[i, 2] - sleeve[2] - along * sleeve[5],
+        x[i, 0] - introducer[0] - along * introducer[3],
+        x[i, 1] - introducer[1] - along * introducer[4],
+        x[i, 2] - introducer[2] - along * introducer[5],
     )
 
 
 @kernel
-def end_point(sleeve: FloatArray, axial: float) -> Vector:
+def end_point(introducer: FloatArray, axial: float) -> Vector:
     """The point of the axis at an axial position."""
-    return (sleeve[0] + axial * sleeve[3], sleeve[1] + axial * sleeve[4], sleeve[2] + axial * sleeve[5])
+    return (
+        introducer[0] + axial * introducer[3],
+        introducer[1] + axial * introducer[4],
+        introducer[2] + axial * introducer[5],
+    )
 
 
 @kernel
@@ -87,23 +91,23 @@ def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
 
 
 @kernel
-def find_passage(sleeve: FloatArray, x: FloatArray) -> Passage:
-    """The part of the rod at `x` (n, 3) that is in the sleeve.
+def find_passage(introducer: FloatArray, x: FloatArray) -> Passage:
+    """The part of the rod at `x` (n, 3) that is in the introducer.
 
     The springs keep the rod at both ends of the axis, so what is nearest to them passes there; as the energy is that of
     the least distance it stays continuous should another part ever come as near. An end of the rod that is nearest
     itself, and inside, means that nothing passes.
     """
     n = x.shape[0]
-    length = sleeve[LENGTH]
-    last, at = _closest_segment(x, n - 1, end_point(sleeve, length))
-    if last == 0 and at == 0.0 and axial_position(sleeve, x, 0) > length:
+    length = introducer[LENGTH]
+    last, at = _closest_segment(x, n - 1, end_point(introducer, length))
+    if last == 0 and at == 0.0 and axial_position(introducer, x, 0) > length:
         return Passage(0, 0, False, False)
-    has_exit = not (last == n - 2 and at == 1.0 and axial_position(sleeve, x, n - 1) < length)
-    entry, at = _closest_segment(x, last + 1, end_point(sleeve, 0.0))
-    if entry == 0 and at == 0.0 and axial_position(sleeve, x, 0) > 0.0:
+    has_exit = not (last == n - 2 and at == 1.0 and axial_position(introducer, x, n - 1) < length)
+    entry, at = _closest_segment(x, last + 1, end_point(introducer, 0.0))
+    if entry == 0 and at == 0.0 and axial_position(introducer, x, 0) > 0.0:
         return Passage(0, last if has_exit else n - 1, False, has_exit)
-    if entry == n - 2 and at == 1.0 and axial_position(sleeve, x, n - 1) < 0.0:
+    if entry == n - 2 and at == 1.0 and axial_position(introducer, x, n - 1) < 0.0:
         return Passage(n - 1, n - 1, False, False)
     return Passage(entry + 1, last if has_exit else n - 1, True, has_exit)
 
@@ -114,7 +118,7 @@ def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
 
     The ends of the rod stay held where they are beyond the far plane: a stop gives way a little.
     """
-    length = model.sleeve[LENGTH]
+    length = model.introducer[LENGTH]
     ramp = min(model.rest_length, 0.5 * length)
     if axial < ramp and i < model.mass.shape[0] - 1:
         return max(axial, 0.0) / ramp, 1.0 / ramp if axial > 0.0 else 0.0
@@ -127,18 +131,18 @@ def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
 def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int, float]:
     """The particle that is beyond a stop and by how far, towards the exit positive; (0, 0.0) where there is none.
 
-    The first particle stops two segments (at most half the sleeve) before the exit, and the particle `least_tip_m`
-    before the tip stops at the exit. Both are the ends of what may slide: a rod can leave its sleeve on neither side.
+    The first particle stops two segments (at most half the introducer) before the exit, and the particle `least_tip_m`
+    before the tip stops at the exit. Both are the ends of what may slide: a rod cannot leave its introducer.
     """
-    length = model.sleeve[LENGTH]
+    length = model.introducer[LENGTH]
     n = x.shape[0]
     if not passage.has_entry and passage.first == 0:
-        over = axial_position(model.sleeve, x, 0) - (length - min(2.0 * model.rest_length, 0.5 * length))
+        over = axial_position(model.introducer, x, 0) - (length - min(2.0 * model.rest_length, 0.5 * length))
         if over > 0.0:
             return 0, over
-    bead = max(n - 1 - int(np.ceil(model.sleeve[LEAST_TIP] / model.rest_length)), 0)
+    bead = max(n - 1 - int(np.ceil(model.introducer[LEAST_TIP] / model.rest_length)), 0)
     if passage.last >= bead:
-        short = axial_position(model.sleeve, x, bead) - length
+        short = axial_position(model.introducer, x, bead) - length
         if short < 0.0:
             return bead, short
     return 0, 0.0

@@ -1,12 +1,12 @@
-"""The introducer needle."""
+"""The introducer."""
 
 import numpy as np
 import pytest
 
 from services.mechanics.rod import (
     ImplicitIntegrator,
+    Introducer,
     SemiImplicitIntegrator,
-    Sleeve,
     Supports,
     rod_along,
     rod_energy,
@@ -17,11 +17,11 @@ from services.mechanics.rod.model import build_model
 from services.studies.rod_problems import EA, EI, example_rod
 
 X = (1.0, 0.0, 0.0)
-NEEDLE = ((0.0, 0.0, 0.0), (0.03, 0.0, 0.0))
+INTRODUCER = ((0.0, 0.0, 0.0), (0.03, 0.0, 0.0))
 
 
-def in_needle(properties, supports, integrator=ImplicitIntegrator):
-    """A rod that starts 41 mm before the needle's entry, so that no particle is in an end plane."""
+def in_introducer(properties, supports, integrator=ImplicitIntegrator):
+    """A rod that starts 41 mm before the introducer's entry, so that no particle is in an end plane."""
     return integrator(properties, supports), straight_rod(properties, (-0.041, 0, 0), X)
 
 
@@ -34,9 +34,9 @@ def push(integrator, state, load, speed_m_s, steps, dt_s=1e-3):
     return np.array(tip)
 
 
-def test_the_part_beyond_the_needle_bends_like_a_cantilever_clamped_at_its_exit():
+def test_the_part_beyond_the_introducer_bends_like_a_cantilever_clamped_at_its_exit():
     properties = example_rod(100, internal_damping_s=5e-3, viscous_drag_n_s_m2=0.05)
-    integrator, state = in_needle(properties, Supports(held=(0,), sleeve=Sleeve(*NEEDLE)))
+    integrator, state = in_introducer(properties, Supports(held=(0,), introducer=Introducer(*INTRODUCER)))
     load = np.zeros((101, 3))
     load[-1, 2] = -1e-4
     push(integrator, state, load, 0.0, 2000)
@@ -51,7 +51,7 @@ def test_the_part_beyond_the_needle_bends_like_a_cantilever_clamped_at_its_exit(
 
 def test_sliding_through_moves_the_tip_without_jumps():
     properties = example_rod(internal_damping_s=5e-3, viscous_drag_n_s_m2=0.05)
-    integrator, state = in_needle(properties, Supports(held=(0,), sleeve=Sleeve(*NEEDLE)))
+    integrator, state = in_introducer(properties, Supports(held=(0,), introducer=Introducer(*INTRODUCER)))
     load = np.zeros((51, 3))
     load[-1, 2] = -1e-3
     push(integrator, state, load, 0.0, 1500)
@@ -62,9 +62,9 @@ def test_sliding_through_moves_the_tip_without_jumps():
     assert np.abs(np.diff(velocity[:, 2])).max() < 2e-3
 
 
-def test_without_friction_the_needle_lets_the_rod_slide_freely():
+def test_without_friction_the_introducer_lets_the_rod_slide_freely():
     properties = example_rod()
-    integrator, state = in_needle(properties, Supports(sleeve=Sleeve(*NEEDLE)))
+    integrator, state = in_introducer(properties, Supports(introducer=Introducer(*INTRODUCER)))
     pull = np.zeros((51, 3))
     pull[:, 0] = 0.1 * properties.particle_mass_kg()
     for _ in range(100):
@@ -72,11 +72,11 @@ def test_without_friction_the_needle_lets_the_rod_slide_freely():
     np.testing.assert_allclose(state.velocity_m_s[:, 0], 0.01, rtol=1e-9)
 
 
-def test_thrust_through_the_needle_is_mu_times_the_pushes_of_its_wall():
+def test_thrust_through_the_introducer_is_mu_times_the_pushes_of_its_wall():
     """A cross load at the tip presses the rod to the wall near the exit, up and down; pushing it on takes their sum."""
     properties = example_rod(viscous_drag_n_s_m2=0.05, internal_damping_s=5e-3)
-    needle = Sleeve(*NEEDLE, friction=0.2)
-    integrator, state = in_needle(properties, Supports(held=(0,), start_direction=X, sleeve=needle))
+    introducer = Introducer(*INTRODUCER, friction=0.2)
+    integrator, state = in_introducer(properties, Supports(held=(0,), start_direction=X, introducer=introducer))
     load = np.zeros((51, 3))
     load[-1, 2] = -2e-3
     push(integrator, state, load, 0.0, 1500)
@@ -86,13 +86,13 @@ def test_thrust_through_the_needle_is_mu_times_the_pushes_of_its_wall():
         push(integrator, state, load, 0.02, 1)
         strain = np.linalg.norm(np.diff(state.position_m, axis=0), axis=1) / properties.segment_length_m - 1.0
         thrust.append(-EA * strain[5] - 0.05 * 0.02 * 0.1)  # less the viscous drag of the rod
-        pushes.append(wall_pushes(state.position_m, needle.lateral_stiffness_n_m))
+        pushes.append(wall_pushes(state.position_m, introducer.lateral_stiffness_n_m))
     assert np.mean(thrust) == pytest.approx(0.2 * np.mean(pushes), rel=0.05)
     assert np.mean(pushes) > 0.05
 
 
 def wall_pushes(position, stiffness_n_m):
-    """Sum of the wall's push magnitudes on a rod in NEEDLE, from how far it stands off the axis."""
+    """Sum of the wall's push magnitudes on a rod in INTRODUCER, from how far it stands off the axis."""
     x, off = position[:, 0], np.linalg.norm(position[:, 1:], axis=1)
     inside = (x > 0.0) & (x < 0.03)
     depth = np.minimum(x, 0.03 - x)[inside]
@@ -104,8 +104,8 @@ def wall_pushes(position, stiffness_n_m):
 
 def test_explicit_friction_brings_the_rod_to_rest_without_feeding_it():
     properties = example_rod()
-    needle = Sleeve(*NEEDLE, lateral_stiffness_n_m=1e4, friction=0.5)
-    integrator, state = in_needle(properties, Supports(sleeve=needle), SemiImplicitIntegrator)
+    introducer = Introducer(*INTRODUCER, lateral_stiffness_n_m=1e4, friction=0.5)
+    integrator, state = in_introducer(properties, Supports(introducer=introducer), SemiImplicitIntegrator)
     load = np.zeros((51, 3))
     load[22, 2], load[28, 2] = 0.05, -0.05
     state.velocity_m_s[:, 0] = 0.05
@@ -122,18 +122,18 @@ def axial(state, particle):
     return state.position_m[particle, 0]
 
 
-def test_a_rod_that_is_pulled_hard_stays_in_its_needle():
+def test_a_rod_that_is_pulled_hard_stays_in_its_introducer():
     """Pulled by the tip the first particle stops two segments before the exit; pushed back, 5 mm stay outside."""
     properties = example_rod(internal_damping_s=5e-3, viscous_drag_n_s_m2=100.0)
-    needle = Sleeve(*NEEDLE)
+    introducer = Introducer(*INTRODUCER)
     for force_n in (5.0, -5.0):
-        integrator, state = in_needle(properties, Supports(sleeve=needle))
+        integrator, state = in_introducer(properties, Supports(introducer=introducer))
         pull = np.zeros((51, 3))
         pull[:, 0] = force_n / 51
         for _ in range(1000):
             integrator.predict(state, pull, 1e-3)
         assert np.abs(state.velocity_m_s).max() < 1e-6
-        give_m = 5.0 / needle.stop_stiffness_n_m
+        give_m = 5.0 / introducer.stop_stiffness_n_m
         if force_n > 0.0:
             assert axial(state, 0) == pytest.approx(0.03 - 2 * 0.002 + give_m, rel=1e-4)
         else:
@@ -143,7 +143,7 @@ def test_a_rod_that_is_pulled_hard_stays_in_its_needle():
 
 def test_a_rod_that_runs_into_its_stop_gains_no_energy():
     properties = example_rod()
-    integrator, state = in_needle(properties, Supports(sleeve=Sleeve(*NEEDLE)))
+    integrator, state = in_introducer(properties, Supports(introducer=Introducer(*INTRODUCER)))
     state.velocity_m_s[:, 0] = 0.3
     start_j = rod_energy(integrator.model, state).total_j
     energy_j = []
@@ -157,27 +157,28 @@ def test_a_rod_that_runs_into_its_stop_gains_no_energy():
     assert axial(state, 0) < 0.03
 
 
-def test_a_part_that_swings_past_the_needle_outside_is_not_taken_for_the_part_inside():
-    """The free end folds back beside the needle, across both planes: nothing but the part inside feels the sleeve."""
+def test_a_part_that_swings_past_the_introducer_outside_is_not_taken_for_the_part_inside():
+    """The free end folds back beside the introducer, across both planes: only the part inside feels it."""
     properties = example_rod(100)
     curve = np.array([(-0.011, 0, 0), (0.035, 0, 0), (0.035, 0.008, 0), (-0.02, 0.008, 0)])
     state = rod_along(properties, curve)
     feels = [
-        internal_forces(build_model(properties, Supports(sleeve=sleeve)), state) for sleeve in (Sleeve(*NEEDLE), None)
+        internal_forces(build_model(properties, Supports(introducer=introducer)), state)
+        for introducer in (Introducer(*INTRODUCER), None)
     ]
     outside = state.position_m[:, 1] > 1e-4
     assert outside.sum() > 50
     assert np.array_equal(feels[0][outside], feels[1][outside])
     state.position_m[20, 2] += 1e-4
-    moved = internal_forces(build_model(properties, Supports(sleeve=Sleeve(*NEEDLE))), state)
+    moved = internal_forces(build_model(properties, Supports(introducer=Introducer(*INTRODUCER))), state)
     assert moved[20, 2] < -9.0
 
 
 def test_pulling_through_a_seal_takes_its_friction_and_a_smaller_pull_does_not_move_the_rod():
     """Under tension too: the speed that friction follows is the rod's own, not that of a step's first guess."""
     properties = example_rod(viscous_drag_n_s_m2=0.0, internal_damping_s=5e-3)
-    needle = Sleeve(*NEEDLE, seal_friction_n=0.2)
-    integrator, state = in_needle(properties, Supports(held=(-1,), sleeve=needle))
+    introducer = Introducer(*INTRODUCER, seal_friction_n=0.2)
+    integrator, state = in_introducer(properties, Supports(held=(-1,), introducer=introducer))
     tension = []
     for _ in range(400):
         integrator.held_target_m[0] = state.position_m[-1] + np.array([1e-5, 0.0, 0.0])
@@ -186,20 +187,20 @@ def test_pulling_through_a_seal_takes_its_friction_and_a_smaller_pull_does_not_m
         tension.append(EA * strain[-3])
     assert np.mean(tension[200:]) == pytest.approx(0.2, rel=0.02)
     assert np.std(tension[200:]) < 0.02
-    integrator, state = in_needle(properties, Supports(sleeve=needle))
+    integrator, state = in_introducer(properties, Supports(introducer=introducer))
     pull = np.zeros((51, 3))
     pull[-1, 0] = 0.1
     for _ in range(500):
         integrator.predict(state, pull, 1e-3)
     stretch_m = 0.1 * 0.03 / EA
-    assert 0.0 < axial(state, -1) - 0.059 < 1.01 * stretch_m + 0.5 * needle.slip_speed_m_s * 0.5
+    assert 0.0 < axial(state, -1) - 0.059 < 1.01 * stretch_m + 0.5 * introducer.slip_speed_m_s * 0.5
 
 
 def test_friction_under_tension_follows_the_rods_own_speed():
     """A taut rod whose stretch grows: the step's first guess is that it stands still, friction is that of its slide."""
     properties = example_rod()
     seal_n = 2e-5  # takes 1 % of the rod's momentum in a step
-    integrator, state = in_needle(properties, Supports(sleeve=Sleeve(*NEEDLE, seal_friction_n=seal_n)))
+    integrator, state = in_introducer(properties, Supports(introducer=Introducer(*INTRODUCER, seal_friction_n=seal_n)))
     state.position_m[:, 0] *= 1.0 + 0.5 / EA
     state.velocity_m_s[:, 0] = 0.01 + 1e-3 * np.linspace(0.0, 1.0, 51)
     pull = np.zeros((51, 3))

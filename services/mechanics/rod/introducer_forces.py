@@ -1,9 +1,9 @@
-"""Forces of the sleeve that a rod slides through, with their positive semidefinite tangent.
+"""Forces of the introducer that a rod slides through, with their positive semidefinite tangent.
 
 Held are the points of the centreline nearest to the ends of the axis, to these, and every particle between to the axis;
 a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or out
 changes no force by a jump. Stops keep both ends of the rod from leaving. All springs are the gradient of an energy:
-without friction the sleeve takes no work.
+without friction the introducer takes no work.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
 from .elasticity import Scale, Vector, dot, row
-from .model import RodModel, RodWork
-from .sleeve_passage import (
+from .introducer_passage import (
     FRICTION,
     LENGTH,
     SEAL,
@@ -30,67 +29,68 @@ from .sleeve_passage import (
     offset_from_axis,
     stop_overlap,
 )
+from .model import RodModel, RodWork
 
 
 @kernel
-def add_sleeve(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add the forces that keep the rod on the axis of the sleeve and in it, and friction along it.
+def add_introducer(model: RodModel, work: RodWork, scale: Scale) -> None:
+    """Add the forces that keep the rod on the axis of the introducer and in it, and friction along it.
 
     scale is ((theta dt)^2, theta dt): what stiffness and damping are multiplied with in the band; (0, dt) is an
     explicit step, in which friction may stop the rod but not turn it round; (0, 0) is no step, only forces.
     """
-    passage = find_passage(model.sleeve, work.position)
+    passage = find_passage(model.introducer, work.position)
     for i in range(passage.first, passage.last + 1):
-        _hold_particle(model, work, i, axial_position(model.sleeve, work.position, i), scale)
+        _hold_particle(model, work, i, axial_position(model.introducer, work.position, i), scale)
     if passage.has_entry:
         _hold_end(model, work, passage.first - 1, 0.0, scale)
     if passage.has_exit:
-        _hold_end(model, work, passage.last, model.sleeve[LENGTH], scale)
+        _hold_end(model, work, passage.last, model.introducer[LENGTH], scale)
     i, over = stop_overlap(model, work.position, passage)
     if over != 0.0:
         _stop(model, work, i, over, scale)
 
 
 @kernel
-def sleeve_energy(model: RodModel, work: RodWork) -> float:
-    """Energy [J] of the springs that hold the rod to the axis of the sleeve, and of its stops."""
+def introducer_energy(model: RodModel, work: RodWork) -> float:
+    """Energy [J] of the springs that hold the rod to the axis of the introducer, and of its stops."""
     x = work.position
-    passage = find_passage(model.sleeve, x)
+    passage = find_passage(model.introducer, x)
     total = 0.0
     for i in range(passage.first, passage.last + 1):
-        o = offset_from_axis(model.sleeve, x, i)
-        total += depth_weight(model, i, axial_position(model.sleeve, x, i))[0] * dot(o, o)
+        o = offset_from_axis(model.introducer, x, i)
+        total += depth_weight(model, i, axial_position(model.introducer, x, i))[0] * dot(o, o)
     if passage.has_entry:
-        o = closest_on_segment(x, passage.first - 1, end_point(model.sleeve, 0.0))[1]
+        o = closest_on_segment(x, passage.first - 1, end_point(model.introducer, 0.0))[1]
         total += dot(o, o)
     if passage.has_exit:
-        o = closest_on_segment(x, passage.last, end_point(model.sleeve, model.sleeve[LENGTH]))[1]
+        o = closest_on_segment(x, passage.last, end_point(model.introducer, model.introducer[LENGTH]))[1]
         total += dot(o, o)
     over = stop_overlap(model, x, passage)[1]
-    return 0.5 * float(model.sleeve[STIFFNESS] * total + model.sleeve[STOP_STIFFNESS] * over * over)
+    return 0.5 * float(model.introducer[STIFFNESS] * total + model.introducer[STOP_STIFFNESS] * over * over)
 
 
 @kernel
 def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: Scale) -> None:
-    k = model.sleeve[STOP_STIFFNESS]
+    k = model.introducer[STOP_STIFFNESS]
     for c in range(3):
-        work.force[i, c] -= k * over * model.sleeve[3 + c]
+        work.force[i, c] -= k * over * model.introducer[3 + c]
         if scale[0] > 0.0:
             for b in range(c, 3):
-                work.band[3 * i + c, b - c] += scale[0] * k * model.sleeve[3 + c] * model.sleeve[3 + b]
+                work.band[3 * i + c, b - c] += scale[0] * k * model.introducer[3 + c] * model.introducer[3 + b]
 
 
 @kernel
 def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
-    a = (model.sleeve[3], model.sleeve[4], model.sleeve[5])
-    o = offset_from_axis(model.sleeve, work.position, i)
+    a = (model.introducer[3], model.introducer[4], model.introducer[5])
+    o = offset_from_axis(model.introducer, work.position, i)
     weight, slope = depth_weight(model, i, axial)
-    k = model.sleeve[STIFFNESS] * weight
-    along = 0.5 * model.sleeve[STIFFNESS] * slope * dot(o, o)
+    k = model.introducer[STIFFNESS] * weight
+    along = 0.5 * model.introducer[STIFFNESS] * slope * dot(o, o)
     for c in range(3):
         work.force[i, c] -= k * o[c] + along * a[c]
-    before = offset_from_axis(model.sleeve, work.settled, i)
-    drag = _friction(model, work, (i, 0.0), model.sleeve[FRICTION] * k * math.sqrt(dot(before, before)), scale)
+    before = offset_from_axis(model.introducer, work.settled, i)
+    drag = _friction(model, work, (i, 0.0), model.introducer[FRICTION] * k * math.sqrt(dot(before, before)), scale)
     if scale[0] > 0.0:
         _add_tangent(model, work, (i, 0.0), a, (scale[0] * k, scale[1] * drag))
 
@@ -98,15 +98,15 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
 @kernel
 def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
     """Hold segment i to an end of the axis where it is nearest to it: the push is normal to the rod at any angle."""
-    end = end_point(model.sleeve, axial)
+    end = end_point(model.introducer, axial)
     s, o = closest_on_segment(work.position, i, end)
-    k = model.sleeve[STIFFNESS]
+    k = model.introducer[STIFFNESS]
     for c in range(3):
         work.force[i, c] -= (1.0 - s) * k * o[c]
         work.force[i + 1, c] -= s * k * o[c]
-    most = model.sleeve[FRICTION] * k * _distance_before(work, i, end)
+    most = model.introducer[FRICTION] * k * _distance_before(work, i, end)
     if axial > 0.0:
-        most += model.sleeve[SEAL]
+        most += model.introducer[SEAL]
     drag = _friction(model, work, (i, s), most, scale)
     if scale[0] > 0.0:
         # A particle that is nearest itself, at a kink, is held in every direction.
@@ -137,12 +137,12 @@ def _friction(model: RodModel, work: RodWork, at: tuple[int, float], most: float
     i, s = at
     j = i + 1 if s > 0.0 else i
     speed = _axial_speed(model, work.velocity, i, s)
-    drag = most / max(abs(_axial_speed(model, work.settled_velocity, i, s)), model.sleeve[SLIP_SPEED])
+    drag = most / max(abs(_axial_speed(model, work.settled_velocity, i, s)), model.introducer[SLIP_SPEED])
     if scale[0] == 0.0 and scale[1] > 0.0:
         drag = min(drag, 0.25 * model.mass[i] / scale[1])
     for c in range(3):
-        work.force[i, c] -= (1.0 - s) * drag * speed * model.sleeve[3 + c]
-        work.force[j, c] -= s * drag * speed * model.sleeve[3 + c]
+        work.force[i, c] -= (1.0 - s) * drag * speed * model.introducer[3 + c]
+        work.force[j, c] -= s * drag * speed * model.introducer[3 + c]
     return float(drag)
 
 
@@ -152,7 +152,7 @@ def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
     j = i + 1 if s > 0.0 else i
     speed = 0.0
     for c in range(3):
-        speed += ((1.0 - s) * v[i, c] + s * v[j, c]) * model.sleeve[3 + c]
+        speed += ((1.0 - s) * v[i, c] + s * v[j, c]) * model.introducer[3 + c]
     return speed
 
 
@@ -165,7 +165,7 @@ def _add_tangent(
     lateral, drag = factor
     for c in range(3):
         for b in range(3):
-            value = drag * model.sleeve[3 + c] * model.sleeve[3 + b] - lateral * along[c] * along[b]
+            value = drag * model.introducer[3 + c] * model.introducer[3 + b] - lateral * along[c] * along[b]
             if b == c:
                 value += lateral
             if b >= c:
