@@ -1,6 +1,6 @@
 """Numeric arrays on the wire: ``[dtype, shape, bin]``, checked against what the body declares.
 
-A body declares an array field as ``Annotated[Array, Spec("<f8", ("particles", 3), "m")]``: the numpy dtype string, a
+A body declares an array field as ``Annotated[Array, spec("<f8", ("particles", 3), "m")]``: the numpy dtype string, a
 shape whose entries are a number or the name of a dimension, and the unit. One name is one length in all arrays of a
 body, so a body whose arrays disagree is refused before anyone indexes with it.
 """
@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 MAX_DIMENSION = 1 << 20
@@ -71,3 +72,8 @@ class Spec:
         if self.must_be_finite and not np.isfinite(np.frombuffer(array.data)).all():
             return "not_finite", "an array holds NaN or infinity"
         return None
+
+
+def spec(dtype: str, shape: tuple[int | str, ...], unit: str, *, finite: bool = True) -> Meta:
+    """Return what makes an `Array` field say what it holds; see `Spec`."""
+    return Meta(extra={"array": Spec(dtype, shape, unit, finite)})

@@ -8,47 +8,19 @@ array's bytes are what its dtype and shape say, that the body's arrays agree, an
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import cache
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import msgspec
 
-from protocol.arrays import Array, Spec
+from protocol.fields import Field, Form, fields
 
 
 @cache
 def decoder(kind: type[msgspec.Struct]) -> msgspec.msgpack.Decoder[Any]:
     """Return the (reused) decoder of `kind`."""
     return msgspec.msgpack.Decoder(kind)
-
-
-@cache
-def array_specs(kind: type[msgspec.Struct]) -> tuple[tuple[str, Spec], ...]:
-    """Return the array fields of `kind` with their declarations."""
-    found = []
-    for name, hint in _hints(kind).items():
-        if get_origin(hint) is Annotated and get_args(hint)[0] is Array:
-            spec = next((extra for extra in get_args(hint)[1:] if isinstance(extra, Spec)), None)
-            if spec is None:
-                raise TypeError(f"{kind.__name__}.{name}: an Array field needs a Spec")
-            found.append((name, spec))
-    return tuple(found)
-
-
-@cache
-def other_fields(kind: type[msgspec.Struct]) -> tuple[tuple[str, Any], ...]:
-    """Return name and bare type of the fields that the decoder alone cannot vouch for, arrays left out."""
-    bare = {name: _bare(hint) for name, hint in _hints(kind).items()}
-    return tuple((name, bare[name]) for name in kind.__struct_fields__ if bare[name] not in (int, str, bool, Array))
-
-
-def _bare(hint: Any) -> Any:
-    return get_args(hint)[0] if get_origin(hint) is Annotated else hint
-
-
-@cache
-def _hints(kind: type[msgspec.Struct]) -> dict[str, Any]:
-    return get_type_hints(kind, include_extras=True)
 
 
 def fault(body: msgspec.Struct, *, finite_scalars: bool) -> tuple[str, str] | None:
@@ -61,27 +33,31 @@ def fault(body: msgspec.Struct, *, finite_scalars: bool) -> tuple[str, str] | No
     finite_scalars
         Whether numbers outside arrays must be finite: so for commands.
     """
-    kind = type(body)
     lengths: dict[str, int] = {}
-    for name, spec in array_specs(kind):
-        found = spec.fault(getattr(body, name), lengths)
-        if found is not None:
-            return found[0], f"{name}: {found[1]}"
-    for name, _ in other_fields(kind):
-        found = _value_fault(getattr(body, name), name, finite_scalars)
+    for field in fields(type(body)):
+        found = _fault(field, getattr(body, field.name), lengths, finite_scalars)
         if found is not None:
             return found
     return None
 
 
-def _value_fault(value: Any, name: str, finite: bool) -> tuple[str, str] | None:
-    if isinstance(value, float):
-        return ("not_finite", f"{name} is not a finite number") if finite and not math.isfinite(value) else None
-    if isinstance(value, msgspec.Struct):
-        return fault(value, finite_scalars=finite)
-    if isinstance(value, tuple):
-        for item in value:
-            found = _value_fault(item, name, finite)
-            if found is not None:
-                return found
+def _fault(field: Field, value: Any, lengths: dict[str, int], finite: bool) -> tuple[str, str] | None:
+    if field.spec is not None:
+        found = field.spec.fault(value, lengths)
+        return found and (found[0], f"{field.name}: {found[1]}")
+    for item in _items(field, value):
+        if field.body is not None:
+            within = fault(item, finite_scalars=finite)
+            if within is not None:
+                return within
+        elif finite and field.item is float and not math.isfinite(item):
+            return "not_finite", f"{field.name} is not a finite number"
     return None
+
+
+def _items(field: Field, value: Any) -> Iterable[Any]:
+    if field.form is Form.ONE:
+        return (value,)
+    if field.form is Form.OPTIONAL:
+        return () if value is None else (value,)
+    return value.values() if field.form is Form.MAP else value  # type: ignore[no-any-return]

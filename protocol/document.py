@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import types
 from pathlib import Path
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import msgspec
-from msgspec import Meta
 
-from protocol.arrays import Array, Spec
+from protocol.fields import Field, Form, fields, nested
 from protocol.frame import MAX_FRAME_BYTES, PROTOCOL_VERSION, Header, Reason
 from protocol.topics import TOPICS
 
@@ -39,7 +36,10 @@ def document() -> str:
     parts = [_INTRODUCTION, "## Envelope\n", _table(Header), "## Topics\n", _topic_table(), "## Bodies\n"]
     done: set[type[msgspec.Struct]] = set()
     for row in TOPICS.values():
-        _add_body(row.body, f", version {row.version}", parts, done)
+        if row.body not in done:
+            parts.append(_body(row.body, f", version {row.version}"))
+        parts += [_body(inner) for inner in nested(row.body) if inner not in done]
+        done |= {row.body, *nested(row.body)}
     return "\n".join(parts)
 
 
@@ -53,60 +53,36 @@ def _topic_table() -> str:
     return "\n".join(lines) + "\n"
 
 
-def _add_body(body: type[msgspec.Struct], note: str, parts: list[str], done: set[type[msgspec.Struct]]) -> None:
-    if body in done:
-        return
-    done.add(body)
-    parts += [f"### {body.__name__}{note}\n", f"{(body.__doc__ or '').strip()}\n", _table(body)]
-    for hint in get_type_hints(body).values():
-        for nested in _nested(hint):
-            _add_body(nested, "", parts, done)
-
-
-def _nested(hint: Any) -> list[type[msgspec.Struct]]:
-    if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
-        return [] if hint is Array else [hint]
-    return [found for part in get_args(hint) for found in _nested(part)]
+def _body(body: type[msgspec.Struct], note: str = "") -> str:
+    return f"### {body.__name__}{note}\n\n{(body.__doc__ or '').strip()}\n\n{_table(body)}"
 
 
 def _table(body: type[msgspec.Struct]) -> str:
     lines = ["| position | field | type | unit, limits, meaning |", "|---|---|---|---|"]
-    hints = get_type_hints(body, include_extras=True)
-    for position, name in enumerate(body.__struct_fields__):
-        kind, meaning = _describe(hints[name])
-        lines.append(f"| {position} | `{name}` | {kind} | {meaning} |")
+    for position, field in enumerate(fields(body)):
+        lines.append(f"| {position} | `{field.name}` | {_type_name(field)} | {_meaning(field)} |")
     return "\n".join(lines) + "\n"
 
 
-def _describe(hint: Any) -> tuple[str, str]:
-    extras = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-    notes = []
-    for extra in extras:
-        if isinstance(extra, Spec):
-            shape = " x ".join(str(d) for d in extra.shape)
-            return f"array `{extra.dtype}`, {shape}", extra.unit
-        if isinstance(extra, Meta):
-            notes += [f"{key} {getattr(extra, key)}" for key in ("ge", "gt", "le", "lt") if _has(extra, key)]
-            notes += [f"at most {extra.max_length}"] if _has(extra, "max_length") else []
-            notes += [extra.description] if extra.description else []
-    return _type_name(get_args(hint)[0] if extras else hint), "; ".join(notes)
+def _meaning(field: Field) -> str:
+    limits = dict(field.limits)
+    longest = limits.pop("max_length", None)
+    notes = [f"{key} {value}" for key, value in limits.items()]
+    notes += [f"at most {longest}"] if longest is not None else []
+    return "; ".join([*notes, field.description] if field.description else notes)
 
 
-def _has(meta: Meta, key: str) -> bool:
-    return getattr(meta, key) is not None
-
-
-def _type_name(hint: Any) -> str:
-    if isinstance(hint, types.UnionType) or get_origin(hint) is Union:
-        return " or ".join(_type_name(part) for part in get_args(hint))
-    arguments = get_args(hint)
-    if get_origin(hint) is tuple:
-        if arguments[-1] is Ellipsis:
-            return f"array of {_type_name(arguments[0])}"
-        return f"{len(arguments)} {_type_name(arguments[0])}s"
-    if get_origin(hint) is dict:
-        return f"map of {_type_name(arguments[0])} to {_type_name(arguments[1])}"
-    return "nil" if hint is type(None) else "body" if hint is msgspec.Raw else str(hint.__name__)
+def _type_name(field: Field) -> str:
+    name = "body" if field.item is msgspec.Raw else str(field.item.__name__)
+    if field.spec is not None:
+        return f"array `{field.spec.dtype}`, {' x '.join(str(length) for length in field.spec.shape)}"
+    return {
+        Form.ONE: name,
+        Form.OPTIONAL: f"{name} or nil",
+        Form.MANY: f"array of {name}",
+        Form.FIXED: f"{field.count} {name}s",
+        Form.MAP: f"map of str to {name}",
+    }[field.form]
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.arrays import Array, Spec
+from protocol.arrays import Array, spec
 from protocol.bodies.haptics import GraspHold
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
@@ -54,14 +54,14 @@ class ToolContacts1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     tick: Annotated[int, Meta(ge=0)]
     tools: Annotated[tuple[ToolState1, ...], Meta(max_length=8)]
-    tool: Annotated[Array, Spec("|i1", ("pairs",), "1")]
-    tool_segment: Annotated[Array, Spec("|i1", ("pairs",), "1")]
-    target_kind: Annotated[Array, Spec("|i1", ("pairs",), "1")]
-    target: Annotated[Array, Spec("<i4", ("pairs",), "index")]
-    tool_parameter: Annotated[Array, Spec("<f8", ("pairs",), "1")]
-    target_weights: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
-    normal: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
-    gap_m: Annotated[Array, Spec("<f8", ("pairs",), "m")]
+    tool: Annotated[Array, spec("|i1", ("pairs",), "1")]
+    tool_segment: Annotated[Array, spec("|i1", ("pairs",), "1")]
+    target_kind: Annotated[Array, spec("|i1", ("pairs",), "1")]
+    target: Annotated[Array, spec("<i4", ("pairs",), "index")]
+    tool_parameter: Annotated[Array, spec("<f8", ("pairs",), "1")]
+    target_weights: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
+    normal: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
+    gap_m: Annotated[Array, spec("<f8", ("pairs",), "m")]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
 
 
@@ -70,10 +70,10 @@ class Duct1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     tick: Annotated[int, Meta(ge=0)]
     basis_hash: Annotated[str, Meta(max_length=64)]
-    q: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)")]
-    q_rate: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)/s")]
-    load_node: Annotated[Array, Spec("<i4", ("loads",), "index")]
-    load_force_n: Annotated[Array, Spec("<f8", ("loads", 3), "N")]
+    q: Annotated[Array, spec("<f8", ("modes",), "m sqrt(kg)")]
+    q_rate: Annotated[Array, spec("<f8", ("modes",), "m sqrt(kg)/s")]
+    load_node: Annotated[Array, spec("<i4", ("loads",), "index")]
+    load_force_n: Annotated[Array, spec("<f8", ("loads", 3), "N")]
     quality_level: Annotated[int, Meta(ge=0, lt=16)] = 0
 
 
@@ -81,10 +81,10 @@ class Catheter1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """Version 1 of ``physics.catheter`` had an array of twists that was always empty."""
 
     tick: Annotated[int, Meta(ge=0)]
-    position_m: Annotated[Array, Spec("<f8", ("particles", 3), "m")]
-    velocity_m_s: Annotated[Array, Spec("<f8", ("particles", 3), "m/s")]
+    position_m: Annotated[Array, spec("<f8", ("particles", 3), "m")]
+    velocity_m_s: Annotated[Array, spec("<f8", ("particles", 3), "m/s")]
     radius_m: Annotated[float, Meta(gt=0.0)]
-    twist_rad: Annotated[Array, Spec("<f8", ("twists",), "rad")]
+    twist_rad: Annotated[Array, spec("<f8", ("twists",), "rad")]
     inserted_length_m: float = 0.0
 
 
@@ -109,8 +109,8 @@ class PhysicsContacts1(msgspec.Struct, array_like=True, frozen=True, kw_only=Tru
 
     tick: Annotated[int, Meta(ge=0)]
     tools: Annotated[tuple[ToolReaction1, ...], Meta(max_length=8)]
-    kind: Annotated[Array, Spec("|i1", ("contacts",), "1")]
-    point_m: Annotated[Array, Spec("<f8", ("contacts", 3), "m")]
-    force_n: Annotated[Array, Spec("<f8", ("contacts", 3), "N")]
+    kind: Annotated[Array, spec("|i1", ("contacts",), "1")]
+    point_m: Annotated[Array, spec("<f8", ("contacts", 3), "m")]
+    force_n: Annotated[Array, spec("<f8", ("contacts", 3), "N")]
     max_penetration_m: float = 0.0
     iterations: Annotated[int, Meta(ge=0)] = 0

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from functools import cache
 from math import isfinite
 from operator import attrgetter
-from typing import Any, get_args, get_origin
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from protocol.arrays import MAX_DIMENSION, Array
-from protocol.declared import array_specs, other_fields
+from protocol.fields import Field, Form, arrays, fields
 
 Check = Callable[[Any], bool]
 
@@ -44,61 +44,47 @@ def check(kind: type[msgspec.Struct], *, finite_scalars: bool) -> Check:
 
 def _of_fields(kind: type[msgspec.Struct], finite: bool) -> list[Check]:
     """Return the checks of everything in `kind` that is not an array."""
-    scalars: list[str] = []
-    vectors: list[str] = []
-    checks: list[Check | None] = []
-    for name, hint in other_fields(kind):
-        inner = get_args(hint)
-        if hint is float:
-            scalars.append(name)
-        elif get_origin(hint) is tuple and inner[-1] is float:
-            vectors.append(name)
-        elif isinstance(hint, type) and issubclass(hint, msgspec.Struct):
-            checks.append(_of_struct(name, check(hint, finite_scalars=finite)))
-        elif get_origin(hint) is tuple and issubclass(inner[0], msgspec.Struct):
-            checks.append(_of_each(name, check(inner[0], finite_scalars=finite)))
-        else:
-            checks.append(_of_optional(name, hint, finite))
+    checks = [_of_bodies(field, check(field.body, finite_scalars=finite)) for field in fields(kind) if field.body]
     if finite:
-        checks += _of_numbers(scalars, vectors)
-    return [each for each in checks if each is not None]
-
-
-def _of_numbers(scalars: list[str], vectors: list[str]) -> list[Check]:
-    checks: list[Check] = []
-    if scalars:
-        numbers = attrgetter(*scalars, scalars[0])  # the first twice: attrgetter of one name is no tuple
-        checks.append(lambda body: isfinite(sum(numbers(body))))
-    if vectors:
-        tuples = attrgetter(*vectors, vectors[0])
-        checks.append(lambda body: isfinite(sum(map(sum, tuples(body)))))
+        checks += _of_numbers([field for field in fields(kind) if field.item is float])
     return checks
 
 
-def _of_struct(name: str, passes: Check) -> Check:
-    get = attrgetter(name)
-    return lambda body: passes(get(body))
-
-
-def _of_each(name: str, passes: Check) -> Check:
-    get = attrgetter(name)
+def _of_bodies(field: Field, passes: Check) -> Check:
+    get = attrgetter(field.name)
+    if field.form is Form.ONE:
+        return lambda body: passes(get(body))
+    if field.form is Form.OPTIONAL:
+        return lambda body: (value := get(body)) is None or passes(value)
+    if field.form is Form.MAP:
+        return lambda body: all(map(passes, get(body).values()))
     return lambda body: all(map(passes, get(body)))
 
 
-def _of_optional(name: str, hint: Any, finite: bool) -> Check | None:
-    """Return the check of ``Struct | None``; None where nothing needs one, e.g. a dict of counts."""
-    inner = get_args(hint)
-    if len(inner) != 2 or inner[1] is not type(None):
-        return None
-    get, passes = attrgetter(name), check(inner[0], finite_scalars=finite)
-    return lambda body: (value := get(body)) is None or passes(value)
+def _of_numbers(numbers: list[Field]) -> list[Check]:
+    """Return the checks that all these numbers are finite: one sum a form."""
+    checks: list[Check] = []
+    if scalars := _getter(numbers, Form.ONE):
+        checks.append(lambda body: isfinite(sum(scalars(body))))
+    if vectors := _getter(numbers, Form.FIXED, Form.MANY):
+        checks.append(lambda body: isfinite(sum(map(sum, vectors(body)))))
+    if maps := _getter(numbers, Form.MAP):
+        checks.append(lambda body: isfinite(sum(sum(values.values()) for values in maps(body))))
+    if optional := _getter(numbers, Form.OPTIONAL):
+        checks.append(lambda body: isfinite(sum(value for value in optional(body) if value is not None)))
+    return checks
+
+
+def _getter(numbers: list[Field], *forms: Form) -> Callable[[Any], tuple[Any, ...]] | None:
+    names = [field.name for field in numbers if field.form in forms]
+    return attrgetter(*names, names[0]) if names else None  # the first twice: attrgetter of one name is no tuple
 
 
 def _of_arrays(kind: type[msgspec.Struct]) -> list[Check]:
     """Return the check that arrays have the declared dtype, agree in shape, have their bytes, and are finite."""
     rows = [
         (attrgetter(name), spec.dtype, spec.shape, len(spec.shape), int(spec.dtype[2:]), spec.must_be_finite)
-        for name, spec in array_specs(kind)
+        for name, spec in arrays(kind)
     ]
 
     def arrays_agree(body: Any) -> bool:

@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.arrays import Array, Spec
+from protocol.arrays import Array, spec
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
@@ -61,12 +61,12 @@ class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered: physics' clock")]
     tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
-    tool: Annotated[Array, Spec("|i1", ("pairs",), "1")]
-    tool_segment: Annotated[Array, Spec("|i1", ("pairs",), "0 shaft, 1 jaw A, 2 jaw B")]
-    target_kind: Annotated[Array, Spec("|i1", ("pairs",), "0 duct triangle, 1 catheter segment")]
-    target: Annotated[Array, Spec("<i4", ("pairs",), "index")]
-    tool_parameter: Annotated[Array, Spec("<f8", ("pairs",), "1")]
-    target_weights: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
-    normal: Annotated[Array, Spec("<f8", ("pairs", 3), "1")]
-    gap_m: Annotated[Array, Spec("<f8", ("pairs",), "m")]
+    tool: Annotated[Array, spec("|i1", ("pairs",), "1")]
+    tool_segment: Annotated[Array, spec("|i1", ("pairs",), "0 shaft, 1 jaw A, 2 jaw B")]
+    target_kind: Annotated[Array, spec("|i1", ("pairs",), "0 duct triangle, 1 catheter segment")]
+    target: Annotated[Array, spec("<i4", ("pairs",), "index")]
+    tool_parameter: Annotated[Array, spec("<f8", ("pairs",), "1")]
+    target_weights: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
+    normal: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
+    gap_m: Annotated[Array, spec("<f8", ("pairs",), "m")]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()

@@ -7,14 +7,14 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.arrays import Array, Spec
+from protocol.arrays import Array, spec
 
 
 class Histogram(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """Counts in log buckets anchored at `deadline_ns`; services.runtime.histogram has the edges."""
 
     deadline_ns: Annotated[int, Meta(gt=0, description="itself a bucket edge, so that miss ratios are exact")]
-    counts: Annotated[Array, Spec("<i8", ("buckets",), "1")]
+    counts: Annotated[Array, spec("<i8", ("buckets",), "1")]
     total: Annotated[int, Meta(ge=0)] = 0
     sum_ns: int = 0
     max_ns: int = 0

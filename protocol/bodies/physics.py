@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from protocol.arrays import Array, Spec
+from protocol.arrays import Array, spec
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
@@ -19,18 +19,18 @@ class Duct(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     tick: Annotated[int, Meta(ge=0)]
     basis_hash: Annotated[str, Meta(max_length=64, description="content hash of the modal basis")]
-    q: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)")]
-    q_rate: Annotated[Array, Spec("<f8", ("modes",), "m sqrt(kg)/s")]
-    load_node: Annotated[Array, Spec("<i4", ("loads",), "index")]
-    load_force_n: Annotated[Array, Spec("<f8", ("loads", 3), "N")]
+    q: Annotated[Array, spec("<f8", ("modes",), "m sqrt(kg)")]
+    q_rate: Annotated[Array, spec("<f8", ("modes",), "m sqrt(kg)/s")]
+    load_node: Annotated[Array, spec("<i4", ("loads",), "index")]
+    load_force_n: Annotated[Array, spec("<f8", ("loads", 3), "N")]
 
 
 class Catheter(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """The catheter's particles along its centreline, tip last."""
 
     tick: Annotated[int, Meta(ge=0)]
-    position_m: Annotated[Array, Spec("<f8", ("particles", 3), "m")]
-    velocity_m_s: Annotated[Array, Spec("<f8", ("particles", 3), "m/s")]
+    position_m: Annotated[Array, spec("<f8", ("particles", 3), "m")]
+    velocity_m_s: Annotated[Array, spec("<f8", ("particles", 3), "m/s")]
     radius_m: Annotated[float, Meta(gt=0.0)]
     inserted_length_m: Annotated[float, Meta(description="arc length inside the lumen")] = 0.0
 
@@ -60,7 +60,7 @@ class PhysicsContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True
 
     tick: Annotated[int, Meta(ge=0)]
     tools: Annotated[tuple[ToolReaction, ...], Meta(max_length=8)]
-    kind: Annotated[Array, Spec("|i1", ("contacts",), "0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other")]
-    point_m: Annotated[Array, Spec("<f8", ("contacts", 3), "m")]
-    force_n: Annotated[Array, Spec("<f8", ("contacts", 3), "N")]
+    kind: Annotated[Array, spec("|i1", ("contacts",), "0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other")]
+    point_m: Annotated[Array, spec("<f8", ("contacts", 3), "m")]
+    force_n: Annotated[Array, spec("<f8", ("contacts", 3), "N")]
     max_penetration_m: float = 0.0

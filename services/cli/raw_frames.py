@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
-from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any
 
 import msgpack
 import msgspec
 
-from protocol.arrays import Array
+from protocol.fields import Field, Form, fields
 from protocol.frame import Header
 from protocol.topics import TOPICS
 
@@ -38,21 +37,21 @@ def unpack(data: bytes) -> dict[str, Any]:
     return frame
 
 
-def _named(value: Any, kind: Any) -> Any:
-    """Return `value`, as msgpack gave it, with the field names of the declared type `kind`."""
+def _named(value: Any, body: type[msgspec.Struct]) -> Any:
+    """Return `value`, as msgpack gave it, with the names of the fields of `body`."""
     if not isinstance(value, list):
         return value
-    if kind is Array:
-        return _array(value)
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        hints = get_type_hints(kind)
-        names = kind.__struct_fields__
-        return {name: _named(item, hints[name]) for name, item in zip(names, value, strict=False)}
-    if get_origin(kind) is tuple:
-        return [_named(item, get_args(kind)[0]) for item in value]
-    if get_origin(kind) in (Union, UnionType):
-        return _named(value, next(k for k in get_args(kind) if k is not NoneType))
-    return value
+    return {field.name: _item(field, item) for field, item in zip(fields(body), value, strict=False)}
+
+
+def _item(field: Field, value: Any) -> Any:
+    if field.form is Form.ARRAY:
+        return _array(value) if isinstance(value, list) else value
+    if field.body is None or not isinstance(value, list):
+        return value
+    if field.form in (Form.MANY, Form.FIXED):
+        return [_named(item, field.body) for item in value]
+    return _named(value, field.body)
 
 
 def _array(value: Any) -> Any:

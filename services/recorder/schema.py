@@ -6,15 +6,13 @@ repeated numbers in C order. The envelope travels as field 1000.
 
 from __future__ import annotations
 
-import types
 from functools import cache
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import Message
 
-from protocol.arrays import Array, Spec
+from protocol.fields import Field, Form, fields, nested
 
 PACKAGE = "trocar"
 ENVELOPE_FIELD = 1000
@@ -39,10 +37,11 @@ class Envelope(msgspec.Struct, array_like=True):
 def file_descriptor(body: type[msgspec.Struct]) -> descriptor_pb2.FileDescriptorSet:
     """Return the self-contained descriptor set of `body`."""
     file = descriptor_pb2.FileDescriptorProto(name=f"{PACKAGE}/{body.__name__}.proto", package=PACKAGE, syntax="proto3")
-    _add_message(file, Envelope, set())
-    _add_message(file, body, {Envelope})
-    root = next(message for message in file.message_type if message.name == body.__name__)
-    root.field.add(
+    _add_message(file, body)
+    for inner in nested(body):
+        _add_message(file, inner)
+    _add_message(file, Envelope)
+    file.message_type[0].field.add(
         name="envelope", number=ENVELOPE_FIELD, label=_Field.LABEL_OPTIONAL, type=_Field.TYPE_MESSAGE,
         type_name=f".{PACKAGE}.Envelope",
     )  # fmt: skip
@@ -58,52 +57,34 @@ def message_class(body: type[msgspec.Struct]) -> type[Message]:
     return kind
 
 
-def _add_message(
-    file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.Struct], done: set[type[msgspec.Struct]]
-) -> None:
-    done.add(body)
-    message = descriptor_pb2.DescriptorProto(name=body.__name__)
-    hints = get_type_hints(body, include_extras=True)
-    for number, name in enumerate(body.__struct_fields__, start=1):
-        nested = _add_field(message, name, number, hints[name])
-        if nested is not None and nested not in done:
-            _add_message(file, nested, done)
-    file.message_type.append(message)
+def _add_message(file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.Struct]) -> None:
+    message = file.message_type.add(name=body.__name__)
+    for number, field in enumerate(fields(body), start=1):
+        if field.form is Form.MAP:
+            _add_map(message, field, number)
+        else:
+            _add_field(message, field, number)
 
 
-def _add_field(
-    message: descriptor_pb2.DescriptorProto, name: str, number: int, hint: Any
-) -> type[msgspec.Struct] | None:
-    """Add one field; return the body nested in it, if any."""
-    extras = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
-    bare = get_args(hint)[0] if extras else hint
-    if isinstance(bare, types.UnionType) or get_origin(bare) is Union:
-        bare = next(part for part in get_args(bare) if part is not type(None))
-    if get_origin(bare) is dict:
-        _add_map(message, name, number, get_args(bare)[1])
-        return None
-    repeated = get_origin(bare) is tuple or bare is Array
-    item = get_args(bare)[0] if get_origin(bare) is tuple else bare
-    field = message.field.add(
-        name=name, number=number, label=_Field.LABEL_REPEATED if repeated else _Field.LABEL_OPTIONAL
+def _add_field(message: descriptor_pb2.DescriptorProto, field: Field, number: int) -> None:
+    single = field.form in (Form.ONE, Form.OPTIONAL)
+    added = message.field.add(
+        name=field.name, number=number, label=_Field.LABEL_OPTIONAL if single else _Field.LABEL_REPEATED
     )
-    if bare is Array:
-        field.type = _ITEMS[next(extra for extra in extras if isinstance(extra, Spec)).dtype[1]]
-        return None
-    if item in _SCALARS:
-        field.type = _SCALARS[item]
-        return None
-    field.type = _Field.TYPE_MESSAGE
-    field.type_name = f".{PACKAGE}.{item.__name__}"
-    return item  # type: ignore[no-any-return]
+    if field.spec is not None:
+        added.type = _ITEMS[field.spec.dtype[1]]
+    elif field.body is not None:
+        added.type, added.type_name = _Field.TYPE_MESSAGE, f".{PACKAGE}.{field.body.__name__}"
+    else:
+        added.type = _SCALARS[field.item]
 
 
-def _add_map(message: descriptor_pb2.DescriptorProto, name: str, number: int, value: type) -> None:
-    entry = message.nested_type.add(name=f"{name.title().replace('_', '')}Entry")
+def _add_map(message: descriptor_pb2.DescriptorProto, field: Field, number: int) -> None:
+    entry = message.nested_type.add(name=f"{field.name.title().replace('_', '')}Entry")
     entry.options.map_entry = True
     entry.field.add(name="key", number=1, type=_Field.TYPE_STRING, label=_Field.LABEL_OPTIONAL)
-    entry.field.add(name="value", number=2, type=_SCALARS[value], label=_Field.LABEL_OPTIONAL)
+    entry.field.add(name="value", number=2, type=_SCALARS[field.item], label=_Field.LABEL_OPTIONAL)
     message.field.add(
-        name=name, number=number, label=_Field.LABEL_REPEATED, type=_Field.TYPE_MESSAGE,
+        name=field.name, number=number, label=_Field.LABEL_REPEATED, type=_Field.TYPE_MESSAGE,
         type_name=f".{PACKAGE}.{message.name}.{entry.name}",
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from protocol import PROCESSES, TOPICS, topic
-from protocol.declared import array_specs
+from protocol.fields import fields, nested
 from protocol.topics import published_by, read_by
 from services.runtime.endpoints import endpoint
 from services.runtime.rig import Transport
@@ -31,9 +31,10 @@ def test_endpoints_differ_and_come_from_the_name_alone() -> None:
     assert endpoint(tcp, "gateway.state") == "tcp://127.0.0.1:24783"
 
 
-def test_every_array_declares_itself() -> None:
+def test_every_field_travels() -> None:
     for row in TOPICS.values():
-        array_specs(row.body)
+        for body in (row.body, *nested(row.body)):
+            assert fields(body)
 
 
 def test_an_unknown_topic_names_the_known() -> None:
