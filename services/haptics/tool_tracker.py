@@ -11,7 +11,7 @@ from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 
-_NOTHING = ToolReaction()
+_NO_REACTION = ToolReaction()
 
 
 class ToolTracker:
@@ -35,7 +35,7 @@ class ToolTracker:
         self.segments_m = self._body.segments
         self.radius_m = self._body.radius_m
         self.present = np.zeros(N_TOOLS, np.bool_)
-        self.reactions: list[ToolReaction] = [_NOTHING] * N_TOOLS
+        self.reactions: list[ToolReaction] = [_NO_REACTION] * N_TOOLS
 
     def update_pose(self) -> None:
         """Recompute the segments from the proxies."""
@@ -52,7 +52,7 @@ class ToolTracker:
 
     def forget_reactions(self) -> None:
         """Physics is silent: no force is known any more."""
-        self.reactions = [_NOTHING] * N_TOOLS
+        self.reactions = [_NO_REACTION] * N_TOOLS
         self._stretch_m[:] = 0.0
 
     def take_hands(self, state: GatewayState) -> tuple[ToolState, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from protocol import TOPICS
-from protocol.bodies import GatewayState, InstrumentState
+from protocol.bodies import GatewayState, InstrumentState, LocalModel
 from protocol.topics import published_by, read_by
 from services.haptics.__main__ import Haptics
 from services.physics.__main__ import Physics
@@ -40,13 +40,13 @@ class FakeProcess:
 
 
 class Rig:
-    """Gateway by hand, haptics and physics for real, on a bus in memory."""
+    """Gateway by hand, haptics and physics for real, on a bus in memory; `overrides` of the scene as ``--set`` has."""
 
-    def __init__(self) -> None:
+    def __init__(self, *overrides: str) -> None:
         self.hub = MemoryHub()
         self.gateway = MemoryBus(self.hub, publishes=["gateway.state"], reads=["haptics.contact_model"])
         self.haptics_process, self.physics_process = FakeProcess("haptics", self.hub), FakeProcess("physics", self.hub)
-        scene = load_scene(SMALL)
+        scene = load_scene(SMALL, overrides)
         duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
         self.haptics = Haptics(self.haptics_process, scene, duct)  # type: ignore[arg-type]
         self.physics = Physics(self.physics_process, scene, duct)  # type: ignore[arg-type]
@@ -56,7 +56,7 @@ class Rig:
     def turn(self, *hips_m: tuple[float, float, float], handle_rad: float = 0.5) -> None:
         """One millisecond: device frame, haptics, physics."""
         instruments = tuple(
-            InstrumentState(name=f"{i}", position_m=hip, port_m=PORTS[i], handle_angle_rad=handle_rad)
+            InstrumentState(name=f"{i}", position_m=hip, port_m=PORTS[i % 2], handle_angle_rad=handle_rad)
             for i, hip in enumerate(hips_m)
         )
         state = GatewayState(tick=self.tick, instruments=instruments)
@@ -69,17 +69,27 @@ class Rig:
         assert contacts is not None, self.physics_process.bus.reports()
         self.physics.advance(contacts, self.clock.steps(contacts.body.tick))
 
-    def model(self) -> object:
-        """Return the newest contact model's first instrument."""
+    def models(self) -> tuple[LocalModel, ...]:
+        """Return the newest contact model of every instrument."""
         frame = self.gateway.latest("haptics.contact_model")
         assert frame is not None
-        return frame.body.instruments[0]
+        return tuple(frame.body.instruments)
+
+    def model(self) -> LocalModel:
+        """Return the newest contact model of the first instrument."""
+        return self.models()[0]
 
 
 @pytest.fixture
-def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
-    # Turns are made faster than a rig's; the flood limit is tested elsewhere.
+def in_memory(monkeypatch: pytest.MonkeyPatch) -> type[Rig]:
+    """Return `Rig` in a world where turns may be made faster or slower than a rig's."""
+    # The flood limit is tested elsewhere.
     monkeypatch.setattr("services.runtime.bus.FLOOD_FACTOR", 1e6)
     # A turn may take longer than a tick on a busy machine: what is old is decided by the test.
     monkeypatch.setitem(TOPICS, "physics.contacts", replace(TOPICS["physics.contacts"], stale_after_s=STALE_S))
-    return Rig()
+    return Rig
+
+
+@pytest.fixture
+def rig(in_memory: type[Rig]) -> Rig:
+    return in_memory()

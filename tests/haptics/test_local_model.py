@@ -1,0 +1,124 @@
+"""The local model that the servo evaluates: what it takes from a reaction, and that its force is the simulation's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from protocol.bodies import InstrumentState, LocalModel, ToolReaction
+from services.haptics.local_model import FREE, local_model
+from services.mechanics.scene import ForcepsScene
+from tests.physics.conftest import Rig
+
+INSTRUMENT = InstrumentState(
+    name="0",
+    position_m=(0.01, 0.02, 0.03),
+    velocity_m_s=(0.1, -0.2, 0.3),
+)
+FORCEPS = ForcepsScene(coupling_damping_n_s_m=0.7, jaw_ratio=2.0)
+REACTION = ToolReaction(
+    force_n=(0.1, 0.2, 0.3),
+    stiffness_n_m=(3.0, 1.0, 0.0, 1.0, 2.0, 0.5, 0.0, 0.5, 1.0),
+    position_m=(0.011, 0.021, 0.031),
+    grasp_torque_nm=0.02,
+    grasp_stiffness_nm_rad=0.3,
+    jaw_angle_rad=0.5,
+    contacts=1,
+)
+CENTRE, FAR = (0.02, 0.0, 0.006), (0.02, -0.05, 0.08)
+DT_S = 1e-3
+
+
+def test_a_tool_that_touches_gets_what_physics_solved_about_where_it_solved_it() -> None:
+    model = local_model(REACTION, INSTRUMENT, FORCEPS, touching=True)
+    assert model.in_contact
+    assert model.force_n == REACTION.force_n
+    assert model.stiffness_n_m == REACTION.stiffness_n_m
+    assert model.reference_position_m == REACTION.position_m
+    assert model.reference_velocity_m_s == INSTRUMENT.velocity_m_s
+    np.testing.assert_array_equal(np.reshape(model.damping_n_s_m, (3, 3)), 0.7 * np.eye(3))
+
+
+def test_torque_and_stiffness_of_the_jaws_are_felt_at_the_handle() -> None:
+    """The jaws open twice as fast as the handle: by virtual work torque counts twice, stiffness four times."""
+    model = local_model(REACTION, INSTRUMENT, FORCEPS, touching=True)
+    assert model.grasp_torque_nm == pytest.approx(0.04)
+    assert model.grasp_stiffness_nm_rad == pytest.approx(1.2)
+    assert model.reference_angle_rad == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("contacts", "holds", "touching"), [(0, 0, True), (1, 0, False), (0, 1, False), (2, 2, False)])
+def test_no_force_comes_of_nothing(contacts: int, holds: int, touching: bool) -> None:
+    """Neither from a reaction without a contact nor from one that is too old to act on."""
+    reaction = ToolReaction(force_n=(1.0, 1.0, 1.0), grasp_torque_nm=0.1, contacts=contacts, holds=holds)
+    assert local_model(reaction, INSTRUMENT, FORCEPS, touching=touching) == FREE == LocalModel()
+
+
+@pytest.mark.parametrize(("contacts", "holds"), [(1, 0), (0, 1)])
+def test_a_contact_or_a_hold_is_enough(contacts: int, holds: int) -> None:
+    reaction = ToolReaction(force_n=(1.0, 1.0, 1.0), contacts=contacts, holds=holds)
+    assert local_model(reaction, INSTRUMENT, FORCEPS, touching=True).force_n == (1.0, 1.0, 1.0)
+
+
+def press(rig: Rig, ticks: int) -> None:
+    """Lower J until the jaws are in the wall, and hold it there."""
+    for k in range(ticks):
+        height_m = CENTRE[2] + 0.004 * max(0.0, 1.0 - 4.0 * k / ticks)
+        rig.turn((*CENTRE[:2], height_m), FAR)
+
+
+@pytest.fixture(params=[0.0, 1.0], ids=["undamped", "damped"])
+def pressed(request: pytest.FixtureRequest, in_memory: type[Rig]) -> tuple[Rig, float]:
+    rig = in_memory(f"forceps=[{{coupling_damping_n_s_m: {request.param}}}, {{}}]")
+    press(rig, 800)
+    return rig, request.param
+
+
+def test_it_predicts_the_force_on_a_tool_that_moves_within_a_tick(pressed: tuple[Rig, float]) -> None:
+    """K against the simulation itself: 10 um in one tick, each way, change its force by -K (x - x0).
+
+    K is the coupling's spring in series with the wall as it gives way within a tick. In that tick the simulation has
+    the coupling's damper b too, beside the spring: k becomes k + b / dt in that series.
+    """
+    rig, damping_n_s_m = pressed
+    spring_n_m = rig.physics.simulation.scene.forceps[0].coupling_stiffness_n_m
+    stiffer = 1.0 / (spring_n_m + damping_n_s_m / DT_S) - 1.0 / spring_n_m
+    for move_m in np.vstack([1e-5 * np.eye(3), -1e-5 * np.eye(3)]):
+        for _ in range(100):  # back, and at rest
+            rig.turn(CENTRE, FAR)
+        model = rig.model()
+        assert model.in_contact
+        assert model.reference_position_m == CENTRE
+        K = np.reshape(model.stiffness_n_m, (3, 3))
+        within_tick = np.linalg.inv(np.linalg.inv(K) + stiffer * np.eye(3))
+        rig.turn(tuple((np.array(CENTRE) + move_m).tolist()), FAR)
+        predicted = -within_tick @ move_m
+        change = rig.physics.simulation.tool_results.force_n[0] - np.array(model.force_n)
+        assert np.linalg.norm(change - predicted) < 0.02 * np.linalg.norm(predicted)
+
+
+def test_its_stiffness_is_symmetric_and_a_spring_no_stiffer_than_the_coupling(pressed: tuple[Rig, float]) -> None:
+    rig, _ = pressed
+    K = np.reshape(rig.model().stiffness_n_m, (3, 3))
+    np.testing.assert_allclose(K, K.T, atol=1e-9 * np.abs(K).max())
+    eigenvalues = np.linalg.eigvalsh(K)
+    assert eigenvalues.min() > -1e-9 * eigenvalues.max()
+    assert 10.0 < eigenvalues.max() <= rig.physics.simulation.scene.forceps[0].coupling_stiffness_n_m
+
+
+def test_out_of_contact_and_for_an_absent_tool_it_is_zero(in_memory: type[Rig]) -> None:
+    rig = in_memory()
+    press(rig, 100)
+    assert rig.model().in_contact
+    for _ in range(50):
+        rig.turn(FAR, FAR)
+    assert rig.models() == (FREE, FREE)
+    press(rig, 100)
+    for _ in range(3):
+        rig.turn(CENTRE)  # the second tool is gone
+    touching, *others = rig.models()
+    assert touching.in_contact
+    assert others == []
+    for _ in range(3):
+        rig.turn(FAR, FAR, CENTRE)  # a third, of which mechanics knows nothing
+    assert rig.models() == (FREE, FREE, FREE)
