@@ -1,0 +1,208 @@
+"""Structs that Python fills and kernels read and write in place; docs/kernels.md has the whole of it.
+
+A struct is a class with annotated fields. An object of it owns a few words of memory that hold its numbers and the
+addresses and extents of its arrays, and it keeps those arrays alive. Kernels are handed its address.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import numbers
+import operator
+from collections.abc import Callable
+from typing import Any, ClassVar, Generic, NoReturn, Self, TypeVar, dataclass_transform
+
+import numpy as np
+from numba import types
+from numba.extending import NativeValue, intrinsic, register_jitable, typeof_impl, unbox
+
+from services.mechanics.compiled.layout import (
+    ArrayField,
+    Field,
+    Layout,
+    ScalarField,
+    StructField,
+    check_array,
+    layout_of,
+)
+from services.mechanics.compiled.struct_type import StructType, load_word
+
+S_co = TypeVar("S_co", bound="Struct", covariant=True)
+
+
+class Address(int, Generic[S_co]):
+    """For type checkers: an int, the place of a struct of type ``S_co``."""
+
+
+@dataclass_transform(kw_only_default=True)
+class Struct:
+    """Base of all structs.
+
+    A field is annotated with ``float``, ``int`` or ``bool``, with another struct, or as an array with its extents,
+    ``Annotated[FloatArray, "n", 3]``: a number is fixed, a name stands for the same extent in all fields of a struct.
+    Numbers may have a default, everything else must be given.
+
+    A number that Python reads is what a kernel has written last. An array may be replaced by one of the same extents.
+    Neither copied nor pickled, as it holds addresses; not for two threads at once.
+
+    Attributes
+    ----------
+    address : Address[Self]
+        What a kernel is handed; good as long as the object lives.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A field that is missing, unknown, or of another type, dtype, number of dimensions or extent, or not contiguous.
+        The message begins with its name.
+    """
+
+    layout: ClassVar[Layout]
+    _fields: ClassVar[dict[str, Field]]
+    _defaults: ClassVar[dict[str, float]]
+    _type: ClassVar[StructType]
+    address: Address[Self]
+
+    def __init_subclass__(cls) -> None:
+        cls.layout = layout_of(cls, Struct)
+        cls._fields = dict(cls.layout.fields)
+        cls._type = StructType(cls.layout)
+        cls._defaults = {name: cls.__dict__[name] for name in cls._fields if name in cls.__dict__}
+        for name, field in cls._fields.items():
+            if isinstance(field, ScalarField):
+                setattr(cls, name, _number(f"{cls.__name__}.{name}", field))
+            elif name in cls._defaults:
+                raise TypeError(f"{cls.__name__}.{name}: only numbers have a default")
+
+    def __init__(self, **values: Any) -> None:
+        layout = self.layout
+        _refuse(self, "no such field", values.keys() - self._fields.keys())
+        _refuse(self, "is missing", self._fields.keys() - self._defaults.keys() - values.keys())
+        words = (ctypes.c_int64 * layout.n_words)()
+        words[0] = layout.tag
+        floats = (ctypes.c_double * layout.n_words).from_buffer(words)
+        vars(self).update(_words=words, _floats=floats, address=ctypes.addressof(words), _extents={})
+        for name, value in (self._defaults | values).items():
+            setattr(self, name, value)
+
+    @classmethod
+    def zeros(cls, **given: Any) -> Self:
+        """Return a struct of zeros; ``given`` are extents by name, and fields that are not to be zero."""
+        extents = {name: given.pop(name) for name, _ in cls.layout.extents if name in given}
+        values = dict(given)
+        for name, field in cls._fields.items():
+            if name in given or name in cls._defaults or isinstance(field, StructField):
+                continue
+            if isinstance(field, ScalarField):
+                values[name] = 0
+                continue
+            lacking = [extent for extent in field.extents if isinstance(extent, str) and extent not in extents]
+            if lacking:
+                raise TypeError(f"{cls.__name__}.{name}: extent '{lacking[0]}' is missing")
+            shape = [extents[extent] if isinstance(extent, str) else extent for extent in field.extents]
+            values[name] = np.zeros(shape, field.dtype)
+        return cls(**values)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        field = self._fields.get(name)
+        if isinstance(field, ScalarField):
+            object.__setattr__(self, name, value)
+            return
+        label = f"{type(self).__name__}.{name}"
+        if isinstance(field, ArrayField):
+            self._put_array(label, field, value)
+        elif isinstance(field, StructField):
+            if not isinstance(value, Struct) or value.layout != field.layout:
+                raise TypeError(f"{label}: expected a {field.layout.name}, got {type(value).__name__}")
+            vars(self)["_words"][field.word] = value.address
+        else:
+            raise AttributeError(f"{label}: no such field")
+        vars(self)[name] = value
+
+    def _put_array(self, label: str, field: ArrayField, value: object) -> None:
+        array, known = check_array(label, field, value), vars(self)["_extents"]
+        words, places = vars(self)["_words"], dict(self.layout.extents)
+        for name, extent in zip(field.extents, array.shape, strict=True):
+            if isinstance(name, str) and known.setdefault(name, extent) != extent:
+                raise ValueError(f"{label}: expected a {field} with {name} = {known[name]}, got shape {array.shape}")
+            if isinstance(name, str):
+                words[places[name]] = extent
+        words[field.word] = array.ctypes.data
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(f"a {type(self).__name__} holds addresses: it is neither copied nor pickled")
+
+
+def _refuse(struct: Struct, what: str, names: set[str]) -> None:
+    if names:
+        raise TypeError(f"{type(struct).__name__}.{min(names)}: {what}")
+
+
+def _number(label: str, field: ScalarField) -> property:
+    word, store = field.word, "_floats" if field.kind == "float" else "_words"
+
+    def get(struct: Any) -> float:
+        value: float = struct.__dict__[store][word]
+        return bool(value) if field.kind == "bool" else value
+
+    def put(struct: Any, value: float) -> None:
+        struct.__dict__[store][word] = _checked_number(label, field, value)
+
+    return property(get, put)
+
+
+def _checked_number(label: str, field: ScalarField, value: object) -> float:
+    if field.kind == "float" and isinstance(value, numbers.Real):
+        return float(value)
+    if field.kind == "int" and isinstance(value, numbers.Integral):
+        return operator.index(value)
+    if field.kind == "bool" and isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise TypeError(f"{label}: expected {field.kind}, got {value!r}")
+
+
+def reader(kind: type[S_co]) -> Callable[[Address[S_co]], S_co]:
+    """Make the function with which a kernel turns the address of a struct into the struct.
+
+    In the kernel it raises TypeError where no struct of this kind lies.
+    """
+    struct, tag = kind._type, kind.layout.tag  # noqa: SLF001 - one subject
+    message = f"the address of a {kind.__name__} is wanted"
+
+    @intrinsic
+    def begins_with(_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            pointer = builder.inttoptr(arguments[0], context.get_value_type(struct))
+            return load_word(builder, pointer, 0, is_constant=True)
+
+        return types.int64(address), generate
+
+    @intrinsic
+    def found_at(_context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(struct))
+
+        return struct(address), generate
+
+    @register_jitable
+    def read(address: Any) -> Any:
+        if begins_with(address) != tag:
+            raise TypeError(message)
+        return found_at(address)
+
+    checked: Callable[[Address[S_co]], S_co] = read
+    return checked
+
+
+@typeof_impl.register(Struct)
+def _typeof(struct: Struct, _context: Any) -> StructType:
+    return struct._type  # noqa: SLF001
+
+
+@unbox(StructType)
+def _unbox(kind: StructType, struct: Any, c: Any) -> NativeValue:
+    """Let Python call a kernel with the struct itself: 2 us, so not in every tick."""
+    address = c.pyapi.object_getattr_string(struct, "address")
+    value = c.builder.inttoptr(c.pyapi.long_as_longlong(address), c.context.get_value_type(kind))
+    c.pyapi.decref(address)
+    return NativeValue(value)
