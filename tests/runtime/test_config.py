@@ -36,12 +36,23 @@ def write(path: Path, text: str) -> Path:
         ),
         ("name: a\ntransport: {kind: tcp, bind_host: 0.0.0.0}", r"transport: tcp to 0.0.0.0 leaves this host"),
         ("name: a\n2026-01-01: b", r"rig.yaml: keys must be str"),
+        ("name: a\nname: b", r"rig.yaml: line 2, column 1: key 'name' is given twice, first in line 1"),
+        (
+            "name: a\nprocesses:\n  physics: {core: 1,\n    core: 2}",
+            r"rig.yaml: line 4, column 5: key 'core' is given twice, first in line 3",
+        ),
     ],
 )
 def test_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(ConfigError, match=sentence) as caught:
         config.load(Rig, write(tmp_path, text))
     assert "\n" not in str(caught.value)
+
+
+def test_a_merged_key_may_be_given_again(tmp_path: Path) -> None:
+    text = "base: &base {core: 1, nice: 2}\nother: &other {<<: *base, core: 3}\nlast: {<<: *other, nice: 4}"
+    data = config.read_yaml(write(tmp_path, text))
+    assert (data["other"], data["last"]) == ({"core": 3, "nice": 2}, {"core": 3, "nice": 4})
 
 
 def test_a_file_that_is_not_there_names_those_that_are() -> None:
