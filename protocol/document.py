@@ -20,7 +20,8 @@ skips positions that it does not know, and positions with a default may be missi
 {MAX_FRAME_BYTES} bytes. An array of numbers is `[dtype, shape, bin]`: a little-endian numpy dtype, the shape, and the
 bytes in C order; dtype and shape must be those that the table gives, and a named dimension has one length in a body.
 
-State topics are read newest-only; a reader of "every" frame counts what it lost by `sequence`. A publisher takes a new
+State topics are read newest-only; a reader of "every" frame counts what it lost by `sequence`. An observer subscribes
+for as long as it takes to get one frame, so between two looks nothing is sent to it. A publisher takes a new
 random `incarnation` at each start; frames of an older one are refused. `origin_ns` is the monotonic time of the device
 sample that a frame answers, so latency at any reader on the host is one subtraction.
 
@@ -44,9 +45,13 @@ def document() -> str:
 
 
 def _topic_table() -> str:
-    lines = ["| topic | readers | rate, Hz | delivery | stale after, s | body |", "|---|---|---|---|---|---|"]
+    lines = [
+        "| topic | readers | observers | rate, Hz | delivery | stale after, s | body |",
+        "|---|---|---|---|---|---|---|",
+    ]
     lines += [
-        f"| `{row.name}` | {', '.join(row.readers)} | {row.rate_hz:g} | {row.delivery} | {row.stale_after_s:g} "
+        f"| `{row.name}` | {', '.join(row.readers)} | {', '.join(row.observers)} | {row.rate_hz:g} | {row.delivery} "
+        f"| {row.stale_after_s:g} "
         f"| {row.body.__name__} {row.version} |"
         for row in TOPICS.values()
     ]

@@ -1,6 +1,6 @@
 """The topic table: one row per topic drives sockets, staleness, recorder, dashboard, documentation and tests.
 
-Adding a topic is one row here and one body in `protocol.bodies`.
+Adding a topic is one row here and one body in `protocol.bodies`: whom the row names gets a socket, nobody else does.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Literal
 
 import msgspec
 
-from protocol import bodies
+from protocol.bodies import gateway, haptics, health, physics, supervisor
 
 PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "supervisor")
 
@@ -19,13 +19,22 @@ PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "supe
 class Topic:
     """A row of the table.
 
-    `delivery` "latest": a reader keeps the newest frame only; "every": all frames in order, drops counted.
-    `command`: a reader acts or computes with it, so a number that is not finite refuses the whole frame.
+    Attributes
+    ----------
+    readers
+        Processes that get every frame that they are quick enough for: whoever acts on the topic.
+    observers
+        Processes that look at a frame now and then, and cost the publisher nothing in between.
+    delivery
+        "latest": a reader keeps the newest frame only; "every": all frames in order, drops counted.
+    command
+        A reader acts or computes with it, so a number that is not finite refuses the whole frame.
     """
 
     name: str
     publisher: str
     readers: tuple[str, ...]
+    observers: tuple[str, ...]
     body: type[msgspec.Struct]
     version: int
     rate_hz: float
@@ -37,28 +46,32 @@ class Topic:
 _MOTION = 0.005  # seconds: five ticks; what moves the hand is stale after that
 
 
-def _row(name: str, readers: str, body: type[msgspec.Struct], version: int) -> Topic:
+def _state(name: str, readers: str, observers: str, body: type[msgspec.Struct], version: int) -> Topic:
     """Return a 1 kHz state topic: others compute with it, so that every number must be one."""
-    publisher = name.split(".")[0]
-    return Topic(name, publisher, tuple(readers.split()), body, version, 1000.0, "latest", _MOTION, command=True)
+    return Topic(
+        name, name.split(".")[0], tuple(readers.split()), tuple(observers.split()), body, version,
+        1000.0, "latest", _MOTION, command=True,
+    )  # fmt: skip
 
 
 def _health(process: str) -> Topic:
     reader = "recorder" if process == "supervisor" else "supervisor"
-    return Topic(f"{process}.health", process, (reader,), bodies.Health, 1, 10.0, "latest", 0.5)
+    return Topic(f"{process}.health", process, (reader,), (), health.Health, 1, 10.0, "latest", 0.5)
 
 
 _EVERYONE = ("physics", "haptics", "gateway", "visualization", "recorder")
 
 _ROWS = (
-    _row("gateway.state", "haptics visualization recorder", bodies.GatewayState, 1),
-    _row("haptics.contact_model", "gateway recorder", bodies.ContactModel, 2),
-    _row("haptics.contacts", "physics recorder", bodies.ToolContacts, 2),
-    _row("physics.duct", "haptics visualization recorder", bodies.Duct, 2),
-    _row("physics.catheter", "haptics visualization recorder", bodies.Catheter, 2),
-    _row("physics.contacts", "haptics visualization recorder", bodies.PhysicsContacts, 2),
+    _state("gateway.state", "haptics", "visualization recorder supervisor", gateway.GatewayState, 1),
+    _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 2),
+    _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 2),
+    _state("physics.duct", "haptics", "visualization recorder", physics.Duct, 2),
+    _state("physics.catheter", "haptics", "visualization recorder", physics.Catheter, 2),
+    _state("physics.contacts", "haptics", "visualization recorder supervisor", physics.PhysicsContacts, 2),
     *(_health(process) for process in PROCESSES),
-    Topic("supervisor.state", "supervisor", _EVERYONE, bodies.SupervisorState, 1, 10.0, "every", 0.5, command=True),
+    Topic(
+        "supervisor.state", "supervisor", _EVERYONE, (), supervisor.SupervisorState, 1, 10.0, "every", 0.5, command=True
+    ),
 )
 
 TOPICS: dict[str, Topic] = {row.name: row for row in _ROWS}
@@ -78,11 +91,16 @@ def topic(name: str) -> Topic:
         raise KeyError(f"no topic {name!r}; known: {', '.join(TOPICS)}") from None
 
 
-def published_by(process: str) -> tuple[Topic, ...]:
-    """Return the rows that `process` publishes."""
-    return tuple(row for row in _ROWS if row.publisher == process)
+def published_by(process: str) -> tuple[str, ...]:
+    """Return the topics that `process` publishes."""
+    return tuple(row.name for row in _ROWS if row.publisher == process)
 
 
-def read_by(process: str) -> tuple[Topic, ...]:
-    """Return the rows that `process` reads."""
-    return tuple(row for row in _ROWS if process in row.readers)
+def read_by(process: str) -> tuple[str, ...]:
+    """Return the topics of which `process` gets every frame, or the newest."""
+    return tuple(row.name for row in _ROWS if process in row.readers)
+
+
+def observed_by(process: str) -> tuple[str, ...]:
+    """Return the topics of which `process` takes a frame now and then."""
+    return tuple(row.name for row in _ROWS if process in row.observers)

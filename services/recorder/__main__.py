@@ -9,11 +9,10 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from protocol.topics import read_by
+from protocol.topics import observed_by, read_by
 from services.recorder.recording import RecordingWriter
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
-from services.runtime.rig import Rig
 
 #: Longer than the period of what is sampled, far shorter than a turn.
 _PATIENCE_NS = 4_000_000
@@ -34,27 +33,23 @@ def _metadata(process: Process) -> dict[str, str]:
     }
 
 
-def topics(process_config: ProcessConfig) -> dict[str, tuple[str, ...]]:
-    """Return how the topics are read: whole, or sampled."""
-    whole = process_config.rig.recorder.whole
-    return {"reads": (), "reads_every": whole, "samples": _sampled(process_config.rig)}
-
-
-def _sampled(rig: Rig) -> tuple[str, ...]:
-    return tuple(row.name for row in read_by("recorder") if row.name not in rig.recorder.whole)
+def whole(process_config: ProcessConfig) -> tuple[str, ...]:
+    """Return the topics of which the rig file wants every frame."""
+    return process_config.rig.recorder.whole
 
 
 def run(process: Process) -> None:
-    """Write what came whole, then one frame of everything else."""
+    """Write what came, then one frame of everything that is sampled."""
     bus, settings = process.bus, process.rig.recorder
-    sampled = _sampled(process.rig)
+    read = dict.fromkeys((*settings.whole, *read_by("recorder")))
+    sampled = [topic for topic in observed_by("recorder") if topic not in read]
     writer = RecordingWriter(_new_file(process), _metadata(process))
     process.log.info("writing %s", writer.path)
     meter = LoopMeter(settings.sample_rate_hz)
     process.ready(meter)
     try:
         for _tick in ticks(meter, process.stop):
-            frames = [frame for topic in settings.whole for frame in bus.drain(topic)]
+            frames = [frame for topic in read for frame in bus.drain(topic)]
             frames += bus.sample(sampled, time.monotonic_ns() + _PATIENCE_NS).values()
             for frame in frames:
                 writer.write(frame)
@@ -68,4 +63,4 @@ def run(process: Process) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("recorder", run, topics=topics))
+    sys.exit(main("recorder", run, whole=whole))

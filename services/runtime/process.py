@@ -7,13 +7,13 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from protocol.topics import published_by, read_by
+from protocol.topics import observed_by, published_by, read_by
 from services.runtime import config, log, realtime
 from services.runtime.errors import UserError
 from services.runtime.health import HealthReporter
@@ -104,15 +104,10 @@ def load_process_config(name: str, options: Options) -> ProcessConfig:
     return ProcessConfig(name, rig, options.scene or rig.scene, scene_overrides, log.set_up(name))
 
 
-def open_process(
-    process_config: ProcessConfig,
-    *,
-    publishes: Iterable[str] | None = None,
-    reads: Iterable[str] | None = None,
-    reads_every: Iterable[str] = (),
-    samples: Iterable[str] = (),
-) -> Process:
-    """Return the open process: by default with all topics that the table gives it.
+def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> Process:
+    """Return the open process, with a socket for each topic that the table gives it and no other.
+
+    Of topics that are named in `whole` it gets every frame.
 
     The order is the point: scheduling first, then the ZeroMQ context, whose thread inherits it. From then until `ready`
     the process itself is an ordinary one, so that opening devices starves nobody.
@@ -130,10 +125,10 @@ def open_process(
             logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)
     bus = ZmqBus(
         rig.transport,
-        publishes=[row.name for row in published_by(name)] if publishes is None else publishes,
-        reads=[row.name for row in read_by(name)] if reads is None else reads,
-        reads_every=reads_every,
-        samples=samples,
+        publishes=published_by(name),
+        reads=[topic for topic in read_by(name) if topic not in whole],
+        reads_every=[topic for topic in (*read_by(name), *observed_by(name)) if topic in whole],
+        samples=[topic for topic in observed_by(name) if topic not in whole],
         thread_above=settings.bus_thread_above,
     )
     process = Process(
@@ -171,7 +166,7 @@ def main(
     arguments: Sequence[str] | None = None,
     *,
     prepare: Callable[[ProcessConfig], Any] | None = None,
-    topics: Callable[[ProcessConfig], Mapping[str, Iterable[str]]] | None = None,
+    whole: Callable[[ProcessConfig], Collection[str]] | None = None,
 ) -> int:
     """Run a process from its command line; return the exit code. What a person can mend is one sentence.
 
@@ -183,14 +178,14 @@ def main(
         Called with the open process, and with what `prepare` returned where there is one.
     prepare
         What takes long (bases, compiling kernels): done before the process is real-time, so that it starves nobody.
-    topics
-        Returns the arguments of `open_process` for a process that reads otherwise than the table says.
+    whole
+        Returns the topics of which the process gets every frame, whatever the table says.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end
     try:
         process_config = load_process_config(name, parse(name, arguments))
         prepared = () if prepare is None else (prepare(process_config),)
-        process = open_process(process_config, **(topics(process_config) if topics else {}))
+        process = open_process(process_config, whole(process_config) if whole else ())
         try:
             run(process, *prepared)
             process.health.change("stopping")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from protocol.topics import observed_by, read_by
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -158,6 +160,15 @@ class RecorderSettings(Settings):
         description="topics of which every frame is kept: what the devices did, as all else follows from it",
     )
     sample_rate_hz: Annotated[float, Field(ge=1, le=200)] = Field(50.0, description="of all other topics")
+
+    @field_validator("whole")
+    @classmethod
+    def _is_recorded(cls, whole: tuple[str, ...]) -> tuple[str, ...]:
+        known = (*read_by("recorder"), *observed_by("recorder"))
+        for topic in whole:
+            if topic not in known:
+                raise ValueError(f"the recorder does not read {topic!r}; known: {', '.join(known)}")
+        return whole
 
 
 class Rig(Settings):

@@ -16,8 +16,8 @@ def holders(transport: Transport) -> dict[str, int]:
     directory = endpoints.run_directory(transport)
     found: dict[str, int] = {}
     for process in protocol.PROCESSES:
-        for row in published_by(process):
-            pid = _holder(directory / f"{row.name}.lock")
+        for topic in published_by(process):
+            pid = _holder(directory / f"{topic}.lock")
             if pid is not None:
                 found[process] = pid
     return found

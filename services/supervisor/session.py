@@ -58,8 +58,8 @@ class SessionOptions:
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
 
 
-def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Process:
-    """Return the open supervisor process: it reads every heartbeat, and looks at the 1 kHz streams that it watches.
+def open_session(options: Options) -> Process:
+    """Return the open supervisor process.
 
     Raises
     ------
@@ -67,9 +67,7 @@ def open_session(options: Options, table: Sequence[ProcessSpec] = TABLE) -> Proc
         if the configuration cannot be used, or a rig is running on this transport already.
     """
     _refuse_second_rig(options)
-    streams = [spec.stream for spec in table if spec.stream is not None]
-    heartbeats = [f"{spec.name}.health" for spec in table]
-    process = open_process(load_process_config("supervisor", options), reads=heartbeats, samples=streams)
+    process = open_process(load_process_config("supervisor", options))
     signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed: nobody is left to end it
     return process
 

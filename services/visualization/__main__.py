@@ -7,9 +7,9 @@ import time
 
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Process, ProcessConfig, cache_directory, main
+from services.runtime.process import Process, cache_directory, main
 from services.scenes import load_duct, load_scene
-from services.visualization.composer import TOPICS, Composer
+from services.visualization.composer import Composer
 from services.visualization.outputs import open_output
 from services.visualization.rig_state import RigState
 
@@ -45,10 +45,5 @@ def run(process: Process) -> None:
         output.close()
 
 
-def topics(_process_config: ProcessConfig) -> dict[str, tuple[str, ...]]:
-    """Return how the topics are read: a picture needs one frame in sixteen of what comes a thousand times a second."""
-    return {"reads": ("supervisor.state",), "samples": TOPICS}
-
-
 if __name__ == "__main__":
-    sys.exit(main("visualization", run, topics=topics))
+    sys.exit(main("visualization", run))

@@ -10,6 +10,7 @@ import numpy as np
 
 import protocol.bodies as bodies
 from protocol import Frame
+from protocol.topics import observed_by
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.bus import Bus
@@ -19,7 +20,8 @@ from services.visualization.picture import Layout, Picture, ToolShape
 
 #: Longer than the period of what is sampled, far shorter than a picture's.
 PATIENCE_NS = 4_000_000
-TOPICS = ("gateway.state", "physics.duct", "physics.catheter", "physics.contacts")
+#: A picture needs one frame in sixteen of what comes a thousand times a second.
+TOPICS = observed_by("visualization")
 
 
 class Composer:

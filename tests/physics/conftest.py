@@ -34,8 +34,7 @@ class FakeProcess:
     log: logging.Logger = field(default_factory=lambda: logging.getLogger("test"))
 
     def __post_init__(self) -> None:
-        topics = {"publishes": [r.name for r in published_by(self.name)], "reads": [r.name for r in read_by(self.name)]}
-        self.bus = MemoryBus(self.hub, **topics)
+        self.bus = MemoryBus(self.hub, publishes=published_by(self.name), reads=read_by(self.name))
         self.health = HealthReporter(self.name, self.bus)
 
 

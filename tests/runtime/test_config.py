@@ -35,6 +35,10 @@ def write(path: Path, text: str) -> Path:
             r"gateway.instruments.0.arm.driver: this key is missing \(and 1 more\)",
         ),
         ("name: a\ntransport: {kind: tcp, bind_host: 0.0.0.0}", r"transport: tcp to 0.0.0.0 leaves this host"),
+        (
+            "name: a\nrecorder: {whole: [gateway.coffee]}",
+            r"recorder.whole: the recorder does not read 'gateway.coffee'; known: .*gateway.state",
+        ),
         ("name: a\n2026-01-01: b", r"rig.yaml: keys must be str"),
         ("name: a\nname: b", r"rig.yaml: line 2, column 1: key 'name' is given twice, first in line 1"),
         (

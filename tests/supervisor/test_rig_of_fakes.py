@@ -61,7 +61,7 @@ class Fakes:
                 playing.append(scenario(supervisor))
             return next(playing[0], "end") == "end"
 
-        process = session.open_session(self.options, table)
+        process = session.open_session(self.options)
         try:
             options = session.SessionOptions(self.options, table, lambda event: events.append(event.text), turn)
             session.run_session(process, options)
@@ -108,7 +108,7 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
         pids.extend(member.pid for member in supervisor.crew.members.values())
         progress.update({name: member.progress for name, member in supervisor.crew.members.items()})
         with pytest.raises(BusError, match=r"a rig is running here already: .* `trocar down` ends it"):
-            session.open_session(fakes.options, fakes.table())
+            session.open_session(fakes.options)
 
     events = fakes.play(scenario)
     assert len(set(pids)) == 5

@@ -1,0 +1,84 @@
+"""Every process has a socket for each topic that the table gives it, of the kind that the table says, and no other."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from protocol import PROCESSES, TOPICS
+from protocol.topics import observed_by, published_by, read_by
+from services.supervisor.processes import TABLE
+
+#: Opens each process as its entry point does, up to the call of its loop, and tells which sockets there are then.
+OPEN = """
+import json, runpy, sys
+from services.runtime import endpoints, process
+from services.supervisor import session
+
+rig = sys.argv[1]
+entered = {}
+
+def entry(name, run, arguments=None, *, prepare=None, whole=None):
+    entered[name] = whole
+    return 0
+
+def sockets(bus, transport, names, which):
+    import zmq
+    there = {socket.getsockopt(zmq.LAST_ENDPOINT).rstrip(b"\\0").decode() for socket in which.values()}
+    return sorted(name for name in names if endpoints.endpoint(transport, name) in there), len(there)
+
+process.main = entry
+found = {}
+import protocol
+for name in protocol.PROCESSES:
+    options = process.Options(rig, None, ())
+    if name == "supervisor":
+        opened = session.open_session(options)
+    else:
+        try:
+            runpy.run_module(f"services.{name}", run_name="__main__")
+        except SystemExit:
+            pass
+        config = process.load_process_config(name, options)
+        opened = process.open_process(config, entered[name](config) if entered[name] else ())
+    bus, transport = opened.bus, opened.rig.transport
+    out, n_out = sockets(bus, transport, protocol.TOPICS, bus._senders)
+    into, n_in = sockets(bus, transport, protocol.TOPICS, bus._receivers)
+    found[name] = {"publishes": out, "reads": into, "n": [n_out, n_in]}
+    bus.close()
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module")
+def sockets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[str]]]:
+    folder: Path = tmp_path_factory.mktemp("rig")
+    rig = folder / "rig.yaml"
+    rig.write_text(f"{{name: sockets, transport: {{directory: {folder / 'bus'}}}}}\n")
+    done = subprocess.run(
+        [sys.executable, "-c", OPEN, str(rig)], capture_output=True, text=True, check=False, env=os.environ
+    )
+    assert done.returncode == 0, done.stderr
+    found: dict[str, dict[str, list[str]]] = json.loads(done.stdout)
+    return found
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_a_process_has_the_sockets_that_the_table_says(sockets: dict[str, dict[str, list[str]]], process: str) -> None:
+    publishes, reads = sorted(published_by(process)), sorted((*read_by(process), *observed_by(process)))
+    assert sockets[process] == {"publishes": publishes, "reads": reads, "n": [len(publishes), len(reads)]}
+
+
+def test_every_declared_reader_and_observer_has_one(sockets: dict[str, dict[str, list[str]]]) -> None:
+    for row in TOPICS.values():
+        for process in (*row.readers, *row.observers):
+            assert row.name in sockets[process]["reads"], f"{process} is named by {row.name} and does not hear it"
+
+
+def test_the_supervisor_observes_every_stream_that_tells_of_a_hang() -> None:
+    assert {spec.stream for spec in TABLE if spec.stream} <= set(observed_by("supervisor"))
