@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from report import Row, measure, write_report
 
-from services.mechanics.contact.compliance import add_modal_compliance
+from services.mechanics.contact.delassus import add_modal_compliance
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction import (
     DuctRecipe,

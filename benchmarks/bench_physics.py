@@ -22,7 +22,7 @@ from contact_peers import mujoco_duct
 from report import Row, Timing, measure, write_report
 
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.compliance import add_modal_compliance
+from services.mechanics.contact.delassus import add_modal_compliance
 from services.mechanics.reduction.cache import default_cache_dir
 from services.mechanics.scenarios import insertion, insertion_scene, paper_scene
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel

@@ -14,7 +14,6 @@ from protocol.vectors import Mat3, Vec3
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.solver import HOLD
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
 from services.runtime.bus import Bus
@@ -80,7 +79,8 @@ class Outputs:
         vectors = out.force_n, out.port_moment_nm, out.proxy_position_m
         scalars = out.grasp_torque_nm, out.grasp_stiffness_nm_rad, out.proxy_jaw_angle_rad
         tabulate(vectors, out.stiffness_n_m, scalars, self._table)
-        count((rows.tool, rows.kind, rows.duct_weight), forces, self._kinds, self._table)
+        holds = s.holds.rows
+        count((rows.tool, rows.duct_weight), (holds.start, holds.stop), forces, self._kinds, self._table)
         return PhysicsContacts(
             tick=tick,
             tools=tuple(map(_reaction, self._table.tolist(), tools)),
@@ -122,9 +122,12 @@ def tabulate(vectors: Arrays, stiffness: FloatArray, scalars: Arrays, table: Flo
 
 
 @kernel
-def count(rows: Arrays, force: FloatArray, kinds: ByteArray, table: FloatArray) -> None:
-    """Write 0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other for each row, and count each tool's contacts."""
-    tool, kind, duct_weight = rows
+def count(rows: Arrays, holds: tuple[int, int], force: FloatArray, kinds: ByteArray, table: FloatArray) -> None:
+    """Write 0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other for each row, and count each tool's contacts.
+
+    ``holds`` are the first row of a hold and the one after the last.
+    """
+    tool, duct_weight = rows
     table[:, _CONTACTS:] = 0.0
     for row in range(force.shape[0]):
         on_duct = duct_weight[row, 0] != 0.0 or duct_weight[row, 1] != 0.0 or duct_weight[row, 2] != 0.0
@@ -132,7 +135,7 @@ def count(rows: Arrays, force: FloatArray, kinds: ByteArray, table: FloatArray) 
         kinds[row] = (0 if on_duct else 1) if of_tool else (2 if on_duct else 3)
         if not of_tool:
             continue
-        if kind[row] == HOLD:
+        if holds[0] <= row < holds[1]:
             table[tool[row], _HOLDS] += 1.0
         elif force[row, 0] != 0.0 or force[row, 1] != 0.0 or force[row, 2] != 0.0:
             table[tool[row], _CONTACTS] += 1.0

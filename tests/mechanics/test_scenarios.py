@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.mechanics import scenarios
-from services.mechanics.contact.solver import UNILATERAL
+from services.mechanics.contact.laws import number_of
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
@@ -41,7 +41,7 @@ class Course:
         on_tools = simulation.contact_force_n[rows.tool[: rows.n_contacts] >= 0].sum(axis=0)
         on_rod = simulation.catheter.contact_force_n.sum(axis=0)
         self.imbalance.append(np.abs(on_duct + on_rod + on_tools).max())
-        pressed = rows.kind[: rows.n_contacts] == UNILATERAL
+        pressed = rows.law[: rows.n_contacts] == number_of("unilateral")
         n = rows.n_contacts
         motion = simulation.system.motion_m.reshape(-1, 3) - rows.softness_m_n[:n] * rows.force_n[:n]
         self.friction_power.append(np.sum(rows.force_n[: rows.n_contacts][pressed][:, 1:] * motion[pressed][:, 1:]))

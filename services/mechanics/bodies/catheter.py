@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.compliance import list_particles
-from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.rod import (
     Introducer,
     RodProperties,
@@ -38,7 +36,7 @@ class CatheterBody:
     """
 
     def __init__(
-        self, scene: CatheterScene, *, twist: bool = False, may_sleep: bool = False, feeds_back: bool = False
+        self, scene: CatheterScene, *, twist: bool = False, may_sleep: bool = False, acts_in_next_step: bool = False
     ) -> None:
         self.properties = rod_properties(scene, twist=twist)
         self.state = initial_state(scene, self.properties)
@@ -53,7 +51,7 @@ class CatheterBody:
         self._was_touched = False
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
-        self._feeds_back = feeds_back
+        self._acts_in_next_step = acts_in_next_step
         self._last_external_n = np.full((n, 3), np.nan)
         self.slot = np.full(n, -1, np.int32)
         self._particles = np.zeros(n, np.int32)
@@ -71,7 +69,7 @@ class CatheterBody:
             return
         self._last_external_n[:] = self.external_force_n
         np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
-        if self._feeds_back:
+        if self._acts_in_next_step:
             self.integrator.predict(self.state, self._load_n, dt_s)
         elif not (self._was_touched and self._linearises):
             self.integrator.predict(self.state, self.external_force_n, dt_s)
@@ -93,24 +91,28 @@ class CatheterBody:
             and np.array_equal(self.external_force_n, self._last_external_n)
         )
 
-    def compliance(self, rows: ContactRows) -> FloatArray:
-        """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is."""
-        count = list_particles(rows.address, self.slot, self._particles)
+    def compliance(self, nodes: IntArray, weights: FloatArray) -> FloatArray:
+        """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is.
+
+        ``nodes`` and ``weights`` (k, 4) are the particles that each contact acts on; those without weight are not
+        touched.
+        """
+        count = list_particles(nodes, weights, self.slot, self._particles)
         size = 3 * count
         out: FloatArray = self._compliance[: size * size].reshape(size, size)
         if count:
             self.integrator.compliance(self._particles[:count], out)
         return out
 
-    def correct(self, rows: ContactRows, forces: FloatArray) -> None:
-        """Apply the contact forces (k, 3) on the first bodies to the particles they touch.
+    def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
+        """Apply the contact forces (k, 3) on the first bodies to the particles that they act on, see `compliance`.
 
-        With ``feeds_back`` they act in the next step, held over all of it, as in the paper's architecture (section VI):
+        With ``acts_in_next_step`` they are held over all of the next step, as in the paper's architecture (section VI):
         penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments.
         """
-        spread_rod_forces(rows.address, forces, self.contact_force_n)
-        self._was_touched = rows.n_contacts > 0
-        if self._was_touched and not self._feeds_back:
+        spread_rod_forces(nodes, weights, forces, self.contact_force_n)
+        self._was_touched = len(forces) > 0
+        if self._was_touched and not self._acts_in_next_step:
             self.integrator.correct(self.state, self.contact_force_n)
 
 
@@ -173,13 +175,29 @@ def build_introducer(scene: CatheterScene) -> Introducer:
 
 
 @kernel
-def spread_rod_forces(rows_address: int, forces: FloatArray, out: FloatArray) -> None:
+def list_particles(nodes: IntArray, weights: FloatArray, slot: IntArray, particles: IntArray) -> int:
+    """Fill ``particles`` with those that contacts touch, ascending, and ``slot`` (n,) with their place or -1."""
+    slot[:] = -1
+    for row in range(nodes.shape[0]):
+        for point in range(nodes.shape[1]):
+            if weights[row, point] != 0.0:
+                slot[nodes[row, point]] = 0
+    count = 0
+    for particle in range(slot.shape[0]):
+        if slot[particle] == 0:
+            slot[particle] = count
+            particles[count] = particle
+            count += 1
+    return count
+
+
+@kernel
+def spread_rod_forces(nodes: IntArray, weights: FloatArray, forces: FloatArray, out: FloatArray) -> None:
     """Write the contact forces on the particles (n, 3)."""
-    rows = rows_at(rows_address)
     out[:] = 0.0
-    for row in range(rows.used[0]):
-        for point in range(rows.rod_node.shape[1]):
-            weight = rows.rod_weight[row, point]
+    for row in range(nodes.shape[0]):
+        for point in range(nodes.shape[1]):
+            weight = weights[row, point]
             if weight != 0.0:
                 for axis in range(3):
-                    out[rows.rod_node[row, point], axis] += weight * forces[row, axis]
+                    out[nodes[row, point], axis] += weight * forces[row, axis]

@@ -9,8 +9,8 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
 
 
@@ -73,10 +73,12 @@ class DuctBody:
         self.integrator.predict(self.state, self.modal_force, dt_s)
         np.subtract(self.state.q, self.q_start, out=self.dq_free)
 
-    def gather(self, rows: ContactRows) -> None:
-        """Collect the modes at the contact points and the displacement there that is not in the modes."""
-        n = rows.n_contacts
-        nodes, weights = rows.duct_node[:n], rows.duct_weight[:n]
+    def gather(self, nodes: IntArray, weights: FloatArray) -> None:
+        """Collect the modes at the contact points and the displacement there that is not in the modes.
+
+        ``nodes`` and ``weights`` (k, 3) are the barycentric points; all weights are zero where a contact is elsewhere.
+        """
+        n = len(nodes)
         self._motion.gather(nodes, weights, self.modes[: 3 * n])
         corners = self._corners
         u = list_corners(nodes, weights, self._slot, corners)
@@ -85,10 +87,11 @@ class DuctBody:
         take_corners(weights, corners, u, self.residual_start, self.residual_change)
         self._motion.add_bend(nodes, weights, self.modes[: 3 * n], self.q_start, self.residual_start[:n])
 
-    def correct(self, rows: ContactRows, forces: FloatArray) -> None:
-        """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads."""
-        self.n_loads = spread_loads(rows.address, forces, self._slot, self.load_nodes, self.load_force_n)
-        modal_contact_force(self.modes, rows.n_contacts, forces, self.contact_impulse)
+    def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
+        """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
+        loads = (self.load_nodes, self.load_force_n)
+        self.n_loads = spread_loads((nodes, weights), forces, self._slot, loads)
+        modal_contact_force(self.modes, forces, self.contact_impulse)
         add_impulse(self.contact_impulse, self._gains, self.state.q, self.state.qdot, self.state.qddot)
 
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
@@ -151,17 +154,12 @@ def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, out: Cont
     count = 0
     for point in range(nodes.shape[0]):
         for corner in range(3):
-            node = nodes[point, corner]
             out.place[point, corner] = 0
-            if weights[point, corner] == 0.0:
-                continue
-            if slot[node] < 0:
-                slot[node] = count
-                out.node[count] = node
-                count += 1
-            out.place[point, corner] = slot[node]
-    for index in range(count):
-        slot[out.node[index]] = -1
+            if weights[point, corner] != 0.0:
+                place = number_node(nodes[point, corner], slot, out.node, count)
+                count = max(count, place + 1)
+                out.place[point, corner] = place
+    forget_numbers(slot, out.node, count)
     return count
 
 
@@ -185,35 +183,37 @@ def take_corners(
 
 
 @kernel
-def spread_loads(rows_address: int, forces: FloatArray, slot: IntArray, nodes: IntArray, loads: FloatArray) -> int:
-    """Write the reactions on the duct's nodes, each node once, and return how many; ``slot`` (n,) is scratch."""
-    rows = rows_at(rows_address)
+def spread_loads(
+    points: tuple[IntArray, FloatArray], forces: FloatArray, slot: IntArray, out: tuple[IntArray, FloatArray]
+) -> int:
+    """Write the reactions on the duct's nodes, each node once, and return how many; ``slot`` (n,) is scratch, all -1.
+
+    ``points`` are nodes and weights (k, 3), ``out`` nodes (l,) and loads (l, 3).
+    """
+    (nodes, weights), (load_nodes, loads) = points, out
     count = 0
-    for row in range(rows.used[0]):
+    for row in range(forces.shape[0]):
         if forces[row, 0] == 0.0 and forces[row, 1] == 0.0 and forces[row, 2] == 0.0:
             continue
         for corner in range(3):
-            weight = rows.duct_weight[row, corner]
+            weight = weights[row, corner]
             if weight == 0.0:
                 continue
-            node = rows.duct_node[row, corner]
-            if slot[node] < 0:
-                slot[node] = count
-                nodes[count] = node
-                loads[count] = 0.0
+            place = number_node(nodes[row, corner], slot, load_nodes, count)
+            if place == count:
+                loads[place] = 0.0
                 count += 1
             for axis in range(3):
-                loads[slot[node], axis] -= weight * forces[row, axis]
-    for index in range(count):
-        slot[nodes[index]] = -1
+                loads[place, axis] -= weight * forces[row, axis]
+    forget_numbers(slot, load_nodes, count)
     return count
 
 
 @kernel
-def modal_contact_force(modes: FloatArray, n_contacts: int, forces: FloatArray, out: FloatArray) -> None:
+def modal_contact_force(modes: FloatArray, forces: FloatArray, out: FloatArray) -> None:
     """Write the modal force (r,) of the reactions to ``forces`` (k, 3)."""
     out[:] = 0.0
-    for row in range(n_contacts):
+    for row in range(forces.shape[0]):
         for axis in range(3):
             force = forces[row, axis]
             if force != 0.0:

@@ -8,13 +8,27 @@ from typing import NamedTuple
 import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
-from services.mechanics.bodies.forceps.kinematics import contact_lever
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, NO_TOOL
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
 from services.mechanics.compiled import kernel, tuple_reader
-from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, write_frame
-from services.mechanics.contact.rows import GRIP_SOFTNESS_M_N, LOOSE_SOFTNESS_M_N, ContactRows
-from services.mechanics.contact.solver import HOLD, ON_THE_LIMIT
+from services.mechanics.contact.frames import write_frame
+from services.mechanics.contact.geometry import RodGeometry, ToolGeometry, WallGeometry
+from services.mechanics.contact.identity import hold_identity
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import state_at
+from services.mechanics.contact.writer import (
+    NO_ROOM,
+    TARGET_SIDE,
+    add_tool_motion,
+    append_row,
+    put_on_duct,
+    put_on_rod,
+    put_on_tool,
+)
+
+_HOLD = number_of("hold")
+# A direction in which a point is guided, not held.
+LOOSE_SOFTNESS_M_N = 1.0
 
 
 class HoldArrays(NamedTuple):
@@ -53,61 +67,49 @@ holds_at = tuple_reader(HoldArrays.allocate(1))
 
 @kernel
 def append_holds(state_address: int, holds_address: int, count: int) -> int:
-    """Append one bilateral row block for each of the first ``count`` holds in order; return how many found room."""
+    """Append one bilateral row for each of the first ``count`` holds in order; return how many found room."""
     state, holds = state_at(state_address), holds_at(holds_address)
     rows, geometry = state.rows, state.geometry
+    n_rows = 0
     for index in range(count):
-        row = rows.used[0]
-        if row == rows.gap_m.shape[0]:
-            return index
         slot = holds.order[index]
+        row = append_row(rows, _HOLD, hold_identity(holds.number[slot]))
+        if row == NO_ROOM:
+            continue
         _tool_side(holds, slot, geometry.tools, rows, row)
         if holds.target_kind[slot] == CATHETER_SEGMENT:
             _catheter_side(holds, slot, geometry.rod, rows, row)
             if _follows_another(holds, index):
                 rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
         else:
-            _duct_side(holds, slot, geometry, rows, row)
-        rows.used[0] = row + 1
-    return count
+            _wall_side(holds, slot, geometry.wall, rows, row)
+        n_rows += 1
+    return n_rows
 
 
 @kernel
 def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
-    tool, anchor = holds.tool[slot], holds.anchor[slot]
-    rows.kind[row] = HOLD
-    rows.identity[row] = rows.body[row] = -1 - holds.number[slot]
-    rows.limit[row] = math.inf
-    rows.sphere[row] = -1
-    rows.gap_m[row] = 0.0
-    rows.duct_weight[row] = 0.0
-    rows.rod_weight[row] = 0.0
-    rows.tool[row] = tool
-    arm, frame, lever = rows.point_m[row], tools.frame[tool], rows.lever[row]
+    tool, anchor, arm = holds.tool[slot], holds.anchor[slot], rows.point_m[row]
+    frame = tools.frame[tool]
     for axis in range(3):
         arm[axis] = anchor[0] * frame[0, axis] + anchor[1] * frame[1, axis] + anchor[2] * frame[2, axis]
-    # The held point sits between both jaws: opening or closing them does not move it.
-    contact_lever(frame, tools.length[tool], NO_TOOL, arm, lever)
-    for axis in range(3):
-        rows.softness_m_n[row, axis] = GRIP_SOFTNESS_M_N
         for other in range(3):
             rows.frame[row, axis, other] = 1.0 if axis == other else 0.0
-        rows.point_m[row, axis] += tools.segments[tool, JAW_A, 0, axis]
+    # The held point sits between both jaws: as on the shaft, opening or closing them does not move it.
+    put_on_tool(rows, row, tools, tool, SHAFT)
+    for axis in range(3):
         rows.slip_m[row, axis] = rows.point_m[row, axis]
-        for coordinate in range(lever.shape[1]):
-            rows.slip_m[row, axis] += lever[axis, coordinate] * tools.motion[tool, coordinate]
+    add_tool_motion(rows, row, tools)
 
 
 @kernel
 def _catheter_side(holds: HoldArrays, slot: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
     """Take the held point off, and turn the frame along the catheter."""
-    first = holds.target[slot]
+    first, weights = holds.target[slot], holds.weights[slot]
+    put_on_rod(rows, row, TARGET_SIDE, (first, first + 1), (-weights[0], -weights[1]))
     for end in range(2):
-        weight = holds.weights[slot, end]
-        rows.rod_node[row, 2 + end] = first + end
-        rows.rod_weight[row, 2 + end] = -weight
         for axis in range(3):
-            rows.slip_m[row, axis] -= weight * (rod.position[first + end, axis] + rod.motion[first + end, axis])
+            rows.slip_m[row, axis] -= weights[end] * (rod.position[first + end, axis] + rod.motion[first + end, axis])
     tangent = rows.frame[row, 0]
     _tangent(rod.position, first, tangent)
     write_frame(tangent, rows.frame[row])
@@ -141,15 +143,13 @@ def _follows_another(holds: HoldArrays, index: int) -> bool:
 
 
 @kernel
-def _duct_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
+def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
     """Take the rest position off; the displacement goes with that of all other contacts."""
-    duct = geometry.duct
+    corners, weights = wall.triangles[holds.target[slot]], holds.weights[slot]
+    put_on_duct(rows, row, corners, weights)
     for corner in range(3):
-        node, weight = duct.triangles[holds.target[slot], corner], holds.weights[slot, corner]
-        rows.duct_node[row, corner] = node
-        rows.duct_weight[row, corner] = weight
         for axis in range(3):
-            rows.slip_m[row, axis] -= weight * duct.vertices[node, axis]
+            rows.slip_m[row, axis] -= weights[corner] * wall.vertices[corners[corner], axis]
 
 
 @kernel
@@ -164,9 +164,9 @@ def slide_holds(state_address: int, holds_address: int, count: int) -> tuple[flo
     first = rows.used[0] - count
     for index in range(count):
         row, slot = first + index, holds.order[index]
-        f = rows.force_n[row]
-        if math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) < ON_THE_LIMIT * rows.limit[row]:
+        if not state.slides[row]:
             continue
+        f = rows.force_n[row]
         u = state.motion[3 * row : 3 * row + 3]
         dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
         slip = state.scratch.change

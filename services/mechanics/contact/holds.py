@@ -56,18 +56,29 @@ class HoldRegistry:
     A hold on the catheter slides along it first, so that a forceps that slips ends up further along the
     catheter; what is left of the slip moves the point in the jaws. A point that leaves the jaws, or the
     catheter's end, is lost. `CAPACITY` holds at most; what is asked for beyond that is not taken up.
+
+    Attributes
+    ----------
+    active : dict of int to ActiveHold
+        By the requests' numbers, in the order of their rows.
+    rows : range
+        Rows of the holds in this step; fewer than are active where rows ran out.
+    dropped : int
+        Requests that found no room since the start, each counted in every step.
+    dissipated_j : float
     """
 
     def __init__(self, forceps: tuple[ForcepsScene, ...], system: ContactSystem) -> None:
         self._system = system
         self.active: dict[int, ActiveHold] = {}
+        self.rows = range(0)
+        self.dropped = 0
         self.dissipated_j = 0.0
         self._lost: set[int] = set()
         self._placed = Placed(HoldArrays.allocate(CAPACITY))
         self._arrays = self._placed.arrays
         self._free = list(range(CAPACITY))
         self._tools_know = False
-        self._n_rows = 0
         for tool, each in enumerate(forceps):
             width_m = 3.0 * each.jaw_radius_m
             self._arrays.reach[tool] = width_m, each.jaw_length_m + width_m
@@ -83,7 +94,7 @@ class HoldRegistry:
         for request in requests:
             if request.hold_id in self.active:
                 self.active[request.hold_id].request = request
-            elif request.hold_id not in self._lost and self._free:
+            elif request.hold_id not in self._lost:
                 self._take_up(request)
 
     def tell(self, tools: ToolBody) -> None:
@@ -99,16 +110,21 @@ class HoldRegistry:
             tools.jaw_stop_rad[request.tool] = max(tools.jaw_stop_rad[request.tool], request.jaw_angle_rad)
 
     def append_rows(self) -> None:
-        """Append one bilateral row block per hold, as far as there is room."""
-        self._n_rows = 0
-        if self.active:
-            self._n_rows = append_holds(self._system.address, self._placed.address, len(self.active))
+        """Append one bilateral row per hold, as far as there is room."""
+        first = self._system.rows.n_contacts
+        n_rows = append_holds(self._system.address, self._placed.address, len(self.active)) if self.active else 0
+        self.rows = range(first, first + n_rows)
+
+    def limit_rows(self) -> None:
+        """Limit every hold to what its grasp can carry."""
+        for row, hold in zip(self.rows, self.active.values(), strict=False):
+            self._system.rows.force_limit_n[row] = hold.request.limit_n
 
     def slide(self) -> None:
         """Let the holds that are at their limit take the motion that the solve left them."""
-        if not self._n_rows:
+        if not self.rows:
             return
-        dissipated_j, is_lost = slide_holds(self._system.address, self._placed.address, self._n_rows)
+        dissipated_j, is_lost = slide_holds(self._system.address, self._placed.address, len(self.rows))
         self.dissipated_j += dissipated_j
         if is_lost:
             for hold_id in [hold_id for hold_id, hold in self.active.items() if hold.lost]:
@@ -116,7 +132,10 @@ class HoldRegistry:
                 self._lost.add(hold_id)
 
     def _take_up(self, request: GraspHold) -> None:
-        arrays, slot, tools = self._arrays, self._free.pop(), self._system.tool_geometry
+        if not self._free:
+            self.dropped += 1
+            return
+        arrays, slot, tools = self._arrays, self._free.pop(), self._system.geometry.tools
         from_junction = self._held_point(request) - tools.segments[request.tool, JAW_A, 0]
         arrays.anchor[slot] = tools.frame[request.tool] @ from_junction
         arrays.number[slot], arrays.tool[slot] = request.hold_id, request.tool
@@ -128,7 +147,7 @@ class HoldRegistry:
 
     def _held_point(self, request: GraspHold) -> FloatArray:
         if request.target_kind == CATHETER_SEGMENT:
-            ends = self._system.rod_geometry.position[request.target : request.target + 2]
+            ends = self._system.geometry.rod.position[request.target : request.target + 2]
             point: FloatArray = request.target_weights[:2] @ ends
             return point
         return self._system.bodies.duct.point_at_start(request.target, request.target_weights)

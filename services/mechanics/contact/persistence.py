@@ -15,8 +15,9 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, PairArrays, pairs_at
 from services.mechanics.compiled import kernel
+from services.mechanics.contact import laws
+from services.mechanics.contact.identity import target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.contact.solver import UNILATERAL
 from services.mechanics.contact.state import state_at
 
 CAPACITY = 32
@@ -65,16 +66,17 @@ def keep_pressed(rows_address: int, pairs_address: int, nodes: IntArray) -> int:
     rows, out = rows_at(rows_address), pairs_at(pairs_address)
     count = 0
     for row in range(rows.used[0]):
-        on_wall = rows.body[row] % 2 == DUCT_TRIANGLE
-        if rows.kind[row] != UNILATERAL or rows.tool[row] == NO_TOOL or not on_wall or rows.force_n[row, 0] <= 0.0:
+        on_wall = target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
+        presses = laws.HAS_GAP[rows.law[row]] and rows.force_n[row, 0] > 0.0
+        if not presses or rows.tool[row] == NO_TOOL or not on_wall:
             continue
         if count == out.target.shape[0]:
             break
         out.tool[count] = rows.tool[row]
-        out.tool_segment[count] = (rows.body[row] >> 21) % 4
+        out.tool_segment[count] = tool_segment_of(rows.identity[row])
         out.particle[count] = -1
         out.target_kind[count] = DUCT_TRIANGLE
-        out.target[count] = rows.identity[row] % (1 << 24)
+        out.target[count] = target_of(rows.identity[row])
         for axis in range(3):
             nodes[3 * count + axis] = rows.duct_node[row, axis]
             out.target_weights[count, axis] = rows.duct_weight[row, axis]

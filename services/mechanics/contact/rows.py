@@ -11,29 +11,25 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import tuple_reader, tuple_table
 
-# A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
-SURFACE_SOFTNESS_M_N = 1e-6
-# Pads of the jaws and the catheter's wall give way; held points do not fight over rounding.
-GRIP_SOFTNESS_M_N = 1e-4
-# A direction in which a point is guided, not held.
-LOOSE_SOFTNESS_M_N = 1.0
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
+NO_STONE = -1
 
 
 class ContactRows(NamedTuple):
     """Preallocated struct of arrays of the contacts and holds of one step; ``used[0]`` of them mean anything.
 
-    A named tuple, so that kernels hand it on as one argument; those that Python calls find it at its address.
+    A named tuple, so that kernels hand it on as one argument; those that Python calls find it at its address. Rows
+    are made by `writer.append_row` only.
 
     Attributes
     ----------
     used : (1,) int64
-    kind : (C,) int8
-        `solver.UNILATERAL`, `solver.HOLD` or `solver.FILM`.
+    dropped : (1,) int64
+        Rows that found no room since the start.
+    law : (C,) int8
+        Number in the table of contact laws.
     identity : (C,) int64
-        Names the pair of bodies, to find last tick's force again; negative for holds.
-    body : (C,) int64
-        Names the first body and the kind of target only.
+        Names the pair of bodies, to find last tick's force again; see `identity`.
     frame : (C, 3, 3) float64
         Rows: normal (towards the first body) and two tangents.
     point_m : (C, 3) float64
@@ -42,8 +38,10 @@ class ContactRows(NamedTuple):
         Distance of the surfaces at the start of the step.
     slip_m : (C, 3) float64
         Motion of the first body relative to the target over the step without contact forces, in world axes.
-    limit : (C,) float64
-        Coefficient of friction, or the largest force of a hold in N.
+    friction : (C,) float64
+        Coefficient of Coulomb friction, for laws that have it.
+    force_limit_n : (C,) float64
+        Largest force, for laws that have one.
     softness_m_n : (C, 3) float64
         Compliance of the touching surfaces themselves, along the rows of the frame.
     force_n : (C, 3) float64
@@ -52,8 +50,8 @@ class ContactRows(NamedTuple):
         Barycentric point of the duct, always the target; weights are zero where the duct has no part.
     rod_node : (C, 4) int32, rod_weight : (C, 4) float64
         Particles of the catheter; positive weights where it is the first body, negative where it is the target.
-    sphere : (C,) int8, sphere_sign : (C,) float64
-        A gallstone that takes part, -1 for none: + where it is the first body, - where it is the target.
+    stone : (C,) int8
+        The gallstone that is the first body, `NO_STONE` where none is.
     tool : (C,) int8, lever : (C, 3, 4) float64
         The tool that is the first body, and how its coordinates move the point.
     table : LongArray, address : int
@@ -61,22 +59,22 @@ class ContactRows(NamedTuple):
     """
 
     used: LongArray
-    kind: ByteArray
+    dropped: LongArray
+    law: ByteArray
     identity: LongArray
-    body: LongArray
     frame: FloatArray
     point_m: FloatArray
     gap_m: FloatArray
     slip_m: FloatArray
-    limit: FloatArray
+    friction: FloatArray
+    force_limit_n: FloatArray
     softness_m_n: FloatArray
     force_n: FloatArray
     duct_node: IntArray
     duct_weight: FloatArray
     rod_node: IntArray
     rod_weight: FloatArray
-    sphere: ByteArray
-    sphere_sign: FloatArray
+    stone: ByteArray
     tool: ByteArray
     lever: FloatArray
     table: LongArray
@@ -87,22 +85,22 @@ class ContactRows(NamedTuple):
         """Return room for ``capacity`` contacts and holds."""
         rows = cls(
             used=np.zeros(1, np.int64),
-            kind=np.zeros(capacity, np.int8),
+            dropped=np.zeros(1, np.int64),
+            law=np.zeros(capacity, np.int8),
             identity=np.zeros(capacity, np.int64),
-            body=np.zeros(capacity, np.int64),
             frame=np.zeros((capacity, 3, 3)),
             point_m=np.zeros((capacity, 3)),
             gap_m=np.zeros(capacity),
             slip_m=np.zeros((capacity, 3)),
-            limit=np.zeros(capacity),
+            friction=np.zeros(capacity),
+            force_limit_n=np.zeros(capacity),
             softness_m_n=np.zeros((capacity, 3)),
             force_n=np.zeros((capacity, 3)),
             duct_node=np.zeros((capacity, 3), np.int32),
             duct_weight=np.zeros((capacity, 3)),
             rod_node=np.zeros((capacity, N_ROD_POINTS), np.int32),
             rod_weight=np.zeros((capacity, N_ROD_POINTS)),
-            sphere=np.full(capacity, -1, np.int8),
-            sphere_sign=np.zeros(capacity),
+            stone=np.full(capacity, NO_STONE, np.int8),
             tool=np.full(capacity, NO_TOOL, np.int8),
             lever=np.zeros((capacity, 3, N_COORDINATES)),
             table=np.zeros(0, np.int64),

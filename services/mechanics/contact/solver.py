@@ -1,25 +1,16 @@
-"""Projected block Gauss-Seidel for contact and Coulomb friction on a dense contact-space compliance."""
+"""Projected block Gauss-Seidel (PGS) with Newton steps, on a dense Delassus operator."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, ByteArray, FloatArray
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.active_set import (
-    FILM,
-    HOLD,
-    ON_THE_LIMIT,
-    UNILATERAL,
-    Unknowns,
-    add_step,
-    list_unknowns,
-    newton_step,
-)
-from services.mechanics.contact.ball import bounded_2, bounded_3
+from services.mechanics.contact import laws
+from services.mechanics.contact.laws.law import ContactProblem, Unknowns
+from services.mechanics.contact.newton import add_step, list_unknowns, newton_step
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
 NEARLY_THERE = 100.0
@@ -42,22 +33,11 @@ class SolverScratch(NamedTuple):
 
 
 @kernel
-def solve_contacts(
-    W: FloatArray,
-    motion: FloatArray,
-    kind: ByteArray,
-    limit: FloatArray,
-    force: FloatArray,
-    effort: tuple[int, float],
-    scratch: SolverScratch,
-) -> int:
+def solve_contacts(problem: ContactProblem, effort: tuple[int, float], scratch: SolverScratch) -> int:
     r"""Solve the contact problem of one step in place and return the number of sweeps.
 
-    With the motion :math:`u = W f + u_{free}` each block of three rows (normal, tangent, tangent) obeys
-
-    - unilateral: :math:`0 \le u_n \perp f_n \ge 0` and Coulomb's law with maximal dissipation,
-      :math:`|f_t| \le \mu f_n`, sliding against :math:`f_t`;
-    - hold: :math:`u = 0` while :math:`|f| \le limit`, else slip against :math:`f`; a film is the same with a softness.
+    With the motion :math:`u = W f + u_{free}` each block of three rows (normal, tangent, tangent) obeys the law of its
+    contact.
 
     Numerically: a sweep of block Gauss-Seidel solves each block exactly with the others fixed, normal first, then
     tangent in its cone. That finds who is pressed and who sticks, but converges slowly where a stiff catheter ties
@@ -69,28 +49,19 @@ def solve_contacts(
 
     Parameters
     ----------
-    W : (m, m) float64
-        Contact-space compliance in m/N, symmetric positive, m = 3 k.
-    motion : (m,) float64
-        In: gap (normal rows) and slip (tangential rows) at the end of the step without contact forces, in m.
-        Out: the same with them.
-    kind : (k,) int8
-        `UNILATERAL`, `HOLD` or `FILM`.
-    limit : (k,) float64
-        Coefficient of friction, or the largest force of a hold in N; zero means frictionless, or no hold.
-    force : (m,) float64
-        Start values in, solution out.
+    problem : ContactProblem
+        In: ``motion`` without contact forces, ``force`` to start from. Out: the solution.
     effort : (iterations, tolerance_n)
         Most sweeps, and the change of any force component in a sweep at which to stop.
     scratch : SolverScratch
     """
     iterations, tolerance_n = effort
-    _copy(motion, scratch.free)
-    _update_motion(W, scratch.free, force, motion)
+    _copy(problem.motion, scratch.free)
+    _update_motion(problem, scratch.free)
     sweeps, patience, last_n = 0, 1, 0.0
     due = patience
     while sweeps < iterations:
-        change_n = _sweep(W, motion, kind, limit, force, scratch.change)
+        change_n = _sweep(problem)
         sweeps += 1
         if change_n <= tolerance_n or sweeps == iterations:
             return sweeps
@@ -99,53 +70,46 @@ def solve_contacts(
         last_n = change_n
         if sweeps < due or ends_next or (sweeps == 1 and change_n <= NEARLY_THERE * tolerance_n):
             continue
-        before = _potential(scratch.free, motion, force)
-        if _try_newton_step(W, motion, kind, limit, force, scratch):
+        before = _potential(problem, scratch.free)
+        if _try_newton_step(problem, scratch):
             sweeps += 1
-            if _sweep(W, motion, kind, limit, force, scratch.change) <= tolerance_n:
+            if _sweep(problem) <= tolerance_n:
                 return sweeps
-        patience = 1 if _potential(scratch.free, motion, force) < before else 2 * patience
+        patience = 1 if _potential(problem, scratch.free) < before else 2 * patience
         if patience > 1:
-            _copy(scratch.force, force)
-            _update_motion(W, scratch.free, force, motion)
+            _copy(scratch.force, problem.force)
+            _update_motion(problem, scratch.free)
         due, last_n = sweeps + patience, 0.0
     return sweeps
 
 
 @kernel
-def _potential(free: FloatArray, motion: FloatArray, force: FloatArray) -> float:
+def _potential(problem: ContactProblem, free: FloatArray) -> float:
     total = 0.0
-    for row in range(force.shape[0]):
-        total += 0.5 * force[row] * (motion[row] + free[row])
+    for row in range(problem.force.shape[0]):
+        total += 0.5 * problem.force[row] * (problem.motion[row] + free[row])
     return total
 
 
 @kernel
-def _sweep(
-    W: FloatArray, motion: FloatArray, kind: ByteArray, limit: FloatArray, force: FloatArray, change: FloatArray
-) -> float:
-    """Relax every block once and return the largest change of a force component."""
-    largest = 0.0
-    for block in range(kind.shape[0]):
-        if kind[block] == UNILATERAL:
-            _relax_unilateral(W, motion, limit[block], force, 3 * block, change)
-        else:
-            _relax_hold(W, motion, limit[block], force, 3 * block, change)
+def _sweep(problem: ContactProblem) -> float:
+    """Relax every contact once and return the largest change of a force component."""
+    largest, change = 0.0, problem.change
+    for block in range(problem.law.shape[0]):
+        laws.relax(problem.law[block], problem, block)
         largest = max(largest, abs(change[0]), abs(change[1]), abs(change[2]))
     return largest
 
 
 @kernel
-def _try_newton_step(
-    W: FloatArray, motion: FloatArray, kind: ByteArray, limit: FloatArray, force: FloatArray, scratch: SolverScratch
-) -> bool:
+def _try_newton_step(problem: ContactProblem, scratch: SolverScratch) -> bool:
     """Take a Newton step; the forces before are kept in ``scratch.force``."""
-    _copy(force, scratch.force)
-    n = list_unknowns(motion, kind, limit, force, scratch.unknowns)
-    if n == 0 or not newton_step(W, motion, scratch.unknowns, n):
+    _copy(problem.force, scratch.force)
+    n = list_unknowns(problem, scratch.unknowns)
+    if n == 0 or not newton_step(problem, scratch.unknowns, n):
         return False
-    add_step(kind, limit, force, scratch.unknowns, n)
-    _update_motion(W, scratch.free, force, motion)
+    add_step(problem, scratch.unknowns, n)
+    _update_motion(problem, scratch.free)
     return True
 
 
@@ -157,73 +121,13 @@ def _copy(source: FloatArray, target: FloatArray) -> None:
 
 
 @kernel
-def _update_motion(W: FloatArray, free: FloatArray, force: FloatArray, motion: FloatArray) -> None:
+def _update_motion(problem: ContactProblem, free: FloatArray) -> None:
+    """Write the motion u = W f + u_free."""
+    W, motion = problem.W, problem.motion
     for row in range(motion.shape[0]):
         motion[row] = free[row]
-    for row in range(force.shape[0]):
-        _add_row(motion, W, row, force[row])
-
-
-@kernel
-def _add_row(motion: FloatArray, W: FloatArray, row: int, change: float) -> None:
-    """Keep ``motion`` up to date; an update along a row of the symmetric W vectorises, a dot would not."""
-    if change != 0.0:
-        for column in range(motion.shape[0]):
-            motion[column] += W[row, column] * change
-
-
-@kernel
-def _relax_unilateral(
-    W: FloatArray, motion: FloatArray, mu: float, force: FloatArray, row: int, change: FloatArray
-) -> None:
-    """Exact normal force for fixed friction, then exact friction for the new normal force."""
-    normal = max(0.0, force[row] - motion[row] / W[row, row])
-    change[0] = normal - force[row]
-    force[row] = normal
-    _add_row(motion, W, row, change[0])
-    f_1, f_2 = 0.0, 0.0
-    if mu * normal > 0.0:
-        a, b, c = W[row + 1, row + 1], W[row + 1, row + 2], W[row + 2, row + 2]
-        r_1 = motion[row + 1] - a * force[row + 1] - b * force[row + 2]
-        r_2 = motion[row + 2] - b * force[row + 1] - c * force[row + 2]
-        f_1, f_2 = bounded_2(a, b, c, r_1, r_2, mu * normal)
-    change[1] = f_1 - force[row + 1]
-    change[2] = f_2 - force[row + 2]
-    force[row + 1] = f_1
-    force[row + 2] = f_2
-    _add_row(motion, W, row + 1, change[1])
-    _add_row(motion, W, row + 2, change[2])
-
-
-@kernel
-def _relax_hold(
-    W: FloatArray, motion: FloatArray, limit: float, force: FloatArray, row: int, change: FloatArray
-) -> None:
-    """No motion inside the ball of the largest force, slip against the force on its edge."""
-    if limit <= 0.0:
-        change[:] = 0.0
-    else:
-        f_0, f_1, f_2 = force[row], force[row + 1], force[row + 2]
-        r_0 = motion[row] - W[row, row] * f_0 - W[row, row + 1] * f_1 - W[row, row + 2] * f_2
-        r_1 = motion[row + 1] - W[row + 1, row] * f_0 - W[row + 1, row + 1] * f_1 - W[row + 1, row + 2] * f_2
-        r_2 = motion[row + 2] - W[row + 2, row] * f_0 - W[row + 2, row + 1] * f_1 - W[row + 2, row + 2] * f_2
-        bounded_3(W, row, (r_0, r_1, r_2), limit, change)
-    for axis in range(3):
-        change[axis] -= force[row + axis]
-        force[row + axis] += change[axis]
-        _add_row(motion, W, row + axis, change[axis])
-
-
-@kernel
-def mark_sliding(kind: ByteArray, limit: FloatArray, force: FloatArray, slides: BoolArray) -> None:
-    """Write for each block (k,) whether its friction is on its limit, or its hold slips."""
-    for block in range(kind.shape[0]):
-        f_n, f_1, f_2 = force[3 * block], force[3 * block + 1], force[3 * block + 2]
-        tangent = math.hypot(f_1, f_2)
-        if kind[block] == UNILATERAL:
-            slides[block] = f_n > 0.0 and tangent >= ON_THE_LIMIT * limit[block] * f_n
-        else:
-            slides[block] = math.hypot(f_n, tangent) >= ON_THE_LIMIT * limit[block]
-
-
-__all__ = ["FILM", "HOLD", "ON_THE_LIMIT", "UNILATERAL", "SolverScratch", "mark_sliding", "solve_contacts"]
+    for row in range(motion.shape[0]):
+        force = problem.force[row]
+        if force != 0.0:
+            for column in range(motion.shape[0]):
+                motion[column] += W[row, column] * force

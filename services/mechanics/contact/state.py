@@ -8,7 +8,7 @@ import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.compiled import tuple_reader
-from services.mechanics.contact.geometry import ContactGeometry, DuctGeometry, RodGeometry, ToolGeometry
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
 from services.mechanics.contact.solver import SolverScratch
 from services.mechanics.contact.warm_start import ForceMemory
@@ -24,8 +24,8 @@ class ContactState(NamedTuple):
     memory : ForceMemory
         Of the last step.
     scratch : SolverScratch
-    compliance : (9 C^2,) float64
-        W, packed as (3 k, 3 k) for k contacts.
+    delassus : (9 C^2,) float64
+        Delassus operator W, packed as (3 k, 3 k) for k contacts.
     motion : (3 C,) float64
         Gaps and slips at the end of the step.
     force_n : (C, 3) float64
@@ -39,7 +39,7 @@ class ContactState(NamedTuple):
     rows: ContactRows
     memory: ForceMemory
     scratch: SolverScratch
-    compliance: FloatArray
+    delassus: FloatArray
     motion: FloatArray
     force_n: FloatArray
     slides: BoolArray
@@ -53,12 +53,19 @@ class ContactState(NamedTuple):
             rows=ContactRows.allocate(capacity),
             memory=ForceMemory.allocate(capacity),
             scratch=SolverScratch.allocate(3 * capacity, n_modes),
-            compliance=np.zeros(9 * capacity * capacity),
+            delassus=np.zeros(9 * capacity * capacity),
             motion=np.zeros(3 * capacity),
             force_n=np.zeros((capacity, 3)),
             slides=np.zeros(capacity, np.bool_),
             rod_points=np.zeros((N_ROD_POINTS * capacity, 2), np.int32),
         )
+
+    @property
+    def W(self) -> FloatArray:
+        """(3 k, 3 k) Delassus operator."""
+        size = 3 * self.rows.n_contacts
+        view: FloatArray = self.delassus[: size * size].reshape(size, size)
+        return view
 
 
 def _no_geometry() -> ContactGeometry:
@@ -72,7 +79,7 @@ def _no_geometry() -> ContactGeometry:
         held=np.zeros((0, 2), np.bool_),
     )
     rod = RodGeometry(np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
-    return ContactGeometry(tools, rod, DuctGeometry(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0))
+    return ContactGeometry(tools, rod, WallGeometry(np.zeros((0, 3)), np.zeros((0, 3), np.int32), 0.0))
 
 
 state_at = tuple_reader(ContactState.allocate(1, 0, _no_geometry()))

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled import Placed
 from services.mechanics.contact import stages
-from services.mechanics.contact.geometry import ContactGeometry, DuctGeometry, RodGeometry, ToolGeometry
+from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.state import ContactState
+from services.mechanics.contact.strategies import STRATEGIES
+from services.mechanics.contact.strategies.strategy import AddCompliance
 from services.mechanics.scene import ContactSettings
 
 
-@dataclass(frozen=True, slots=True)
-class Bodies:
-    """Everything that contacts can push."""
-
-    duct: DuctBody
-    catheter: CatheterBody
-    tools: ToolBody
-    half_thickness_m: float
-
-
 class ContactSystem:
-    r"""Contact rows, their compliance W and the solved forces of one step.
+    r"""Contact rows, their Delassus operator W and the solved forces of one step.
 
     Positions are those of the start of the step; motions, gaps and forces refer to its end:
     :math:`u^+ = u_{free} + W f` with :math:`W = J A^{-1} J^T` summed over duct (modes and residual compliance),
@@ -36,12 +23,14 @@ class ContactSystem:
     Attributes
     ----------
     rows : ContactRows
+    geometry : ContactGeometry
+        What rows are built from.
+    strategy : ContactStrategy
+        How forces are found, as the scene wants it.
     force_n : (C, 3) float64
         Forces on the first bodies along world axes.
     slides : (C,) bool
         Whether a contact slid, or a hold slipped, in the last solve.
-    dropped : int
-        Pairs that found no room in this step.
     sweeps : int
         Sweeps that the last solve took.
     """
@@ -49,20 +38,13 @@ class ContactSystem:
     def __init__(self, bodies: Bodies, settings: ContactSettings) -> None:
         self.bodies = bodies
         self.settings = settings
-        duct, catheter, tools = bodies.duct, bodies.catheter, bodies.tools
-        self.tool_geometry = ToolGeometry(
-            tools.segments, tools.radius_m, tools.frame, tools.length_m, tools.motion, tools.held
-        )
-        self.rod_geometry = RodGeometry(catheter.start_m, catheter.motion_m, catheter.radius_m)
-        mesh = duct.reduced.mesh
-        self.duct_geometry = DuctGeometry(mesh.vertices_m, mesh.triangles, bodies.half_thickness_m)
-        geometry = ContactGeometry(self.tool_geometry, self.rod_geometry, self.duct_geometry)
-        placed = Placed(ContactState.allocate(settings.capacity, duct.state.q.size, geometry))
+        self.geometry = ContactGeometry.of(bodies)
+        placed = Placed(ContactState.allocate(settings.capacity, bodies.duct.state.q.size, self.geometry))
         self._placed, self._state, self.address = placed, placed.arrays, placed.address
+        self.strategy = STRATEGIES[settings.model](bodies, settings, self._state, self.address)
         self.rows = self._state.rows
         self.force_n = self._state.force_n
         self.slides = self._state.slides
-        self.dropped = 0
         self.sweeps = 0
 
     @property
@@ -73,48 +55,32 @@ class ContactSystem:
     @property
     def compliance_m_n(self) -> FloatArray:
         """(3 k, 3 k) W in the contacts' frames, m/N."""
-        size = 3 * self.rows.n_contacts
-        view: FloatArray = self._state.compliance[: size * size].reshape(size, size)
-        return view
+        return self._state.W
 
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
         self.rows.used[0] = 0
-        self.dropped = 0
 
     def append(self, pairs: ContactPairs) -> None:
         """Add candidate pairs."""
         if pairs.count:
-            self.dropped += stages.append(self.address, pairs.address, pairs.count)
+            stages.append(self.address, pairs.address, pairs.count)
 
-    def measure(self) -> None:
+    def complete_rows(self) -> None:
         """Finish gaps and slips with the duct's displacement, and recall last tick's forces."""
-        duct = self.bodies.duct
-        duct.gather(self.rows)
-        stages.measure(self.address, duct.modes, duct.q_start, duct.dq_free, duct.residual_start, duct.residual_change)
-
-    def assemble(self, n_modes: int) -> None:
-        """Gather the lower blocks of W along world axes, with the lowest ``n_modes`` modes of the duct."""
-        duct, catheter, rows = self.bodies.duct, self.bodies.catheter, self.rows
+        duct, rows = self.bodies.duct, self.rows
         k = rows.n_contacts
-        duct.reduced.residual.gather_points(rows.duct_node[:k], rows.duct_weight[:k], self.compliance_m_n)
-        modal = (duct.modes, duct.position_gain[:n_modes])
-        rod = catheter.compliance(rows)
-        stages.add_bodies(self.address, modal, catheter.slot, rod, self.bodies.tools.compliance)
+        duct.gather(rows.duct_node[:k], rows.duct_weight[:k])
+        offset, change = duct.residual_start, duct.residual_change
+        stages.complete_rows(self.address, duct.modes, duct.q_start, duct.dq_free, offset, change)
 
-    def finish_compliance(self) -> None:
-        """Turn W into the contacts' frames."""
-        stages.turn(self.address)
+    def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
+        """Gather what the solve needs, with the lowest ``n_modes`` modes of the duct."""
+        self.strategy.assemble(n_modes, add_compliance)
 
-    def solve(self, iterations: int) -> None:
-        """Find the contact forces from W."""
-        settings = self.settings
-        self.sweeps = stages.solve(self.address, settings.recovery, iterations, settings.tolerance_n)
-
-    def push_back(self, dt_s: float) -> None:
-        """Find the contact forces from penetrations instead, as the paper does."""
-        settings = self.settings
-        stages.push_back(self.address, settings.penalty_stiffness_n_m, settings.penalty_damping_n_s_m, dt_s)
+    def solve(self, iterations: int, dt_s: float) -> None:
+        """Find the contact forces."""
+        self.sweeps = self.strategy.solve(iterations, dt_s)
 
     def rest(self) -> None:
         """Forget the forces of the last tick: nothing is touched."""
@@ -123,6 +89,9 @@ class ContactSystem:
 
     def apply(self, tool_force: FloatArray) -> None:
         """Give the forces to duct, catheter and, as generalised forces (2, 4), to the tools."""
-        self.bodies.duct.correct(self.rows, self.force_n)
-        self.bodies.catheter.correct(self.rows, self.force_n)
-        self.bodies.tools.correct(tool_force)
+        bodies, rows = self.bodies, self.rows
+        k = rows.n_contacts
+        forces = self.force_n[:k]
+        bodies.duct.correct(rows.duct_node[:k], rows.duct_weight[:k], forces)
+        bodies.catheter.correct(rows.rod_node[:k], rows.rod_weight[:k], forces)
+        bodies.tools.correct(tool_force)

@@ -12,8 +12,8 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel, tuple_reader
+from services.mechanics.contact import laws
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import HOLD, UNILATERAL
 from services.mechanics.contact.state import state_at
 from services.mechanics.scene.tools import ToolResults
 
@@ -85,7 +85,7 @@ def report(state_address: int, tools_address: int, report_address: int, holding:
         out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
     if wants_stiffness:
         size = 3 * state.rows.used[0]
-        local_stiffness(state.rows, state.compliance[: size * size].reshape(size, size), state.slides, tools, out)
+        local_stiffness(state.rows, state.delassus[: size * size].reshape(size, size), state.slides, tools, out)
     return _deepest_overlap(state.rows)
 
 
@@ -154,14 +154,11 @@ def _follows_hand(tools: ToolArrays, tool: int, coordinate: int) -> bool:
 
 @kernel
 def _closed_axes(rows: ContactRows, slides: BoolArray, row: int, tool: int) -> int:
-    """How many of a row's three axes stay closed: 0, 1 (normal) or 3."""
+    """How many of a row's three axes stay closed when the tool moves: 0, 1 (normal) or 3."""
     if rows.tool[row] != tool:
         return 0
-    if rows.kind[row] == HOLD:
-        return 0 if slides[row] or rows.limit[row] <= 0.0 else 3
-    if rows.force_n[row, 0] <= 0.0:
-        return 0
-    return 1 if slides[row] or rows.limit[row] <= 0.0 else 3
+    closed: int = laws.closed_axes(rows.law[row], rows, row, slides[row])
+    return closed
 
 
 @kernel
@@ -245,6 +242,6 @@ def _whiten(S: FloatArray, G: FloatArray) -> bool:
 def _deepest_overlap(rows: ContactRows) -> float:
     deepest = 0.0
     for row in range(rows.used[0]):
-        if rows.kind[row] == UNILATERAL and rows.tool[row] == NO_TOOL:  # a film or a hold has no gap to speak of
+        if laws.HAS_GAP[rows.law[row]] and rows.tool[row] == NO_TOOL:
             deepest = max(deepest, -rows.gap_m[row])
     return deepest

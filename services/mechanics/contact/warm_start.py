@@ -8,6 +8,7 @@ import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import kernel
+from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.rows import ContactRows
 
 
@@ -16,7 +17,6 @@ class ForceMemory(NamedTuple):
 
     used: LongArray
     identity: LongArray
-    body: LongArray
     force_n: FloatArray
     slides: BoolArray
     taken: BoolArray
@@ -28,7 +28,6 @@ class ForceMemory(NamedTuple):
         return cls(
             used=np.zeros(1, np.int64),
             identity=np.zeros(capacity, np.int64),
-            body=np.zeros(capacity, np.int64),
             force_n=np.zeros((capacity, 3)),
             slides=np.zeros(capacity, np.bool_),
             taken=np.zeros(capacity, np.bool_),
@@ -47,16 +46,20 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> 
     for row in range(rows.used[0]):
         rows.force_n[row] = 0.0
         slides[row] = False
-        memory.found[row] = _match(memory, memory.identity, rows.identity[row], rows, row, slides)
+        memory.found[row] = _match(memory, rows, row, False, slides)
     for row in range(rows.used[0]):
         if not memory.found[row]:
-            _match(memory, memory.body, rows.body[row], rows, row, slides)
+            _match(memory, rows, row, True, slides)
 
 
 @kernel
-def _match(memory: ForceMemory, names: LongArray, name: int, rows: ContactRows, row: int, slides: BoolArray) -> bool:
+def _match(memory: ForceMemory, rows: ContactRows, row: int, on_any_target: bool, slides: BoolArray) -> bool:
+    """Give the row the first force of its identity that is left, ``on_any_target`` of the same kind if wanted."""
+    identity = rows.identity[row]
     for old in range(memory.used[0]):
-        if names[old] == name and not memory.taken[old]:
+        other = memory.identity[old]
+        is_same = without_target(other) == without_target(identity) if on_any_target else other == identity
+        if is_same and not memory.taken[old]:
             memory.taken[old] = True
             slides[row] = memory.slides[old]
             for axis in range(3):
@@ -75,7 +78,6 @@ def store_forces(memory: ForceMemory, rows: ContactRows, forces: FloatArray, sli
     memory.used[0] = rows.used[0]
     for row in range(rows.used[0]):
         memory.identity[row] = rows.identity[row]
-        memory.body[row] = rows.body[row]
         memory.slides[row] = slides[row]
         for axis in range(3):
             memory.force_n[row, axis] = forces[row, axis]

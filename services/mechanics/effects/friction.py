@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from services.mechanics.arrays import BoolArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.contact.solver import UNILATERAL
 from services.mechanics.effects.base import Effect
 from services.mechanics.scene import SceneModel
 
@@ -39,8 +38,8 @@ class Friction(Effect):
     """Stick below mu_static times the normal force, slide with mu_kinetic times it.
 
     A contact that slid in the last tick has the kinetic coefficient, every other one the static. The law is
-    solved together with the normal forces, as in `contact.solver`; friction always opposes sliding and so never
-    feeds energy in.
+    solved together with the normal forces, see `contact.laws.unilateral`; friction always opposes sliding and so
+    never feeds energy in.
     """
 
     Settings = FrictionSettings
@@ -59,9 +58,8 @@ class Friction(Effect):
 
 @kernel
 def set_coefficients(rows_address: int, slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]) -> None:
-    """Write the coefficients of the unilateral rows; ``mu`` is (static, kinetic) without and with a tool."""
+    """Write the coefficients of all rows; ``mu`` is (static, kinetic) without and with a tool. Not all laws use it."""
     rows = rows_at(rows_address)
     for row in range(rows.used[0]):
-        if rows.kind[row] == UNILATERAL:
-            pair = mu[1] if rows.tool[row] >= 0 else mu[0]
-            rows.limit[row] = pair[1] if slides[row] else pair[0]
+        pair = mu[1] if rows.tool[row] >= 0 else mu[0]
+        rows.friction[row] = pair[1] if slides[row] else pair[0]

@@ -10,17 +10,23 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision import CatheterContactDetector
-from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.geometry import RodGeometry, append_pairs, write_frame
-from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
+from services.mechanics.contact.frames import write_frame
+from services.mechanics.contact.geometry import RodGeometry
+from services.mechanics.contact.identity import pair_identity, with_stone
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.pair_rows import append_pairs
+from services.mechanics.contact.rows import NO_STONE, ContactRows
 from services.mechanics.contact.search import DuctSearch
-from services.mechanics.contact.solver import UNILATERAL
+from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
 from services.mechanics.effects.base import Effect
 from services.mechanics.scene import SceneModel
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation
+
+_UNILATERAL = number_of("unilateral")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +92,7 @@ class Gallstones(Effect):
 
     def add_rows(self, simulation: Simulation, rows: ContactRows) -> None:
         """Append stones against wall and catheter."""
-        system = simulation.system
-        rod = system.rod_geometry
+        geometry = simulation.system.geometry
         reach = simulation.scene.contact.margin_m + simulation.catheter.radius_m
         for stone, detector in enumerate(self._detectors):
             self._pairs.clear()
@@ -95,20 +100,18 @@ class Gallstones(Effect):
             first = rows.n_contacts
             here = slice(stone, stone + 1)
             sphere = RodGeometry(self._start_m[here], self._motion_m[here], float(self.radius_m[stone]))
-            append_pairs(
-                self._pairs.arrays, self._pairs.count, system.tool_geometry, sphere, system.duct_geometry, rows
-            )
-            mark_sphere(rows, first, stone)
-            append_on_catheter(rows, rod, sphere, stone, reach)
+            append_pairs(self._pairs.arrays, self._pairs.count, geometry._replace(rod=sphere), rows)
+            mark_stone(rows, first, stone)
+            append_on_catheter(rows, geometry.rod, sphere, stone, reach)
 
     def add_compliance(self, simulation: Simulation, W: FloatArray, dt_s: float) -> None:
         """Add dt^2 / m of each stone to its rows."""
-        add_sphere_compliance(simulation.system.rows, self._compliance, W)
+        add_stone_compliance(simulation.system.rows, self._compliance, W)
 
     def after_solve(self, simulation: Simulation, dt_s: float) -> None:
         """Apply the contact forces."""
         system = simulation.system
-        change = sphere_forces(system.rows, system.force_n, np.zeros_like(self.position_m))
+        change = stone_forces(system.rows, system.force_n, np.zeros_like(self.position_m))
         change *= self._compliance[:, None]
         self.position_m += change
         self.velocity_m_s += change / dt_s
@@ -123,13 +126,11 @@ class Gallstones(Effect):
 
 
 @kernel
-def mark_sphere(rows: ContactRows, first: int, stone: int) -> None:
+def mark_stone(rows: ContactRows, first: int, stone: int) -> None:
     """Turn rows from ``first`` on, built with a stone in the place of a particle, into rows of that stone."""
     for row in range(first, rows.used[0]):
         rows.rod_weight[row, 0] = rows.rod_weight[row, 1] = 0.0
-        rows.sphere[row], rows.sphere_sign[row] = stone, 1.0
-        rows.body[row] |= (stone + 1) << 30
-        rows.identity[row] |= (stone + 1) << 54
+        rows.stone[row], rows.identity[row] = stone, with_stone(rows.identity[row], stone)
 
 
 @kernel
@@ -137,9 +138,6 @@ def append_on_catheter(rows: ContactRows, rod: RodGeometry, sphere: RodGeometry,
     """Append the stone against the closest point of each catheter segment within ``reach`` of its surface."""
     centre = sphere.position[0]
     for segment in range(rod.position.shape[0] - 1):
-        row = rows.used[0]
-        if row == rows.gap_m.shape[0]:
-            return
         along, length_2 = 0.0, 0.0
         for axis in range(3):
             edge = rod.position[segment + 1, axis] - rod.position[segment, axis]
@@ -149,51 +147,45 @@ def append_on_catheter(rows: ContactRows, rod: RodGeometry, sphere: RodGeometry,
         # A particle between two segments belongs to the one before it, the tip to the last.
         if s == 0.0 and segment > 0:
             continue
-        normal = rows.frame[row, 0]
         distance_2 = 0.0
         for axis in range(3):
             point = (1.0 - s) * rod.position[segment, axis] + s * rod.position[segment + 1, axis]
-            normal[axis] = centre[axis] - point
-            distance_2 += normal[axis] ** 2
+            distance_2 += (centre[axis] - point) ** 2
         distance = math.sqrt(distance_2)
         if distance == 0.0 or distance > sphere.radius + reach:
             continue
+        row = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
+        if row == NO_ROOM:
+            continue
+        rows.stone[row] = stone
+        put_on_rod(rows, row, TARGET_SIDE, (segment, segment + 1), (s - 1.0, -s))
+        normal = rows.frame[row, 0]
         for axis in range(3):
-            normal[axis] /= distance
+            point = (1.0 - s) * rod.position[segment, axis] + s * rod.position[segment + 1, axis]
+            normal[axis] = (centre[axis] - point) / distance
             rows.point_m[row, axis] = centre[axis] - sphere.radius * normal[axis]
             rows.slip_m[row, axis] = sphere.motion[0, axis] - (
                 (1.0 - s) * rod.motion[segment, axis] + s * rod.motion[segment + 1, axis]
             )
         write_frame(normal, rows.frame[row])
-        rows.kind[row], rows.tool[row], rows.limit[row] = UNILATERAL, NO_TOOL, 0.0
         rows.gap_m[row] = distance - sphere.radius - rod.radius
-        rows.softness_m_n[row] = SURFACE_SOFTNESS_M_N
-        rows.duct_weight[row] = 0.0
-        rows.rod_weight[row] = 0.0
-        rows.rod_node[row, 2], rows.rod_node[row, 3] = segment, segment + 1
-        rows.rod_weight[row, 2], rows.rod_weight[row, 3] = s - 1.0, -s
-        rows.sphere[row], rows.sphere_sign[row] = stone, 1.0
-        rows.body[row] = ((stone + 1) << 30) + 1
-        rows.identity[row] = ((stone + 1) << 54) + (1 << 24) + segment
-        rows.used[0] = row + 1
 
 
 @kernel
-def add_sphere_compliance(rows: ContactRows, compliance: FloatArray, W: FloatArray) -> None:
+def add_stone_compliance(rows: ContactRows, compliance: FloatArray, W: FloatArray) -> None:
     """Add the compliance of each stone between all rows it takes part in, lower blocks, world axes."""
     for a in range(rows.used[0]):
         for b in range(a + 1):
-            if rows.sphere[a] >= 0 and rows.sphere[a] == rows.sphere[b]:
-                value = compliance[rows.sphere[a]] * rows.sphere_sign[a] * rows.sphere_sign[b]
+            if rows.stone[a] != NO_STONE and rows.stone[a] == rows.stone[b]:
                 for axis in range(3):
-                    W[3 * a + axis, 3 * b + axis] += value
+                    W[3 * a + axis, 3 * b + axis] += compliance[rows.stone[a]]
 
 
 @kernel
-def sphere_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> FloatArray:
+def stone_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> FloatArray:
     """Add the contact forces on the stones to ``out`` (s, 3) and return it."""
     for row in range(rows.used[0]):
-        if rows.sphere[row] >= 0:
+        if rows.stone[row] != NO_STONE:
             for axis in range(3):
-                out[rows.sphere[row], axis] += rows.sphere_sign[row] * forces[row, axis]
+                out[rows.stone[row], axis] += forces[row, axis]
     return out

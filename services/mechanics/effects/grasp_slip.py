@@ -19,7 +19,4 @@ class GraspSlip(Effect):
 
     def set_limits(self, simulation: Simulation, rows: ContactRows) -> None:
         """Write the holds' limits over the unlimited ones."""
-        active = simulation.holds.active.values()
-        first = rows.n_contacts - len(active)
-        for row, hold in enumerate(active, start=first):
-            rows.limit[row] = hold.request.limit_n
+        simulation.holds.limit_rows()

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import FILM
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.rows import NO_STONE, ContactRows
+from services.mechanics.contact.writer import NO_ROOM, append_double
 from services.mechanics.effects.base import Effect
 
 if TYPE_CHECKING:
     from services.mechanics.simulation import Simulation
+
+_FILM = number_of("film")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,35 +51,13 @@ class MucusDrag(Effect):
         append_films(rows, self._softness)
 
 
-# So soft along the normal that a film carries no load there: 1 N for a kilometre.
-_NO_NORMAL_M_N = 1e3
-
-
 @kernel
 def append_films(rows: ContactRows, softness: float) -> None:
-    """Append one film per present row of a particle against the wall."""
+    """Append one film per present row of a particle against the wall; ``softness`` is dt / b."""
     for source in range(rows.used[0]):
-        row = rows.used[0]
         on_wall = rows.duct_weight[source, 0] + rows.duct_weight[source, 1] + rows.duct_weight[source, 2] > 0.0
-        if row == rows.gap_m.shape[0] or rows.tool[source] != NO_TOOL or not on_wall or rows.sphere[source] >= 0:
+        if rows.tool[source] != NO_TOOL or not on_wall or rows.stone[source] != NO_STONE:
             continue
-        rows.kind[row] = FILM
-        rows.identity[row] = rows.identity[source] | (1 << 60)
-        rows.body[row] = rows.body[source] | (1 << 60)
-        rows.tool[row] = NO_TOOL
-        rows.sphere[row] = -1
-        rows.limit[row] = 1e300
-        rows.gap_m[row] = 0.0
-        rows.softness_m_n[row, 0] = _NO_NORMAL_M_N
-        rows.softness_m_n[row, 1] = rows.softness_m_n[row, 2] = softness
-        for axis in range(3):
-            rows.point_m[row, axis] = rows.point_m[source, axis]
-            rows.slip_m[row, axis] = rows.slip_m[source, axis]
-            rows.duct_node[row, axis] = rows.duct_node[source, axis]
-            rows.duct_weight[row, axis] = rows.duct_weight[source, axis]
-            for other in range(3):
-                rows.frame[row, axis, other] = rows.frame[source, axis, other]
-        for point in range(rows.rod_node.shape[1]):
-            rows.rod_node[row, point] = rows.rod_node[source, point]
-            rows.rod_weight[row, point] = rows.rod_weight[source, point]
-        rows.used[0] = row + 1
+        row = append_double(rows, source, _FILM)
+        if row != NO_ROOM:
+            rows.softness_m_n[row, 1] = rows.softness_m_n[row, 2] = softness

@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.contact.solver import HOLD
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
 from services.mechanics.rod.energy import RodEnergy, internal_forces, rod_energy
@@ -142,7 +141,7 @@ class EnergyBook:
         for row in range(rows.n_contacts):
             force = rows.force_n[row]
             end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
-            if rows.kind[row] == HOLD:
+            if row in self.simulation.holds.rows:
                 continue
             self.flow.friction_j -= float(force[1:] @ end[1:])
             gap = float(rows.gap_m[row])
@@ -199,10 +198,8 @@ def _dissipated_by_effects_j(simulation: Simulation) -> float:
 
 
 def _grip_energy_j(simulation: Simulation) -> float:
-    rows = simulation.system.rows
-    n = rows.n_contacts
-    held = rows.kind[:n] == HOLD
-    return 0.5 * float(np.sum(rows.softness_m_n[:n][held] * rows.force_n[:n][held] ** 2))
+    rows, held = simulation.system.rows, list(simulation.holds.rows)
+    return 0.5 * float(np.sum(rows.softness_m_n[held] * rows.force_n[held] ** 2))
 
 
 def _rod_energy(simulation: Simulation) -> RodEnergy:

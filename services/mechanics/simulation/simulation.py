@@ -14,11 +14,13 @@ from services.mechanics.bodies.forceps import Grasp, JawState, ToolBody
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.compiled import Placed
+from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.persistence import PressedPoints
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch, DuctSearch
-from services.mechanics.contact.system import Bodies, ContactSystem
+from services.mechanics.contact.strategies import STRATEGIES
+from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
 from services.mechanics.effects import build_effects
 from services.mechanics.effects.base import STAGES, acts_in
@@ -55,7 +57,7 @@ class Simulation:
             scene.catheter,
             twist="twist" in self.effects,
             may_sleep=scene.sleeping,
-            feeds_back=scene.contact.model == "penalty",
+            acts_in_next_step=STRATEGIES[scene.contact.model].acts_in_next_step,
         )
         self.tools = ToolBody(scene.forceps)
         self.bodies = Bodies(self.duct, self.catheter, self.tools, 0.5 * scene.duct.thickness_m)
@@ -224,22 +226,16 @@ class Simulation:
         return held
 
     def _solve_contacts(self, dt_s: float) -> None:
-        self.system.measure()
+        self.system.complete_rows()
         for effect in self._stages["set_limits"]:
             effect.set_limits(self, self.system.rows)
-        if self.scene.contact.model == "implicit":
-            self._assemble(dt_s)
-            self._lap(3)
-            self.system.solve(self._iterations)
-        else:
-            self._lap(3)
-            self.system.push_back(dt_s)
+        self.system.assemble(self._n_modes, lambda W: self._add_compliance(W, dt_s))
+        self._lap(3)
+        self.system.solve(self._iterations, dt_s)
 
-    def _assemble(self, dt_s: float) -> None:
-        self.system.assemble(self._n_modes)
+    def _add_compliance(self, W: FloatArray, dt_s: float) -> None:
         for effect in self._stages["add_compliance"]:
-            effect.add_compliance(self, self.system.compliance_m_n, dt_s)
-        self.system.finish_compliance()
+            effect.add_compliance(self, W, dt_s)
 
     def _correct(self, dt_s: float) -> None:
         system = self.system
@@ -253,7 +249,7 @@ class Simulation:
     def _report(self) -> None:
         """Write what the tools feel."""
         addresses = (self.system.address, self.tools.address, self._felt.address)
-        wants_stiffness = self.scene.contact.model == "implicit"
+        wants_stiffness = self.system.strategy.knows_stiffness
         self.max_penetration_m = report(*addresses, bool(self.holds.active), wants_stiffness)
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.ball import bounded_2, bounded_3, solve_3
+from services.mechanics.contact.laws.ball import bounded_2, bounded_3, solve_3
 
 
 def random_positive(rng, n):

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.compliance import (
-    add_rod_compliance,
-    free_motion,
-    list_particles,
-    to_contact_frames,
-    world_forces,
-)
-from services.mechanics.contact.geometry import write_frame
-from services.mechanics.contact.rows import SURFACE_SOFTNESS_M_N, ContactRows
+from services.mechanics.bodies.catheter import list_particles
+from services.mechanics.contact.delassus import add_rod_compliance, rotate_to_contact_frames
+from services.mechanics.contact.frames import write_frame
+from services.mechanics.contact.free_motion import free_motion
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.stages import write_world_forces
+from services.mechanics.contact.writer import append_row
 from services.mechanics.rod import ImplicitIntegrator, RodProperties, rod_along
 
 RADIUS = 20e-3
@@ -46,14 +46,12 @@ def contact_rows(start, motion, mu):
         distance = np.hypot(p[0], p[2])
         if distance > RADIUS + 0.5e-3:
             continue
-        k = rows.n_contacts
+        k = append_row(rows, number_of("unilateral"), i)
         write_frame(np.array([p[0], 0.0, p[2]]) / distance, rows.frame[k])
         rows.gap_m[k] = distance - RADIUS
         rows.slip_m[k] = motion[i]
         rows.rod_node[k, 0], rows.rod_weight[k, 0] = i, 1.0
-        rows.limit[k] = mu
-        rows.softness_m_n[k] = SURFACE_SOFTNESS_M_N
-        rows.used[0] = k + 1
+        rows.friction[k] = mu
     return rows
 
 
@@ -88,17 +86,20 @@ def slip_ratio(mu, angle):
 
 def solve(rows, rod, n):
     slot, particles = np.zeros(n, np.int32), np.zeros(n, np.int32)
-    count, k = list_particles(rows.address, slot, particles), rows.n_contacts
+    k = rows.n_contacts
+    count = list_particles(rows.rod_node[:k], rows.rod_weight[:k], slot, particles)
     compliance, W = np.zeros((3 * count, 3 * count)), np.zeros((3 * k, 3 * k))
     rod.compliance(particles[:count], compliance)
     add_rod_compliance(rows, slot, compliance, np.zeros((4 * rows.capacity, 2), np.int32), W)
-    to_contact_frames(rows, W)
+    rotate_to_contact_frames(rows, W)
     motion = np.zeros(3 * k)
     free_motion(rows, 0.2, motion)
     force = rows.force_n[:k].reshape(-1)
-    solve_contacts(W, motion, rows.kind[:k], rows.limit[:k], force, (60, 1e-8), SolverScratch.allocate(3 * k))
+    scratch = SolverScratch.allocate(3 * k)
+    problem = ContactProblem(W, motion, force, rows.law[:k], rows.friction[:k], rows.force_limit_n[:k], scratch.change)
+    solve_contacts(problem, (60, 1e-8), scratch)
     world, out = np.zeros((k, 3)), np.zeros((n, 3))
-    world_forces(rows, world)
+    write_world_forces(rows, world)
     out[rows.rod_node[:k, 0]] = world
     return out
 

@@ -1,14 +1,37 @@
 import numpy as np
 import pytest
 
-from services.mechanics.contact.solver import HOLD, UNILATERAL, SolverScratch, mark_sliding, solve_contacts
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.stages import mark_sliding
+from services.mechanics.contact.writer import append_row
+
+UNILATERAL, HOLD = number_of("unilateral"), number_of("hold")
 
 
-def solve(W, free, kind, limit, force=None, effort=(200, 1e-12)):
+def solve(W, free, law, limit, force=None, effort=(200, 1e-12)):
     force = np.zeros(len(free)) if force is None else force
-    motion = free.copy()
-    sweeps = solve_contacts(W, motion, kind, limit, force, effort, SolverScratch.allocate(len(free)))
+    motion, scratch = free.copy(), SolverScratch.allocate(len(free))
+    sweeps = solve_contacts(ContactProblem(W, motion, force, law, *limits(law, limit), scratch.change), effort, scratch)
     return force, motion, sweeps
+
+
+def limits(law, limit):
+    """Coefficients of friction and largest forces; each law reads its own."""
+    return np.where(law == UNILATERAL, limit, 0.0), np.where(law == HOLD, limit, 0.0)
+
+
+def who_slides(law, limit, force):
+    rows = ContactRows.allocate(len(law))
+    for number, identity in zip(law, range(len(law)), strict=True):
+        append_row(rows, number, identity)
+    rows.friction[:], rows.force_limit_n[:] = limits(law, limit)
+    rows.force_n[:] = force.reshape(-1, 3)
+    slides = np.zeros(len(law), np.bool_)
+    mark_sliding(rows, slides)
+    return slides
 
 
 def random_problem(seed, k=12, n_holds=2):
@@ -17,23 +40,22 @@ def random_problem(seed, k=12, n_holds=2):
     W = 1e-3 * (J @ J.T) + 1e-6 * np.eye(3 * k)
     free = 1e-4 * rng.standard_normal(3 * k)
     free[::3] -= 5e-5
-    kind = np.full(k, UNILATERAL, np.int8)
-    kind[k - n_holds :] = HOLD
-    limit = np.where(kind == HOLD, 0.02, rng.uniform(0.0, 0.6, k))
-    return W, free, kind, limit
+    law = np.full(k, UNILATERAL, np.int8)
+    law[k - n_holds :] = HOLD
+    limit = np.where(law == HOLD, 0.02, rng.uniform(0.0, 0.6, k))
+    return W, free, law, limit
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_signorini_and_coulomb_hold_at_the_solution(seed):
-    W, free, kind, limit = random_problem(seed)
-    force, motion, sweeps = solve(W, free, kind, limit)
+    W, free, law, limit = random_problem(seed)
+    force, motion, sweeps = solve(W, free, law, limit)
     assert sweeps < 200
     assert np.allclose(motion, W @ force + free, atol=1e-15)
-    slides = np.zeros(len(kind), np.bool_)
-    mark_sliding(kind, limit, force, slides)
+    slides = who_slides(law, limit, force)
     for block, mu in enumerate(limit):
         f, u = force[3 * block : 3 * block + 3], motion[3 * block : 3 * block + 3]
-        if kind[block] == HOLD:
+        if law[block] == HOLD:
             assert np.linalg.norm(f) <= mu * (1 + 1e-9)
             assert slides[block] or np.linalg.norm(u) < 1e-11
             assert f @ u <= 1e-15
@@ -51,20 +73,20 @@ def test_signorini_and_coulomb_hold_at_the_solution(seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_forces_are_in_their_cones_after_any_number_of_sweeps(seed):
-    W, free, kind, limit = random_problem(seed)
+    W, free, law, limit = random_problem(seed)
     for sweeps in (1, 2, 5, 9):
-        force, _, used = solve(W, free, kind, limit, effort=(sweeps, 0.0))
+        force, _, used = solve(W, free, law, limit, effort=(sweeps, 0.0))
         assert used == sweeps
         for block, mu in enumerate(limit):
             f = force[3 * block : 3 * block + 3]
-            bound = mu if kind[block] == HOLD else mu * f[0]
-            assert np.linalg.norm(f if kind[block] == HOLD else f[1:]) <= bound * (1 + 1e-9)
+            bound = mu if law[block] == HOLD else mu * f[0]
+            assert np.linalg.norm(f if law[block] == HOLD else f[1:]) <= bound * (1 + 1e-9)
 
 
 def test_warm_start_from_the_solution_takes_one_sweep():
-    W, free, kind, limit = random_problem(1)
-    force, _, cold = solve(W, free, kind, limit)
-    _, _, warm = solve(W, free, kind, limit, force=force.copy(), effort=(200, 1e-9))
+    W, free, law, limit = random_problem(1)
+    force, _, cold = solve(W, free, law, limit)
+    _, _, warm = solve(W, free, law, limit, force=force.copy(), effort=(200, 1e-9))
     assert cold > 2
     assert warm == 1
 

@@ -138,7 +138,7 @@ def test_stone_falls_onto_the_wall_and_rests_with_its_weight(with_effects, small
     tools.present[:] = False
     for _ in range(100):
         simulation.step(tools)
-        mine = simulation.contacts.sphere[: simulation.contacts.n_contacts] == 0
+        mine = simulation.contacts.stone[: simulation.contacts.n_contacts] == 0
         carried.append(simulation.contact_force_n[mine].sum(axis=0)[2])
     assert np.mean(carried) == pytest.approx(weight, rel=0.05)
     assert -4e-3 < stone.position_m[0, 2] < -1.5e-3

@@ -12,6 +12,7 @@ from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore, block_index
+from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
 
 RINGS = 3
@@ -104,16 +105,14 @@ def displace_round_loads(
             continue
         for k in range(start[source], start[source + 1]):
             node, place = ring[k], places[k]
-            if slot[node] < 0:
-                slot[node] = count
-                nodes[count] = node
+            number = number_node(node, slot, nodes, count)
+            if number == count:
                 u[count, 0] = u[count, 1] = u[count, 2] = 0.0
                 count += 1
             if place < 0:
                 continue
             for i in range(3):
                 # R is symmetric: the row of the load holds the transposed block.
-                u[slot[node], i] += blocks[place, 0, i] * x + blocks[place, 1, i] * y + blocks[place, 2, i] * z
-    for index in range(count):
-        slot[nodes[index]] = -1
+                u[number, i] += blocks[place, 0, i] * x + blocks[place, 1, i] * y + blocks[place, 2, i] * z
+    forget_numbers(slot, nodes, count)
     return count

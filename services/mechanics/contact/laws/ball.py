@@ -6,6 +6,7 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.contact.laws.law import ContactProblem, carry_change
 
 _NEWTON_STEPS = 12
 _CLOSE = 1e-12
@@ -52,6 +53,24 @@ def bounded_3(W: FloatArray, row: int, r: tuple[float, float, float], radius: fl
     scale = radius / math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
     for axis in range(3):
         out[axis] *= scale
+
+
+@kernel
+def relax_in_ball(problem: ContactProblem, block: int, limit: float) -> None:
+    """Solve a contact that allows no motion while its force is within a ball, the others fixed."""
+    row, W, motion, force, change = 3 * block, problem.W, problem.motion, problem.force, problem.change
+    if limit <= 0.0:
+        change[:] = 0.0
+    else:
+        f_0, f_1, f_2 = force[row], force[row + 1], force[row + 2]
+        r_0 = motion[row] - W[row, row] * f_0 - W[row, row + 1] * f_1 - W[row, row + 2] * f_2
+        r_1 = motion[row + 1] - W[row + 1, row] * f_0 - W[row + 1, row + 1] * f_1 - W[row + 1, row + 2] * f_2
+        r_2 = motion[row + 2] - W[row + 2, row] * f_0 - W[row + 2, row + 1] * f_1 - W[row + 2, row + 2] * f_2
+        bounded_3(W, row, (r_0, r_1, r_2), limit, change)
+    for axis in range(3):
+        step = change[axis] - force[row + axis]
+        force[row + axis] += step
+        carry_change(problem, row + axis, axis, step)
 
 
 @kernel

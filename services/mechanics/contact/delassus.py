@@ -1,4 +1,4 @@
-"""The contact-space compliance W = J A^-1 J^T of duct, catheter and tools, gathered block by block.
+"""The Delassus operator W = J A^-1 J^T, the compliance in contact space, of duct, catheter and tools, block by block.
 
 Blocks are built along world axes, where every body's own compliance lies, and turned into the contacts' frames
 once at the end. Only the lower triangle is built; W is symmetric because each body's compliance is.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.contact.rows import ContactRows
 
 Row = tuple[float, float, float]
 Block = tuple[Row, Row, Row]
@@ -45,24 +45,6 @@ def _add_rows(out: FloatArray, row: int, column: int, block: Block) -> None:
     for i in range(3):
         for j in range(3):
             out[row + i, column + j] += block[i][j]
-
-
-@kernel
-def list_particles(rows_address: int, slot: IntArray, particles: IntArray) -> int:
-    """Fill ``particles`` with those that contacts touch, ascending, and ``slot`` (n,) with their place or -1."""
-    rows = rows_at(rows_address)
-    slot[:] = -1
-    for row in range(rows.used[0]):
-        for point in range(rows.rod_node.shape[1]):
-            if rows.rod_weight[row, point] != 0.0:
-                slot[rows.rod_node[row, point]] = 0
-    count = 0
-    for particle in range(slot.shape[0]):
-        if slot[particle] == 0:
-            slot[particle] = count
-            particles[count] = particle
-            count += 1
-    return count
 
 
 @kernel
@@ -116,7 +98,7 @@ def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArr
 
 
 @kernel
-def to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
+def rotate_to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
     """Turn the lower blocks of ``W`` (m, m) into the contacts' frames in place, and mirror them.
 
     Blocks are held in registers meanwhile: in arrays the compiler would store each item before it loads the next.
@@ -170,32 +152,3 @@ def _store(W: FloatArray, row: int, column: int, block: Block) -> None:
     for i in range(3):
         for j in range(3):
             W[row + i, column + j] = W[column + j, row + i] = block[i][j]
-
-
-@kernel
-def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
-    """Write what the contact law asks to be zero or positive without contact forces into ``out`` (3 k,), in m.
-
-    Normal: the gap at the end of the step. An overlap at the start is a linearisation error of the last tick;
-    only the fraction ``recovery`` of it is taken back per tick, because all of it at once would be a velocity.
-    """
-    for row in range(rows.used[0]):
-        for axis in range(3):
-            total = 0.0
-            for k in range(3):
-                total += rows.frame[row, axis, k] * rows.slip_m[row, k]
-            out[3 * row + axis] = total
-        gap = rows.gap_m[row]
-        out[3 * row] += gap if gap > 0.0 else recovery * gap
-
-
-@kernel
-def world_forces(rows: ContactRows, out: FloatArray) -> None:
-    """Write the forces on the first bodies along world axes into ``out`` (k, 3), in N."""
-    for row in range(rows.used[0]):
-        for axis in range(3):
-            out[row, axis] = (
-                rows.force_n[row, 0] * rows.frame[row, 0, axis]
-                + rows.force_n[row, 1] * rows.frame[row, 1, axis]
-                + rows.force_n[row, 2] * rows.frame[row, 2, axis]
-            )

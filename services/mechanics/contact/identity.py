@@ -1,0 +1,100 @@
+"""The identity of a contact: one number that names the pair of bodies and is the same in the next tick.
+
+Its bit fields, from the lowest:
+
+======== ==== =================================================
+target     24 triangle of the duct or segment of the catheter
+kind        1 `pairs.DUCT_TRIANGLE` or `pairs.CATHETER_SEGMENT`
+particle   20 first particle of the catheter's side, plus 1
+segment     2 `SHAFT`, `JAW_A` or `JAW_B`
+tool        2 tool, plus 1
+stone       7 gallstone, plus 1
+law         7 number of the contact law
+======== ==== =================================================
+
+Without the target it names the first body and the kind of target only: what is left of the name of a contact that
+slid on to the next triangle. Holds are named by their own numbers instead, and are negative.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from services.mechanics.compiled import kernel
+
+
+class BitField(NamedTuple):
+    """Where a part of the identity lies, and how many values it has."""
+
+    shift: int
+    size: int
+
+
+TARGET = BitField(0, 1 << 24)
+TARGET_KIND = BitField(24, 1 << 1)
+PARTICLE = BitField(25, 1 << 20)
+SEGMENT = BitField(45, 1 << 2)
+TOOL = BitField(47, 1 << 2)
+STONE = BitField(49, 1 << 7)
+LAW = BitField(56, 1 << 7)
+FIELDS = {
+    "target": TARGET,
+    "target_kind": TARGET_KIND,
+    "particle": PARTICLE,
+    "segment": SEGMENT,
+    "tool": TOOL,
+    "stone": STONE,
+    "law": LAW,
+}
+
+
+@kernel
+def pair_identity(tool: int, segment: int, particle: int, target_kind: int, target: int) -> int:
+    """Return the identity of a pair that detection found; `NO_TOOL` and particle -1 where there is none."""
+    identity = (tool + 1) << TOOL.shift
+    identity |= segment << SEGMENT.shift
+    identity |= (particle + 1) << PARTICLE.shift
+    identity |= target_kind << TARGET_KIND.shift
+    return identity | (target << TARGET.shift)
+
+
+@kernel
+def with_stone(identity: int, stone: int) -> int:
+    """Return the identity of the same pair with a gallstone as its first body."""
+    return identity | ((stone + 1) << STONE.shift)
+
+
+@kernel
+def with_law(identity: int, law: int) -> int:
+    """Return the identity of a second contact of the same pair, under another law."""
+    return identity | (law << LAW.shift)
+
+
+@kernel
+def hold_identity(number: int) -> int:
+    """Return the identity of a hold; without its target it still is that of this hold only."""
+    return -(number + 1) * TARGET.size
+
+
+@kernel
+def without_target(identity: int) -> int:
+    """Return what names the first body and the kind of target only."""
+    return identity >> TARGET_KIND.shift
+
+
+@kernel
+def tool_segment_of(identity: int) -> int:
+    """Return the segment of the tool that a pair's identity names."""
+    return (identity >> SEGMENT.shift) & (SEGMENT.size - 1)
+
+
+@kernel
+def target_kind_of(identity: int) -> int:
+    """Return the kind of target that a pair's identity names."""
+    return (identity >> TARGET_KIND.shift) & (TARGET_KIND.size - 1)
+
+
+@kernel
+def target_of(identity: int) -> int:
+    """Return the target that a pair's identity names."""
+    return identity & (TARGET.size - 1)

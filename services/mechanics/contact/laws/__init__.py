@@ -1,0 +1,72 @@
+"""The table of contact laws: the one place that names them all, and the one in which a kernel asks which law a row has.
+
+A new law is one module in this folder and one row here. Its number is its place in the table.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from services.mechanics.contact.laws import film, hold, unilateral
+from services.mechanics.contact.laws.law import ContactLaw, Kernel
+
+LAWS: dict[str, ContactLaw] = {
+    "unilateral": unilateral.LAW,
+    "hold": hold.LAW,
+    "film": film.LAW,
+}
+
+
+def number_of(law: str) -> int:
+    """Return the number of a law, as rows have it."""
+    return list(LAWS).index(law)
+
+
+def _either(number: int, kernel: Kernel, others: Kernel) -> Kernel:
+    """Make a kernel that calls ``kernel`` for one law and ``others`` for the rest."""
+
+    # Not cached by itself, since its name would be that of all others: it is part of each kernel that calls it.
+    @njit(nogil=True, error_model="numpy", _nrt=False)
+    def choose(law: int, *arguments: Any) -> Any:
+        if law == number:
+            return kernel(*arguments)
+        return others(law, *arguments)
+
+    chosen: Kernel = choose
+    return chosen
+
+
+def _last(kernel: Kernel) -> Kernel:
+    @njit(nogil=True, error_model="numpy", _nrt=False)
+    def choose(_law: int, *arguments: Any) -> Any:
+        return kernel(*arguments)
+
+    chosen: Kernel = choose
+    return chosen
+
+
+def _by_law(operation: str) -> Kernel:
+    """Make a kernel (law, ...) that does this operation as the law with that number does."""
+    kernels = [getattr(law, operation) for law in LAWS.values()]
+    chosen = _last(kernels.pop())
+    while kernels:
+        chosen = _either(len(kernels) - 1, kernels.pop(), chosen)
+    return chosen
+
+
+def _flags(name: str) -> np.ndarray:
+    return np.array([getattr(law, name) for law in LAWS.values()])
+
+
+open_row = _by_law("open_row")
+relax = _by_law("relax")
+add_unknowns = _by_law("add_unknowns")
+project = _by_law("project")
+slides = _by_law("slides")
+closed_axes = _by_law("closed_axes")
+penalty = _by_law("penalty")
+HAS_GAP = _flags("has_gap")
+FIXES_DISTANCE = _flags("fixes_distance")

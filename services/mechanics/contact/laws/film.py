@@ -1,0 +1,72 @@
+r"""A viscous film: the tangential force opposes the slip, :math:`f_t = -b\,u_t / \Delta t`; none along the normal.
+
+Its compliance :math:`\Delta t / b` is the row's softness, so that backward Euler solves it whatever the viscosity.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.compiled import kernel
+from services.mechanics.contact.laws.ball import relax_in_ball
+from services.mechanics.contact.laws.law import ContactLaw, ContactProblem, PenaltyGains, Unknowns, add_axes
+from services.mechanics.contact.rows import ContactRows
+
+# So soft along the normal that a film carries no load there: 1 N for a kilometre.
+NO_NORMAL_M_N = 1e3
+
+
+@kernel
+def open_row(rows: ContactRows, row: int) -> None:
+    """Let it carry no load at all, until somebody writes dt / b on its tangents."""
+    rows.softness_m_n[row] = NO_NORMAL_M_N
+
+
+@kernel
+def relax(problem: ContactProblem, block: int) -> None:
+    """No motion beyond that of the softness."""
+    relax_in_ball(problem, block, math.inf)
+
+
+@kernel
+def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
+    """All three axes, always."""
+    return add_axes(out, n, block)
+
+
+@kernel
+def project(problem: ContactProblem, block: int) -> None:
+    """Every force is admitted."""
+
+
+@kernel
+def slides(rows: ContactRows, row: int) -> bool:
+    """Its force has no limit to be on."""
+    return False
+
+
+@kernel
+def closed_axes(rows: ContactRows, row: int, is_sliding: bool) -> int:
+    """A damper is no stiffness."""
+    return 0
+
+
+@kernel
+def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gains: PenaltyGains) -> None:
+    """Write the drag at the rate without contact: explicit, so stable only while b dt is below the mass it moves."""
+    force, softness = rows.force_n[row], rows.softness_m_n[row]
+    force[0], force[1], force[2] = 0.0, -motion[1] / softness[1], -motion[2] / softness[2]
+
+
+LAW = ContactLaw(
+    what="a film that drags in proportion to the rate of slip",
+    open_row=open_row,
+    relax=relax,
+    add_unknowns=add_unknowns,
+    project=project,
+    slides=slides,
+    closed_axes=closed_axes,
+    penalty=penalty,
+    has_gap=False,
+    fixes_distance=False,
+)

@@ -1,0 +1,152 @@
+"""What a contact law is: the kernels by which every solve meets it, and what it means to others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from services.mechanics.compiled import kernel
+
+# The local solves put a sliding force on its limit to rounding; anything closer than this is on it.
+ON_THE_LIMIT = 1.0 - 1e-9
+
+
+class ContactProblem(NamedTuple):
+    """The complementarity problem of k contacts in contact space: m = 3 k rows, normal and two tangents each.
+
+    Attributes
+    ----------
+    W : (m, m) float64
+        Delassus operator in m/N, symmetric positive.
+    motion : (m,) float64
+        Gaps and slips at the end of the step with the present forces, in m.
+    force : (m,) float64
+        The present forces in N.
+    law : (k,) int8
+        Number of each contact's law.
+    friction : (k,) float64
+        Coefficient of Coulomb friction.
+    force_limit_n : (k,) float64
+        Largest force that a contact bears.
+    change : (3,) float64
+        What the last relaxation changed of a contact's force, in N.
+    """
+
+    W: FloatArray
+    motion: FloatArray
+    force: FloatArray
+    law: ByteArray
+    friction: FloatArray
+    force_limit_n: FloatArray
+    change: FloatArray
+
+
+class Unknowns(NamedTuple):
+    """What a Newton step solves for, at most m unknowns; see `newton`."""
+
+    block: IntArray  # (m,)
+    test: FloatArray  # (m, 3)
+    column: FloatArray  # (m, 3)
+    shift: FloatArray  # (m,) lambda
+    matrix: FloatArray  # (m * m,)
+    step: FloatArray  # (m,)
+    along: FloatArray  # (m,) scratch
+
+    @classmethod
+    def allocate(cls, n_rows: int) -> Unknowns:
+        """Return room for ``n_rows`` unknowns."""
+        return cls(
+            block=np.zeros(n_rows, np.int32),
+            test=np.zeros((n_rows, 3)),
+            column=np.zeros((n_rows, 3)),
+            shift=np.zeros(n_rows),
+            matrix=np.zeros(n_rows * n_rows),
+            step=np.zeros(n_rows),
+            along=np.zeros(n_rows),
+        )
+
+
+class PenaltyGains(NamedTuple):
+    """Spring and damper of penalty contact, and the step."""
+
+    stiffness_n_m: float
+    damping_n_s_m: float
+    dt_s: float
+
+
+Kernel = Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactLaw:
+    """One law between two touching points: a relation of the force on the first body to gap and slip.
+
+    Attributes
+    ----------
+    what : str
+    open_row : kernel (rows, row)
+        Write what is particular to the law into a fresh row: softness, limits.
+    relax : kernel (problem, block)
+        Solve the law exactly for one contact with the others fixed; `carry_change` keeps the motion with the force.
+    add_unknowns : kernel (problem, block, unknowns, n) -> int
+        List what a Newton step may change of this contact, and return the new number of unknowns.
+    project : kernel (problem, block)
+        Put the force back into the set that the law admits.
+    slides : kernel (rows, row) -> bool
+        Whether the solved force is on its limit, so that the contact slides.
+    closed_axes : kernel (rows, row, slides) -> int
+        How many of the three axes stay closed when a body is moved a little: 0, 1 (normal) or 3.
+    penalty : kernel (rows, row, motion, gains)
+        Write the explicit counterpart of the law into ``rows.force_n``; ``motion`` are the normal and both tangential
+        components of the slip.
+    has_gap : bool
+        Whether ``gap_m`` is a distance between two surfaces, so that a negative one is a penetration and a pressed
+        point is a candidate again in the next tick.
+    fixes_distance : bool
+        Whether the law asks for the whole distance between two points at the end of the step, not for its change.
+    """
+
+    what: str
+    open_row: Kernel
+    relax: Kernel
+    add_unknowns: Kernel
+    project: Kernel
+    slides: Kernel
+    closed_axes: Kernel
+    penalty: Kernel
+    has_gap: bool
+    fixes_distance: bool
+
+
+@kernel
+def carry_change(problem: ContactProblem, row: int, axis: int, change: float) -> None:
+    """Note what changed of a contact's force along an axis, and bring the motion of all rows up to date.
+
+    An update along a row of the symmetric W vectorises, a dot product would not.
+    """
+    W, motion = problem.W, problem.motion
+    problem.change[axis] = change
+    if change != 0.0:
+        for column in range(motion.shape[0]):
+            motion[column] += W[row, column] * change
+
+
+@kernel
+def add_unknown(out: Unknowns, n: int, block: int, test: tuple[float, float, float], shift: float) -> int:
+    """Add an unknown whose force changes along its test direction, and return the new number of unknowns."""
+    out.block[n], out.shift[n] = block, shift
+    for axis in range(3):
+        out.test[n, axis] = out.column[n, axis] = test[axis]
+    return n + 1
+
+
+@kernel
+def add_axes(out: Unknowns, n: int, block: int) -> int:
+    """Add the three axes of a contact that sticks or is held, and return the new number of unknowns."""
+    n = add_unknown(out, n, block, (1.0, 0.0, 0.0), 0.0)
+    n = add_unknown(out, n, block, (0.0, 1.0, 0.0), 0.0)
+    return add_unknown(out, n, block, (0.0, 0.0, 1.0), 0.0)

@@ -1,0 +1,133 @@
+r"""Unilateral contact with Coulomb friction: :math:`0 \le u_n \perp f_n \ge 0` and :math:`|f_t| \le \mu f_n`.
+
+Sliding obeys maximal dissipation: the slip opposes the friction force.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.compiled import kernel
+from services.mechanics.contact.laws.ball import bounded_2
+from services.mechanics.contact.laws.law import (
+    ON_THE_LIMIT,
+    ContactLaw,
+    ContactProblem,
+    PenaltyGains,
+    Unknowns,
+    add_axes,
+    add_unknown,
+    carry_change,
+)
+from services.mechanics.contact.rows import ContactRows
+
+# A surface is never perfectly rigid; 1 um/N also keeps W positive where contacts are redundant.
+SURFACE_SOFTNESS_M_N = 1e-6
+# Below this sliding speed penalty friction grows in proportion to it: an explicit force cannot stick.
+SLIP_SPEED_M_S = 1e-3
+
+
+@kernel
+def open_row(rows: ContactRows, row: int) -> None:
+    """Give the surfaces their softness; the contact is frictionless until somebody writes a coefficient."""
+    rows.softness_m_n[row] = SURFACE_SOFTNESS_M_N
+
+
+@kernel
+def relax(problem: ContactProblem, block: int) -> None:
+    """Exact normal force for fixed friction, then exact friction for the new normal force."""
+    row, W, motion, force = 3 * block, problem.W, problem.motion, problem.force
+    normal = max(0.0, force[row] - motion[row] / W[row, row])
+    change = normal - force[row]
+    force[row] = normal
+    carry_change(problem, row, 0, change)
+    radius = problem.friction[block] * normal
+    f_1, f_2 = 0.0, 0.0
+    if radius > 0.0:
+        a, b, c = W[row + 1, row + 1], W[row + 1, row + 2], W[row + 2, row + 2]
+        r_1 = motion[row + 1] - a * force[row + 1] - b * force[row + 2]
+        r_2 = motion[row + 2] - b * force[row + 1] - c * force[row + 2]
+        f_1, f_2 = bounded_2(a, b, c, r_1, r_2, radius)
+    change_1, change_2 = f_1 - force[row + 1], f_2 - force[row + 2]
+    force[row + 1], force[row + 2] = f_1, f_2
+    carry_change(problem, row + 1, 1, change_1)
+    carry_change(problem, row + 2, 2, change_2)
+
+
+@kernel
+def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
+    """Three axes where a pressed contact sticks; its normal and the direction across its friction where it slides."""
+    row, force = 3 * block, problem.force
+    if force[row] <= 0.0:
+        return n
+    tangent, mu = math.hypot(force[row + 1], force[row + 2]), problem.friction[block]
+    if mu > 0.0 and tangent < ON_THE_LIMIT * mu * force[row]:
+        return add_axes(out, n, block)
+    return _add_sliding(problem, block, out, n)
+
+
+@kernel
+def _add_sliding(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
+    row, motion, mu = 3 * block, problem.motion, problem.friction[block]
+    f_1, f_2 = problem.force[row + 1], problem.force[row + 2]
+    n = add_unknown(out, n, block, (1.0, 0.0, 0.0), 0.0)
+    radius_2 = f_1 * f_1 + f_2 * f_2
+    if radius_2 == 0.0:
+        return n
+    radius = math.sqrt(radius_2)
+    out.column[n - 1, 1], out.column[n - 1, 2] = mu * f_1 / radius, mu * f_2 / radius
+    shift = max(-(motion[row + 1] * f_1 + motion[row + 2] * f_2) / radius_2, 0.0)
+    return add_unknown(out, n, block, (0.0, -f_2 / radius, f_1 / radius), shift)
+
+
+@kernel
+def project(problem: ContactProblem, block: int) -> None:
+    """Push, never pull, and scale friction down to its cone."""
+    row, force = 3 * block, problem.force
+    force[row] = max(force[row], 0.0)
+    radius = problem.friction[block] * force[row]
+    norm = math.hypot(force[row + 1], force[row + 2])
+    if norm > radius:
+        force[row + 1] *= radius / norm
+        force[row + 2] *= radius / norm
+
+
+@kernel
+def slides(rows: ContactRows, row: int) -> bool:
+    """Whether a pressed contact has its friction on the cone."""
+    f = rows.force_n[row]
+    tangent = math.hypot(f[1], f[2])
+    return bool(f[0] > 0.0 and tangent >= ON_THE_LIMIT * rows.friction[row] * f[0])
+
+
+@kernel
+def closed_axes(rows: ContactRows, row: int, is_sliding: bool) -> int:
+    """All axes of a pressed contact that sticks, the normal of one that slides."""
+    if rows.force_n[row, 0] <= 0.0:
+        return 0
+    return 1 if is_sliding or rows.friction[row] <= 0.0 else 3
+
+
+@kernel
+def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gains: PenaltyGains) -> None:
+    r"""Write :math:`f_n = \max(0, -k g - c \dot g)` where surfaces overlap, and regularised friction."""
+    force, gap = rows.force_n[row], rows.gap_m[row]
+    spring, damper = gains.stiffness_n_m * gap, gains.damping_n_s_m * motion[0]
+    force[0] = max(0.0, -spring - damper / gains.dt_s) if gap < 0.0 else 0.0
+    sliding = math.hypot(motion[1], motion[2])
+    scale = rows.friction[row] * force[0] / max(sliding, SLIP_SPEED_M_S * gains.dt_s)
+    force[1], force[2] = -scale * motion[1], -scale * motion[2]
+
+
+LAW = ContactLaw(
+    what="surfaces that push each other apart, with Coulomb friction",
+    open_row=open_row,
+    relax=relax,
+    add_unknowns=add_unknowns,
+    project=project,
+    slides=slides,
+    closed_axes=closed_axes,
+    penalty=penalty,
+    has_gap=True,
+    fixes_distance=False,
+)

@@ -1,0 +1,60 @@
+r"""A Newton step on the contact law: all that is closed now, solved together instead of one block after another.
+
+Every degree of freedom that the law leaves to a block's force is an unknown with a *test* direction, along which the
+motion has to vanish, and a *column* direction, along which the force changes:
+
+- a pressed normal, and the three axes of what sticks or is held: the axis itself;
+- the normal of a sliding contact: its friction changes with it, so the column is :math:`(1, \mu \hat t)`;
+- what slides on the edge of a disk or ball, :math:`u = -\lambda f` with :math:`|f| = r`: the directions across f. There
+  the motion along the unknown is :math:`-\lambda` times the force's change, which adds :math:`\lambda` to the diagonal.
+
+That is the exact derivative of the law while nobody changes between open, sticking and sliding: near the solution
+the step converges quadratically. Who is what is found by the sweeps in between.
+"""
+
+from __future__ import annotations
+
+from services.mechanics.compiled import kernel
+from services.mechanics.contact import laws
+from services.mechanics.contact.dense import solve_dense
+from services.mechanics.contact.laws.law import ContactProblem, Unknowns
+
+
+@kernel
+def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
+    """Fill ``out`` with what can change in the present state, and return how many unknowns that is."""
+    n = 0
+    for block in range(problem.law.shape[0]):
+        n = laws.add_unknowns(problem.law[block], problem, block, out, n)
+    return n
+
+
+@kernel
+def newton_step(problem: ContactProblem, unknowns: Unknowns, n: int) -> bool:
+    """Write how far each of the n unknowns goes into ``unknowns.step``; False where the matrix is singular."""
+    W, motion = problem.W, problem.motion
+    test, column, step, along = unknowns.test, unknowns.column, unknowns.step, unknowns.along
+    A = unknowns.matrix[: n * n].reshape(n, n)
+    for i in range(n):
+        row = 3 * unknowns.block[i]
+        x, y, z = test[i, 0], test[i, 1], test[i, 2]
+        step[i] = -(x * motion[row] + y * motion[row + 1] + z * motion[row + 2])
+        for j in range(W.shape[0]):
+            along[j] = x * W[row, j] + y * W[row + 1, j] + z * W[row + 2, j]
+        for j in range(n):
+            first = 3 * unknowns.block[j]
+            A[i, j] = along[first] * column[j, 0] + along[first + 1] * column[j, 1] + along[first + 2] * column[j, 2]
+        A[i, i] += unknowns.shift[i]
+    solved: bool = solve_dense(A, step[:n])
+    return solved
+
+
+@kernel
+def add_step(problem: ContactProblem, unknowns: Unknowns, n: int) -> None:
+    """Add the step to the forces and put every contact back into what its law admits."""
+    for i in range(n):
+        row = 3 * unknowns.block[i]
+        for axis in range(3):
+            problem.force[row + axis] += unknowns.step[i] * unknowns.column[i, axis]
+    for block in range(problem.law.shape[0]):
+        laws.project(problem.law[block], problem, block)

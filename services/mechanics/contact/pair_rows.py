@@ -1,0 +1,97 @@
+"""From candidate pairs to contact rows, with the bodies' present positions."""
+
+from __future__ import annotations
+
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, PairArrays
+from services.mechanics.compiled import kernel
+from services.mechanics.contact.frames import write_frame
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
+from services.mechanics.contact.identity import pair_identity
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.writer import (
+    FIRST_SIDE,
+    NO_ROOM,
+    TARGET_SIDE,
+    add_tool_motion,
+    append_row,
+    put_on_duct,
+    put_on_rod,
+    put_on_tool,
+)
+
+_UNILATERAL = number_of("unilateral")
+
+
+@kernel
+def append_pairs(pairs: PairArrays, count: int, geometry: ContactGeometry, rows: ContactRows) -> None:
+    """Append ``count`` pairs to ``rows`` as unilateral contacts.
+
+    Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws do
+    not collide with what they hold: the hold stands for both of them.
+    """
+    for index in range(count):
+        tool, segment = pairs.tool[index], pairs.tool_segment[index]
+        kind, target = pairs.target_kind[index], pairs.target[index]
+        if tool != NO_TOOL and segment != SHAFT and geometry.tools.held[tool, kind]:
+            continue
+        identity = pair_identity(tool, segment, pairs.particle[index], kind, target)
+        row = append_row(rows, _UNILATERAL, identity)
+        if row == NO_ROOM:
+            continue
+        write_frame(pairs.normal[index], rows.frame[row])
+        if tool != NO_TOOL:
+            _tool_side(pairs, index, geometry.tools, rows, row)
+        else:
+            _catheter_side(pairs, index, geometry.rod, rows, row)
+        if kind == CATHETER_SEGMENT:
+            _catheter_target(pairs, index, geometry.rod, rows, row)
+        elif kind == DUCT_TRIANGLE:
+            _wall_target(pairs, index, geometry.wall, rows, row)
+
+
+@kernel
+def _tool_side(pairs: PairArrays, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+    tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
+    ends, normal, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
+    for axis in range(3):
+        centre = (1.0 - s) * ends[0, axis] + s * ends[1, axis]
+        rows.gap_m[row] += normal[axis] * (centre - normal[axis] * radius)
+        # J is the start of both jaws.
+        rows.point_m[row, axis] = centre - normal[axis] * radius - tools.segments[tool, 1, 0, axis]
+    put_on_tool(rows, row, tools, tool, segment)
+    add_tool_motion(rows, row, tools)
+
+
+@kernel
+def _catheter_side(pairs: PairArrays, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
+    first, s = pairs.particle[index], pairs.tool_parameter[index]
+    second = min(first + 1, rod.position.shape[0] - 1)
+    put_on_rod(rows, row, FIRST_SIDE, (first, second), (1.0 - s, s))
+    for axis in range(3):
+        normal = pairs.normal[index, axis]
+        centre = (1.0 - s) * rod.position[first, axis] + s * rod.position[second, axis]
+        rows.point_m[row, axis] = centre - normal * rod.radius
+        rows.gap_m[row] += normal * rows.point_m[row, axis]
+        rows.slip_m[row, axis] = (1.0 - s) * rod.motion[first, axis] + s * rod.motion[second, axis]
+
+
+@kernel
+def _catheter_target(pairs: PairArrays, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
+    target, weights = pairs.target[index], pairs.target_weights[index]
+    put_on_rod(rows, row, TARGET_SIDE, (target, target + 1), (-weights[0], -weights[1]))
+    rows.gap_m[row] -= rod.radius
+    for end in range(2):
+        for axis in range(3):
+            rows.gap_m[row] -= pairs.normal[index, axis] * weights[end] * rod.position[target + end, axis]
+            rows.slip_m[row, axis] -= weights[end] * rod.motion[target + end, axis]
+
+
+@kernel
+def _wall_target(pairs: PairArrays, index: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
+    corners, weights = wall.triangles[pairs.target[index]], pairs.target_weights[index]
+    put_on_duct(rows, row, corners, weights)
+    rows.gap_m[row] -= wall.half_thickness
+    for corner in range(3):
+        for axis in range(3):
+            rows.gap_m[row] -= pairs.normal[index, axis] * weights[corner] * wall.vertices[corners[corner], axis]

@@ -1,0 +1,55 @@
+"""The paper's contact response: a spring and damper on the depth of penetration, for comparison."""
+
+from __future__ import annotations
+
+from services.mechanics.compiled import kernel
+from services.mechanics.contact import laws
+from services.mechanics.contact.free_motion import free_motion
+from services.mechanics.contact.laws.law import PenaltyGains
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.stages import finish
+from services.mechanics.contact.state import state_at
+from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
+
+
+class PenaltyStrategy(ContactStrategy):
+    r"""Explicit forces: gaps are those of the start of the step and rates those without contact.
+
+    Stable only while :math:`k \Delta t^2` and :math:`c \Delta t` stay below about the mass that gives way, and a load F
+    rests at a depth F / k.
+    """
+
+    acts_in_next_step = True
+    knows_stiffness = False
+
+    def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
+        """Nothing: a penalty asks no body how it gives way."""
+
+    def solve(self, iterations: int, dt_s: float) -> int:
+        """Write the penalty of every contact."""
+        settings = self._settings
+        gains = PenaltyGains(settings.penalty_stiffness_n_m, settings.penalty_damping_n_s_m, dt_s)
+        solve_by_penalty(self._address, gains)
+        return 0
+
+
+@kernel
+def solve_by_penalty(state_address: int, gains: PenaltyGains) -> None:
+    """Find the contact forces from penetrations."""
+    state = state_at(state_address)
+    free_motion(state.rows, 1.0, state.motion)
+    write_penalties(state.rows, gains)
+    finish(state)
+
+
+@kernel
+def write_penalties(rows: ContactRows, gains: PenaltyGains) -> None:
+    """Write the penalty counterpart of every contact's law into ``rows.force_n``."""
+    for row in range(rows.used[0]):
+        slip = rows.slip_m[row]
+        normal, first, second = 0.0, 0.0, 0.0
+        for axis in range(3):
+            normal += rows.frame[row, 0, axis] * slip[axis]
+            first += rows.frame[row, 1, axis] * slip[axis]
+            second += rows.frame[row, 2, axis] * slip[axis]
+        laws.penalty(rows.law[row], rows, row, (normal, first, second), gains)

@@ -1,0 +1,44 @@
+"""What a solve strategy is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.contact.geometry import Bodies
+from services.mechanics.contact.state import ContactState
+from services.mechanics.scene import ContactSettings
+
+AddCompliance = Callable[[FloatArray], None]
+"""Adds what other bodies give way to the lower blocks of W (m, m), along world axes."""
+
+
+class ContactStrategy:
+    """A way to find the contact forces of a step.
+
+    Attributes
+    ----------
+    acts_in_next_step : bool
+        Whether the catheter feels the forces in the next step, held over all of it, instead of in the one they were
+        found in.
+    knows_stiffness : bool
+        Whether it leaves W behind, from which the local stiffness follows.
+    """
+
+    acts_in_next_step: ClassVar[bool]
+    knows_stiffness: ClassVar[bool]
+
+    def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState, address: int) -> None:
+        self._bodies = bodies
+        self._settings = settings
+        self._state = state
+        self._address = address
+
+    def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
+        """Gather what the solve needs of the bodies, with the lowest ``n_modes`` modes of the duct."""
+        raise NotImplementedError
+
+    def solve(self, iterations: int, dt_s: float) -> int:
+        """Find forces, sliding states and the forces along world axes; return the number of sweeps."""
+        raise NotImplementedError

@@ -1,0 +1,96 @@
+"""The one writer of contact rows: a row begun, and its first body and target laid down on tools, catheter and duct."""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.forceps.kinematics import contact_lever
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.compiled import kernel
+from services.mechanics.contact import laws
+from services.mechanics.contact.geometry import ToolGeometry
+from services.mechanics.contact.identity import with_law
+from services.mechanics.contact.rows import NO_STONE, ContactRows
+
+NO_ROOM = -1
+# Where the two particles of a side stand in a row.
+FIRST_SIDE, TARGET_SIDE = 0, 2
+
+
+@kernel
+def append_row(rows: ContactRows, law: int, identity: int) -> int:
+    """Begin a row under a law, without bodies, gap or slip, and return its number.
+
+    Where there is no room the row is counted as dropped, and `NO_ROOM` returned.
+    """
+    row: int = rows.used[0]
+    if row == rows.gap_m.shape[0]:
+        rows.dropped[0] += 1
+        return NO_ROOM
+    rows.used[0] = row + 1
+    rows.law[row], rows.identity[row] = law, identity
+    rows.tool[row], rows.stone[row] = NO_TOOL, NO_STONE
+    rows.duct_weight[row] = 0.0
+    rows.rod_weight[row] = 0.0
+    rows.gap_m[row] = 0.0
+    rows.slip_m[row] = 0.0
+    rows.friction[row], rows.force_limit_n[row] = 0.0, math.inf
+    laws.open_row(law, rows, row)
+    return row
+
+
+@kernel
+def append_double(rows: ContactRows, source: int, law: int) -> int:
+    """Append a second row of the same points and slip under another law, and return its number or `NO_ROOM`."""
+    row: int = append_row(rows, law, with_law(rows.identity[source], law))
+    if row == NO_ROOM:
+        return row
+    rows.tool[row], rows.stone[row] = rows.tool[source], rows.stone[source]
+    for axis in range(3):
+        rows.point_m[row, axis] = rows.point_m[source, axis]
+        rows.slip_m[row, axis] = rows.slip_m[source, axis]
+        rows.duct_node[row, axis] = rows.duct_node[source, axis]
+        rows.duct_weight[row, axis] = rows.duct_weight[source, axis]
+        for other in range(3):
+            rows.frame[row, axis, other] = rows.frame[source, axis, other]
+        for coordinate in range(rows.lever.shape[2]):
+            rows.lever[row, axis, coordinate] = rows.lever[source, axis, coordinate]
+    for point in range(rows.rod_node.shape[1]):
+        rows.rod_node[row, point] = rows.rod_node[source, point]
+        rows.rod_weight[row, point] = rows.rod_weight[source, point]
+    return row
+
+
+@kernel
+def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, segment: int) -> None:
+    """Lay the first body on a tool; ``point_m`` holds p - J and becomes absolute. `NO_TOOL` as segment: on no jaw."""
+    arm, lever = rows.point_m[row], rows.lever[row]
+    rows.tool[row] = tool
+    contact_lever(tools.frame[tool], tools.length[tool], segment, arm, lever)
+    for axis in range(3):
+        arm[axis] += tools.segments[tool, 1, 0, axis]
+
+
+@kernel
+def add_tool_motion(rows: ContactRows, row: int, tools: ToolGeometry) -> None:
+    """Add the motion of the tool's point over the step to the slip."""
+    lever, tool = rows.lever[row], rows.tool[row]
+    for axis in range(3):
+        for coordinate in range(lever.shape[1]):
+            rows.slip_m[row, axis] += lever[axis, coordinate] * tools.motion[tool, coordinate]
+
+
+@kernel
+def put_on_rod(rows: ContactRows, row: int, side: int, nodes: tuple[int, int], weights: tuple[float, float]) -> None:
+    """Lay one side on the catheter, between two particles; weights are positive on the first side, else negative."""
+    rows.rod_node[row, side], rows.rod_node[row, side + 1] = nodes[0], nodes[1]
+    rows.rod_weight[row, side], rows.rod_weight[row, side + 1] = weights[0], weights[1]
+
+
+@kernel
+def put_on_duct(rows: ContactRows, row: int, corners: IntArray, weights: FloatArray) -> None:
+    """Lay the target on the duct, at barycentric weights (3,) in the triangle of these corners (3,)."""
+    for corner in range(3):
+        rows.duct_node[row, corner] = corners[corner]
+        rows.duct_weight[row, corner] = weights[corner]
