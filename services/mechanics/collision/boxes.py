@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.primitives import Vector, along, cross, dot, put, subtract, unit, vector
+from services.mechanics.collision.primitives import put, vector
 from services.mechanics.collision.surface import Body, Patch, corner_positions, node_position
 from services.mechanics.collision.tree import LEAF
 from services.mechanics.compiled import floats, ints, kernel
+from services.mechanics.compiled.vectors import Vector, along, cross, dot, subtract, unit
 
 Box = tuple[Vector, Vector]
 # Cosine between the directions of the two contacts of one probe at which they count as opposite walls.

@@ -14,20 +14,10 @@ import numpy.typing as npt
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
-from services.mechanics.collision.primitives import (
-    Vector,
-    along,
-    closest_of_segments,
-    cross,
-    dot,
-    put,
-    scaled,
-    subtract,
-    unit,
-    vector,
-)
+from services.mechanics.collision.primitives import closest_of_segments, put, vector
 from services.mechanics.collision.writer import Rows, write_pair
 from services.mechanics.compiled import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
+from services.mechanics.compiled.vectors import Vector, along, cross, dot, scaled, subtract, unit
 
 Tools = tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]
 """(segments (n_tools, 3, 2, 3), radii (n_tools, 3), present (n_tools,))."""

@@ -11,7 +11,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.folds import flank_on, is_new_flank, may_be_flank
 from services.mechanics.collision.inside import Lumen, LumenState, cap_clearance, follow_caps, lumen_at
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
-from services.mechanics.collision.primitives import Vector, along, dot, vector
+from services.mechanics.collision.primitives import vector
 from services.mechanics.collision.probes import (
     EARLY_SEARCHES,
     MINIMA,
@@ -30,6 +30,7 @@ from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, Contact
 from services.mechanics.collision.surface import DuctSurface, Shell, shell_at
 from services.mechanics.collision.writer import PairWriter, Rows, is_due, rows_at, write_pair
 from services.mechanics.compiled import flags, floats, ints, kernel
+from services.mechanics.compiled.vectors import Vector, along, dot
 
 # A flank of 12 degrees is in sight from 0.21 of the thickness before the fold on. Who moves further than that in a tick
 # also looks for flanks from where it will be.

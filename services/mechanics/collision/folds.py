@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.primitives import Vector, cross, dot, subtract, vector
+from services.mechanics.collision.primitives import vector
 from services.mechanics.collision.search import NOTHING, Touch, better_neighbour, touch_triangle
 from services.mechanics.collision.surface import Body, Patch, corner_positions
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.collision.writer import Rows
 from services.mechanics.compiled import floats, ints, kernel
+from services.mechanics.compiled.vectors import Vector, cross, dot, subtract
 
 # Flanks that turn by less than 12 degrees from one to the other are one.
 SAME_FLANK = 0.978

@@ -12,12 +12,13 @@ import math
 
 import numpy as np
 
-from services.mechanics.collision.primitives import Vector, along, dot, put, scaled, squared_distance, vector
+from services.mechanics.collision.primitives import put, vector
 from services.mechanics.collision.probes import JUMP_M
 from services.mechanics.collision.search import NOTHING, Touch, closest, offset
 from services.mechanics.collision.sides import surface_normal, triangle_normal
 from services.mechanics.collision.surface import Body, Patch, Shell
 from services.mechanics.compiled import Struct, fill, flags, floats, kernel, struct_reader, struct_type
+from services.mechanics.compiled.vectors import Vector, along, dot, scaled, squared_distance
 
 STEP_M = 0.25e-3
 HORIZON_M = 5e-3

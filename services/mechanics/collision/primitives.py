@@ -1,4 +1,4 @@
-"""Closest points between points, segments and triangles; vectors are tuples, so that nothing is allocated.
+"""Closest points between points, segments and triangles.
 
 Closest point on a triangle and closest points of two segments after Ericson, "Real-Time Collision Detection"
 (2005), sections 5.1.5 and 5.1.9. Barycentric weights are exactly zero where the closest point lies on an edge
@@ -7,66 +7,10 @@ or a corner: the feature can be read off them.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from services.mechanics.compiled import kernel
-
-Vector = tuple[float, float, float]
-
-
-@kernel
-def subtract(u: Vector, v: Vector) -> Vector:
-    """Return u - v."""
-    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
-
-
-@kernel
-def along(u: Vector, v: Vector, factor: float) -> Vector:
-    """Return u + factor v."""
-    return (u[0] + factor * v[0], u[1] + factor * v[1], u[2] + factor * v[2])
-
-
-@kernel
-def dot(u: Vector, v: Vector) -> float:
-    """Return u . v."""
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-@kernel
-def cross(u: Vector, v: Vector) -> Vector:
-    """Return u x v."""
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-
-
-@kernel
-def scaled(u: Vector, factor: float) -> Vector:
-    """Return factor u."""
-    return (factor * u[0], factor * u[1], factor * u[2])
-
-
-@kernel
-def unit(u: Vector) -> Vector:
-    """Return u scaled to length one, or zero where u is zero."""
-    length = math.sqrt(dot(u, u))
-    return scaled(u, 1.0 / length) if length > 0.0 else u
-
-
-@kernel
-def squared_distance(u: Vector, v: Vector) -> float:
-    """Return |u - v|^2."""
-    d = subtract(u, v)
-    return dot(d, d)
-
-
-@kernel
-def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
-    """Return w0 a + w1 b + w2 c."""
-    return (
-        w[0] * a[0] + w[1] * b[0] + w[2] * c[0],
-        w[0] * a[1] + w[1] * b[1] + w[2] * c[1],
-        w[0] * a[2] + w[1] * b[2] + w[2] * c[2],
-    )
+from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
 
 
 @kernel

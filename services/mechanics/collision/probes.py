@@ -14,17 +14,7 @@ import math
 import numpy as np
 
 from services.mechanics.collision.boxes import OPPOSITE
-from services.mechanics.collision.primitives import (
-    Vector,
-    along,
-    dot,
-    put,
-    scaled,
-    squared_distance,
-    subtract,
-    unit,
-    vector,
-)
+from services.mechanics.collision.primitives import put, vector
 from services.mechanics.collision.search import (
     NOTHING,
     Touch,
@@ -37,6 +27,7 @@ from services.mechanics.collision.search import (
 from services.mechanics.collision.sides import UNKNOWN, Contact, settle
 from services.mechanics.collision.surface import Body, Patch
 from services.mechanics.compiled import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
+from services.mechanics.compiled.vectors import Vector, along, dot, scaled, squared_distance, subtract, unit
 
 MINIMA = 2
 # The second minimum is given up when the walls no longer face each other; later than it is taken up.

@@ -9,21 +9,13 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.folds import flank_on, is_new_flank
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
-from services.mechanics.collision.primitives import (
-    Vector,
-    along,
-    combine,
-    dot,
-    put,
-    scaled,
-    squared_distance,
-    vector,
-)
+from services.mechanics.collision.primitives import put, vector
 from services.mechanics.collision.probes import SKIN_M, Probes, motion_to
 from services.mechanics.collision.search import NOTHING, Touch, closest, distance_to_all, offset
 from services.mechanics.collision.surface import Shell, corner_positions
 from services.mechanics.collision.writer import Rows, is_due, write_pair
 from services.mechanics.compiled import Struct, fill, floats, ints, kernel, struct_reader, struct_type
+from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance
 
 # Nearer to a particle than this part of a segment, the particle's own contact does.
 END_PART = 0.05

@@ -9,17 +9,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.collision.boxes import OPPOSITE, distance2_below, join_children
-from services.mechanics.collision.primitives import (
-    Vector,
-    along,
-    closest_on_triangle,
-    closest_segment_triangle,
-    combine,
-    dot,
-    scaled,
-    squared_distance,
-    subtract,
-)
+from services.mechanics.collision.primitives import closest_on_triangle, closest_segment_triangle
 from services.mechanics.collision.surface import (
     Body,
     Patch,
@@ -28,6 +18,7 @@ from services.mechanics.collision.surface import (
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.collision.tree import LEAF
 from services.mechanics.compiled import floats, ints, kernel
+from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance, subtract
 
 Touch = tuple[int, float, float, Vector]
 NOTHING = -1

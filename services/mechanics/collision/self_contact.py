@@ -7,9 +7,9 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.capsules import CapsuleMemory, meet, memory_at, row_of
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
-from services.mechanics.collision.primitives import along, squared_distance
 from services.mechanics.collision.writer import PairWriter, rows_at, write_pair
 from services.mechanics.compiled import flags, kernel
+from services.mechanics.compiled.vectors import along, squared_distance
 
 
 class SelfContactDetector:

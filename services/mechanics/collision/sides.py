@@ -9,20 +9,11 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.primitives import (
-    Vector,
-    along,
-    combine,
-    cross,
-    dot,
-    scaled,
-    subtract,
-    unit,
-)
 from services.mechanics.collision.search import NOTHING, Touch, offset, walk
 from services.mechanics.collision.surface import Body, Patch, corner_positions
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.compiled import flags, ints, kernel
+from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, scaled, subtract, unit
 
 INSIDE, UNKNOWN, OUTSIDE = -1, 0, 1
 # Below this distance from an edge or corner its direction is rounding; the surface normal stands in.

@@ -8,7 +8,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.bounds import LinearBounds, MotionBounds, TurnedBounds
-from services.mechanics.collision.primitives import Vector, vector
+from services.mechanics.collision.primitives import vector
 from services.mechanics.collision.tick import take_state
 from services.mechanics.collision.topology import (
     NO_NEIGHBOUR,
@@ -31,6 +31,7 @@ from services.mechanics.compiled import (
     struct_type,
     summing_kernel,
 )
+from services.mechanics.compiled.vectors import Vector
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
 

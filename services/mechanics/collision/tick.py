@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.primitives import dot, vector
+from services.mechanics.collision.primitives import vector
 from services.mechanics.compiled import Struct, floats, ints, kernel, longs
+from services.mechanics.compiled.vectors import dot
 
 #: A bound of motion at which the anchor follows: more than what trembles, little against the skin of the searches.
 ANCHOR_M = 20e-6

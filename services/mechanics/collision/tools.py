@@ -10,22 +10,14 @@ import numpy.typing as npt
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, memory_at, segment_ends
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs
-from services.mechanics.collision.primitives import (
-    Vector,
-    along,
-    clamp01,
-    dot,
-    scaled,
-    squared_distance,
-    subtract,
-    vector,
-)
+from services.mechanics.collision.primitives import clamp01, vector
 from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, ProbeSet, advance, forget, probes_at
 from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.sides import UNKNOWN
 from services.mechanics.collision.surface import DuctSurface, Shell, shell_at
 from services.mechanics.collision.writer import PairWriter, Rows, rows_at, write_pair
 from services.mechanics.compiled import floats, ints, kernel
+from services.mechanics.compiled.vectors import Vector, along, dot, scaled, squared_distance, subtract
 
 N_SEGMENTS = 3
 # Probes per segment. The shaft's are of PIECE_M, counted from the junction, the last reaching to the port: they

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from services.mechanics.collision.primitives import Vector, along, cross, dot, put, scaled, squared_distance, vector
+from services.mechanics.collision.primitives import put, vector
 from services.mechanics.compiled import Struct, floats, ints, kernel
+from services.mechanics.compiled.vectors import Vector, along, cross, dot, scaled, squared_distance
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 
 

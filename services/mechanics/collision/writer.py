@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.collision.primitives import Vector, dot, put
+from services.mechanics.collision.primitives import put
 from services.mechanics.compiled import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
+from services.mechanics.compiled.vectors import Vector, dot
 
 FULL = -1
 

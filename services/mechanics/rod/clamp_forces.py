@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import row
 
-from .elasticity import SHORTEST, Scale, bending_angle, geometric_bending, joint_gradient, row
+from .elasticity import SHORTEST, Scale, bending_angle, geometric_bending, joint_gradient
 from .model import RodModel, RodWork
 
 

@@ -19,33 +19,15 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, cross, dot, row
 
 from .model import RodModel, RodWork
 
-Vector = tuple[float, float, float]
 Scale = tuple[float, float]
 
 _STRAIGHT = 1e-12  # sine of an angle below which the bending plane is taken as any plane
 _NO_PLANE = 1e-6  # angle below which bending is damped alike in every plane: it has none yet
 SHORTEST = 1e-2  # of the rest length: a segment crushed below it bends as if it were that long
-
-
-@kernel
-def cross(a: Vector, b: Vector) -> Vector:
-    """The vector product of two tuples."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-@kernel
-def dot(a: Vector, b: Vector) -> float:
-    """The scalar product of two tuples."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def row(array: FloatArray, i: int) -> Vector:
-    """Row i of an (n, 3) array as a tuple, which stays in registers."""
-    return (array[i, 0], array[i, 1], array[i, 2])
 
 
 @kernel

@@ -12,8 +12,9 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, dot, row
 
-from .elasticity import Scale, Vector, dot, row
+from .elasticity import Scale
 from .introducer_passage import (
     FRICTION,
     LENGTH,

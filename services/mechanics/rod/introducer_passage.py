@@ -12,8 +12,8 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, dot
 
-from .elasticity import Vector, dot
 from .model import RodModel
 
 # Places in the introducer's array after its entry (3) and unit axis (3); see `supports.Introducer.as_array`.

@@ -13,8 +13,9 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, cross, dot, row
 
-from .elasticity import Vector, any_normal, cross, dot, row
+from .elasticity import any_normal
 
 Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
 

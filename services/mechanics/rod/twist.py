@@ -18,8 +18,9 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, cross, dot, row
 
-from .elasticity import SHORTEST, Vector, bending_angle, cross, dot, row
+from .elasticity import SHORTEST, bending_angle
 from .material_frame import Frame, follow, initial_frame, rotate_frame
 from .properties import RodProperties
 from .state import RodState

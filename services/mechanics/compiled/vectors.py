@@ -1,0 +1,70 @@
+"""Vectors of kernels: tuples of three numbers, which stay in registers, so that nothing is allocated."""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+
+Vector = tuple[float, float, float]
+
+
+@kernel
+def subtract(u: Vector, v: Vector) -> Vector:
+    """Return u - v."""
+    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+
+
+@kernel
+def along(u: Vector, v: Vector, factor: float) -> Vector:
+    """Return u + factor v."""
+    return (u[0] + factor * v[0], u[1] + factor * v[1], u[2] + factor * v[2])
+
+
+@kernel
+def dot(u: Vector, v: Vector) -> float:
+    """Return u . v."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@kernel
+def cross(u: Vector, v: Vector) -> Vector:
+    """Return u x v."""
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+
+
+@kernel
+def scaled(u: Vector, factor: float) -> Vector:
+    """Return factor u."""
+    return (factor * u[0], factor * u[1], factor * u[2])
+
+
+@kernel
+def unit(u: Vector) -> Vector:
+    """Return u scaled to length one, or zero where u is zero."""
+    length = math.sqrt(dot(u, u))
+    return scaled(u, 1.0 / length) if length > 0.0 else u
+
+
+@kernel
+def squared_distance(u: Vector, v: Vector) -> float:
+    """Return |u - v|^2."""
+    d = subtract(u, v)
+    return dot(d, d)
+
+
+@kernel
+def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
+    """Return w0 a + w1 b + w2 c."""
+    return (
+        w[0] * a[0] + w[1] * b[0] + w[2] * c[0],
+        w[0] * a[1] + w[1] * b[1] + w[2] * c[1],
+        w[0] * a[2] + w[1] * b[2] + w[2] * c[2],
+    )
+
+
+@kernel
+def row(array: FloatArray, i: int) -> Vector:
+    """Row i of an (n, 3) array as a tuple, which stays in registers."""
+    return (array[i, 0], array[i, 1], array[i, 2])
