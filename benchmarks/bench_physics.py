@@ -21,9 +21,9 @@ import numpy as np
 from contact_peers import mujoco_duct
 from report import Row, Timing, measure, write_report
 
+from services.cache_directory import cache_directory
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.delassus import add_modal_compliance
-from services.mechanics.reduction.cache import default_cache_dir
 from services.mechanics.scenarios import insertion, insertion_scene, paper_scene
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe
@@ -157,7 +157,7 @@ def floor() -> None:
 
 
 def main() -> None:
-    cache = default_cache_dir()
+    cache = cache_directory()
     scene = loaded_scene()
     penalty = replace(scene, contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0))
     ours, tools = settle(scene, cache)

@@ -22,6 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
+from services.cache_directory import cache_directory
 from services.source_closure import Sources
 
 _NUMBAS_OWN = ("UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator", "IPythonCacheLocator")
@@ -42,8 +43,7 @@ def choose() -> None:
 
 def root() -> Path:
     """Return ``$NUMBA_CACHE_DIR``, else ``kernels`` in Trocar's cache. It may be shared by any number of checkouts."""
-    cache = os.environ.get("TROCAR_CACHE_DIR") or Path.home() / ".cache" / "trocar"
-    return Path(os.environ.get("NUMBA_CACHE_DIR") or Path(cache) / "kernels")
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or cache_directory() / "kernels")
 
 
 class Locator:

@@ -12,10 +12,10 @@ from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
+from services.cache_directory import cache_directory
 from services.mechanics.effects import EFFECTS
 from services.mechanics.scene import SceneModel
 from services.runtime.errors import UserError
-from services.runtime.process import cache_directory
 from services.scenes import load_duct, load_scene
 from services.studies.effect_costs import EffectCost, measure_effect
 

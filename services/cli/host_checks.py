@@ -16,9 +16,9 @@ from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
 
+from services.cache_directory import cache_directory
 from services.runtime import endpoints
 from services.runtime.errors import UserError
-from services.runtime.process import cache_directory
 from services.runtime.rig import Rig
 from services.supervisor.holders import holders
 from services.supervisor.page_place import DIST

@@ -7,6 +7,7 @@ import time
 
 from protocol import Frame
 from protocol.bodies import ContactModel, GatewayState
+from services.cache_directory import cache_directory
 from services.haptics.local_model import FREE, local_model
 from services.haptics.outputs import tool_contacts
 from services.haptics.tool_tracker import ToolTracker
@@ -18,7 +19,7 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow
-from services.runtime.process import Process, ProcessConfig, cache_directory, main
+from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0

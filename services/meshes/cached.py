@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.reduction.cache import Entry, default_cache_dir, fetch
+from services.cache_directory import cache_directory
+from services.mechanics.reduction.cache import Entry, fetch
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.surface.mesh import TriangleMesh
 from services.meshes.errors import MeshError
@@ -51,6 +52,6 @@ def load_mesh(
             entry.save(f"set-{set_name}", vertices)
         entry.describe(path=str(path), sets=list(duct.mesh.vertex_sets), actions=duct.actions)
 
-    entry = fetch(cache_dir or default_cache_dir(), name, make)
+    entry = fetch(cache_dir or cache_directory(), name, make)
     sets = {set_name: np.array(entry.load(f"set-{set_name}")) for set_name in entry.facts["sets"]}
     return TriangleMesh(np.array(entry.load("vertices_m")), np.array(entry.load("triangles")), sets)

@@ -6,6 +6,7 @@ import sys
 import time
 
 from protocol import Frame
+from services.cache_directory import cache_directory
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
@@ -15,7 +16,7 @@ from services.physics.warm_up import warm_up
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, TickClock, follow
 from services.runtime.nan_guard import NanGuard
-from services.runtime.process import Process, ProcessConfig, cache_directory, main
+from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0

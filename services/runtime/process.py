@@ -9,7 +9,6 @@ import signal
 import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -195,8 +194,3 @@ def main(
         print(f"{name}: {error}", file=sys.stderr)  # noqa: T201
         return error.exit_code
     return 0
-
-
-def cache_directory() -> Path:
-    """Return where bases and kernels are kept between runs: ``$TROCAR_CACHE_DIR``, else ``~/.cache/trocar``."""
-    return Path(os.environ.get("TROCAR_CACHE_DIR") or Path.home() / ".cache" / "trocar")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 import time
 
+from services.cache_directory import cache_directory
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
-from services.runtime.process import Process, cache_directory, main
+from services.runtime.process import Process, main
 from services.scenes import load_duct, load_scene
 from services.visualization.composer import Composer
 from services.visualization.outputs import open_output

@@ -12,12 +12,12 @@ import pytest
 from protocol import TOPICS
 from protocol.bodies import GatewayState, InstrumentState, LocalModel
 from protocol.topics import published_by, read_by
+from services.cache_directory import cache_directory
 from services.haptics.__main__ import Haptics
 from services.physics.__main__ import Physics
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter, TickClock
 from services.runtime.memory_bus import MemoryBus, MemoryHub
-from services.runtime.process import cache_directory
 from services.scenes import load_duct, load_scene
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"

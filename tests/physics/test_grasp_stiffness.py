@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from protocol.bodies import InstrumentState, ToolReaction, ToolState
+from services.cache_directory import cache_directory
 from services.haptics.local_model import local_model
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.reduction.duct import ReducedDuct
@@ -16,7 +17,6 @@ from services.mechanics.scene import ForcepsScene, SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.physics.outputs import Outputs
-from services.runtime.process import cache_directory
 from services.scenes import load_duct, load_scene
 from tests.physics.conftest import SMALL
 

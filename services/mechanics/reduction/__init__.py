@@ -1,7 +1,7 @@
 """Modal reduction of the duct: basis, residual compliance, integrators, cache, and the nonlinear extensions."""
 
 from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.cache import CacheError, default_cache_dir
+from services.mechanics.reduction.cache import CacheError
 from services.mechanics.reduction.duct import ReducedDuct, rayleigh_damping_ratio
 from services.mechanics.reduction.newmark import Newmark
 from services.mechanics.reduction.oscillator import ExactOscillator
@@ -22,7 +22,6 @@ __all__ = [
     "Residual",
     "ResidualChoice",
     "correct",
-    "default_cache_dir",
     "find_basis",
     "modal_reaction",
     "rayleigh_damping_ratio",

@@ -26,11 +26,6 @@ class CacheError(RuntimeError):
     """An entry on disk is damaged; the message names it."""
 
 
-def default_cache_dir() -> Path:
-    """Return where entries are kept unless the caller says otherwise: $TROCAR_CACHE_DIR, else ~/.cache/trocar."""
-    return Path(os.environ.get("TROCAR_CACHE_DIR") or Path.home() / ".cache" / "trocar")
-
-
 class Entry:
     """One folder of arrays; writable while it is being made, read-only afterwards."""
 

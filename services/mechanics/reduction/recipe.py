@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from services.cache_directory import cache_directory
 from services.mechanics import fem
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
@@ -96,11 +97,11 @@ def reduce_duct(
     damping_ratio : float or (r,) float64
         Fraction of critical damping, the same or per mode; not part of what is cached.
     cache_dir : Path, optional
-        Where entries are kept; `default_cache_dir` by default.
+        Where entries are kept; `cache_directory` by default.
     progress : callable
         Called as ``progress(stage, fraction)`` while something is computed.
     """
-    folder = cache_dir or cache.default_cache_dir()
+    folder = cache_dir or cache_directory()
     maker = _Maker(recipe, progress)
     basis = load_basis(cache.fetch(folder, f"basis-{recipe.key()}", maker.make_basis))
     residual = _fetch_residual(folder, maker, basis)
@@ -130,7 +131,7 @@ def fetch_residual_displacement(
         entry.describe(content_hash=basis.content_hash, kind="residual displacement")
         progress("rest shape", 1.0)
 
-    folder = cache_dir or cache.default_cache_dir()
+    folder = cache_dir or cache_directory()
     entry = cache.fetch(folder, f"rest-{hash_content(basis.content_hash, recipe.key(), load_n)}", solve)
     return np.array(entry.load("displacement"))
 

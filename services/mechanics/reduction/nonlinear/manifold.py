@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from services.cache_directory import cache_directory
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ElementChoice, ShellModel
 from services.mechanics.reduction import cache
@@ -82,7 +83,7 @@ def fetch_membrane_force(
         progress("nonlinear membrane", 1.0)
 
     name = f"membrane-{hash_content(basis.content_hash, recipe.key(), n_coordinates)}"
-    entry = cache.fetch(cache_dir or cache.default_cache_dir(), name, make)
+    entry = cache.fetch(cache_dir or cache_directory(), name, make)
     return CubicForce(entry.load("coordinates"), entry.load("quadratic"), entry.load("cubic"))
 
 
