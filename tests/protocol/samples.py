@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import msgspec
 import numpy as np
 
 import protocol
 from protocol import TOPICS, Frame, bodies
 from protocol.arrays import pack
+from protocol.fields import Field, Form, fields
 
 INCARNATION = 0x1234_5678_9ABC
 
@@ -55,7 +59,7 @@ def _contacts() -> bodies.ToolContacts:
     )  # fmt: skip
 
 
-_BODIES = {
+_BODIES: dict[str, msgspec.Struct] = {
     "gateway.state": bodies.GatewayState(
         tick=5,
         instruments=(
@@ -97,9 +101,28 @@ _BODIES = {
 }  # fmt: skip
 
 
-def body(name: str) -> object:
-    """Return the fixed body of a topic."""
-    return _BODIES.get(name) or _health(name.split(".")[0])
+def body(name: str) -> msgspec.Struct:
+    """Return the fixed body of a topic: one from here, else one that its fields give."""
+    if name.endswith(".health"):
+        return _health(name.split(".")[0])
+    return _BODIES.get(name) or example(TOPICS[name].body)
+
+
+def example(kind: type[msgspec.Struct]) -> msgspec.Struct:
+    """Return a body of `kind` whose fields differ where their types allow it."""
+    return kind(**{field.name: _value(field, place) for place, field in enumerate(fields(kind), start=1)})
+
+
+def _value(field: Field, place: int) -> Any:
+    if field.spec is not None:
+        shape = tuple(2 if isinstance(length, str) else length for length in field.spec.shape)
+        return pack(place + np.arange(np.prod(shape)).reshape(shape), field.spec.dtype)
+    item = example(field.body) if field.body else {int: place, float: 0.01 * place, bool: True, str: "a"}[field.item]
+    if field.form is Form.FIXED:
+        return (item,) * field.count
+    if field.form is Form.MANY:
+        return (item,)
+    return {"a": item} if field.form is Form.MAP else item
 
 
 def frame(name: str) -> Frame:

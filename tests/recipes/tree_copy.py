@@ -11,6 +11,8 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from markdown_it import MarkdownIt
@@ -46,18 +48,37 @@ class TreeCopy:
 
         An exit code that is not zero fails the test with everything that the command said.
         """
-        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        environment = {**os.environ, "PATH": path, "PYTHONPATH": str(self.root)}
         done = subprocess.run(
-            command, cwd=self.root, env=environment, capture_output=True, text=True, timeout=timeout_s, check=False
+            command,
+            cwd=self.root,
+            env=self._environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            check=False,
         )
         said = f"{done.stdout}\n{done.stderr}"
         assert done.returncode == 0, f"{' '.join(command)} ended with {done.returncode}:\n{said}"
         return done.stdout
 
-    def python(self, code: str, **options: float) -> str:
+    def python(self, code: str, *arguments: str, **options: float) -> str:
         """Run `code` with the copy's packages, and return what it prints."""
-        return self.run(sys.executable, "-c", code, **options)
+        return self.run(sys.executable, "-c", code, *arguments, **options)
+
+    @contextmanager
+    def start(self, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+        """Run Python in the background, and ask it to end at the end."""
+        process = subprocess.Popen([sys.executable, *arguments], cwd=self.root, env=self._environment)
+        try:
+            yield process
+        finally:
+            process.terminate()
+            process.wait(30)
+
+    @property
+    def _environment(self) -> dict[str, str]:
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        return {**os.environ, "PATH": path, "PYTHONPATH": str(self.root)}
 
     def pytest(self, *arguments: str, **options: float) -> str:
         """Run tests of the copy, and return what pytest prints."""

@@ -1,0 +1,78 @@
+"""docs/recipes.md, "Adding a topic" and "Changing a body", followed to the letter: a frame goes where the row says."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.recipes.tree_copy import TreeCopy
+
+#: Physics sends; haptics reads, visualization and the supervisor observe, each with the sockets that its process opens.
+RUN = """
+import json, sys, time
+from protocol.arrays import pack
+from protocol.bodies.physics import Temperature
+from services.runtime.process import Options, load_process_config, open_process
+
+def opened(name):
+    return open_process(load_process_config(name, Options("rig.yaml", None, ())))
+
+physics, haptics, visualization, supervisor = map(opened, ("physics", "haptics", "visualization", "supervisor"))
+topic, body = "physics.temperature", Temperature(tick=7, node=pack([3], "<i4"), temperature_k=pack([311.0]))
+found = {}
+until_s = time.monotonic() + float(sys.argv[1])
+while not supervisor.stop() and time.monotonic() < until_s and len(found) < int(sys.argv[2]):
+    physics.bus.publish(topic, body, origin_ns=time.monotonic_ns())
+    frame = haptics.bus.latest(topic)
+    if frame is not None and haptics.bus.is_fresh(topic):
+        found["haptics"] = frame.body == body
+    for observer in (visualization, supervisor):
+        for frame in observer.bus.sample([topic], time.monotonic_ns() + 2_000_000).values():
+            found[observer.name] = frame.body == body
+from services.supervisor import dashboard, figures
+windows = {name: figures.of(each.health._body(1.0)) for name, each in (("physics", physics), ("haptics", haptics))}
+found["dashboard"] = [row.publisher for row in dashboard.topic_rows(windows) if row.topic == topic]
+print(json.dumps(found))
+"""
+
+READ = """
+import sys
+from pathlib import Path
+from services.recorder.recording import read
+messages = [m for m in read(next(Path("recordings").glob("*.mcap"))) if m.topic == "physics.temperature"]
+print(len(messages), messages[0].body.tick, list(messages[0].body.temperature_k))
+"""
+
+
+@pytest.fixture
+def recipe(tree: TreeCopy) -> TreeCopy:
+    (tree.root / "rig.yaml").write_text("{name: r, transport: {directory: bus}, recorder: {directory: recordings}}\n")
+    tree.follow("Adding a topic")
+    return tree
+
+
+def test_a_frame_goes_from_the_publisher_to_everybody_whom_the_row_names(recipe: TreeCopy) -> None:
+    told = json.loads(recipe.python(RUN, "20", "3"))
+    assert told == {"haptics": True, "visualization": True, "supervisor": True, "dashboard": ["physics"]}
+    recipe.pytest("tests/runtime/test_sockets_of_processes.py")
+
+
+def test_it_is_recorded_sniffed_and_written_down(recipe: TreeCopy) -> None:
+    with recipe.start("-m", "services.recorder", "--rig", "rig.yaml"), recipe.start("-c", RUN, "30", "99"):
+        sniffed = recipe.run("trocar", "sniff", "physics.temperature", "--rig", "rig.yaml", "--count", "3", "--json")
+    assert json.loads(sniffed.splitlines()[0])["body"]["temperature_k"]["values"] == [311.0]
+    count, tick, temperature_k = recipe.python(READ).split()
+    assert int(count) > 0
+    assert (tick, temperature_k) == ("7", "[311.0]")
+    assert "| `physics.temperature` | haptics |" in (recipe.root / "docs" / "wire.md").read_text()
+
+
+def test_its_body_changes_and_old_bytes_are_still_understood(recipe: TreeCopy) -> None:
+    recipe.follow("Changing a body")
+    lifted = recipe.python(
+        "from pathlib import Path; import protocol;"
+        "old = Path('tests/protocol/golden/physics.temperature.v1.msgpack').read_bytes();"
+        "print(protocol.decode(old).body.rise_k.view() + 310.15)"
+    )
+    assert lifted.split() == ["[3.", "4.]"]
