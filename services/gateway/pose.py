@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from services.gateway.kernel import kernel
 from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 from services.runtime.rig import Mount
 
 

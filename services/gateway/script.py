@@ -9,8 +9,9 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from services.gateway.kernel import kernel
 from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.minimum_jerk import minimum_jerk
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings, Vector3
@@ -95,27 +96,6 @@ def read_player(name: str, instrument: str, port_m: Vector3, pace: float = 1.0) 
         known = ", ".join(script.motions)
         raise ConfigError(f"{path}: motions: there is none for instrument {instrument!r}; known: {known}")
     return Player(script.motions[instrument], script.loop, port_m, pace)
-
-
-@kernel
-def minimum_jerk(times: FloatArray, values: FloatArray, time: float, value: FloatArray, rate: FloatArray) -> None:
-    """Write values and rates at `time` of breakpoints joined by quintics that rest at both ends.
-
-    Source: Flash and Hogan, J. Neuroscience 5(7), 1985: s = 10 u^3 - 15 u^4 + 6 u^5.
-    """
-    last = len(times) - 1
-    k = 0
-    while k < last - 1 and time >= times[k + 1]:
-        k += 1
-    after = min(k + 1, last)
-    span = times[after] - times[k]
-    u = min(1.0, max(0.0, (time - times[k]) / span)) if span > 0.0 else 1.0
-    s = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-    ds = 30.0 * u * u * (1.0 - u) * (1.0 - u) / span if span > 0.0 else 0.0
-    for i in range(len(value)):
-        change = values[after, i] - values[k, i]
-        value[i] = values[k, i] + s * change
-        rate[i] = ds * change
 
 
 @kernel

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 
-from services.gateway.kernel import kernel
 from services.gateway.layout import (
     HANDLE_ANGLE,
     HANDLE_RATE,
@@ -52,6 +51,7 @@ from services.gateway.layout import (
     NOW_TTL,
 )
 from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 #: A model is used as it is up to this age, and up to this share of its life.
 HOLD_S, HOLD_SHARE = 0.005, 0.25

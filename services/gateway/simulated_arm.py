@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from services.gateway import premium_model
-from services.gateway.kernel import kernel
 from services.gateway.layout import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.premium_model import GEARS
 from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 TICK_S = 1e-3
 SUBSTEPS = 8

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.minimum_jerk import minimum_jerk
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
@@ -61,24 +61,11 @@ class Scenario:
 
 def _write_tool(motion: ToolMotion, forceps: ForcepsScene, time_s: float, tool: int, out: ToolInputs) -> None:
     table = np.column_stack([np.array(motion.grip_point_m), motion.jaw_angle_rad, motion.roll_rad])
-    value = least_jerk(np.array(motion.time_s), table, time_s)
+    value, rate = np.empty((2, table.shape[1]))
+    minimum_jerk(np.array(motion.time_s), table, time_s, value, rate)
     arm = value[:3] - np.array(forceps.port_position_m)
     out.position_m[tool] = value[:3] - motion.grip_offset_m * (arm / float(np.linalg.norm(arm)))
     out.jaw_angle_rad[tool], out.roll_rad[tool] = value[3], value[4]
-
-
-def least_jerk(times_s: FloatArray, table: FloatArray, time_s: float) -> FloatArray:
-    """Return values (c,) at ``time_s`` of breakpoints (k,) by (k, c); constant outside them.
-
-    6 s^5 - 15 s^4 + 10 s^3 between two breakpoints (Flash and Hogan, J. Neurosci. 5, 1985).
-    """
-    k = int(np.searchsorted(times_s, time_s, side="right")) - 1
-    if k < 0 or k >= len(times_s) - 1:
-        last: FloatArray = table[max(min(k, len(times_s) - 1), 0)]
-        return last
-    s = (time_s - times_s[k]) / (times_s[k + 1] - times_s[k])
-    value: FloatArray = table[k] + (table[k + 1] - table[k]) * (s**3 * (10.0 + s * (6.0 * s - 15.0)))
-    return value
 
 
 def insertion_scene() -> SceneModel:
