@@ -85,6 +85,8 @@ def _print(result: FemResult, console: Console) -> None:
     mesh = data["mesh"]
     for action in mesh["actions"]:
         console.print(f"mesh: {action}", markup=False)
+    for caution in data["cautions"]:
+        console.print(f"caution: {caution}", markup=False)
     console.print(f"{mesh['vertices']} vertices, {mesh['triangles']} triangles, {mesh['free_dofs']} free dofs")
     if "static" in data:
         _print_static(data["static"], console)

@@ -12,6 +12,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
 from services.mechanics.surface.mesh import TriangleMesh, half_edges, triangle_areas_m2, unique_edges, vertex_components
 from services.meshes.crossings import crossing_triangles
+from services.meshes.winding import flipped_edges
 
 
 @dataclass(frozen=True)
@@ -39,13 +40,6 @@ def check_surface(mesh: TriangleMesh) -> list[Finding]:
         ("triangles that cut through others", mesh.triangles[crossing_triangles(mesh)]),
     )
     return [Finding(name, len(items), mesh.vertices_m[items[0]].mean(axis=0)) for name, items in tests if len(items)]
-
-
-def flipped_edges(mesh: TriangleMesh) -> IntArray:
-    """(k, 2) edges that two triangles run along in the same direction, as on no orientable surface."""
-    directed, times = np.unique(half_edges(mesh), axis=0, return_counts=True)
-    flipped: IntArray = directed[times > 1]
-    return flipped
 
 
 def smallest_angles_rad(mesh: TriangleMesh) -> FloatArray:

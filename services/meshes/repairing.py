@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
-from services.meshes.checking import check_surface, flipped_edges
+from services.meshes.checking import check_surface
 from services.meshes.errors import MeshError
 from services.meshes.openings import enclosed_volume_m3, find_openings
+from services.meshes.winding import flipped_edges, wind_consistently
 
 MERGE_RATIO = 1e-6
 """Vertices closer than this part of the surface's size are one vertex."""
@@ -85,18 +86,9 @@ def _keep_largest_piece(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
 
 
 def _wind_consistently(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
-    if not len(flipped_edges(mesh)):
-        return mesh
-    import pyvista
-
-    surface = pyvista.PolyData.from_regular_faces(mesh.vertices_m, mesh.triangles)
-    turned = surface.compute_normals(
-        point_normals=False, split_vertices=False, consistent_normals=True, auto_orient_normals=False
-    )
-    wound = TriangleMesh(turned.points, turned.regular_faces)
+    wound = wind_consistently(mesh, actions)
     if len(flipped_edges(wound)):
         raise MeshError("surface has one side only (it is twisted like a Möbius band), it has no lumen")
-    actions.append("wound neighbouring triangles the same way")
     return wound
 
 

@@ -14,7 +14,7 @@ class _Loader(yaml.SafeLoader):
     It also takes the last of two equal keys without a word, which YAML forbids.
     """
 
-    def compose_mapping_node(self, anchor: str | None) -> yaml.MappingNode:
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         """Refuse a key that is given twice; one merged from elsewhere with ``<<`` may be given again."""
         node: yaml.MappingNode = super().compose_mapping_node(anchor)
         lines: dict[str, int] = {}

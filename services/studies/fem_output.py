@@ -25,6 +25,7 @@ def to_json(result: FemResult) -> dict[str, Any]:
             "vertex_sets": {name: len(ids) for name, ids in mesh.vertex_sets.items()},
             "actions": result.actions,
         },
+        "cautions": result.cautions,
     }
     if result.static is not None:
         data["static"] = _static_json(result, result.static)

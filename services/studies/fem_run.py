@@ -21,15 +21,21 @@ from services.mechanics.fem import (
     pressure_load,
     surface_load,
 )
-from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.fem.supports import DOF_NAMES
+from services.mechanics.fem.thinness import DOUBTFUL_RATIO, thickness_over_width
+from services.mechanics.surface.mesh import TriangleMesh, unique_edges
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.loading import SurfaceSettings, load_duct_surface
 from services.meshes.reading import read_surface
 from services.meshes.repairing import merge_and_drop
-from services.studies.fem_case import FemCase, Load, Where
+from services.meshes.winding import face_outwards, flipped_edges, wind_consistently
+from services.studies.fem_case import FemCase, Held, Load, Where
 
 OnStage = Callable[[str, int], None]
 """Told the name of a stage and how many steps it is expected to take; then called with "" and 1 a step."""
+
+MOST_TURNED = 0.25
+"""Part of a sheet's area that may be wound against the rest; beyond it the file does not say which side is out."""
 
 
 def _silent(stage: str, steps: int) -> None:
@@ -43,6 +49,8 @@ class FemResult:
     case: FemCase
     model: ShellModel
     actions: list[str]
+    cautions: list[str]
+    """What to keep in mind when reading the numbers."""
     static: StaticSolution | None
     modes: EigenModes | None
 
@@ -59,6 +67,8 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
     mesh, actions = build_mesh(case, folder)
     on_stage("assembly", 1)
     model, imposed = build_model(case, mesh)
+    for name, where in case.probes.items():
+        select(mesh, where, f"probes.{name}")
     on_stage("factors", 1)
     _ = model.factor
     static = None
@@ -69,7 +79,18 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
     if case.modes:
         on_stage("modes", 3 * case.modes + 20)
         modes = compute_modes(model, case.modes, lambda: on_stage("", 1))
-    return FemResult(case, model, actions, static, modes)
+    return FemResult(case, model, actions, _cautions(model), static, modes)
+
+
+def _cautions(model: ShellModel) -> list[str]:
+    ratio, centre_m = thickness_over_width(model.mesh, model.section)
+    if ratio <= DOUBTFUL_RATIO:
+        return []
+    place_mm = np.round(1e3 * centre_m, 2).tolist()
+    return [
+        f"the wall's thickness is {ratio:.2g} of the width of the piece round {place_mm} mm: transverse shear, which "
+        "a Kirchhoff shell lacks, counts there"
+    ]
 
 
 def build_mesh(case: FemCase, folder: Path) -> tuple[TriangleMesh, list[str]]:
@@ -85,19 +106,44 @@ def build_mesh(case: FemCase, folder: Path) -> tuple[TriangleMesh, list[str]]:
     if source.surface_file is None:
         raise ValueError("mesh: has none of parametric, duct_file, surface_file")
     raw = read_surface(folder / source.surface_file.path, source.surface_file.units)
-    return merge_and_drop(raw, actions), actions
+    merged = merge_and_drop(raw, actions)
+    return face_outwards(wind_consistently(merged, actions, MOST_TURNED), actions), actions
 
 
 def build_model(case: FemCase, mesh: TriangleMesh) -> tuple[ShellModel, FloatArray]:
     """The supported model, and the (n, 6) displacements imposed on its held dofs."""
     supports = []
     imposed = np.zeros((mesh.n_vertices, 6))
+    held_by = np.full((mesh.n_vertices, 6), -1, np.int32)
     for k, held in enumerate(case.supports):
         vertices = select(mesh, held.where, f"supports.{k}.where")
         supports.append(Support(vertices, held.dofs))
-        imposed[vertices, :3] = held.displacement_m
+        _impose(held, k, vertices, imposed, held_by, mesh)
     elements = ElementChoice(case.elements.membrane, case.elements.bending)
     return ShellModel(mesh, _section(case, mesh), supports, elements, case.constraints), imposed
+
+
+def _impose(held: Held, k: int, vertices: IntArray, imposed: FloatArray, held_by: IntArray, mesh: TriangleMesh) -> None:
+    """Write support ``k`` into ``imposed`` and ``held_by``, unless it contradicts itself or an earlier one."""
+    for component, value in enumerate(held.displacement_m):
+        dof = DOF_NAMES[component]
+        if dof not in held.dofs:
+            if value:
+                raise ValueError(f"supports.{k}.displacement_m: {dof} is moved by {value} m, but dofs does not hold it")
+            continue
+        at_odds = vertices[(held_by[vertices, component] >= 0) & (imposed[vertices, component] != value)]
+        if len(at_odds):
+            vertex, first = int(at_odds[0]), held_by[at_odds[0], component]
+            raise ValueError(
+                f"supports.{k}.displacement_m: {dof} of vertex {vertex} at {_place_mm(mesh, vertex)} is held at "
+                f"{value} m here and at {imposed[vertex, component]} m by supports.{first}"
+            )
+        imposed[vertices, component] = value
+        held_by[vertices, component] = k
+
+
+def _place_mm(mesh: TriangleMesh, vertex: int) -> str:
+    return f"{np.round(1e3 * mesh.vertices_m[vertex], 2).tolist()} mm"
 
 
 def _section(case: FemCase, mesh: TriangleMesh) -> ShellSection:
@@ -135,8 +181,7 @@ def select(mesh: TriangleMesh, where: Where, key: str) -> IntArray:
             raise ValueError(f"{key}.vertex: {where.vertex} does not exist, the mesh has {mesh.n_vertices} vertices")
         return np.array([where.vertex], np.int32)
     if where.near_m is not None:
-        nearest = np.argmin(np.linalg.norm(mesh.vertices_m - where.near_m, axis=1))
-        return np.array([nearest], np.int32)
+        return np.array([_nearest(mesh, np.array(where.near_m), f"{key}.near_m")], np.int32)
     low, high = np.asarray(where.box_m)
     inside = ((mesh.vertices_m >= low) & (mesh.vertices_m <= high)).all(axis=1)
     if not inside.any():
@@ -145,17 +190,32 @@ def select(mesh: TriangleMesh, where: Where, key: str) -> IntArray:
     return np.flatnonzero(inside).astype(np.int32)
 
 
+def _nearest(mesh: TriangleMesh, point_m: FloatArray, key: str) -> int:
+    """Nearest vertex, unless the point is further from it than its longest edge: then it is no point of this mesh."""
+    distance = np.linalg.norm(mesh.vertices_m - point_m, axis=1)
+    nearest = int(np.argmin(distance))
+    corners = mesh.vertices_m[mesh.triangles[(mesh.triangles == nearest).any(axis=1)]]
+    reach = np.linalg.norm(corners - mesh.vertices_m[nearest], axis=2).max(initial=0.0)
+    if distance[nearest] > reach:
+        raise ValueError(
+            f"{key}: the nearest vertex, {nearest} at {_place_mm(mesh, nearest)}, is "
+            f"{1e3 * distance[nearest]:.4g} mm away, further than the {1e3 * reach:.3g} mm of its longest edge"
+        )
+    return nearest
+
+
 def build_load(case: FemCase, model: ShellModel) -> FloatArray:
     """(n, 3) sum of all loads of the case."""
     total = np.zeros((model.mesh.n_vertices, 3))
     for k, load in enumerate(case.loads):
-        total += _nodal(load, model, f"loads.{k}.where")
+        total += _nodal(load, model, f"loads.{k}")
     return total
 
 
 def _nodal(load: Load, model: ShellModel, key: str) -> FloatArray:
     mesh = model.mesh
     if load.pressure_pa is not None:
+        _refuse_sideless(mesh, f"{key}.pressure_pa")
         return pressure_load(mesh, load.pressure_pa)
     if load.traction_pa is not None:
         return surface_load(mesh, np.array(load.traction_pa))
@@ -163,6 +223,16 @@ def _nodal(load: Load, model: ShellModel, key: str) -> FloatArray:
         return np.outer(model.mass_kg, load.acceleration_m_s2)
     nodal = np.zeros((mesh.n_vertices, 3))
     if load.where is not None:
-        vertices = select(mesh, load.where, key)
+        vertices = select(mesh, load.where, f"{key}.where")
         nodal[vertices] = np.array(load.force_n) / len(vertices)
     return nodal
+
+
+def _refuse_sideless(mesh: TriangleMesh, key: str) -> None:
+    """A pressure needs an outward side everywhere."""
+    edges, shared = unique_edges(mesh)
+    flipped = flipped_edges(mesh)
+    for bad, why in ((edges[shared > 2], "more than two triangles meet"), (flipped, "two triangles are wound apart")):
+        if len(bad):
+            place_mm = np.round(1e3 * mesh.vertices_m[bad[0]].mean(axis=0), 2).tolist()
+            raise ValueError(f"{key}: the surface has no outward side, at {place_mm} mm {why}")

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from services.cli.fem import fem_command
+from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.studies.fem_case import FemCase
@@ -40,6 +41,15 @@ def run(path, tmp_path):
 
 def changed(**changes):
     return DUCT | changes
+
+
+def clamped():
+    return {"where": {"vertex_set": "clamped"}}
+
+
+def held(displacement_m, *dofs, vertex=150):
+    given = {"dofs": list(dofs)} if dofs else {}
+    return {"where": {"vertex": vertex}, "displacement_m": displacement_m} | given
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda p: p.stem)
@@ -112,6 +122,79 @@ def test_imposed_displacement_is_a_load(tmp_path):
     assert data["static"]["reaction_force_n"] == pytest.approx([0, 0, 0], abs=1e-12)
 
 
+def test_a_later_support_on_other_dofs_leaves_an_imposed_displacement_alone(tmp_path):
+    supports = [clamped(), held([0, 1e-3, 0], "uy"), held([0, 0, 0], "ux")]
+    data = run(write(tmp_path, changed(supports=supports, modes=0)), tmp_path)
+    assert data["static"]["displacement_m"][150][:2] == pytest.approx([0.0, 1e-3], abs=1e-15)
+
+
+def test_a_wall_as_thick_as_a_third_of_its_width_is_solved_with_a_caution(tmp_path, capsys):
+    thick = {"radius_m": 0.004, "length_m": 0.04, "n_around": 12, "n_along": 12}
+    data = run(write(tmp_path, changed(mesh={"parametric": thick}, thickness_m=2.7e-3)), tmp_path)
+    assert len(data["cautions"]) == 1
+    assert "thickness is 0.34 of the width" in capsys.readouterr().out
+    assert run(write(tmp_path, DUCT), tmp_path)["cautions"] == []
+
+
+def surface_case(tmp_path, mesh, **changes):
+    trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
+    trimesh.Trimesh(mesh.vertices_m, mesh.triangles, process=False).export(tmp_path / "surface.stl")
+    lowest = [[-9, -9, -9], [9, 9, float(mesh.vertices_m[:, 2].min()) + 0.1]]
+    case = {
+        "mesh": {"surface_file": {"path": "surface.stl", "units": "m"}},
+        "supports": [{"where": {"box_m": lowest}}],
+        "loads": [{"pressure_pa": 10.0}],
+        "modes": 0,
+    }
+    return write(tmp_path, changed(**case | changes))
+
+
+def square(share_turned):
+    """A unit square standing on its edge, of which a share of the triangles is wound the other way."""
+    mesh = mapped_patch(8, 8, lambda s, t: (s, np.zeros_like(s), t)).mesh
+    triangles = mesh.triangles.copy()
+    turned = slice(0, round(share_turned * len(triangles)))
+    triangles[turned] = triangles[turned, ::-1]
+    return TriangleMesh(mesh.vertices_m, triangles)
+
+
+def test_pressure_on_a_sheet_with_a_few_triangles_wound_apart_is_that_of_the_sheet(tmp_path):
+    whole, mended = (run(surface_case(tmp_path, square(share)), tmp_path) for share in (0.0, 0.2))
+    assert mended["static"]["reaction_force_n"] == pytest.approx(whole["static"]["reaction_force_n"])
+    assert abs(whole["static"]["reaction_force_n"][1]) == pytest.approx(10.0)
+    assert any("turned 26 triangles" in action for action in mended["mesh"]["actions"])
+
+
+def test_pressure_on_a_sheet_wound_half_one_way_is_refused_with_the_place(tmp_path):
+    with pytest.raises(
+        ConfigError, match=r"loads.0.pressure_pa: the surface has no outward side, at \[.*\] mm two tri"
+    ):
+        run(surface_case(tmp_path, square(0.5)), tmp_path)
+    weight = [{"acceleration_m_s2": [0, 1, 0]}]
+    assert run(surface_case(tmp_path, square(0.5), loads=weight), tmp_path)["static"]["residual"] < 1e-8
+
+
+def test_pressure_where_three_sheets_meet_is_refused(tmp_path):
+    half = mapped_patch(4, 4, lambda s, t: (0.5 + 0 * s, 0.5 * s, t)).mesh
+    flat = mapped_patch(4, 4, lambda s, t: (s, np.zeros_like(s), t)).mesh
+    mesh = TriangleMesh(
+        np.concatenate([flat.vertices_m, half.vertices_m]),
+        np.concatenate([flat.triangles, half.triangles + flat.n_vertices]),
+    )
+    with pytest.raises(ConfigError, match=r"at \[500.0, 0.0, .*\] mm more than two triangles meet"):
+        run(surface_case(tmp_path, mesh), tmp_path)
+
+
+def test_a_closed_surface_wound_inwards_is_blown_up_by_a_pressure_not_crushed(tmp_path):
+    trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    probes = {"top": {"near_m": [0, 0, 1]}}
+    for faces in (ball.faces, ball.faces[:, ::-1]):
+        mesh = TriangleMesh(np.asarray(ball.vertices), np.asarray(faces))
+        data = run(surface_case(tmp_path, mesh, probes=probes), tmp_path)
+        assert data["static"]["probes"]["top"][2] > 0.0
+
+
 def test_gravity_reaction_is_the_weight(tmp_path):
     data = run(write(tmp_path, changed(loads=[{"acceleration_m_s2": [0, 0, -9.81]}])), tmp_path)
     assert data["static"]["reaction_force_n"] == pytest.approx([0, 0, 9.81 * data["mesh"]["mass_kg"]], abs=1e-12)
@@ -176,6 +259,26 @@ def test_stages_are_reported_in_order(tmp_path):
         (
             {"material": {"youngs_modulus_pa": 1e5, "poisson_ratio": 0.7, "density_kg_m3": 1.0}},
             "poisson_ratio of an isotropic material must not exceed 0.5",
+        ),
+        (
+            {"supports": [clamped(), held([0, 1e-3, 0]), held([0, 0, 0], "ux", "uz", "uy")]},
+            r"supports.2.displacement_m: uy of vertex 150 at \[.*\] mm is held at 0.0 m here and at 0.001 m by supp",
+        ),
+        (
+            {"supports": [clamped(), held([0, 0, 0], "uy"), held([0, 1e-3, 0])]},
+            r"supports.2.displacement_m: uy of vertex 150 .* at 0.001 m here and at 0.0 m by supports.1",
+        ),
+        (
+            {"supports": [clamped(), held([0, 1e-3, 0], "ux")]},
+            "supports.1.displacement_m: uy is moved by 0.001 m, but dofs does not hold it",
+        ),
+        (
+            {"probes": {"p": {"near_m": [40.0, 0.004, 0]}}, "loads": [{"pressure_pa": 1.0}]},
+            r"probes.p.near_m: the nearest vertex, \d+ at \[40.0, .* mm, is 3.996e\+04 mm away, further than the",
+        ),
+        (
+            {"thickness_m": 0.5e-3, "regions": [{"centre_m": [0, 0, 0], "radius_m": 1, "thickness_factor": 40}]},
+            r"thickness_m is 2.5\d? times the width of the piece round \[20.0, .*\] mm, that is no shell",
         ),
         ({"probes": {"p": {"vertex": 5000}}, "loads": [{"pressure_pa": 1.0}]}, "probes.p.vertex: 5000 does not exist"),
     ],

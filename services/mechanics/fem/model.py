@@ -15,6 +15,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
 from services.mechanics.fem.section import ShellSection
 from services.mechanics.fem.supports import Support, check_supported, held_dofs
+from services.mechanics.fem.thinness import check_thin
 from services.mechanics.surface.mesh import TriangleMesh
 
 __all__ = ["ElementChoice", "ShellModel", "StaticSolution"]
@@ -52,7 +53,7 @@ class ShellModel:
     Raises
     ------
     ValueError
-        The mesh is degenerate or not supported; the message says where.
+        The mesh is degenerate, thicker than wide, or not supported; the message says where.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class ShellModel:
         self.constraints = constraints
         self.held_dofs: IntArray = held_dofs(mesh, supports)
         check_supported(mesh, self.held_dofs)
+        check_thin(mesh, section)
         self.K_full = assemble_stiffness(mesh, section, self.elements)
         self.mass_kg: FloatArray = assemble_lumped_mass(mesh, section)
 

@@ -44,8 +44,9 @@ def held_dofs(mesh: TriangleMesh, supports: Sequence[Support]) -> IntArray:
         if unknown:
             raise ValueError(f"support: unknown dof '{unknown[0]}'; known: {', '.join(DOF_NAMES)}")
         vertices = np.asarray(support.vertices)
-        if len(vertices) and (vertices.min() < 0 or vertices.max() >= mesh.n_vertices):
-            raise ValueError(f"support: vertex {vertices.max()} does not exist, there are {mesh.n_vertices}")
+        strange = vertices[(vertices < 0) | (vertices >= mesh.n_vertices)]
+        if len(strange):
+            raise ValueError(f"support: vertex {strange[0]} does not exist, there are {mesh.n_vertices}")
         for name in support.dofs:
             held[vertices, DOF_NAMES.index(name)] = True
     return np.flatnonzero(held).astype(np.int32)
