@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.minimum_jerk import minimum_jerk
+from services.mechanics.scene.minimum_jerk import minimum_jerk
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Settings, Vector3

@@ -59,7 +59,10 @@ class ArmState:
 
 
 def butterworth(cut_off_hz: float) -> FloatArray:
-    """Return b0, b1, b2, a1, a2 of a second-order low-pass at the rate of the ticks, by the bilinear transform."""
+    """Return b0, b1, b2, a1, a2 of a second-order low-pass at the rate of the ticks, by the bilinear transform.
+
+    What `scipy.signal.butter` returns, whose import takes half a second of a start.
+    """
     k = math.tan(math.pi * cut_off_hz * TICK_S)
     scale = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
     b0 = k * k * scale

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.minimum_jerk import minimum_jerk
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
+from services.mechanics.scene.minimum_jerk import minimum_jerk
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
 Vector3 = tuple[float, float, float]

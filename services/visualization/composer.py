@@ -122,9 +122,8 @@ class Composer:
         for i, instrument in enumerate(instruments):
             reaction = reactions[i] if i < len(reactions) else None
             at = tool_pose.junction(instrument, reaction)
-            axes = tool_pose.tool_axes(at, instrument.port_m, instrument.roll_rad)
             picture.poses[i, :3] = at
-            picture.poses[i, 3:] = tool_pose.quaternion(axes)
+            picture.poses[i, 3:] = tool_pose.orientation(at, instrument.port_m, instrument.roll_rad)
             picture.jaw_rad[i] = self._jaw(i, instrument, reaction)
             if reaction is not None:
                 picture.force_n[i] = reaction.force_n

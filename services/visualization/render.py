@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyvista as pv
+from scipy.spatial.transform import Rotation
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
@@ -152,21 +153,15 @@ class _Tool:
 
 def pose_matrix(pose: Float32Array) -> npt.NDArray[np.float64]:
     """Return the homogeneous transform (4, 4) of a position and quaternion wxyz."""
-    w, x, y, z = (float(value) for value in pose[3:])
     matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
+    matrix[:3, :3] = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()
     matrix[:3, 3] = pose[:3]
     return matrix
 
 
 def _turn_about_z(angle_rad: float) -> npt.NDArray[np.float64]:
     matrix = np.eye(4)
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    matrix[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    matrix[:3, :3] = Rotation.from_euler("z", angle_rad).as_matrix()
     return matrix
 
 

@@ -1,4 +1,4 @@
-"""Scenes as plain data, what the hands send in and get back, and what a scene says about its duct."""
+"""Scenes as plain data, how hands move, what they send in and get back, and what a scene says about its duct."""
 
 from services.mechanics.scene.model import (
     CatheterScene,
