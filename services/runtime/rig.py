@@ -13,9 +13,9 @@ _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Settings(BaseModel):
-    """Base of every configuration model: unknown keys are refused, nothing changes after loading."""
+    """Base of every configuration model: unknown keys and wrong types are refused, nothing changes after loading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Transport(Settings):

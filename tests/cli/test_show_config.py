@@ -4,6 +4,7 @@ import json
 
 import yaml
 
+from services.runtime import config
 from services.runtime.rig import Rig
 from tests.cli.conftest import Trocar
 
@@ -11,7 +12,7 @@ from tests.cli.conftest import Trocar
 def test_shown_rig_is_a_rig_file_again(trocar: Trocar) -> None:
     ran = trocar("config", "show", "--rig", "stub", "--set", "supervisor.window_s=3.5")
     assert ran.code == 0
-    rig = Rig.model_validate(yaml.safe_load(ran.out))
+    rig = config.build(Rig, yaml.safe_load(ran.out), "shown")
     assert rig.supervisor.window_s == 3.5
     assert rig.name == "stub"
 

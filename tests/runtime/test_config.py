@@ -29,6 +29,9 @@ def write(path: Path, text: str) -> Path:
             r"processes.physics.coer: unknown key 'coer'; known: bus_thread_above, core, critical, enabled, nice, ",
         ),
         ("name: a\nprocesses: {physics: {priority: 99}}", r"processes.physics.priority: input should be less"),
+        ("name: a\nprocesses: {physics: {core: '1'}}", r"processes.physics.core: input should be a valid integer"),
+        ("name: a\ngateway: {force_limit_n: .nan}", r"gateway.force_limit_n: input should be a finite number"),
+        ("name: a\nvisualization: {rate_hz: '30'}", r"visualization.rate_hz: input should be a valid number"),
         ("name: a\ntransport: {kind: pigeon}", r"transport.kind: input should be 'ipc' or 'tcp'"),
         (
             "name: a\ngateway: {instruments: [{name: left, port_m: [0, 0, 0], arm: {drver: x}}]}",
