@@ -45,7 +45,7 @@ from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 SECTION = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
-ELEMENTS = ElementChoice("opt", "dkt")
+ELEMENTS = ElementChoice("andes", "dkt")
 N_MODES = 100
 DT_S = 1e-3
 MESHES = {"8,000 dofs": (32, 42), "60,000 dofs": (80, 125), "250,000 dofs": (164, 254)}

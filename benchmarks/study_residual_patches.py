@@ -31,7 +31,7 @@ def norms(blocks: np.ndarray) -> np.ndarray:
 
 def study(n_around: int, n_along: int, n_modes: int) -> list[Row]:
     mesh = parametric_duct(DuctGeometry(4e-3, 40e-3, n_around, n_along))
-    model = ShellModel(mesh, ShellSection(0.5e-3, 100e3, 0.45, 1060.0), [clamp(mesh)], ElementChoice("opt", "dkt"))
+    model = ShellModel(mesh, ShellSection(0.5e-3, 100e3, 0.45, 1060.0), [clamp(mesh)], ElementChoice("andes", "dkt"))
     basis, n = build_basis(model, n_modes), mesh.n_vertices
     full = np.zeros((n, n, 3, 3), np.float32)
     fill_full_residual(model, basis, full)

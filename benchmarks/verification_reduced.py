@@ -31,7 +31,7 @@ def strip(size: tuple[float, float], cells: tuple[int, int]) -> TriangleMesh:
 
 def large_deflections() -> Table:
     mesh = strip((10.0, 1.0), (40, 4))
-    model = ShellModel(mesh, ShellSection(0.1, 1.2e6, 0.0, 1000.0), [clamp(mesh)], ElementChoice("opt", "dkt"))
+    model = ShellModel(mesh, ShellSection(0.1, 1.2e6, 0.0, 1000.0), [clamp(mesh)], ElementChoice("andes", "dkt"))
     full_basis, entries = build_basis(model, 20), []
     for n_modes in (10, 20):
         basis = full_basis.truncated(n_modes)
@@ -86,7 +86,7 @@ def stiffening() -> Table:
 
 def pinch() -> Table:
     mesh = parametric_duct(DuctGeometry(4e-3, 40e-3, 24, 36))
-    model = ShellModel(mesh, ShellSection(0.5e-3, 100e3, 0.45, 1060.0), [clamp(mesh)], ElementChoice("opt", "dkt"))
+    model = ShellModel(mesh, ShellSection(0.5e-3, 100e3, 0.45, 1060.0), [clamp(mesh)], ElementChoice("andes", "dkt"))
     normals, entries = vertex_normals(mesh), []
     basis = build_basis(model, 60)
     for x_m in (10e-3, 20e-3, 36e-3):

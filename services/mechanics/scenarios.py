@@ -182,7 +182,7 @@ def paper_scene() -> SceneModel:
     scene = insertion_scene()
     return replace(
         scene,
-        duct=replace(scene.duct, membrane="cst", bending="paper", residual="none", n_modes=60),
+        duct=replace(scene.duct, membrane="cst", bending="tocher", residual="none", n_modes=60),
         catheter=replace(
             scene.catheter,
             integrator="semi_implicit",

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from services.mechanics.fem.elements import BendingName, MembraneName
+
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Dof = Literal["ux", "uy", "uz", "rx", "ry", "rz"]
@@ -143,8 +145,8 @@ class Load(Part):
 class Elements(Part):
     """Which triangle carries the membrane and which the bending."""
 
-    membrane: Literal["cst", "opt"] = "cst"
-    bending: Literal["dkt", "paper"] = "dkt"
+    membrane: MembraneName = "cst"
+    bending: BendingName = "dkt"
 
 
 class FemCase(Part):

@@ -24,7 +24,6 @@ from services.mechanics.fem import (
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, alternating_triangles, parametric_duct
 
-ALL_OPT = ElementChoice("opt", "dkt")
 UNIT_DENSITY = 1.0
 
 

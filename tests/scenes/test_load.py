@@ -62,3 +62,15 @@ def test_options_are_told_apart_by_their_first_key() -> None:
 def test_scene_files_are_the_scenes_that_the_mechanics_tests(name: str, model: SceneModel) -> None:
     """What is tested in process is what the rig runs."""
     assert load_scene(name) == model
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("duct.membrane=opt", "duct.membrane: input should be 'cst' or 'andes'"),
+        ("duct.bending=paper", "duct.bending: input should be 'dkt' or 'tocher'"),
+    ],
+)
+def test_an_element_that_there_is_not_is_answered_with_those_there_are(override: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        load_scene("insertion", [override])

@@ -255,7 +255,7 @@ def test_stages_are_reported_in_order(tmp_path):
         ({"modes": 0}, "nothing to solve"),
         ({"modes": 100000}, "n_modes must lie between 1 and"),
         ({"regions": [{"centre_m": [9, 9, 9], "radius_m": 1e-3}]}, "regions.0: no triangle"),
-        ({"elements": {"bending": "mitc"}}, "elements.bending: .*'dkt' or 'paper'"),
+        ({"elements": {"bending": "mitc"}}, "elements.bending: .*'dkt' or 'tocher'"),
         (
             {"material": {"youngs_modulus_pa": 1e5, "poisson_ratio": 0.7, "density_kg_m3": 1.0}},
             "poisson_ratio of an isotropic material must not exceed 0.5",

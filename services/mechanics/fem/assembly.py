@@ -9,17 +9,15 @@ import numpy as np
 from scipy.sparse import bsr_array
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.elements import (
-    BENDING_DOFS,
-    BENDING_ELEMENTS,
-    MEMBRANE_DOFS,
-    MEMBRANE_ELEMENTS,
-    choose,
-)
+from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, choose
 from services.mechanics.fem.frames import local_coordinates, local_frames
 from services.mechanics.fem.section import ShellSection, plane_stress_matrices
 from services.mechanics.fem.triangle import signed_areas
 from services.mechanics.surface.mesh import TriangleMesh
+
+MEMBRANE_DOFS = np.array([0, 1, 5, 6, 7, 11, 12, 13, 17])
+BENDING_DOFS = np.array([2, 3, 4, 8, 9, 10, 14, 15, 16])
+"""Where the nine dofs of each part lie among the 18 local ones (u, v, w, theta_x, theta_y, theta_z per node)."""
 
 CHUNK = 8192
 """Triangles whose 18 x 18 matrices exist at the same time (21 MB)."""
@@ -27,7 +25,7 @@ CHUNK = 8192
 
 @dataclass(frozen=True)
 class ElementChoice:
-    """Which triangle carries the membrane and which the bending part."""
+    """Which triangle carries the membrane and which the bending part: names in the tables of ``fem.elements``."""
 
     membrane: str = "cst"
     bending: str = "dkt"
@@ -44,8 +42,8 @@ def element_stiffness(
     bending = choose(BENDING_ELEMENTS, choice.bending, "bending")
     h = thickness[:, None, None]
     K = np.zeros((len(xy), 18, 18))
-    K[:, MEMBRANE_DOFS[:, None], MEMBRANE_DOFS] = membrane(xy, h * D)
-    K[:, BENDING_DOFS[:, None], BENDING_DOFS] = bending(xy, h**3 / 12.0 * D)
+    K[:, MEMBRANE_DOFS[:, None], MEMBRANE_DOFS] = membrane.stiffness(xy, h * D)
+    K[:, BENDING_DOFS[:, None], BENDING_DOFS] = bending.stiffness(xy, h**3 / 12.0 * D)
     turned = K.reshape(-1, 18, 6, 3) @ frames[:, None]
     turned = frames[:, None].transpose(0, 1, 3, 2) @ turned.reshape(-1, 6, 3, 18)
     K = turned.reshape(-1, 18, 18)

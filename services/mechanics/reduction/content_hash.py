@@ -26,8 +26,8 @@ def hash_content(*values: object) -> str:
 
 
 def hash_sources(*folders: Path) -> str:
-    """Return the hash of all Python files of some folders, so that changed code does not meet old results."""
-    files = sorted(path for folder in folders for path in folder.glob("*.py"))
+    """Return the hash of all Python files in and below some folders, so that changed code does not meet old results."""
+    files = sorted(path for folder in folders for path in folder.rglob("*.py"))
     return hash_content([path.read_bytes() for path in files])
 
 

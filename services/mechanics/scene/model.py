@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from services.mechanics.fem.elements import BendingName, MembraneName
+
 Vector3 = tuple[float, float, float]
 
 
@@ -38,8 +40,8 @@ class DuctScene:
     youngs_modulus_pa: float = 100e3
     poisson_ratio: float = 0.45
     density_kg_m3: float = 1060.0
-    membrane: Literal["cst", "opt"] = "opt"
-    bending: Literal["dkt", "paper"] = "dkt"
+    membrane: MembraneName = "andes"
+    bending: BendingName = "dkt"
     n_modes: int = 100
     damping_ratio: float = 0.1
     integrator: Literal["newmark", "exact"] = "newmark"

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes, cst
+from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes
+from services.mechanics.fem.elements import cst
 from services.mechanics.fem.modes import compute_modes_dense, condensed_stiffness
 from services.studies import opensees_check
 from services.studies.shell_problems import (
@@ -15,7 +16,7 @@ from services.studies.shell_problems import (
     sorted_duct_frequencies_hz,
 )
 
-CST, OPT = ElementChoice("cst", "dkt"), ElementChoice("opt", "dkt")
+CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 
 
 @pytest.fixture(scope="module")
@@ -54,14 +55,14 @@ def test_penalty_gives_the_same_frequencies(small):
     assert compute_modes(penalty, 8).omega_rad_s == pytest.approx(compute_modes(small, 8).omega_rad_s, rel=1e-6)
 
 
-@pytest.mark.parametrize("elements", [CST, OPT], ids=str)
+@pytest.mark.parametrize("elements", [CST, ANDES], ids=str)
 def test_reference_duct_first_eight_frequencies(elements):
     """Case A within 1.5 % of the Sanders-shell Ritz values, doubles counted twice."""
     found = compute_modes(reference_duct(24, 36, elements), 8).frequency_hz
     assert found == pytest.approx(sorted_duct_frequencies_hz()[:8], rel=0.015)
 
 
-@pytest.mark.parametrize("elements", [CST, OPT], ids=str)
+@pytest.mark.parametrize("elements", [CST, ANDES], ids=str)
 def test_reference_duct_converges(elements):
     """The first 24 frequencies (up to five axial half waves) within 1 % at a fine mesh."""
     found = compute_modes(reference_duct(60, 90, elements), 24).frequency_hz
@@ -125,7 +126,7 @@ def opensees():
         pytest.skip(str(error))
 
 
-@pytest.mark.parametrize("elements", [CST, OPT], ids=str)
+@pytest.mark.parametrize("elements", [CST, ANDES], ids=str)
 def test_independent_solver_agrees_on_the_same_mesh(elements, opensees):
     model = reference_duct(36, 54, elements)
     theirs = opensees_check.opensees_frequencies_hz(model, model.mesh.vertex_sets["clamped"], 8)
@@ -134,7 +135,7 @@ def test_independent_solver_agrees_on_the_same_mesh(elements, opensees):
 
 def test_independent_solver_agrees_on_a_pinch(opensees):
     """Two opposite forces across the mouth, the load a forceps makes."""
-    model = reference_duct(40, 60, OPT)
+    model = reference_duct(40, 60, ANDES)
     mouth = model.mesh.vertex_sets["mouth"]
     load = np.zeros((model.mesh.n_vertices, 3))
     load[mouth[0], 1], load[mouth[20], 1] = -1e-3, 1e-3

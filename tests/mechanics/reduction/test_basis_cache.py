@@ -18,7 +18,7 @@ from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 def small_recipe(**changes) -> DuctRecipe:
     mesh = parametric_duct(DuctGeometry(4e-3, 20e-3, 10, 8))
     section = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
-    recipe = DuctRecipe(mesh, section, (clamp(mesh),), 12, ElementChoice("opt", "dkt"))
+    recipe = DuctRecipe(mesh, section, (clamp(mesh),), 12, ElementChoice("andes", "dkt"))
     return dataclasses.replace(recipe, **changes)
 
 

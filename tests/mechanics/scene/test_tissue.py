@@ -40,7 +40,9 @@ def test_pressure_widens_the_porcine_duct_less_than_it_lengthens_it():
     mouth = mesh.vertex_sets["mouth"]
     slides = Support(mesh.vertex_sets["clamped"], ("ux", "rx"))
     pinned = [Support(np.array([0]), ("uz",)), Support(np.array([6]), ("uy",)), Support(np.array([12]), ("uz",))]
-    model = ShellModel(mesh, preset.section(np.array([1.0, 0.0, 0.0])), [slides, *pinned], ElementChoice("opt", "dkt"))
+    model = ShellModel(
+        mesh, preset.section(np.array([1.0, 0.0, 0.0])), [slides, *pinned], ElementChoice("andes", "dkt")
+    )
     load = pressure_load(mesh, 5e3)
     load[mouth, 0] += 5e3 * np.pi * 4.3e-3**2 / mouth.size
     u = model.solve_static(load).displacement_m
@@ -72,7 +74,7 @@ def test_unknown_names_and_values_out_of_range_are_refused():
 def test_clamped_orthotropic_duct_is_softer_along_than_round():
     mesh = parametric_duct(DuctGeometry(4e-3, 30e-3, 16, 16))
     section = tissue("porcine_common_bile_duct").section(np.array([1.0, 0.0, 0.0]))
-    model = ShellModel(mesh, section, [clamp(mesh)], ElementChoice("opt", "dkt"))
+    model = ShellModel(mesh, section, [clamp(mesh)], ElementChoice("andes", "dkt"))
     pull = np.zeros((mesh.n_vertices, 3))
     pull[mesh.vertex_sets["mouth"], 0] = 1e-3 / 16
     stretch = model.solve_static(pull).displacement_m[mesh.vertex_sets["mouth"], 0].mean()

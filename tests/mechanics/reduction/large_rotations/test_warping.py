@@ -24,7 +24,7 @@ def strip() -> ShellModel:
     vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
     grid = np.arange(x.size).reshape(x.shape)
     mesh = TriangleMesh(vertices, alternating_triangles(grid), {"clamped": grid[0], "tip": grid[-1]})
-    return ShellModel(mesh, ShellSection(0.1, 1.2e6, 0.0, 1000.0), [clamp(mesh)], ElementChoice("opt", "dkt"))
+    return ShellModel(mesh, ShellSection(0.1, 1.2e6, 0.0, 1000.0), [clamp(mesh)], ElementChoice("andes", "dkt"))
 
 
 @pytest.fixture(scope="module")

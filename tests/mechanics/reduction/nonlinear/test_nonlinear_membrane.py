@@ -31,7 +31,7 @@ def hinged_beam(membrane: str) -> ShellModel:
 
 @pytest.fixture(scope="module")
 def beam() -> ShellModel:
-    return hinged_beam("opt")
+    return hinged_beam("andes")
 
 
 @pytest.fixture(scope="module")
@@ -311,5 +311,5 @@ def test_derivatives_as_coordinates_need_a_smaller_step_and_then_agree_with_the_
 
 
 def test_only_the_cst_membrane_can_be_relaxed(model, basis):
-    with pytest.raises(ValueError, match="needs the element 'cst', not 'opt'"):
+    with pytest.raises(ValueError, match="needs the element 'cst', not 'andes'"):
         relaxed_membrane_force(model, basis, 5)

@@ -1,4 +1,4 @@
-"""The paper's bending triangle: the nine-term polynomial it takes from Rao.
+"""Tocher's bending triangle, the paper's: a deflection of nine polynomial terms.
 
 w = a1 + a2 x + a3 y + a4 x² + a5 xy + a6 y² + a7 x³ + a8 (x²y + xy²) + a9 y³, y along edge 12 and x towards node 3
 (Rao, The Finite Element Method in Engineering; Basdogan et al. 2001, appendix A; the element is Tocher's). Kept
@@ -23,7 +23,7 @@ MIDSIDE_POINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 
 
 def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
-    """(m, 9, 9) bending stiffness; see `elements.StiffnessKernel`.
+    """(m, 9, 9) bending stiffness; see `element.StiffnessKernel`.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def _first_node(xy: FloatArray) -> FloatArray:
     hopeless = measure[np.arange(len(xy)), first] < SINGULAR_RATIO
     if hopeless.any():
         raise ValueError(
-            f"element 'paper' is singular on triangle {int(np.flatnonzero(hopeless)[0])} whichever node is first; "
+            f"element 'tocher' is singular on triangle {int(np.flatnonzero(hopeless)[0])} whichever node is first; "
             "use 'dkt' or move its nodes"
         )
     return first

@@ -19,7 +19,7 @@ SIDES = ((0, 1), (1, 2), (2, 0))
 
 
 def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
-    """(m, 9, 9) bending stiffness; see `elements.StiffnessKernel`.
+    """(m, 9, 9) bending stiffness; see `element.StiffnessKernel`.
 
     The curvature is linear over the triangle, so the three mid-side points integrate its energy exactly.
     """

@@ -22,7 +22,7 @@ Q3_PATTERN = np.array([[BETA[4], BETA[5], BETA[3]], [BETA[7], BETA[8], BETA[6]],
 
 
 def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
-    """(m, 9, 9) membrane stiffness with true drilling freedoms; see `elements.StiffnessKernel`."""
+    """(m, 9, 9) membrane stiffness with true drilling freedoms; see `element.StiffnessKernel`."""
     area = signed_areas(xy)[:, None, None]
     L = _force_lumping(xy)
     basic = L @ rigidity @ L.transpose(0, 2, 1) / area

@@ -28,7 +28,7 @@ def strain_displacement(xy: FloatArray) -> FloatArray:
 
 
 def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
-    """(m, 9, 9) membrane stiffness with the drilling penalty; see `elements.StiffnessKernel`."""
+    """(m, 9, 9) membrane stiffness with the drilling penalty; see `element.StiffnessKernel`."""
     area = signed_areas(xy)[:, None, None]
     B = strain_displacement(xy)
     K: FloatArray = area * (B.transpose(0, 2, 1) @ rigidity @ B)

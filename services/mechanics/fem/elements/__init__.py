@@ -1,0 +1,38 @@
+"""The elements, one row each: scenes, ``trocar fem`` cases, assembly and the contract suite follow these tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Literal
+
+from services.mechanics.fem.elements import andes, cst, dkt, tocher
+from services.mechanics.fem.elements.element import Element
+
+MEMBRANE_ELEMENTS: dict[str, Element] = {
+    "cst": Element(cst.stiffness),
+    "andes": Element(andes.stiffness),
+}
+BENDING_ELEMENTS: dict[str, Element] = {
+    "dkt": Element(dkt.stiffness),
+    "tocher": Element(tocher.stiffness, is_reference_only=True),
+}
+
+if TYPE_CHECKING:
+    MembraneName = str
+    BendingName = str
+else:  # made of the tables, so that whoever checks a configuration against its types knows every row
+    MembraneName = Literal[tuple(MEMBRANE_ELEMENTS)]
+    BendingName = Literal[tuple(BENDING_ELEMENTS)]
+
+
+def choose(table: Mapping[str, Element], name: str, kind: str) -> Element:
+    """Look up an element by name.
+
+    Raises
+    ------
+    ValueError
+        There is no such element; the message lists those there are.
+    """
+    if name not in table:
+        raise ValueError(f"unknown {kind} element '{name}'; known: {', '.join(table)}")
+    return table[name]

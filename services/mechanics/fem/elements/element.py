@@ -1,0 +1,33 @@
+"""What an element is: a stiffness, and what may be expected of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from services.mechanics.arrays import FloatArray
+
+
+class StiffnessKernel(Protocol):
+    """Stiffness of many triangles at once.
+
+    Membrane elements act on (u, v, theta_z) of each node, bending elements on (w, theta_x, theta_y), where
+    theta_x = dw/dy and theta_y = -dw/dx are components of the rotation vector.
+    """
+
+    def __call__(self, xy: FloatArray, rigidity: FloatArray) -> FloatArray:
+        """(m, 9, 9) from (m, 3, 2) counter-clockwise local nodes and (m, 3, 3) rigidity.
+
+        The rigidity is the plane-stress matrix times the thickness for a membrane (N/m), times
+        thickness³ / 12 for bending (N m).
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Element:
+    """One row of a table of elements."""
+
+    stiffness: StiffnessKernel
+    is_reference_only: bool = False
+    """Fails the patch test or depends on which node comes first: to compare with, not to compute with."""
