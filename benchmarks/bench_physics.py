@@ -24,6 +24,9 @@ from report import Row, Timing, measure, write_report
 from services.cache_directory import cache_directory
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.delassus import add_modal_compliance
+from services.mechanics.effects.base import NoSettings
+from services.mechanics.effects.friction import FrictionSettings
+from services.mechanics.effects.gravity import GravitySettings
 from services.mechanics.scenarios import insertion, insertion_scene, paper_scene
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe
@@ -49,9 +52,9 @@ def loaded_scene() -> SceneModel:
             ForcepsScene(port_position_m=(90e-3, 0.0, 0.15)),
         ),
         effects={
-            "gravity": {"acceleration_m_s2": (0.0, 0.0, -20.0)},
-            "friction": {"mu_static": 0.4, "mu_kinetic": 0.3},
-            "grasp_slip": {},
+            "gravity": GravitySettings(acceleration_m_s2=(0.0, 0.0, -20.0)),
+            "friction": FrictionSettings(mu_static=0.4, mu_kinetic=0.3),
+            "grasp_slip": NoSettings(),
         },
     )
 
@@ -110,7 +113,7 @@ def pinch_error(scene: SceneModel, cache: Path) -> float:
     reference = insertion_scene()
     load = np.zeros_like(mesh.vertices_m)
     load[nodes] = forces
-    exact = duct_recipe(reference.duct, scene_mesh(reference.duct), {}).model().solve_static(load).displacement_m
+    exact = duct_recipe(reference.duct, scene_mesh(reference.duct)).model().solve_static(load).displacement_m
     return abs(float(np.sum(moved * forces) / np.sum(exact * load)) - 1.0)
 
 

@@ -1,4 +1,4 @@
-"""``trocar effects``: every physical effect, what it does, what it needs, and what it costs here."""
+"""``trocar effects``: every physical effect, what it does, its settings, and what it costs here."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ class EffectLine:
     name: str
     what: str
     law: str
-    needs_effects: tuple[str, ...]
     settings: dict[str, Any]
     stages: tuple[str, ...]
     in_scene: bool
@@ -48,14 +47,14 @@ def run_effects(scene_name: str, measure: bool, as_json: bool) -> None:
 def describe(name: str, scene: SceneModel, cost: EffectCost | None = None) -> EffectLine:
     """Read an effect's row, settings and docstring."""
     entry = EFFECTS[name]
-    chosen = scene.effects.get(name, {})
-    defaults = {f.name: f.default if f.default is not MISSING else "required" for f in fields(entry.kind.Settings)}
+    settings = {f.name: f.default if f.default is not MISSING else "required" for f in fields(entry.kind.Settings)}
+    if name in scene.effects:
+        settings = {key: getattr(scene.effects[name], key) for key in settings}
     return EffectLine(
         name=name,
         what=entry.what,
         law=(inspect.getdoc(entry.kind) or "").partition("\n\n")[0],
-        needs_effects=entry.needs,
-        settings={**defaults, **chosen},
+        settings=settings,
         stages=entry.stages,
         in_scene=name in scene.effects,
         cost=cost,
@@ -76,12 +75,11 @@ def _measure(scene_name: str, scene: SceneModel) -> dict[str, EffectCost]:
 def _print(lines: list[EffectLine]) -> None:
     measured = any(line.cost is not None for line in lines)
     table = Table(box=None, pad_edge=False)
-    for title in ("", "effect", "what it is", "needs", "acts in", *(("us a step",) if measured else ())):
+    for title in ("", "effect", "what it is", "settings", "acts in", *(("us a step",) if measured else ())):
         table.add_column(title, overflow="fold", no_wrap=title == "effect")
     for line in lines:
-        needs = [f"effect {other}" for other in line.needs_effects]
-        needs += [f"{key} = {_short(value)}" for key, value in line.settings.items()]
-        cells = [line.name, line.what, "\n".join(needs) or "nothing", ", ".join(line.stages) or "the bodies' own step"]
+        settings = [f"{key} = {_short(value)}" for key, value in line.settings.items()]
+        cells = [line.name, line.what, "\n".join(settings) or "none", ", ".join(line.stages)]
         if line.cost is not None:
             cells.append(f"{line.cost.extra_us:+.0f} (noise {abs(line.cost.noise_us):.0f})")
         table.add_row("[green]on[/]" if line.in_scene else "", *map(escape, cells))

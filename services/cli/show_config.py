@@ -63,9 +63,9 @@ def _type_of(kind: str) -> Any:
     if kind == "rig":
         return Rig
     if kind == "scene":
-        from services.mechanics.scene import SceneModel
+        from services.scenes import scene_file_type
 
-        return SceneModel
+        return scene_file_type()
     from services.gateway.device_files import DeviceFile
 
     return DeviceFile

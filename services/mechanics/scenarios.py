@@ -11,6 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from services.mechanics.effects.base import NoSettings
+from services.mechanics.effects.friction import FrictionSettings
+from services.mechanics.effects.gravity import GravitySettings
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene.minimum_jerk import minimum_jerk
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
@@ -85,7 +88,7 @@ def insertion_scene() -> SceneModel:
             ForcepsScene(port_position_m=(75e-3, -60e-3, 120e-3)),
             ForcepsScene(port_position_m=(10e-3, 70e-3, 110e-3), jaw_max_angle_rad=1.2),
         ),
-        effects={"gravity": {}, "friction": {}, "grasp_slip": {}},
+        effects={"gravity": GravitySettings(), "friction": FrictionSettings(), "grasp_slip": NoSettings()},
     )
 
 
@@ -149,7 +152,7 @@ def miss() -> Scenario:
         scene=replace(
             scene,
             catheter=catheter,
-            effects={"friction": {"mu_static": 0.5, "mu_kinetic": 0.4}, "grasp_slip": {}},
+            effects={"friction": FrictionSettings(mu_static=0.5, mu_kinetic=0.4), "grasp_slip": NoSettings()},
         ),
         motions=(
             ToolMotion(
@@ -180,6 +183,7 @@ def paper_scene() -> SceneModel:
     stiffness of about 1 N/m.
     """
     scene = insertion_scene()
+    left, right = scene.forceps
     return replace(
         scene,
         duct=replace(scene.duct, membrane="cst", bending="tocher", residual="none", n_modes=60),
@@ -190,9 +194,9 @@ def paper_scene() -> SceneModel:
             viscous_drag_n_s_m2=0.5,
             introducer_seal_friction_n=0.0,
         ),
-        forceps=tuple(replace(forceps, grasp_torque_nm=1e-9) for forceps in scene.forceps),
+        forceps=(replace(left, grasp_torque_nm=1e-9), replace(right, grasp_torque_nm=1e-9)),
         contact=ContactSettings(model="penalty", penalty_stiffness_n_m=1.0, penalty_damping_n_s_m=1e-3),
-        effects={"gravity": {}},
+        effects={"gravity": GravitySettings()},
     )
 
 

@@ -125,7 +125,7 @@ def _sentence(error: ValidationError, kind: type[Any]) -> str:
     path = ".".join(str(part) for part in first["loc"])
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        known = ", ".join(known_keys(kind, first["loc"][:-1]))
+        known = ", ".join(known_keys(kind, first["loc"][:-1])) or "none"
         return f"{path}: unknown key {str(first['loc'][-1])!r}; known: {known}{more}"
     if first["type"] in ("missing", "missing_argument"):
         return f"{path}: this key is missing{more}"

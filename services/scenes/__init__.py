@@ -2,5 +2,6 @@
 
 from services.scenes.load import load_scene, scene_origins
 from services.scenes.ready import load_duct
+from services.scenes.scene_file import build_scene, scene_file_type
 
-__all__ = ["load_duct", "load_scene", "scene_origins"]
+__all__ = ["build_scene", "load_duct", "load_scene", "scene_file_type", "scene_origins"]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from services.mechanics.effects import build_effects
 from services.mechanics.scene import SceneModel
 from services.runtime import config
-from services.runtime.errors import ConfigError
+from services.scenes.scene_file import build_scene
 
 
 def load_scene(name: str | Path, overrides: Iterable[str] = ()) -> SceneModel:
@@ -30,13 +29,7 @@ def scene_origins(name: str | Path, overrides: Iterable[str] = ()) -> tuple[Scen
     origins = config.origins_of(data, str(path))
     _anchor_mesh_file(data, path.parent)
     config.apply_overrides(data, overrides, origins)
-    _refuse_unknown(data, SceneModel, str(path), ())
-    scene = config.build(SceneModel, data, str(path))
-    try:
-        build_effects(scene)
-    except ValueError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    return scene, origins
+    return build_scene(data, str(path)), origins
 
 
 def _anchor_mesh_file(data: dict[str, Any], folder: Path) -> None:
@@ -44,21 +37,3 @@ def _anchor_mesh_file(data: dict[str, Any], folder: Path) -> None:
     duct = data.get("duct")
     if isinstance(duct, dict) and isinstance(duct.get("mesh_file"), str):
         duct["mesh_file"] = str(folder / duct["mesh_file"])
-
-
-def _refuse_unknown(data: Mapping[str, Any], kind: Any, where: str, location: tuple[int | str, ...]) -> None:
-    """Refuse keys that the scene's dataclasses do not have: pydantic skips them in plain dataclasses."""
-    known = config.known_keys(kind, location)
-    for key, value in data.items():
-        path = (*location, key)
-        if known and key not in known:
-            dotted = ".".join(map(str, path))
-            raise ConfigError(f"{where}: {dotted}: unknown key {key!r}; known: {', '.join(known)}")
-        if path == ("effects",):  # each effect has settings of its own, which the table of effects checks
-            continue
-        if isinstance(value, Mapping):
-            _refuse_unknown(value, kind, where, path)
-        elif isinstance(value, list):
-            for index, item in enumerate(value):
-                if isinstance(item, Mapping):
-                    _refuse_unknown(item, kind, where, (*path, index))

@@ -43,7 +43,7 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
 
     Three simulations, one with and two without, take every tick one after the other, in an order that turns, so that
     what else the machine does meets all alike. An effect that the scene has keeps its settings, another takes its
-    defaults; effects that it needs are on in all three.
+    defaults.
 
     Raises
     ------
@@ -52,11 +52,9 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
     """
     if name not in EFFECTS:
         raise ValueError(f"unknown effect '{name}'; known: {', '.join(EFFECTS)}")
-    others = {other: dict(settings) for other, settings in scene.effects.items() if other != name}
-    others |= {need: {} for need in EFFECTS[name].needs if need not in others}
-    dependent = [other for other in others if name in EFFECTS[other].needs]
-    bare = replace(scene, effects={other: settings for other, settings in others.items() if other not in dependent})
-    with_it = replace(scene, effects={**bare.effects, name: scene.effects.get(name, {})})
+    bare = replace(scene, effects={other: settings for other, settings in scene.effects.items() if other != name})
+    settings = scene.effects[name] if name in scene.effects else EFFECTS[name].kind.Settings()
+    with_it = replace(scene, effects={**bare.effects, name: settings})
     simulations = [Simulation(each, build_duct(each)) for each in (with_it, bare, bare)]
     times_us = _time_in_turns(simulations)
     return EffectCost(

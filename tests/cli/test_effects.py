@@ -39,7 +39,7 @@ def test_costs_are_measured_by_running_the_scene(
     wasteful = type("Wasteful", (EFFECTS["grasp_slip"].kind,), {"add_loads": _waste})
     for name in list(EFFECTS)[:-1]:
         monkeypatch.delitem(EFFECTS, name)
-    monkeypatch.setitem(EFFECTS, "wasteful", type(EFFECTS["grasp_slip"])(wasteful, (), "wastes a millisecond"))
+    monkeypatch.setitem(EFFECTS, "wasteful", type(EFFECTS["grasp_slip"])(wasteful, "wastes a millisecond"))
     monkeypatch.setattr(effect_costs, "START_TICK", 10)
     monkeypatch.setattr(effect_costs, "N_TICKS", 60)
     scene = tmp_path / "scene.yaml"

@@ -6,6 +6,7 @@ import pytest
 
 from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.scenes import build_scene
 
 SMALL_DUCT = DuctScene(n_around=12, n_along=14, n_modes=30, thickness_m=1e-3, youngs_modulus_pa=300e3, membrane="cst")
 
@@ -35,7 +36,9 @@ def small_duct(small_scene, cache_dir):
 
 @pytest.fixture
 def with_effects(small_scene):
+    """The small scene with effects whose settings are given, and checked, as in a scene file."""
+
     def build(**effects):
-        return replace(small_scene, effects=effects)
+        return replace(small_scene, effects=build_scene({"effects": effects}, "scene.yaml").effects)
 
     return build

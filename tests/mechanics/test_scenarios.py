@@ -7,6 +7,7 @@ import pytest
 
 from services.mechanics import scenarios
 from services.mechanics.contact.laws import number_of
+from services.mechanics.effects.mucus_drag import MucusDragSettings
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
@@ -72,7 +73,7 @@ def test_no_particle_is_ever_deeper_than_100_um_in_the_wall(insertion):
 
 def test_a_film_of_mucus_is_no_penetration(insertion_duct):
     scenario = scenarios.insertion()
-    scene = replace(scenario.scene, effects={**scenario.scene.effects, "mucus_drag": {}})
+    scene = replace(scenario.scene, effects={**scenario.scene.effects, "mucus_drag": MucusDragSettings()})
     course = Course(replace(scenario, scene=scene), insertion_duct)
     assert course.simulation.inserted_length_m >= 20e-3
     assert 0.0 < max(course.penetration) < 0.1e-3

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from services.mechanics.effects.mucus_drag import MucusDragSettings
 from services.mechanics.scenarios import insertion_scene, miss, paper_scene
 from services.mechanics.scene import SceneModel
 from services.runtime import config
@@ -28,8 +29,27 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
         ("tube: {}", r"a.yaml: tube: unknown key 'tube'; known: .*duct"),
         ("duct: {radius_m: wide}", r"a.yaml: duct.radius_m: input should be a valid number"),
         ("forceps: [{jaw: 1}, {}]", r"forceps.0.jaw: unknown key 'jaw'; known: .*jaw_length_m"),
-        ("effects: {magic: {}}", r"a.yaml: effects: unknown effect 'magic'; known: .*gravity"),
-        ("effects: {friction: {mu: 0.3}}", r"effects.friction: unknown key 'mu'; known: "),
+        ("effects: {magic: {}}", r"a.yaml: effects.magic: unknown key 'magic'; known: .*gravity"),
+        ("effects: {friction: {mu: 0.3}}", r"effects.friction.mu: unknown key 'mu'; known: .*mu_static"),
+        ("effects: {twist: {gj: 0.3}}", r"effects.twist.gj: unknown key 'gj'; known: none"),
+        ("effects: {mucus_drag: {film_m: thin}}", r"effects.mucus_drag.film_m: input should be a valid number"),
+        ("effects: {mucus_drag: {film_m: '3e-4'}}", r"effects.mucus_drag.film_m: input should be a valid number"),
+        ("effects: {mucus_drag: {film_m: 0}}", r"effects.mucus_drag: film_m must be positive, is 0"),
+        ("effects: {gravity: {on_duct: 1}}", r"effects.gravity.on_duct: input should be a valid boolean"),
+        (
+            "effects: {gravity: {acceleration_m_s2: [0, 0]}}",
+            r"gravity.acceleration_m_s2.2: this key is missing",
+        ),
+        ("effects: {friction: {mu_kinetic: 0.5}}", r"a.yaml: effects.friction: kinetic friction 0.5 is not within"),
+        ("effects: {viscoelasticity: {g: [0.9, 0.2]}}", r"effects.viscoelasticity: .* 2 shares do not fit 3"),
+        ("effects: [gravity]", r"a.yaml: effects: input should be an object"),
+        ("duct: {n_modes: 12.5}", r"duct.n_modes: input should be a valid integer"),
+        ("duct: {radius_m: '4e-3'}", r"duct.radius_m: input should be a valid number"),
+        ("duct: {radius_m: .nan}", r"duct.radius_m: input should be a finite number"),
+        ("catheter: {length_m: true}", r"catheter.length_m: input should be a valid number"),
+        ("forceps: [{}]", r"forceps.1: this key is missing"),
+        ("quality: [{iterations: '30'}]", r"quality.0.iterations: input should be a valid integer"),
+        ("sleeping: 1", r"sleeping: input should be a valid boolean"),
         ("contact: {model: hope}", r"contact.model: input should be 'implicit' or 'penalty'"),
     ],
 )
@@ -39,6 +59,14 @@ def test_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> 
     with pytest.raises(ConfigError, match=sentence) as caught:
         load_scene(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["3e-4", "3.0e-4", "0.0003"])
+def test_numbers_are_read_as_people_write_them(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(f"effects: {{mucus_drag: {{film_m: {text}}}}}")
+    assert load_scene(path).effects == {"mucus_drag": MucusDragSettings(film_m=3e-4)}
+    assert load_scene(SMALL, [f"effects.mucus_drag.film_m={text}"]).effects["mucus_drag"] == MucusDragSettings()
 
 
 def test_overrides_win_and_are_remembered() -> None:

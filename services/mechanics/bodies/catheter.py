@@ -36,9 +36,16 @@ class CatheterBody:
     """
 
     def __init__(
-        self, scene: CatheterScene, *, twist: bool = False, may_sleep: bool = False, acts_in_next_step: bool = False
+        self,
+        scene: CatheterScene,
+        properties: RodProperties,
+        *,
+        may_sleep: bool = False,
+        acts_in_next_step: bool = False,
     ) -> None:
-        self.properties = rod_properties(scene, twist=twist)
+        if scene.rest_curvature_1_m and properties.rest_curvature_1_m is None:
+            raise ValueError("catheter.rest_curvature_1_m: turns with the material, name the effect 'twist' too")
+        self.properties = properties
         self.state = initial_state(scene, self.properties)
         self.integrator = build_integrator(scene.integrator, self.properties, rod_supports(scene))
         n = self.properties.n_particles
@@ -116,19 +123,22 @@ class CatheterBody:
             self.integrator.correct(self.state, self.contact_force_n)
 
 
-def rod_properties(scene: CatheterScene, *, twist: bool) -> RodProperties:
-    """Stiffness and mass of a scene's catheter."""
-    tube = RoundTube(
+def round_tube(scene: CatheterScene) -> RoundTube:
+    """Return section and material of a scene's catheter."""
+    return RoundTube(
         outer_diameter_m=scene.outer_diameter_m,
         inner_diameter_m=scene.inner_diameter_m,
         youngs_modulus_pa=scene.youngs_modulus_pa,
         density_kg_m3=scene.density_kg_m3,
         poisson_ratio=scene.poisson_ratio,
     )
-    return tube.rod(
+
+
+def rod_properties(scene: CatheterScene) -> RodProperties:
+    """Stiffness and mass of a scene's catheter, without torsion."""
+    return round_tube(scene).rod(
         scene.n_segments,
         scene.length_m,
-        twist=twist,
         internal_damping_s=scene.internal_damping_s,
         viscous_drag_n_s_m2=scene.viscous_drag_n_s_m2,
     )

@@ -54,7 +54,7 @@ class ContactSystem:
 
     @property
     def compliance_m_n(self) -> FloatArray:
-        """(3 k, 3 k) W in the contacts' frames, m/N."""
+        """(3 k, 3 k) W in m/N: along world axes while it is assembled, then in the contacts' frames."""
         return self._state.W
 
     def clear(self) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from services.mechanics.effects.anisotropy import Anisotropy
-from services.mechanics.effects.base import STAGES, Effect, acts_in, read_settings
+from services.mechanics.effects.base import STAGES, Effect, acts_in, by_stage
 from services.mechanics.effects.friction import Friction
 from services.mechanics.effects.gallstones import Gallstones
 from services.mechanics.effects.grasp_slip import GraspSlip
@@ -28,28 +28,27 @@ class EffectEntry:
     """One row of the table."""
 
     kind: type[Effect]
-    needs: tuple[str, ...]
     what: str
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """The stages of a step in which the effect acts."""
+        """The stages in which the effect acts."""
         return tuple(stage for stage in STAGES if acts_in(self.kind, stage))
 
 
 EFFECTS: dict[str, EffectEntry] = {
-    "anisotropy": EffectEntry(Anisotropy, (), "a wall stiffer round the duct than along it"),
-    "large_rotations": EffectEntry(LargeRotations, (), "a duct that keeps its shape when it is bent far"),
-    "insufflation": EffectEntry(Insufflation, (), "gas pressure outside against the pressure in the lumen"),
-    "gravity": EffectEntry(Gravity, (), "weight of catheter, stones and, if wanted, wall"),
-    "twist": EffectEntry(Twist, (), "torsion of the catheter; rest curvature turns with it"),
-    "nonlinear_membrane": EffectEntry(NonlinearMembrane, (), "a wall that stiffens as it stretches"),
-    "viscoelasticity": EffectEntry(Viscoelasticity, (), "a wall that relaxes: Prony terms on every mode"),
-    "gallstones": EffectEntry(Gallstones, (), "rigid spheres that catheter and wall push about"),
-    "self_contact": EffectEntry(SelfContact, (), "the catheter touching itself"),
-    "mucus_drag": EffectEntry(MucusDrag, (), "viscous film between catheter and wall"),
-    "friction": EffectEntry(Friction, (), "Coulomb friction, static and kinetic, in every contact"),
-    "grasp_slip": EffectEntry(GraspSlip, (), "a grasp carries no more than its grip friction"),
+    "anisotropy": EffectEntry(Anisotropy, "a wall stiffer round the duct than along it"),
+    "large_rotations": EffectEntry(LargeRotations, "a duct that keeps its shape when it is bent far"),
+    "insufflation": EffectEntry(Insufflation, "gas pressure outside against the pressure in the lumen"),
+    "gravity": EffectEntry(Gravity, "weight of catheter, stones and, if wanted, wall"),
+    "twist": EffectEntry(Twist, "torsion of the catheter; rest curvature turns with it"),
+    "nonlinear_membrane": EffectEntry(NonlinearMembrane, "a wall that stiffens as it stretches"),
+    "viscoelasticity": EffectEntry(Viscoelasticity, "a wall that relaxes: Prony terms on every mode"),
+    "gallstones": EffectEntry(Gallstones, "rigid spheres that catheter and wall push about"),
+    "self_contact": EffectEntry(SelfContact, "the catheter touching itself"),
+    "mucus_drag": EffectEntry(MucusDrag, "viscous film between catheter and wall"),
+    "friction": EffectEntry(Friction, "Coulomb friction, static and kinetic, in every contact"),
+    "grasp_slip": EffectEntry(GraspSlip, "a grasp carries no more than its grip friction"),
 }
 
 
@@ -59,19 +58,15 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
     Raises
     ------
     ValueError
-        An effect that does not exist, a key that an effect does not know, or an effect without one it needs.
+        An effect that does not exist, or settings that are another's.
     """
-    for name in scene.effects:
+    for name, settings in scene.effects.items():
         if name not in EFFECTS:
-            raise ValueError(f"effects: unknown effect '{name}'; known: {', '.join(EFFECTS)}")
-        for other in EFFECTS[name].needs:
-            if other not in scene.effects:
-                raise ValueError(f"effects.{name}: needs the effect '{other}'")
-    return {
-        name: entry.kind(read_settings(name, entry.kind, scene.effects[name]), scene)
-        for name, entry in EFFECTS.items()
-        if name in scene.effects
-    }
+            raise ValueError(f"effects.{name}: there is no such effect; known: {', '.join(EFFECTS)}")
+        wanted = EFFECTS[name].kind.Settings
+        if type(settings) is not wanted:
+            raise ValueError(f"effects.{name}: takes {wanted.__name__}, not {type(settings).__name__}")
+    return {name: entry.kind(scene.effects[name], scene) for name, entry in EFFECTS.items() if name in scene.effects}
 
 
-__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects"]
+__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects", "by_stage"]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from services.mechanics.effects.base import Effect
+from services.mechanics.fem import Orthotropy, ShellSection
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,3 +30,9 @@ class Anisotropy(Effect):
     """Orthotropic membrane and bending: it acts in the assembly, costs nothing in a step, and changes the basis."""
 
     Settings = AnisotropySettings
+
+    def modify_section(self, section: ShellSection) -> ShellSection:
+        """Return the section with an axis."""
+        settings = self.settings
+        orthotropy = Orthotropy(np.array(settings.axis), settings.modulus_ratio, settings.shear_modulus_ratio)
+        return replace(section, poisson_ratio=settings.poisson_ratio, orthotropy=orthotropy)

@@ -1,19 +1,18 @@
-"""What an effect is: settings, what it needs, and the stages of a step in which it acts."""
+"""What an effect is: settings, and the stages of building and stepping a simulation in which it acts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from services.mechanics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from services.mechanics.collision.pairs import ContactPairs
-    from services.mechanics.contact.rows import ContactRows
-    from services.mechanics.scene import SceneModel
-    from services.mechanics.simulation import Simulation
-    from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.fem import ShellSection
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.rod import RodProperties
+from services.mechanics.scene import SceneModel
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +20,25 @@ class NoSettings:
     """An effect without settings."""
 
 
+def require_positive(settings: object, *names: str) -> None:
+    """Raise a ValueError that names the first of these settings that is not above zero."""
+    for name in names:
+        if not getattr(settings, name) > 0.0:
+            raise ValueError(f"{name} must be positive, is {getattr(settings, name)}")
+
+
 class Effect:
     """One physical effect; override only the stages it acts in.
 
     An effect that a scene does not name is never constructed. The stages that it does not override are never
-    called: the simulation keeps one list per stage of the effects that act in it.
+    called: there is one list per stage of the effects that act in it.
+
+    Every stage before the bodies exist gets what is being built there and returns what takes its place. Every stage of
+    a step gets the world and the length of the step.
     """
 
     Settings: ClassVar[type[Any]] = NoSettings
+    """Frozen dataclass. Its types and `__post_init__` are what a scene file is checked against."""
 
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
@@ -36,53 +46,74 @@ class Effect:
         self.dissipated_j = 0.0
         """Energy that the effect itself has taken out so far, beyond what contact rows do."""
 
-    def potential_energy_j(self, simulation: Simulation) -> float:
-        """What the effect and its bodies store now, for the energy books: nothing, unless it says so."""
+    def potential_energy_j(self, world: World) -> float:
+        """What the effect and its bodies store now, for the energy balance: nothing, unless it says so."""
         return 0.0
 
-    def nodal_load_n(self, mesh: TriangleMesh) -> FloatArray:
-        """Before the duct is reduced: a constant load (n, 3) on its nodes, part of its rest shape."""
+    def modify_section(self, section: ShellSection) -> ShellSection:
+        """Return the wall's thickness and material, before the duct is meshed into elements."""
         raise NotImplementedError
 
-    def prepare(self, simulation: Simulation) -> None:
+    def constant_load_n(self, mesh: TriangleMesh) -> FloatArray:
+        """Return a constant load (n, 3) on the nodes of the duct's mesh, part of its rest shape."""
+        raise NotImplementedError
+
+    def modify_duct(self, duct: ReducedDuct) -> ReducedDuct:
+        """Return the reduced duct that every process holds."""
+        raise NotImplementedError
+
+    def modify_rod(self, rod: RodProperties) -> RodProperties:
+        """Return what the catheter is made of, before its integrator is built."""
+        raise NotImplementedError
+
+    def body_acceleration_m_s2(self) -> FloatArray:
+        """Return the acceleration (3,) of a body force on everything that has mass, in scene axes."""
+        raise NotImplementedError
+
+    def prepare(self, world: World) -> None:
         """Once, when the bodies exist."""
         raise NotImplementedError
 
-    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
+    def add_loads(self, world: World, dt_s: float) -> None:
         """Add to the bodies' external loads, which are zero at the start of every step."""
         raise NotImplementedError
 
-    def add_pairs(self, simulation: Simulation, pairs: ContactPairs) -> None:
-        """Append candidate pairs of the catheter to those already found."""
+    def add_pairs(self, world: World, dt_s: float) -> None:
+        """Append candidate pairs of the catheter to ``world.pairs``."""
         raise NotImplementedError
 
-    def add_rows(self, simulation: Simulation, rows: ContactRows) -> None:
-        """Append contact rows of the effect's own bodies or laws."""
+    def add_rows(self, world: World, dt_s: float) -> None:
+        """Append contact rows of the effect's own bodies or laws to ``world.contacts.rows``."""
         raise NotImplementedError
 
-    def set_limits(self, simulation: Simulation, rows: ContactRows) -> None:
-        """Set coefficients of friction, and limits of holds."""
+    def set_friction(self, world: World, dt_s: float) -> None:
+        """Set the contacts' coefficients of friction and the largest forces of holds."""
         raise NotImplementedError
 
-    def add_compliance(self, simulation: Simulation, W: FloatArray, dt_s: float) -> None:
+    def add_compliance(self, world: World, dt_s: float) -> None:
         """Add what the effect's own bodies give way to the lower blocks of W, along world axes."""
         raise NotImplementedError
 
-    def after_solve(self, simulation: Simulation, dt_s: float) -> None:
+    def after_solve(self, world: World, dt_s: float) -> None:
         """Act on the bodies at the end of the step, when contact forces are known."""
         raise NotImplementedError
 
 
 STAGES = (
-    "nodal_load_n",
+    "modify_section",
+    "constant_load_n",
+    "modify_duct",
+    "modify_rod",
+    "body_acceleration_m_s2",
     "prepare",
     "add_loads",
     "add_pairs",
     "add_rows",
-    "set_limits",
+    "set_friction",
     "add_compliance",
     "after_solve",
 )
+"""In the order in which they come: up to `prepare` once, the others in every step."""
 
 
 def acts_in(effect: Effect | type[Effect], stage: str) -> bool:
@@ -91,19 +122,7 @@ def acts_in(effect: Effect | type[Effect], stage: str) -> bool:
     return getattr(kind, stage) is not getattr(Effect, stage)
 
 
-def read_settings(name: str, kind: type[Effect], values: Mapping[str, object]) -> Any:
-    """Build the settings of an effect.
-
-    Raises
-    ------
-    ValueError
-        Naming the key that the effect does not know, and those it knows.
-    """
-    known = [f.name for f in fields(kind.Settings)]
-    for key in values:
-        if key not in known:
-            raise ValueError(f"effects.{name}: unknown key '{key}'; known: {', '.join(known) or 'none'}")
-    try:
-        return kind.Settings(**values)
-    except TypeError as error:
-        raise ValueError(f"effects.{name}: {error}") from error
+def by_stage(effects: Iterable[Effect]) -> dict[str, tuple[Effect, ...]]:
+    """Return for each stage the effects that act in it, in the order given."""
+    every = tuple(effects)
+    return {stage: tuple(e for e in every if acts_in(e, stage)) for stage in STAGES}

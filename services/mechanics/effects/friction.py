@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from services.mechanics.arrays import BoolArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.contact.rows import rows_at
 from services.mechanics.effects.base import Effect
 from services.mechanics.scene import SceneModel
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +28,7 @@ class FrictionSettings:
     def __post_init__(self) -> None:
         for static, kinetic in ((self.mu_static, self.mu_kinetic), (self.tool_mu_static, self.tool_mu_kinetic)):
             if not 0.0 <= kinetic <= static:
-                raise ValueError(f"effects.friction: kinetic friction {kinetic} is not within 0 and static {static}")
+                raise ValueError(f"kinetic friction {kinetic} is not within 0 and static {static}")
 
 
 class Friction(Effect):
@@ -51,9 +48,9 @@ class Friction(Effect):
             (settings.tool_mu_static, settings.tool_mu_kinetic),
         )
 
-    def set_limits(self, simulation: Simulation, rows: ContactRows) -> None:
+    def set_friction(self, world: World, dt_s: float) -> None:
         """Set the coefficient of every contact."""
-        set_coefficients(rows.address, simulation.slides, self._mu)
+        set_coefficients(world.contacts.rows.address, world.slides, self._mu)
 
 
 @kernel

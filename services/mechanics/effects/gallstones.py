@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,11 +19,9 @@ from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.rows import NO_STONE, ContactRows
 from services.mechanics.contact.search import DuctSearch
 from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
-from services.mechanics.effects.base import Effect
+from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.scene import SceneModel
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 
 _UNILATERAL = number_of("unilateral")
 
@@ -40,7 +37,8 @@ class GallstonesSettings:
 
     def __post_init__(self) -> None:
         if len(self.position_m) != len(self.radius_m) or not all(r > 0.0 for r in self.radius_m):
-            raise ValueError("effects.gallstones: each stone needs a position_m and a positive radius_m")
+            raise ValueError("each stone needs a position_m and a positive radius_m")
+        require_positive(self, "density_kg_m3")
 
 
 class Gallstones(Effect):
@@ -67,19 +65,17 @@ class Gallstones(Effect):
         self._compliance = np.zeros(len(volume))
         self._weight_n = np.zeros_like(self.position_m)
 
-    def prepare(self, simulation: Simulation) -> None:
+    def prepare(self, world: World) -> None:
         """Give every stone its own detection, for each has its radius; weigh them."""
-        search = simulation.search
+        search = world.search
         if not isinstance(search, DuctSearch):
             raise ValueError("effects.gallstones: needs the collision detection of the duct")
-        margin_m = simulation.scene.contact.margin_m
+        margin_m = world.scene.contact.margin_m
         self._detectors = [CatheterContactDetector(search.surface, 1, float(r), margin_m) for r in self.radius_m]
         self._pairs = ContactPairs.allocate(4)
-        gravity = simulation.effects.get("gravity")
-        if gravity is not None:
-            self._weight_n += self._submerged_kg[:, None] * np.array(gravity.settings.acceleration_m_s2)
+        self._weight_n += self._submerged_kg[:, None] * world.acceleration_m_s2
 
-    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
+    def add_loads(self, world: World, dt_s: float) -> None:
         """Predict the stones without contact."""
         self._start_m[:] = self.position_m
         self._start_m_s[:] = self.velocity_m_s
@@ -90,10 +86,10 @@ class Gallstones(Effect):
         self._motion_m[:] = self.position_m - self._start_m
         self._compliance[:] = dt_s**2 * inverse
 
-    def add_rows(self, simulation: Simulation, rows: ContactRows) -> None:
+    def add_rows(self, world: World, dt_s: float) -> None:
         """Append stones against wall and catheter."""
-        geometry = simulation.system.geometry
-        reach = simulation.scene.contact.margin_m + simulation.catheter.radius_m
+        rows, geometry = world.contacts.rows, world.contacts.geometry
+        reach = world.scene.contact.margin_m + world.catheter.radius_m
         for stone, detector in enumerate(self._detectors):
             self._pairs.clear()
             detector.detect(self._start_m[stone : stone + 1], self._pairs)
@@ -104,13 +100,13 @@ class Gallstones(Effect):
             mark_stone(rows, first, stone)
             append_on_catheter(rows, geometry.rod, sphere, stone, reach)
 
-    def add_compliance(self, simulation: Simulation, W: FloatArray, dt_s: float) -> None:
+    def add_compliance(self, world: World, dt_s: float) -> None:
         """Add dt^2 / m of each stone to its rows."""
-        add_stone_compliance(simulation.system.rows, self._compliance, W)
+        add_stone_compliance(world.contacts.rows, self._compliance, world.contacts.compliance_m_n)
 
-    def after_solve(self, simulation: Simulation, dt_s: float) -> None:
+    def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
-        system = simulation.system
+        system = world.contacts
         change = stone_forces(system.rows, system.force_n, np.zeros_like(self.position_m))
         change *= self._compliance[:, None]
         self.position_m += change
@@ -119,7 +115,7 @@ class Gallstones(Effect):
         lost_by_step_j = 0.5 * self._mass_kg @ np.sum((self.velocity_m_s - self._start_m_s) ** 2, axis=1)
         self.dissipated_j += float(dt_s * drag_power_w + lost_by_step_j)
 
-    def potential_energy_j(self, simulation: Simulation) -> float:
+    def potential_energy_j(self, world: World) -> float:
         """Kinetic energy of the stones, and what their weight has stored, zero at the origin."""
         kinetic_j = 0.5 * self._mass_kg @ np.sum(self.velocity_m_s**2, axis=1)
         return float(kinetic_j - np.sum(self._weight_n * self.position_m))

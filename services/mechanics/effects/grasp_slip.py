@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from services.mechanics.contact.rows import ContactRows
 from services.mechanics.effects.base import Effect
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 
 
 class GraspSlip(Effect):
@@ -17,6 +12,6 @@ class GraspSlip(Effect):
     A hold at its limit slides against the force, which only takes energy out.
     """
 
-    def set_limits(self, simulation: Simulation, rows: ContactRows) -> None:
+    def set_friction(self, world: World, dt_s: float) -> None:
         """Write the holds' limits over the unlimited ones."""
-        simulation.holds.limit_rows()
+        world.holds.limit_rows()

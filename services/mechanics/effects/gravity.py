@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.effects.base import Effect
 from services.mechanics.scene import SceneModel
 from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +28,7 @@ class GravitySettings:
 class Gravity(Effect):
     """Constant forces m g on the catheter's particles and, if wanted, on the modes of the duct.
 
-    Conservative: the work it does is the change of the potential energy, which `energies` reports. The duct's
+    Conservative: the work it does is the change of the potential energy, which `potential_energy_j` reports. The duct's
     rest shape includes the static part of its own weight that the modes leave out.
     """
 
@@ -42,20 +39,24 @@ class Gravity(Effect):
         self._surface_density = scene.duct.density_kg_m3 * scene.duct.thickness_m
         self._g = np.array(settings.acceleration_m_s2, dtype=np.float64)
 
-    def nodal_load_n(self, mesh: TriangleMesh) -> FloatArray:
+    def constant_load_n(self, mesh: TriangleMesh) -> FloatArray:
         """Weight of the wall (n, 3), a third of each triangle on each corner."""
         density = self._surface_density if self.settings.on_duct else 0.0
         load: FloatArray = (density * vertex_areas_m2(mesh))[:, None] * self._g
         return load
 
-    def prepare(self, simulation: Simulation) -> None:
+    def body_acceleration_m_s2(self) -> FloatArray:
+        """Return g (3,)."""
+        return self._g
+
+    def prepare(self, world: World) -> None:
         """Keep the particles' weights."""
-        self._weight_n = simulation.catheter.properties.particle_mass_kg()[:, None] * self._g
+        self._weight_n = world.catheter.properties.particle_mass_kg()[:, None] * self._g
 
-    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
+    def add_loads(self, world: World, dt_s: float) -> None:
         """Add the weights of the particles."""
-        simulation.catheter.external_force_n += self._weight_n
+        world.catheter.external_force_n += self._weight_n
 
-    def potential_energy_j(self, simulation: Simulation) -> float:
+    def potential_energy_j(self, world: World) -> float:
         """Potential energy of the catheter, zero at the origin."""
-        return -float(np.sum(self._weight_n * simulation.catheter.state.position_m))
+        return -float(np.sum(self._weight_n * world.catheter.state.position_m))

@@ -27,6 +27,6 @@ class Insufflation(Effect):
 
     Settings = InsufflationSettings
 
-    def nodal_load_n(self, mesh: TriangleMesh) -> FloatArray:
+    def constant_load_n(self, mesh: TriangleMesh) -> FloatArray:
         """Pressure force (n, 3) on the nodes."""
         return pressure_load(mesh, self.settings.inside_pa - self.settings.outside_pa)

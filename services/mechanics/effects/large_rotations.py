@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from services.mechanics.effects.base import Effect
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.large_rotations.sections import refuse_unless_tube
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,19 +19,19 @@ class LargeRotationsSettings:
 
     def __post_init__(self) -> None:
         if self.n_sections < 2:
-            raise ValueError(f"effects.large_rotations: n_sections must be at least 2, is {self.n_sections}")
+            raise ValueError(f"n_sections must be at least 2, is {self.n_sections}")
 
 
 class LargeRotations(Effect):
     """Turned cross-sections wherever points of the wall are placed: contact, detection, mouth, picture.
 
-    It acts through the duct itself (`ReducedDuct.warp`), which every process holds, and in no stage of a step.
+    It acts through the duct itself (`ReducedDuct.warp`), which every process holds.
     Constant loads (gas pressure; weight of the wall) turn with the sections they act on.
     """
 
     Settings = LargeRotationsSettings
 
-    def turned(self, duct: ReducedDuct) -> ReducedDuct:
+    def modify_duct(self, duct: ReducedDuct) -> ReducedDuct:
         """Return the duct with its warp.
 
         Raises
@@ -50,7 +47,7 @@ class LargeRotations(Effect):
             raise ValueError(f"effects.large_rotations: {error}") from error
         return replace(duct, warp=warp)
 
-    def prepare(self, simulation: Simulation) -> None:
+    def prepare(self, world: World) -> None:
         """Refuse a duct that was reduced for another scene."""
-        if simulation.duct.reduced.warp is None:
+        if world.duct.reduced.warp is None:
             raise ValueError("effects.large_rotations: the duct was built without it, use build_scene_duct")

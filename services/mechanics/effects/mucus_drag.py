@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import NO_STONE, ContactRows
 from services.mechanics.contact.writer import NO_ROOM, append_double
-from services.mechanics.effects.base import Effect
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.world import World
 
 _FILM = number_of("film")
 
@@ -25,6 +22,9 @@ class MucusDragSettings:
     viscosity_pa_s: float = 0.5
     film_m: float = 0.3e-3
 
+    def __post_init__(self) -> None:
+        require_positive(self, "viscosity_pa_s", "film_m")
+
 
 class MucusDrag(Effect):
     """Couette drag of each particle against the wall it is near: f = -b v with b = viscosity * area / film.
@@ -35,20 +35,15 @@ class MucusDrag(Effect):
 
     Settings = MucusDragSettings
 
-    def prepare(self, simulation: Simulation) -> None:
+    def prepare(self, world: World) -> None:
         """Work out b."""
-        catheter = simulation.catheter
+        catheter = world.catheter
         area = catheter.properties.segment_length_m * 2.0 * catheter.radius_m
         self._b_n_s_m = self.settings.viscosity_pa_s * area / self.settings.film_m
-        self._rows = 0
 
-    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
-        """Keep the step for the rows, which are made when the contacts are known."""
-        self._softness = dt_s / self._b_n_s_m
-
-    def add_rows(self, simulation: Simulation, rows: ContactRows) -> None:
+    def add_rows(self, world: World, dt_s: float) -> None:
         """Double the rows of the catheter on the wall by a film."""
-        append_films(rows, self._softness)
+        append_films(world.contacts.rows, dt_s / self._b_n_s_m)
 
 
 @kernel

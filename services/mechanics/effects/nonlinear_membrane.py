@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.effects.base import Effect
+from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.reduction.nonlinear.manifold import fetch_membrane_force
-from services.mechanics.scene.duct_recipe import duct_recipe
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +16,9 @@ class NonlinearMembraneSettings:
     """Number of the lowest modes that take part; the cost grows with its fourth power."""
 
     n_coordinates: int = 12
+
+    def __post_init__(self) -> None:
+        require_positive(self, "n_coordinates")
 
 
 class NonlinearMembrane(Effect):
@@ -31,18 +30,26 @@ class NonlinearMembrane(Effect):
 
     Settings = NonlinearMembraneSettings
 
-    def prepare(self, simulation: Simulation) -> None:
-        """Build the polynomial, or fetch it from the cache."""
-        duct = simulation.duct.reduced
-        recipe = duct_recipe(self.scene.duct, duct.mesh, simulation.effects)
-        self._force = fetch_membrane_force(recipe, duct.basis, self.settings.n_coordinates)
+    def prepare(self, world: World) -> None:
+        """Build the polynomial of the rest shape, or fetch it from where the duct's modes are kept.
+
+        Raises
+        ------
+        ValueError
+            Nothing says what the duct was reduced from.
+        """
+        duct = world.duct.reduced
+        if duct.recipe is None:
+            raise ValueError("effects.nonlinear_membrane: the duct has no recipe, use build_scene_duct")
+        recipe = replace(duct.recipe, mesh=duct.mesh)
+        self._force = fetch_membrane_force(recipe, duct.basis, self.settings.n_coordinates, duct.cache_dir)
         self._damping = 2.0 * duct.basis.omega_rad_s * duct.damping_ratio
         self._scratch = np.zeros((3, duct.basis.n_modes))
 
-    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
+    def add_loads(self, world: World, dt_s: float) -> None:
         """Kick the modes."""
-        self._force.kick(simulation.duct.state, dt_s, self._damping, self._scratch)
+        self._force.kick(world.duct.state, dt_s, self._damping, self._scratch)
 
-    def potential_energy_j(self, simulation: Simulation) -> float:
+    def potential_energy_j(self, world: World) -> float:
         """Return the energy of the polynomial."""
-        return self._force.energy_j(simulation.duct.state.q)
+        return self._force.energy_j(world.duct.state.q)

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, PairArrays
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, PairArrays
 from services.mechanics.collision.primitives import closest_of_segments
 from services.mechanics.compiled import kernel
-from services.mechanics.effects.base import Effect
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +18,9 @@ class SelfContactSettings:
     """Segments closer along the catheter than this many diameters are not tested against each other."""
 
     neighbour_diameters: float = 4.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "neighbour_diameters")
 
 
 class SelfContact(Effect):
@@ -32,16 +32,16 @@ class SelfContact(Effect):
 
     Settings = SelfContactSettings
 
-    def prepare(self, simulation: Simulation) -> None:
+    def prepare(self, world: World) -> None:
         """Turn diameters into segments."""
-        properties = simulation.catheter.properties
-        apart_m = self.settings.neighbour_diameters * 2.0 * simulation.catheter.radius_m
+        properties = world.catheter.properties
+        apart_m = self.settings.neighbour_diameters * 2.0 * world.catheter.radius_m
         self._skip = max(2, math.ceil(apart_m / properties.segment_length_m))
 
-    def add_pairs(self, simulation: Simulation, pairs: ContactPairs) -> None:
+    def add_pairs(self, world: World, dt_s: float) -> None:
         """Append pairs of segments within the margin."""
-        reach = 2.0 * simulation.catheter.radius_m + simulation.scene.contact.margin_m
-        position = simulation.catheter.start_m
+        reach = 2.0 * world.catheter.radius_m + world.scene.contact.margin_m
+        position, pairs = world.catheter.start_m, world.pairs
         pairs.count = append_self_pairs(position, self._skip, reach, pairs.arrays, pairs.count)
 
 

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
+from services.mechanics.bodies.catheter import round_tube
 from services.mechanics.effects.base import Effect
+from services.mechanics.rod import RodProperties
 
 
 class Twist(Effect):
@@ -10,3 +16,10 @@ class Twist(Effect):
 
     It acts inside the catheter's integrator, which is built with a frame only where this effect is named.
     """
+
+    def modify_rod(self, rod: RodProperties) -> RodProperties:
+        """Return the rod with GJ and the scene's rest curvature."""
+        catheter = self.scene.catheter
+        curvature = np.array(catheter.rest_curvature_1_m) if catheter.rest_curvature_1_m else None
+        stiffness = round_tube(catheter).torsional_stiffness_n_m2()
+        return replace(rod, torsional_stiffness_n_m2=stiffness, rest_curvature_1_m=curvature)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from services.mechanics.effects.base import Effect
 from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
-
-if TYPE_CHECKING:
-    from services.mechanics.simulation import Simulation
+from services.mechanics.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +15,13 @@ class ViscoelasticitySettings:
 
     g: tuple[float, ...] = (0.2, 0.15, 0.1)
     tau_s: tuple[float, ...] = (0.1, 1.0, 10.0)
+
+    def __post_init__(self) -> None:
+        self.series()
+
+    def series(self) -> PronySeries:
+        """Return the terms; ValueError where they make no sense."""
+        return PronySeries(self.g, self.tau_s)
 
 
 class Viscoelasticity(Effect):
@@ -28,22 +32,21 @@ class Viscoelasticity(Effect):
 
     Settings = ViscoelasticitySettings
 
-    def prepare(self, simulation: Simulation) -> None:
+    def prepare(self, world: World) -> None:
         """Start relaxed."""
-        series = PronySeries(tuple(self.settings.g), tuple(self.settings.tau_s))
-        self._modes = ViscousModes(simulation.duct.reduced.basis.omega_rad_s, series)
+        self._modes = ViscousModes(world.duct.reduced.basis.omega_rad_s, self.settings.series())
 
-    def add_loads(self, simulation: Simulation, dt_s: float) -> None:
+    def add_loads(self, world: World, dt_s: float) -> None:
         """Drive the modes with what the wall has relaxed."""
-        self._modes.add_force(simulation.duct.modal_force)
+        self._modes.add_force(world.duct.modal_force)
 
-    def after_solve(self, simulation: Simulation, dt_s: float) -> None:
+    def after_solve(self, world: World, dt_s: float) -> None:
         """Let the wall relax towards where it is."""
-        self._modes.relax(simulation.duct.state.q, dt_s)
+        self._modes.relax(world.duct.state.q, dt_s)
         self.dissipated_j = self._modes.dissipated_j
 
-    def potential_energy_j(self, simulation: Simulation) -> float:
+    def potential_energy_j(self, world: World) -> float:
         """Energy in the springs of the Prony terms less that of the instantaneous modulus, which the duct reports."""
-        duct = simulation.duct
+        duct = world.duct
         unrelaxed_j = duct.state.strain_energy_j(duct.reduced.basis.omega_rad_s)
         return self._modes.stored_energy_j(duct.state.q) - unrelaxed_j

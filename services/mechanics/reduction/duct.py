@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.reduction.basis import ModalBasis, node_displacements
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
+from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.residual.blocks import Residual
 from services.mechanics.reduction.state import ModalState
 from services.mechanics.surface.mesh import TriangleMesh
@@ -28,6 +30,10 @@ class ReducedDuct:
         Static response of the modes left out.
     damping_ratio : (r,) float64
         Fraction of critical damping of each mode.
+    recipe : DuctRecipe, optional
+        What the modes were computed from.
+    cache_dir : Path, optional
+        Where modes and residual are kept, and what else is computed of the duct: the user's cache by default.
     warp : TubeWarp, optional
         Turns the cross-sections where large rotations are wanted. Whoever places points of the wall asks for it;
         `displacements` and `node_displacements` stay the linear ones.
@@ -37,6 +43,8 @@ class ReducedDuct:
     basis: ModalBasis
     residual: Residual
     damping_ratio: FloatArray
+    recipe: DuctRecipe | None = None
+    cache_dir: Path | None = None
     warp: TubeWarp | None = None
 
     def __post_init__(self) -> None:

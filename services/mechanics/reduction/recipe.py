@@ -1,38 +1,20 @@
-"""What a reduced duct is made of, and the reduced duct made of it or found in the cache."""
+"""What a reduced duct is made of."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from services.cache_directory import cache_directory
 from services.mechanics import fem
-from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
-from services.mechanics.reduction import cache
-from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.build import (
-    Progress,
-    build_basis,
-    fill_full_residual,
-    full_residual_bytes,
-    ignore_progress,
-)
+from services.mechanics.reduction.build import full_residual_bytes
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
-from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import Residual
-from services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
 from services.mechanics.surface.mesh import TriangleMesh
 
 MIB = 2**20
 FORMAT = 1
 """Raised when what is stored, or how it is computed from a model, changes; the elements' code is hashed itself."""
-PATCH_FORMAT = 2
-"""The same for patches of the residual: since 2 with an exact near field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,135 +62,3 @@ class DuctRecipe:
         """Return the name of the modes: a hash of everything they follow from, the elements' code included."""
         inputs = (self.mesh, self.section, self.supports, self.n_modes, self.elements)
         return hash_content(*inputs, FORMAT, hash_sources(Path(fem.__file__).parent))
-
-
-def reduce_duct(
-    recipe: DuctRecipe,
-    damping_ratio: float | FloatArray,
-    cache_dir: Path | None = None,
-    progress: Progress = ignore_progress,
-) -> ReducedDuct:
-    """Return the reduced duct of a recipe, from the cache where it is there.
-
-    Parameters
-    ----------
-    recipe : DuctRecipe
-        What to reduce.
-    damping_ratio : float or (r,) float64
-        Fraction of critical damping, the same or per mode; not part of what is cached.
-    cache_dir : Path, optional
-        Where entries are kept; `cache_directory` by default.
-    progress : callable
-        Called as ``progress(stage, fraction)`` while something is computed.
-    """
-    folder = cache_dir or cache_directory()
-    maker = _Maker(recipe, progress)
-    basis = load_basis(cache.fetch(folder, f"basis-{recipe.key()}", maker.make_basis))
-    residual = _fetch_residual(folder, maker, basis)
-    ratio = np.broadcast_to(np.asarray(damping_ratio, np.float64), (basis.n_modes,)).copy()
-    return ReducedDuct(recipe.mesh, basis, residual, ratio)
-
-
-def fetch_residual_displacement(
-    recipe: DuctRecipe,
-    duct: ReducedDuct,
-    load_n: FloatArray,
-    cache_dir: Path | None = None,
-    progress: Progress = ignore_progress,
-) -> FloatArray:
-    """Return R f (n, 3) in m for a load (n, 3) on every node, from the cache where it is there.
-
-    R between all nodes exists only as patches on large meshes, so this is the full static solution less the modes'
-    part: exact, and worth keeping because it takes a factorisation of the full model.
-    """
-    basis = duct.basis
-
-    def solve(entry: cache.Entry) -> None:
-        progress("rest shape", 0.0)
-        full = recipe.model().solve_static(load_n).displacement_m
-        q = np.einsum("nar,na->r", basis.Phi, load_n) / basis.omega_rad_s**2
-        entry.save("displacement", full - basis.displacements(q))
-        entry.describe(content_hash=basis.content_hash, kind="residual displacement")
-        progress("rest shape", 1.0)
-
-    folder = cache_dir or cache_directory()
-    entry = cache.fetch(folder, f"rest-{hash_content(basis.content_hash, recipe.key(), load_n)}", solve)
-    return np.array(entry.load("displacement"))
-
-
-def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> Residual:
-    choice = maker.recipe.residual
-    kind = choice.settled_kind(basis.n_nodes)
-    if kind == "none":
-        return Residual.none(basis.n_nodes)
-    if kind == "full":
-        name = f"residual-{hash_content(basis.content_hash, kind)}"
-        return Residual.full(cache.fetch(folder, name, partial(maker.make_full_residual, basis)).load("blocks"))
-    size = choice.patch_radius_m or choice.budget_bytes
-    name = f"residual-{hash_content(basis.content_hash, kind, size, PATCH_FORMAT)}"
-    entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
-    return Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.load("blocks"))
-
-
-def find_basis(content_hash: str, cache_dir: Path) -> ModalBasis:
-    """Return the basis that a frame on the bus names by its hash.
-
-    Raises
-    ------
-    CacheError
-        The cache holds no such basis.
-    """
-    for manifest in cache_dir.glob(f"basis-*/{cache.MANIFEST}"):
-        entry = cache.Entry(manifest.parent)
-        if entry.facts.get("content_hash") == content_hash:
-            return load_basis(entry)
-    raise cache.CacheError(f"no modal basis {content_hash} in {cache_dir}")
-
-
-def load_basis(entry: cache.Entry) -> ModalBasis:
-    """Read a basis and check it against the hash it was stored with.
-
-    Raises
-    ------
-    CacheError
-        The arrays are not those that were stored.
-    """
-    basis = ModalBasis.from_modes(entry.load("omega"), entry.load("phi"))
-    if basis.content_hash != entry.facts.get("content_hash"):
-        raise cache.CacheError(f"cache entry {entry.folder} is damaged, remove it: its content has changed")
-    return basis
-
-
-class _Maker:
-    """Fills the entries of one recipe; the full model is assembled once and only if something is missing."""
-
-    def __init__(self, recipe: DuctRecipe, progress: Progress) -> None:
-        self.recipe = recipe
-        self._progress = progress
-
-    def make_basis(self, entry: cache.Entry) -> None:
-        basis = build_basis(self._model, self.recipe.n_modes, self._progress)
-        entry.save("omega", basis.omega_rad_s)
-        entry.save("phi", basis.Phi)
-        entry.describe(content_hash=basis.content_hash, n_nodes=basis.n_nodes, n_modes=basis.n_modes)
-
-    def make_full_residual(self, basis: ModalBasis, entry: cache.Entry) -> None:
-        blocks = entry.create("blocks", (basis.n_nodes, basis.n_nodes, 3, 3), np.float32)
-        fill_full_residual(self._model, basis, blocks, self._progress)
-        entry.describe(content_hash=basis.content_hash, kind="full")
-
-    def make_patches(self, basis: ModalBasis, entry: cache.Entry) -> None:
-        choice = self.recipe.residual
-        radius_m = choice.patch_radius_m or largest_radius_m(self.recipe.mesh.vertices_m, choice.budget_bytes)
-        residual = build_patches(self._model, basis, radius_m, progress=self._progress)
-        entry.save("starts", residual.starts)
-        entry.save("neighbours", residual.neighbours)
-        entry.save("blocks", residual.blocks)
-        entry.describe(content_hash=basis.content_hash, kind="patches", radius_m=radius_m)
-
-    @cached_property
-    def _model(self) -> ShellModel:
-        self._progress("assembly", 0.0)
-        model = self.recipe.model()
-        self._progress("assembly", 1.0)
-        return model

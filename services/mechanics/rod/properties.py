@@ -128,6 +128,11 @@ class RoundTube:
         """I = pi (d_o^4 - d_i^4) / 64; the polar moment of a round section is 2 I."""
         return float(np.pi / 64.0 * (self.outer_diameter_m**4 - self.inner_diameter_m**4))
 
+    def torsional_stiffness_n_m2(self) -> float:
+        """GJ of the round section, J = 2 I."""
+        shear_modulus_pa = self.youngs_modulus_pa / (2.0 * (1.0 + self.poisson_ratio))
+        return 2.0 * self.second_moment_m4() * shear_modulus_pa
+
     def rod(
         self,
         n_segments: int,
@@ -139,7 +144,6 @@ class RoundTube:
     ) -> RodProperties:
         """A rod of this tube; `twist` adds its GJ, else the rod has no material frame."""
         inertia = self.second_moment_m4()
-        shear_modulus_pa = self.youngs_modulus_pa / (2.0 * (1.0 + self.poisson_ratio))
         return RodProperties(
             n_segments,
             length_m,
@@ -147,7 +151,7 @@ class RoundTube:
             axial_stiffness_n=self.youngs_modulus_pa * self.area_m2(),
             bending_stiffness_n_m2=self.youngs_modulus_pa * inertia,
             linear_density_kg_m=self.density_kg_m3 * self.area_m2(),
-            torsional_stiffness_n_m2=2.0 * inertia * shear_modulus_pa if twist else None,
+            torsional_stiffness_n_m2=self.torsional_stiffness_n_m2() if twist else None,
             internal_damping_s=internal_damping_s,
             viscous_drag_n_s_m2=viscous_drag_n_s_m2,
         )

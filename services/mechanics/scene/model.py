@@ -132,15 +132,18 @@ class QualityLevel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneModel:
-    """Everything a simulation is built from. ``effects`` maps the name of each present effect to its settings."""
+    """Everything a simulation is built from.
+
+    ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
+    """
 
     duct: DuctScene = field(default_factory=DuctScene)
     catheter: CatheterScene = field(default_factory=CatheterScene)
-    forceps: tuple[ForcepsScene, ...] = (
+    forceps: tuple[ForcepsScene, ForcepsScene] = (
         ForcepsScene(),
         ForcepsScene(port_position_m=(0.02, 0.06, 0.15)),
     )
     contact: ContactSettings = field(default_factory=ContactSettings)
-    effects: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    effects: Mapping[str, object] = field(default_factory=dict)
     quality: tuple[QualityLevel, ...] = (QualityLevel(),)
     sleeping: bool = True

@@ -189,7 +189,7 @@ def stored_energies_j(simulation: Simulation) -> dict[str, float]:
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
         "grips": _grip_energy_j(simulation),
     }
-    stored |= {name: effect.potential_energy_j(simulation) for name, effect in simulation.effects.items()}
+    stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
     return stored
 
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.effects import build_effects
-from services.mechanics.effects.base import Effect, acts_in
-from services.mechanics.effects.large_rotations import LargeRotations
+from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.recipe import fetch_residual_displacement, reduce_duct
+from services.mechanics.reduction.reduce import fetch_residual_displacement, reduce_duct
 from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.scene.duct_recipe import duct_recipe
+from services.mechanics.scene.duct_recipe import duct_recipe, wall_section
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
@@ -50,15 +48,19 @@ def build_scene_duct(
     """
     if mesh is None:
         mesh = scene_mesh(scene.duct)
-    effects = build_effects(scene)
-    recipe = duct_recipe(scene.duct, mesh, effects)
+    stages = by_stage(build_effects(scene).values())
+    section = wall_section(scene.duct)
+    for effect in stages["modify_section"]:
+        section = effect.modify_section(section)
+    recipe = duct_recipe(scene.duct, mesh, section)
     duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
-    load = constant_load(effects, mesh)
+    load = constant_load_n(stages["constant_load_n"], mesh)
     if load is not None and load.any():
         shift = fetch_residual_displacement(recipe, duct, load, cache_dir, progress)
         duct = replace(duct, mesh=TriangleMesh(mesh.vertices_m + shift, mesh.triangles, mesh.vertex_sets))
-    rotations = effects.get("large_rotations")
-    return rotations.turned(duct) if isinstance(rotations, LargeRotations) else duct
+    for effect in stages["modify_duct"]:
+        duct = effect.modify_duct(duct)
+    return duct
 
 
 def scene_mesh(duct: DuctScene) -> TriangleMesh:
@@ -80,7 +82,7 @@ def scene_mesh(duct: DuctScene) -> TriangleMesh:
     return parametric_duct(geometry)
 
 
-def constant_load(effects: Mapping[str, Effect], mesh: TriangleMesh) -> FloatArray | None:
-    """Return the sum (n, 3) of the effects' constant loads on the duct's nodes in N, None without any."""
-    loads = [e.nodal_load_n(mesh) for e in effects.values() if acts_in(e, "nodal_load_n")]
+def constant_load_n(effects: Iterable[Effect], mesh: TriangleMesh) -> FloatArray | None:
+    """Return the sum (n, 3) of the effects' constant loads on the duct's nodes, None without any."""
+    loads = [effect.constant_load_n(mesh) for effect in effects]
     return np.sum(loads, axis=0) if loads else None

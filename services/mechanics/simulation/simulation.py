@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.catheter import CatheterBody, rod_properties
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps import Grasp, JawState, ToolBody
 from services.mechanics.bodies.mouth import Mouth
@@ -22,12 +22,13 @@ from services.mechanics.contact.search import ContactSearch, DuctSearch
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
-from services.mechanics.effects import build_effects
-from services.mechanics.effects.base import STAGES, acts_in
+from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction import ExactOscillator, ModalIntegrator, ModalState, Newmark, ReducedDuct
+from services.mechanics.rod import RodProperties
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
-from services.mechanics.simulation.scene_duct import constant_load
+from services.mechanics.simulation.scene_duct import constant_load_n
+from services.mechanics.world import World
 
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
@@ -50,12 +51,12 @@ class Simulation:
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
         self.scene = scene
         self.effects = build_effects(scene)
-        self._stages = {stage: tuple(e for e in self.effects.values() if acts_in(e, stage)) for stage in STAGES}
+        self._stages = by_stage(self.effects.values())
         capacity = scene.contact.capacity
         self.duct = DuctBody(duct, _integrator(scene, duct), capacity)
         self.catheter = CatheterBody(
             scene.catheter,
-            twist="twist" in self.effects,
+            self._rod(),
             may_sleep=scene.sleeping,
             acts_in_next_step=STRATEGIES[scene.contact.model].acts_in_next_step,
         )
@@ -81,11 +82,22 @@ class Simulation:
         self._felt = Placed(ReportArrays.of(self.tool_results, self._tool_force))
         self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
         self._mark_ns = 0
-        load = constant_load(self.effects, duct.mesh)
+        load = constant_load_n(self._stages["constant_load_n"], duct.mesh)
         if load is not None:
             self.duct.set_constant_load(load)
+        self.world = World(
+            scene,
+            self.duct,
+            self.catheter,
+            self.tools,
+            self.system,
+            self.holds,
+            self.search,
+            self._catheter_pairs,
+            self._body_acceleration_m_s2(),
+        )
         for effect in self._stages["prepare"]:
-            effect.prepare(self)
+            effect.prepare(self.world)
 
     def step(self, tools: ToolInputs, pairs: ContactPairs | None = None, dt_s: float = 1e-3) -> None:
         """Advance everything by one tick.
@@ -106,7 +118,7 @@ class Simulation:
         self.catheter.predict(dt_s)
         self._predict_tools(tools, dt_s)
         self._lap(1)
-        self._collect(tools, pairs)
+        self._collect(tools, pairs, dt_s)
         self._lap(2)
         if self.system.rows.n_contacts:
             self._solve_contacts(dt_s)
@@ -180,6 +192,18 @@ class Simulation:
     def _iterations(self) -> int:
         return self.scene.quality[self.quality_level].iterations
 
+    def _rod(self) -> RodProperties:
+        rod = rod_properties(self.scene.catheter)
+        for effect in self._stages["modify_rod"]:
+            rod = effect.modify_rod(rod)
+        return rod
+
+    def _body_acceleration_m_s2(self) -> FloatArray:
+        total = np.zeros(3)
+        for effect in self._stages["body_acceleration_m_s2"]:
+            total += effect.body_acceleration_m_s2()
+        return total
+
     def _lap(self, stage: int) -> None:
         now = perf_counter_ns()
         self._cost_ns[stage] = now - self._mark_ns
@@ -189,13 +213,13 @@ class Simulation:
         self.catheter.external_force_n[:] = 0.0
         self.duct.modal_force[:] = self.duct.constant_modal_force
         for effect in self._stages["add_loads"]:
-            effect.add_loads(self, dt_s)
+            effect.add_loads(self.world, dt_s)
 
     def _predict_tools(self, tools: ToolInputs, dt_s: float) -> None:
         self.holds.tell(self.tools)
         self.tools.predict(tools, dt_s)
 
-    def _collect(self, tools: ToolInputs, pairs: ContactPairs | None) -> None:
+    def _collect(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:
         """Find pairs and turn them, and the holds, into contact rows."""
         system = self.system
         system.clear()
@@ -209,11 +233,11 @@ class Simulation:
         self._catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, self._catheter_pairs)
         for effect in self._stages["add_pairs"]:
-            effect.add_pairs(self, self._catheter_pairs)
+            effect.add_pairs(self.world, dt_s)
         system.append(pairs)
         system.append(self._catheter_pairs)
         for effect in self._stages["add_rows"]:
-            effect.add_rows(self, system.rows)
+            effect.add_rows(self.world, dt_s)
         self.holds.append_rows()
 
     def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
@@ -227,15 +251,15 @@ class Simulation:
 
     def _solve_contacts(self, dt_s: float) -> None:
         self.system.complete_rows()
-        for effect in self._stages["set_limits"]:
-            effect.set_limits(self, self.system.rows)
-        self.system.assemble(self._n_modes, lambda W: self._add_compliance(W, dt_s))
+        for effect in self._stages["set_friction"]:
+            effect.set_friction(self.world, dt_s)
+        self.system.assemble(self._n_modes, lambda: self._add_compliance(dt_s))
         self._lap(3)
         self.system.solve(self._iterations, dt_s)
 
-    def _add_compliance(self, W: FloatArray, dt_s: float) -> None:
+    def _add_compliance(self, dt_s: float) -> None:
         for effect in self._stages["add_compliance"]:
-            effect.add_compliance(self, W, dt_s)
+            effect.add_compliance(self.world, dt_s)
 
     def _correct(self, dt_s: float) -> None:
         system = self.system
@@ -244,7 +268,7 @@ class Simulation:
         load_tools(system.address, self._tool_force)
         system.apply(self._tool_force)
         for effect in self._stages["after_solve"]:
-            effect.after_solve(self, dt_s)
+            effect.after_solve(self.world, dt_s)
 
     def _report(self) -> None:
         """Write what the tools feel."""

@@ -8,6 +8,7 @@ import pytest
 import protocol.bodies as bodies
 from protocol.arrays import pack
 from services.mechanics.bodies.wall import make_wall
+from services.mechanics.effects.large_rotations import LargeRotationsSettings
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.residual.field import RINGS, neighbourhoods
 from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
@@ -34,7 +35,7 @@ def soft_scene(effects=None, **catheter):
             ForcepsScene(port_position_m=(30e-3, -0.15, 6e-3)),
             ForcepsScene(port_position_m=(30e-3, -20e-3, 0.15)),
         ),
-        effects={"large_rotations": {}} if effects is None else effects,
+        effects=effects or {"large_rotations": LargeRotationsSettings()},
     )
 
 
@@ -205,7 +206,7 @@ def test_surfaces_that_are_no_tube_are_refused(duct, tmp_path):
     with pytest.raises(ValueError, match=r"effects.large_rotations: .* held at one whole end"):
         build_scene_duct(soft_scene(), tmp_path, mesh=held_twice)
     with pytest.raises(ValueError, match="too coarse for 60 cross-sections"):
-        build_scene_duct(soft_scene({"large_rotations": {"n_sections": 60}}), tmp_path)
+        build_scene_duct(soft_scene({"large_rotations": LargeRotationsSettings(n_sections=60)}), tmp_path)
 
 
 def test_a_duct_of_another_scene_is_refused(duct):

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from services.mechanics.effects.insufflation import InsufflationSettings
 from services.mechanics.fem import ElementChoice, ShellSection, clamp
 from services.mechanics.reduction import CacheError, DuctRecipe, ResidualChoice, cache, find_basis, reduce_duct
 from services.mechanics.reduction.content_hash import hash_content
@@ -37,14 +38,14 @@ def test_second_start_computes_nothing_and_returns_the_same_bits(tmp_path):
 def test_a_warm_start_of_a_loaded_scene_solves_nothing(tmp_path):
     """Gas pressure moves the rest shape by a static solution of the full model: kept too, and by what it hangs on."""
     duct = DuctScene(length_m=20e-3, n_around=10, n_along=8, n_modes=12)
-    scene, stages = SceneModel(duct=duct, effects={"insufflation": {}}), []
+    scene, stages = SceneModel(duct=duct, effects={"insufflation": InsufflationSettings()}), []
     first = build_scene_duct(scene, tmp_path, lambda stage, fraction: stages.append((stage, fraction)))
     assert stages[-1] == ("rest shape", 1.0)
     assert np.abs(first.mesh.vertices_m - scene_mesh(duct).vertices_m).max() > 1e-9
     again = build_scene_duct(scene, tmp_path, lambda stage, _: pytest.fail(f"computed {stage} again"))
     assert np.array_equal(again.mesh.vertices_m, first.mesh.vertices_m)
     pressures = [path.name for path in tmp_path.glob("rest-*")]
-    other = dataclasses.replace(scene, effects={"insufflation": {"outside_pa": 1000.0}})
+    other = dataclasses.replace(scene, effects={"insufflation": InsufflationSettings(outside_pa=1000.0)})
     assert not np.array_equal(build_scene_duct(other, tmp_path).mesh.vertices_m, first.mesh.vertices_m)
     assert len(pressures) == 1
     assert len(list(tmp_path.glob("rest-*"))) == 2

@@ -5,16 +5,20 @@ from dataclasses import replace
 import pytest
 
 from services.mechanics import scenarios
+from services.mechanics.effects.base import NoSettings
+from services.mechanics.effects.gallstones import GallstonesSettings
+from services.mechanics.effects.mucus_drag import MucusDragSettings
+from services.mechanics.effects.viscoelasticity import ViscoelasticitySettings
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
 
 ON_TOP = {
-    "viscoelasticity": {},
-    "mucus_drag": {},
-    "gallstones": {"position_m": ((26e-3, 0.0, -1.4e-3),), "radius_m": (1.5e-3,)},
-    "twist": {},
+    "viscoelasticity": ViscoelasticitySettings(),
+    "mucus_drag": MucusDragSettings(),
+    "gallstones": GallstonesSettings(position_m=((26e-3, 0.0, -1.4e-3),), radius_m=(1.5e-3,)),
+    "twist": NoSettings(),
 }
 
 

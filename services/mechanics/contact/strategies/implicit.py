@@ -33,7 +33,7 @@ class ImplicitStrategy(ContactStrategy):
         modal = (duct.modes, duct.position_gain[:n_modes])
         rod = catheter.compliance(rows.rod_node[:k], rows.rod_weight[:k])
         add_body_compliances(self._address, modal, catheter.slot, rod, bodies.tools.compliance)
-        add_compliance(W)
+        add_compliance()
         rotate(self._address)
 
     def solve(self, iterations: int, dt_s: float) -> int:

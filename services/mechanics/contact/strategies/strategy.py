@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
-from services.mechanics.arrays import FloatArray
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.state import ContactState
 from services.mechanics.scene import ContactSettings
 
-AddCompliance = Callable[[FloatArray], None]
-"""Adds what other bodies give way to the lower blocks of W (m, m), along world axes."""
+AddCompliance = Callable[[], None]
+"""Adds what other bodies give way to the lower blocks of W, along world axes."""
 
 
 class ContactStrategy:

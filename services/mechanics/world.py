@@ -1,0 +1,53 @@
+"""What effects see of a simulation: bodies, contacts and collision detection, but nothing that steps them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps import ToolBody
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.contact.holds import HoldRegistry
+from services.mechanics.contact.search import ContactSearch
+from services.mechanics.contact.system import ContactSystem
+from services.mechanics.scene import SceneModel
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """The parts of one simulation, which owns them and steps them.
+
+    Attributes
+    ----------
+    scene : SceneModel
+    duct : DuctBody
+    catheter : CatheterBody
+    tools : ToolBody
+    contacts : ContactSystem
+        Rows, compliance and forces of this step's contacts.
+    holds : HoldRegistry
+        What the jaws hold.
+    search : ContactSearch
+        Collision detection.
+    pairs : ContactPairs
+        This step's candidate pairs of the catheter.
+    acceleration_m_s2 : (3,) float64
+        Of the body forces on everything that has mass, in scene axes: zero unless an effect has added to it.
+    """
+
+    scene: SceneModel
+    duct: DuctBody
+    catheter: CatheterBody
+    tools: ToolBody
+    contacts: ContactSystem
+    holds: HoldRegistry
+    search: ContactSearch
+    pairs: ContactPairs
+    acceleration_m_s2: FloatArray
+
+    @property
+    def slides(self) -> BoolArray:
+        """(C,) whether each contact slides: in `set_friction` as in the last step, later as solved in this one."""
+        return self.contacts.slides

@@ -1,0 +1,44 @@
+"""What a scene file may say: the scene's own dataclasses, checked strictly, each effect's settings among them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, fields
+from typing import Any, get_type_hints
+
+import pydantic
+from typing_extensions import TypedDict
+
+from services.mechanics.effects import EFFECTS
+from services.mechanics.scene import SceneModel
+from services.runtime import config
+
+# The dataclasses inside have no configuration of their own and take this one.
+_STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def scene_file_type() -> type[pydantic.BaseModel]:
+    """Return the type that scene files are checked against, as the table of effects is now."""
+    kinds = get_type_hints(SceneModel)
+    kinds["effects"] = TypedDict("Effects", {name: entry.kind.Settings for name, entry in EFFECTS.items()}, total=False)  # type: ignore[operator]
+    keys: dict[str, Any] = {field.name: (kinds[field.name], _default(field)) for field in fields(SceneModel)}
+    made: type[pydantic.BaseModel] = pydantic.create_model("Scene", __config__=_STRICT, **keys)
+    return made
+
+
+def _default(field: Field[Any]) -> Any:
+    if field.default_factory is not MISSING:
+        return pydantic.Field(default_factory=field.default_factory)
+    return field.default
+
+
+def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
+    """Return the scene that the mapping of a file describes.
+
+    Raises
+    ------
+    ConfigError
+        one sentence that begins with `where` and the path of the key.
+    """
+    checked = config.build(scene_file_type(), data, where)
+    return SceneModel(**{name: getattr(checked, name) for name in type(checked).model_fields})

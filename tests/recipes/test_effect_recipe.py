@@ -1,0 +1,104 @@
+"""docs/recipes.md, "Adding an effect": one file, one row, its name in a scene."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.recipes.tree_copy import TreeCopy
+
+SMALL = """
+import hashlib
+import sys
+import numpy as np
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.energy import EnergyBook
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.mechanics.scene.tools import ToolInputs
+from services.scenes import load_scene
+
+SMALL = ["duct.n_around=12", "duct.n_along=14", "duct.n_modes=30", "duct.thickness_m=1e-3", "duct.membrane=cst"]
+"""
+
+ALONE = (
+    SMALL
+    + """
+scene = load_scene("stream", [*SMALL, "catheter.anchor=free", "catheter.tip_position_m=[60e-3, 40e-3, 0]",
+                              "catheter.viscous_drag_n_s_m2=0"])
+simulation, tools = Simulation(scene, build_scene_duct(scene)), ToolInputs()
+tools.present[:] = False
+book = EnergyBook(simulation)
+for _ in range(100):
+    book.step(tools)
+rod = simulation.catheter
+print(*(rod.properties.particle_mass_kg() @ rod.state.velocity_m_s), book.flow.imbalance_j,
+      simulation.duct.state.q.any())
+"""
+)
+
+WITHOUT = (
+    SMALL
+    + """
+scene = load_scene("insertion", SMALL)
+simulation, tools = Simulation(scene, build_scene_duct(scene)), ToolInputs()
+tools.present[1] = False
+state = hashlib.sha256()
+for tick in range(100):
+    tools.position_m[0] = 20e-3, 0.0, 20e-3 - 1e-4 * tick
+    simulation.step(tools)
+    state.update(simulation.duct.state.q.tobytes() + simulation.catheter.state.position_m.tobytes())
+assert simulation.tool_results.force_n.any()
+print(*simulation.effects, state.hexdigest())
+"""
+)
+
+
+@pytest.fixture
+def followed(tree: TreeCopy) -> TreeCopy:
+    tree.follow("Adding an effect")
+    return tree
+
+
+def test_one_file_and_one_row_make_an_effect(followed: TreeCopy) -> None:
+    """It pushes as its law says and the balance knows what it stores; the tree's own tests see nothing amiss."""
+    *momentum, imbalance_j, duct_moved = followed.python(ALONE).split()
+    assert [float(p) for p in momentum] == pytest.approx([0.0, 0.1 * 51 * 1e-4, 0.0], abs=1e-12)
+    assert abs(float(imbalance_j)) < 1e-9
+    assert duct_moved == "False"
+    listed = json.loads((followed.root / "effects.json").read_text())["effects"]
+    mine = next(line for line in listed if line["name"] == "current")
+    assert mine["in_scene"]
+    assert mine["stages"] == ["prepare", "add_loads"]
+    assert mine["settings"] == {"force_n": [0.0, 1e-4, 0.0]}
+    followed.pytest(
+        "tests/scenes", "tests/mechanics/effects/test_effects.py", "-k", "scene or table or absent or refused"
+    )
+
+
+def test_without_its_name_in_the_scene_not_a_bit_changes(tree: TreeCopy) -> None:
+    before = tree.python(WITHOUT)
+    tree.follow("Adding an effect")
+    assert "current" not in before
+    assert tree.python(WITHOUT) == before
+
+
+@pytest.mark.parametrize(
+    ("option", "sentence"),
+    [
+        ("force_n=[0, 0]", "effects.current.force_n.2: this key is missing"),
+        ("force_n=strong", "effects.current.force_n: input should be a valid array"),
+        ("force=1", "effects.current.force: unknown key 'force'; known: force_n"),
+    ],
+)
+def test_its_settings_are_checked_with_the_path_of_the_key(followed: TreeCopy, option: str, sentence: str) -> None:
+    code = f"""
+from services.scenes import load_scene
+try:
+    load_scene("stream", ["effects.current.{option}"])
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+    told = followed.python(code)
+    assert told.startswith("ConfigError")
+    assert sentence in told
