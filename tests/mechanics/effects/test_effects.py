@@ -193,6 +193,25 @@ def test_body_effects_run_with_the_contacts(with_effects, small_duct, name):
     assert simulation.tool_results.force_n[0, 2] > 0.0
 
 
+def test_a_catheter_with_rest_curvature_bends_to_a_ring_of_that_curvature(with_effects, small_duct):
+    """1/R along all joints, clamped and free of other loads."""
+    scene = with_effects(twist={})
+    rest = ((0.0, 20.0, 0.0),) * 29
+    catheter = replace(scene.catheter, anchor="clamped", tip_position_m=(0.2, 40e-3, 0.0), rest_curvature_1_m=rest)
+    catheter = replace(catheter, viscous_drag_n_s_m2=0.5, internal_damping_s=2e-3)
+    x = run(replace(scene, catheter=catheter), small_duct, ticks=1000).catheter.state.position_m
+    edges = np.diff(x, axis=0)
+    turned = np.arctan2(np.linalg.norm(np.cross(edges[5], edges[-5])), edges[5] @ edges[-5])
+    assert turned == pytest.approx(20.0 * 20 * 0.1 / 30, rel=0.01)
+
+
+def test_rest_curvature_without_a_frame_to_turn_with_is_refused(with_effects, small_duct):
+    scene = with_effects()
+    scene = replace(scene, catheter=replace(scene.catheter, rest_curvature_1_m=((0.0, 20.0, 0.0),) * 29))
+    with pytest.raises(ValueError, match=r"catheter.rest_curvature_1_m: .*effect 'twist'"):
+        Simulation(scene, small_duct)
+
+
 def test_viscoelastic_wall_relaxes_under_a_held_tool(with_effects, small_duct):
     """Pressed and held for 0.3 s, the force falls; the elastic wall's does not."""
     fall = {}

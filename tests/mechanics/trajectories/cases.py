@@ -13,6 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from services.mechanics.effects import EFFECTS as TABLE
+from services.mechanics.effects.base import NoSettings
+from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scenarios import Scenario, ToolMotion, insertion
 from services.mechanics.scene import SceneModel
@@ -52,10 +55,9 @@ class Case:
 
 
 def insertion_with_every_effect(cache_dir: Path) -> Case:
-    """The catheter is slid 20 mm into the duct, with all effects at once and a catheter that bends by itself."""
+    """The catheter is slid 20 mm into the duct, with all effects at once."""
     scenario = insertion()
-    catheter = replace(scenario.scene.catheter, rest_curvature_1_m=((0.0, 4.0, 0.0),))
-    scene = replace(scenario.scene, catheter=catheter, effects={name: {} for name in EFFECTS})
+    scene = replace(scenario.scene, effects={name: TABLE[name].kind.Settings() for name in EFFECTS})
 
     def move(tick: int, tools: ToolInputs) -> None:
         scenario.write_inputs(tick * DT_S, tools)
@@ -66,12 +68,13 @@ def insertion_with_every_effect(cache_dir: Path) -> Case:
 def pinch_with_both_tools(cache_dir: Path) -> Case:
     """Two forceps close on the duct from both sides, hold its wall, pull, let go, and press on it with shut jaws."""
     scene = insertion().scene
+    left, right = scene.forceps
     ports = (14e-3, 70e-3, 110e-3), (30e-3, -70e-3, 110e-3)
-    forceps = tuple(
-        replace(each, port_position_m=port, jaw_max_angle_rad=1.3)
-        for each, port in zip(scene.forceps, ports, strict=True)
+    forceps = (
+        replace(left, port_position_m=ports[0], jaw_max_angle_rad=1.3),
+        replace(right, port_position_m=ports[1], jaw_max_angle_rad=1.3),
     )
-    scene = replace(scene, forceps=forceps, effects={"friction": {}, "grasp_slip": {}})
+    scene = replace(scene, forceps=forceps, effects={"friction": FrictionSettings(), "grasp_slip": NoSettings()})
     motions = (_pinching_hand(14e-3, -2e-3, 0.5), _pinching_hand(30e-3, 3e-3, 0.5))
     scenario = Scenario("pinch", "both forceps squeeze the duct", TICKS * DT_S, scene, motions)
 
