@@ -149,7 +149,7 @@ def test_a_state_that_is_no_number_is_written_down_and_replaced(
 def test_frames_that_do_not_fit_the_scene_are_refused(rig: Rig) -> None:
     for _ in range(3):
         rig.turn(FAR, FAR)
-    world = rig.haptics.world
+    scene = rig.haptics.scene
     spy = type(rig.gateway)(rig.hub, reads=["physics.duct", "physics.catheter"])
     rig.turn(FAR, FAR)
     duct, catheter = spy.latest("physics.duct"), spy.latest("physics.catheter")
@@ -161,7 +161,7 @@ def test_frames_that_do_not_fit_the_scene_are_refused(rig: Rig) -> None:
         msgspec.structs.replace(duct.body, load_node=pack([10**6], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
         msgspec.structs.replace(duct.body, load_node=pack([-1], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
     ):
-        world.take_duct(msgspec.structs.replace(duct, body=body))
+        scene.take_duct(msgspec.structs.replace(duct, body=body))
     few = msgspec.structs.replace(catheter.body, position_m=pack(np.zeros((4, 3))), velocity_m_s=pack(np.zeros((4, 3))))
-    world.take_catheter(msgspec.structs.replace(catheter, body=few))
-    assert world.refused == {"basis": 2, "load_node": 2, "particles": 1}
+    scene.take_catheter(msgspec.structs.replace(catheter, body=few))
+    assert scene.refused == {"basis": 2, "load_node": 2, "particles": 1}

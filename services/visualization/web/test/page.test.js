@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { viewAddress } from "../src/address.js";
-import { duration, force, hz, percent, share, us } from "../src/dashboard/format.js";
+import { duration, force, hz, losses, percent, share, us } from "../src/dashboard/format.js";
 
 const page = (href) => new URL(href);
 
@@ -16,6 +16,11 @@ test("unknown figures are dashes, never NaN", () => {
   for (const format of [us, hz, share, percent, duration, force]) {
     for (const unknown of [null, undefined, NaN, Infinity, "1"]) assert.equal(format(unknown), "–");
   }
+});
+
+test("what was dropped or refused is told, and nothing else", () => {
+  assert.equal(losses({ dropped_contacts: 3, refused_basis: 1, dropped_holds: 0, temperature: 4 }), "dropped contacts 3, refused basis 1");
+  assert.equal(losses(undefined), "");
 });
 
 test("figures are short and keep their meaning", () => {

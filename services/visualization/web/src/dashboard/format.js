@@ -25,6 +25,12 @@ export function count(x) {
   return known(x) ? String(x) : "–";
 }
 
+// What a process has counted of things that it dropped or refused, of its gauges.
+export function losses(gauges) {
+  return Object.entries(gauges ?? {}).filter(([name, n]) => /^(dropped|refused)_/.test(name) && n > 0)
+    .map(([name, n]) => `${name.replaceAll("_", " ")} ${count(n)}`).join(", ");
+}
+
 export function duration(s) {
   if (!known(s)) return "–";
   if (s < 100) return `${s.toFixed(0)} s`;

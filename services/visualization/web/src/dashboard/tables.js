@@ -1,6 +1,6 @@
 // The parts of the dashboard that are text: processes, work, topics, stages, real-time facts, events.
 
-import { count, duration, hz, known, share, us } from "./format.js";
+import { count, duration, hz, known, losses, share, us } from "./format.js";
 import { element, Rows, tableRow, text } from "./rows.js";
 
 const $ = (id) => document.getElementById(id);
@@ -16,11 +16,12 @@ export class Processes {
   constructor() {
     this.rows = new Rows($("processes"), () => element("div", { className: "tile" },
       element("strong", {}, element("span"), element("em")), element("div", { className: "numbers" }),
-      element("div", { className: "numbers" }), element("div", { className: "numbers muted" })), (tile, process) => this.fill(tile, process));
+      element("div", { className: "numbers" }), element("div", { className: "numbers muted" }),
+      element("div", { className: "numbers warn" })), (tile, process) => this.fill(tile, process));
   }
 
   fill(tile, process) {
-    const [head, rate, late, rest] = tile.children, { loop } = process;
+    const [head, rate, late, rest, missed] = tile.children, { loop } = process;
     tile.dataset.level = levelOf(process);
     tile.title = process.reason || "";
     text(head.firstChild, process.name);
@@ -28,6 +29,8 @@ export class Processes {
     text(rate, loop ? `${hz(loop.rate_hz)} of ${hz(loop.target_hz)} Hz` : "no loop");
     text(late, loop ? `late ${share(loop.miss_ratio)}` : "");
     text(rest, `up ${duration(process.uptime_s)}, restarts ${count(process.restarts)}`);
+    text(missed, losses(process.gauges));
+    missed.title = missed.textContent;
   }
 
   update(processes) {

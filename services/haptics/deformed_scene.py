@@ -8,11 +8,12 @@ from protocol import Frame
 from protocol.arrays import pack
 from protocol.bodies import Catheter, Duct
 from services.mechanics.bodies.wall import make_wall
+from services.mechanics.collision import ToolContactDetector
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 
 
-class World:
+class DeformedScene:
     """Read-only copy of what physics simulates.
 
     Attributes
@@ -33,6 +34,8 @@ class World:
         self.refused: dict[str, int] = {}
         self._duct = duct
         self._max_loads = 3 * scene.contact.capacity
+        self._catheter_radius_m = 0.5 * scene.catheter.outer_diameter_m
+        self._margin_m = scene.contact.margin_m
 
     def take_duct(self, frame: Frame) -> None:
         """Deform the wall as `frame` says, if its basis is ours and its loads are on nodes that exist."""
@@ -55,6 +58,11 @@ class World:
             return
         self.particles_m[:] = positions
         self.has_catheter = True
+
+    def tool_detector(self) -> ToolContactDetector:
+        """Return collision detection of the tools with this wall and catheter."""
+        n_particles = self.particles_m.shape[0]
+        return ToolContactDetector(self.surface, n_particles, self._catheter_radius_m, self._margin_m)
 
     def warm_up(self) -> None:
         """Compile what `take_duct` calls, for arrays of the wire: read-only ones are another type to the compiler."""

@@ -1,0 +1,30 @@
+"""Compiles every kernel of haptics before the loop begins, on tools that lie across the duct at rest."""
+
+from __future__ import annotations
+
+from services.haptics.deformed_scene import DeformedScene
+from services.haptics.tool_tracker import ToolTracker
+from services.mechanics.bodies.forceps.grasp import deepest_touch
+from services.mechanics.collision import CatheterContactDetector
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.runtime.log import progress
+
+
+def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
+    """Deform the wall and detect contacts once, as every tick does."""
+    deformed, tools = DeformedScene(scene, duct), ToolTracker(scene)
+    tools.present[:] = True
+    tools.update_pose()
+    tools.segments_m[:] = duct.mesh.vertices_m[0]
+    tools.segments_m[:, :, 1] += 0.01
+    deformed.warm_up()
+    pairs, particles_m = ContactPairs.allocate(scene.contact.capacity), deformed.particles_m
+    progress("compiling collision detection", 0.0)
+    deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
+    deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
+    # Not for haptics: physics compiles its dynamics meanwhile and finds this in the cache.
+    diameter_m = scene.catheter.outer_diameter_m
+    CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)
+    progress("kernels are compiled", 1.0)
