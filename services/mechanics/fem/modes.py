@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from services.mechanics.arrays import FloatArray
@@ -70,28 +69,14 @@ def compute_modes(model: ShellModel, n_modes: int, on_solve: Callable[[], None] 
         raise np.linalg.LinAlgError("stiffness is not positive definite, a natural frequency is not real")
     order = np.argsort(-values)
     omega = 1.0 / np.sqrt(values[order])
-    return _expand(model, omega, vectors[:, order] / root_mass[:, None])
+    return expand_to_nodes(model, omega, vectors[:, order] / root_mass[:, None])
 
 
-def condensed_stiffness(model: ShellModel) -> FloatArray:
-    """Dense stiffness over the free translations, K_tt - K_tr K_rr⁻¹ K_rt (paper eq. 16); for small meshes."""
-    t = model.free_translations
-    r = np.setdiff1d(np.arange(len(model.free_dofs)), t)
-    K = model.K_free.toarray()
-    K_tr = K[np.ix_(t, r)]
-    condensed: FloatArray = K[np.ix_(t, t)] - K_tr @ cho_solve(cho_factor(K[np.ix_(r, r)]), K_tr.T)
-    return 0.5 * (condensed + condensed.T)
+def expand_to_nodes(model: ShellModel, omega: FloatArray, shapes: FloatArray) -> EigenModes:
+    """Return modes of all nodes from ``shapes`` (t, r) of the free translations.
 
-
-def compute_modes_dense(model: ShellModel, n_modes: int) -> EigenModes:
-    """The same modes by the paper's dense condensation: O(n²) memory, O(n³) time, kept for comparison."""
-    mass = model.free_mass_kg[model.free_translations]
-    values, vectors = eigh(condensed_stiffness(model), np.diag(mass), subset_by_index=[0, n_modes - 1])
-    return _expand(model, np.sqrt(values), vectors)
-
-
-def _expand(model: ShellModel, omega: FloatArray, shapes: FloatArray) -> EigenModes:
-    """Rotations follow from equilibrium of the inertial forces: K u = omega² M phi."""
+    Rotations follow from equilibrium of the inertial forces: K u = omega² M phi.
+    """
     t = model.free_translations
     load = np.zeros((len(model.free_dofs), len(omega)))
     load[t] = model.free_mass_kg[t, None] * shapes * omega**2

@@ -50,22 +50,9 @@ class ModalBasis:
         """Number of modes r."""
         return int(self.Phi.shape[2])
 
-    def truncated(self, n_modes: int) -> ModalBasis:
-        """Return the basis of the lowest ``n_modes`` only (a copy)."""
-        return ModalBasis.from_modes(self.omega_rad_s[:n_modes], self.Phi[:, :, :n_modes])
-
     def displacements(self, q: FloatArray) -> FloatArray:
         """Return the displacement of every node (n, 3) in m: eq. 22."""
         field: FloatArray = self.Phi @ q
-        return field
-
-    def nodal_forces(self, modal_force: FloatArray, mass_kg: FloatArray) -> FloatArray:
-        """Return the nodal forces (n, 3) in N that make ``modal_force`` (r,) and load no other mode.
-
-        F = M Phi f with the lumped masses (n,). The paper's step 4 prints Phi f, which is no force: with
-        mass normalised modes Phi^T M Phi = 1, so it is M Phi that undoes f = Phi^T F.
-        """
-        field: FloatArray = mass_kg[:, None] * (self.Phi @ modal_force)
         return field
 
 

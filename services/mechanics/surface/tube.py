@@ -64,11 +64,6 @@ class DuctGeometry:
         return self.radius_m * (1.0 - self.taper)
 
     @property
-    def lumen_radius_m(self) -> float:
-        """Radius of the inner wall at the clamped end."""
-        return self.radius_m - 0.5 * self.wall_thickness_m
-
-    @property
     def _overhang_m(self) -> float:
         return abs(math.tan(self.cut_angle_rad)) * self.mouth_radius_m
 

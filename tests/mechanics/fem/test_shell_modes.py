@@ -7,8 +7,8 @@ import pytest
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes
 from services.mechanics.fem.elements import cst
-from services.mechanics.fem.modes import compute_modes_dense, condensed_stiffness
 from services.studies import opensees_check
+from services.studies.dense_modes import compute_modes_dense, condensed_stiffness
 from services.studies.shell_problems import (
     DUCT_RITZ_HZ,
     plate_frequencies,

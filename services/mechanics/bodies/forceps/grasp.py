@@ -45,11 +45,6 @@ class Grasp:
     _lever_m: float = 0.0
     _next_id: int = 0
 
-    @property
-    def is_holding(self) -> bool:
-        """Whether the jaws hold something."""
-        return bool(self.holds)
-
     def update(self, pairs: ContactPairs, jaws: JawState) -> list[GraspHold]:
         """Take the contacts and jaw angles of this tick and return what is held, live until the next call."""
         if self.holds:

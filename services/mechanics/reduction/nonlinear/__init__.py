@@ -1,1 +1,1 @@
-"""The nonlinear membrane: its energy, modal derivatives, and the cubic force in modal coordinates."""
+"""The nonlinear membrane: its energy, and the cubic force in modal coordinates."""

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.nonlinear.derivatives import NonlinearBasis
 from services.mechanics.reduction.nonlinear.membrane import Membrane
 from services.mechanics.reduction.state import ModalState
 
@@ -42,13 +41,6 @@ class CubicForce:
     coordinates: IntArray
     quadratic: FloatArray
     cubic: FloatArray
-
-    @classmethod
-    def from_membrane(cls, membrane: Membrane, nonlinear: NonlinearBasis) -> CubicForce:
-        """Sum the coefficients over the mesh."""
-        shapes = np.ascontiguousarray(nonlinear.basis.Phi[:, :, nonlinear.coordinates])
-        third, fourth = energy_tensors(membrane, shapes)
-        return cls.from_energies(nonlinear.coordinates, third, fourth)
 
     @classmethod
     def from_energies(cls, coordinates: IntArray, third: FloatArray, fourth: FloatArray) -> CubicForce:

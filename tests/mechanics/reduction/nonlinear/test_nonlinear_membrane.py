@@ -9,12 +9,12 @@ from services.mechanics.fem.frames import local_coordinates, local_frames
 from services.mechanics.reduction import ExactOscillator, ModalState
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.reduction.nonlinear.derivatives import extend_with_derivatives, modal_derivatives
 from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
 from services.mechanics.reduction.nonlinear.membrane import Membrane
 from services.mechanics.reduction.nonlinear.polynomial import CubicForce
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import alternating_triangles
+from services.studies.modal_derivatives import cubic_force, extend_with_derivatives, modal_derivatives
 
 LENGTH, WIDTH, THICKNESS, E = 1.0, 0.1, 0.01, 1e7
 
@@ -37,7 +37,7 @@ def beam() -> ShellModel:
 @pytest.fixture(scope="module")
 def nonlinear_duct(model, basis):
     nonlinear = extend_with_derivatives(model, basis, 8, 12)
-    return nonlinear, CubicForce.from_membrane(Membrane.from_model(model), nonlinear)
+    return nonlinear, cubic_force(Membrane.from_model(model), nonlinear)
 
 
 def some_displacement(model, size_m=1e-3):
@@ -177,7 +177,7 @@ def test_hinged_beam_stiffens_as_the_closed_form(beam):
     shapes = np.abs(linear.Phi[:, 2, :]).max(axis=0) > np.abs(linear.Phi[:, 1, :]).max(axis=0)
     assert shapes[0]
     nonlinear = extend_with_derivatives(beam, linear, 1, 1)
-    cubic = CubicForce.from_membrane(Membrane.from_model(beam), nonlinear)
+    cubic = cubic_force(Membrane.from_model(beam), nonlinear)
     peak = np.abs(nonlinear.basis.Phi[:, 2, 0]).max()
     EA, EI = E * WIDTH * THICKNESS, E * WIDTH * THICKNESS**3 / 12.0
     for amplitude in (0.5 * THICKNESS, 2.0 * THICKNESS, 5.0 * THICKNESS):
@@ -204,7 +204,7 @@ def test_reduced_beam_follows_the_full_nonlinear_solution(beam):
     linear = build_basis(beam, 12)
     nonlinear = extend_with_derivatives(beam, linear, 8, 12)
     membrane = Membrane.from_model(beam)
-    cubic = CubicForce.from_membrane(membrane, nonlinear)
+    cubic = cubic_force(membrane, nonlinear)
     load = np.zeros((beam.mesh.n_vertices, 3))
     load[:, 2] = 1.5 * beam.mass_kg / beam.mass_kg.sum()
     full = solve_full(beam, membrane, load)
@@ -274,8 +274,10 @@ def energies_of_free_vibration(force, basis, q, dt_s, duration_s):
 
 
 def low_modes(basis, size_m):
+    """The lowest modes under a load: the same shape however the solver has turned pairs of equal frequency."""
+    load = np.random.default_rng(3).standard_normal((basis.n_nodes, 3))
     q = np.zeros(basis.n_modes)
-    q[:20] = np.random.default_rng(3).standard_normal(20) / basis.omega_rad_s[:20] ** 2
+    q[:20] = np.einsum("nir,ni->r", basis.Phi[:, :, :20], load) / basis.omega_rad_s[:20] ** 2
     return q * size_m / np.abs(basis.displacements(q)).max()
 
 

@@ -16,9 +16,10 @@ from scipy.linalg import eigh, svd
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import ShellModel
 from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.direct import CondensedStiffness
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.nonlinear.membrane import Membrane
+from services.mechanics.reduction.nonlinear.polynomial import CubicForce, energy_tensors
+from services.studies.full_model import CondensedStiffness
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +63,13 @@ def extend_with_derivatives(
     )
     active = np.flatnonzero((order < n_differentiated) | (order >= r))
     return NonlinearBasis(basis, active.astype(np.int32))
+
+
+def cubic_force(membrane: Membrane, nonlinear: NonlinearBasis) -> CubicForce:
+    """Return the membrane's force in the coordinates of a nonlinear basis, its coefficients summed over the mesh."""
+    shapes = np.ascontiguousarray(nonlinear.basis.Phi[:, :, nonlinear.coordinates])
+    third, fourth = energy_tensors(membrane, shapes)
+    return CubicForce.from_energies(nonlinear.coordinates, third, fourth)
 
 
 def modal_derivatives(model: ShellModel, linear: ModalBasis, n_modes: int) -> FloatArray:
