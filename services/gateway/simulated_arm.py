@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from services.gateway import premium_model
-from services.gateway.layout import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
+from services.gateway.layout import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.premium_model import GEARS
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
@@ -189,8 +189,3 @@ def filter_reading(
         state[1, i] = b2 * raw - a2 * velocity
         reading[READ_POSITION + i] = measured[i] - centre[i]
         reading[READ_VELOCITY + i] = velocity
-
-
-def empty_reading() -> FloatArray:
-    """Return a reading of an arm that rests in the middle."""
-    return np.zeros(READ_SIZE)

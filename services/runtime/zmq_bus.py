@@ -226,10 +226,6 @@ class ZmqBus:
         """Return the counts of all topics."""
         return bus.summarise(self._out, self._in)
 
-    def inbox(self, name: str) -> bus.Inbox:
-        """Return the bookkeeping of a read topic."""
-        return self._in[name]
-
     def close(self) -> None:
         """Close everything at once: nothing lingers."""
         self._context.destroy(linger=0)

@@ -43,7 +43,6 @@ class Member:
     heard_s: float = 0.0
     waited_s: float = 0.0  # for a processor, up to when it was heard
     stream_s: float | None = None
-    exit_status: int | None = None
     last_lines: list[str] = field(default_factory=list)
     progress: tuple[str, float] | None = None
     killed: bool = False

@@ -7,7 +7,7 @@ import pytest
 import scipy.signal
 
 from services.gateway import premium_model, simulated_arm
-from services.gateway.layout import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
+from services.gateway.layout import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.simulated_arm import ArmState
 from services.mechanics.arrays import FloatArray
 
@@ -83,7 +83,7 @@ def test_encoders_round_down_to_their_counts(joint: int) -> None:
 
 
 def test_measured_velocity_follows_a_steady_motion() -> None:
-    arm, reading = _arm(), simulated_arm.empty_reading()
+    arm, reading = _arm(), np.zeros(READ_SIZE)
     speed = 0.05
     hand = _hand(2000.0, 20.0)
     velocities = []
@@ -114,7 +114,7 @@ def test_winding_reaches_its_limit_at_the_catalogues_current() -> None:
 
 
 def test_temperature_is_told_as_a_share_of_the_limit() -> None:
-    arm, reading = _arm(), simulated_arm.empty_reading()
+    arm, reading = _arm(), np.zeros(READ_SIZE)
     arm.heat[0, 1] = 62.5
     arm.read(CENTRE, reading)
     assert reading[READ_TEMPERATURE] == pytest.approx(0.5)

@@ -52,7 +52,6 @@ class OdriveLink:
         self.errors = 0
         self.state: int | None = None
         self.estimated_ns = self.heartbeat_ns = 0
-        self.malformed = 0
         self._heartbeat_id = cansimple.identifier(node, cansimple.HEARTBEAT)
         self._estimates_id = cansimple.identifier(node, cansimple.GET_ENCODER_ESTIMATES)
         self._base = cansimple.identifier(node, 0)
@@ -71,7 +70,7 @@ class OdriveLink:
                     self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
                     self.heartbeat_ns = self._clock.monotonic_ns()
             except struct.error:
-                self.malformed += 1
+                continue  # of a wrong length: somebody else's
 
     def send(self, command: int, data: bytes = b"") -> None:
         """Send a command."""
@@ -84,11 +83,9 @@ class OdriveLink:
 
     def _take_estimates(self, data: bytes) -> None:
         angle, rate = cansimple.unpack_floats(data)
-        if not math.isfinite(angle + rate):
-            self.malformed += 1
-            return
-        self.angle_turns, self.rate_turns_s = angle, rate
-        self.estimated_ns = self._clock.monotonic_ns()
+        if math.isfinite(angle + rate):
+            self.angle_turns, self.rate_turns_s = angle, rate
+            self.estimated_ns = self._clock.monotonic_ns()
 
 
 class OdriveGrasp(GraspHandle):
