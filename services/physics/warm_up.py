@@ -74,8 +74,19 @@ class _NoSearch:
         """Write the rest positions."""
         out[:] = self._rest_m[nodes]
 
+    def sphere_detector(self, radius_m: float) -> _NoDetector:
+        """Return what finds nothing."""
+        return _NoDetector()
+
     def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
         """Append nothing."""
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append nothing."""
+
+
+class _NoDetector:
+    """Finds nothing either."""
+
+    def detect(self, centre_m: npt.NDArray[np.float64], pairs: ContactPairs) -> None:
         """Append nothing."""

@@ -18,6 +18,13 @@ from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 
 
+class SphereDetector(Protocol):
+    """Finds where one sphere meets the wall, from tick to tick."""
+
+    def detect(self, centre_m: FloatArray, pairs: ContactPairs) -> None:
+        """Append the pairs of a sphere at ``centre_m`` (1, 3), in the place of the catheter's particle 0."""
+
+
 class ContactSearch(Protocol):
     """Finds candidate pairs from positions at the start of the step."""
 
@@ -37,13 +44,16 @@ class ContactSearch(Protocol):
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append those of the tools against duct and catheter."""
 
+    def sphere_detector(self, radius_m: float) -> SphereDetector:
+        """Return what finds the contacts of one more sphere with the wall."""
+
 
 class DuctSearch:
     """Collision detection of `services.mechanics.collision` on the reduced duct."""
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
         half_thickness_m = 0.5 * scene.duct.thickness_m
-        margin_m = scene.contact.margin_m
+        self._margin_m = margin_m = scene.contact.margin_m
         radius_m = 0.5 * scene.catheter.outer_diameter_m
         self._wall = make_wall(duct, half_thickness_m)
         self.surface = self._wall.surface
@@ -69,6 +79,10 @@ class DuctSearch:
     def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
         """Append those of the catheter against the duct."""
         self.catheter.detect(catheter.start_m, pairs)
+
+    def sphere_detector(self, radius_m: float) -> CatheterContactDetector:
+        """Return what finds the contacts of one more sphere with the wall."""
+        return CatheterContactDetector(self.surface, 1, radius_m, self._margin_m)
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append those of the tools against duct and catheter."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision import CatheterContactDetector
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.frames import write_frame
@@ -17,7 +16,6 @@ from services.mechanics.contact.identity import pair_identity, with_stone
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.rows import NO_STONE, ContactRows
-from services.mechanics.contact.search import DuctSearch
 from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.scene import SceneModel
@@ -67,11 +65,7 @@ class Gallstones(Effect):
 
     def prepare(self, world: World) -> None:
         """Give every stone its own detection, for each has its radius; weigh them."""
-        search = world.search
-        if not isinstance(search, DuctSearch):
-            raise ValueError("effects.gallstones: needs the collision detection of the duct")
-        margin_m = world.scene.contact.margin_m
-        self._detectors = [CatheterContactDetector(search.surface, 1, float(r), margin_m) for r in self.radius_m]
+        self._detectors = [world.search.sphere_detector(float(r)) for r in self.radius_m]
         self._pairs = ContactPairs.allocate(4)
         self._weight_n += self._submerged_kg[:, None] * world.acceleration_m_s2
 

@@ -185,6 +185,31 @@ def test_catheter_does_not_pass_through_itself(with_effects, small_duct):
     assert gaps[0] < gaps[1]
 
 
+def test_strands_pressed_into_each_other_come_out_where_they_went_in(with_effects, small_duct):
+    """The closest points of the axes alone would say the other side, once the axes have crossed."""
+    scene = with_effects(self_contact={})
+    catheter = replace(scene.catheter, anchor="free", tip_position_m=(100e-3, 50e-3, 0.0), n_segments=40)
+    simulation = Simulation(replace(scene, catheter=catheter), small_duct)
+    state, tools = simulation.catheter.state, ToolInputs()
+    tools.present[:] = False
+    along = np.linspace(0.0, 1.0, 18)[:, None]
+    bend = np.pi * (np.linspace(0.0, 1.0, 7)[1:-1, None] - 0.5)
+    far = 0.1 + 17 * 2.5e-3
+    there = np.hstack([0.1 + 17 * 2.5e-3 * along, np.full_like(along, 0.1), np.zeros_like(along)])
+    turn = np.hstack([far + 5e-3 * np.cos(bend), 0.105 + 5e-3 * np.sin(bend), np.zeros_like(bend)])
+    state.position_m[:] = np.vstack([there, turn, there[::-1]])
+    back = slice(23, 41)
+    state.position_m[back, 2] = 1.7e-3
+    simulation.step(tools)
+    state.position_m[back, 2] = -0.2e-3
+    state.velocity_m_s[:] = 0.0
+    lowest = []
+    for _ in range(20):
+        simulation.step(tools)
+        lowest.append(np.mean(state.position_m[back, 2] - state.position_m[17::-1, 2]))
+    assert lowest[-1] > 1e-3
+
+
 @pytest.mark.parametrize("name", ["viscoelasticity", "nonlinear_membrane", "twist"])
 def test_body_effects_run_with_the_contacts(with_effects, small_duct, name):
     tools = pressing_tools(None)

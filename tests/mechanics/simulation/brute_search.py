@@ -37,6 +37,9 @@ class BruteSearch:
                 target = sum(w[k] * x[self.mesh.triangles[t, k]] for k in range(3))
                 self.add(pairs, (NO_TOOL, 0, i), (DUCT_TRIANGLE, t, w), 0.0, (p - target) / d, gap)
 
+    def sphere_detector(self, radius_m):
+        raise NotImplementedError
+
     def tool_pairs(self, catheter, tools, pairs):
         x = self.x
         for tool in range(2):

@@ -10,11 +10,10 @@ from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.scene import ForcepsScene
-from services.mechanics.scene.tools import GraspHold
+from services.mechanics.scene.tools import N_TOOLS, GraspHold
 from services.mechanics.surface.mesh import TriangleMesh
 
 TOUCHING_M = 0.1e-3
-HOLDS_PER_GRASP = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ class Grasp:
     def _new_id(self) -> int:
         """Numbers of different tools never meet: each tool counts in its own residue class."""
         self._next_id += 1
-        return HOLDS_PER_GRASP * self._next_id + self.tool
+        return N_TOOLS * self._next_id + self.tool
 
     def _catheter_points(self, pairs: ContactPairs, a: int, b: int) -> list[tuple[int, FloatArray]]:
         """Two points of the catheter a jaw's width apart, round the middle of what both jaws touch."""

@@ -9,6 +9,7 @@ from services.mechanics.bodies.forceps import (
     jaw_angle_from_handle,
     tool_frame,
 )
+from services.mechanics.bodies.forceps import grasp as grasp_module
 from services.mechanics.bodies.forceps.kinematics import tool_segments
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
 from services.mechanics.scene import ForcepsScene
@@ -121,6 +122,20 @@ def test_grasp_lets_go_when_the_handle_opens_past_where_it_closed(small_duct):
     assert not grasp.update(pairs, JawState(0.44, 0.44))
     again = [h.hold_id for h in grasp.update(pairs, JawState(0.40, 0.35))]
     assert not set(first) & set(again)
+
+
+def test_holds_of_different_tools_never_share_a_number_however_many_tools_there_are(small_duct, monkeypatch):
+    monkeypatch.setattr(grasp_module, "N_TOOLS", 3)
+    numbers = []
+    for tool in range(3):
+        grasp = Grasp(tool, ForcepsScene(), small_duct.mesh, 2e-3)
+        pairs = touching_pairs(CATHETER_SEGMENT, 7, 7)
+        pairs.tool[:] = tool
+        for _ in range(3):
+            numbers += [hold.hold_id for hold in grasp.update(pairs, JawState(0.40, 0.35))]
+            assert not grasp.update(pairs, JawState(0.44, 0.44))
+    assert len(numbers) == 18
+    assert len(set(numbers)) == 18
 
 
 def test_one_jaw_alone_or_two_sides_of_the_tube_are_no_grasp(small_duct):

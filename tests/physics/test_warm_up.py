@@ -1,0 +1,17 @@
+"""Whatever a scene may name can be compiled before the loop begins."""
+
+from __future__ import annotations
+
+from services.cache_directory import cache_directory
+from services.mechanics.effects import EFFECTS
+from services.physics.warm_up import warm_up
+from services.scenes import load_duct, load_scene
+from tests.physics.conftest import SMALL
+
+
+def test_a_scene_with_every_effect_warms_up() -> None:
+    """Before collision detection is compiled there is none: no effect may insist on it."""
+    named = [f"effects.{name}={{}}" for name in EFFECTS]
+    scene = load_scene(SMALL, [*named, "effects.nonlinear_membrane.n_coordinates=2"])
+    assert set(scene.effects) == set(EFFECTS)
+    warm_up(scene, load_duct(scene, cache_directory(), lambda stage, fraction: None))
