@@ -6,7 +6,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
 from services.mechanics.fem.frames import local_coordinates, local_frames
-from services.mechanics.reduction import ExactOscillator, ModalState
+from services.mechanics.reduction import ExactOscillator, ModalBasis, ModalState
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
@@ -17,6 +17,11 @@ from services.mechanics.surface.tube import alternating_triangles
 from services.studies.modal_derivatives import cubic_force, extend_with_derivatives, modal_derivatives
 
 LENGTH, WIDTH, THICKNESS, E = 1.0, 0.1, 0.01, 1e7
+
+# Lowest modes of the duct that take part. Most modes of a tube are double, and how a double pair is turned in its
+# plane, like the sign of a mode, is the eigensolver's choice: a number that parts a pair, or a state drawn in modal
+# coordinates, would make the answer depend on the machine.
+N_COORDINATES, N_DIFFERENTIATED, N_DERIVATIVES = 19, 7, 13
 
 
 def hinged_beam(membrane: str) -> ShellModel:
@@ -36,7 +41,7 @@ def beam() -> ShellModel:
 
 @pytest.fixture(scope="module")
 def nonlinear_duct(model, basis):
-    nonlinear = extend_with_derivatives(model, basis, 8, 12)
+    nonlinear = extend_with_derivatives(model, basis, N_DIFFERENTIATED, N_DERIVATIVES)
     return nonlinear, cubic_force(Membrane.from_model(model), nonlinear)
 
 
@@ -104,7 +109,7 @@ def test_extended_basis_is_orthonormal_and_diagonal(model, basis, nonlinear_duct
     extended = nonlinear_duct[0].basis
     gram = np.einsum("nir,n,nis->rs", extended.Phi, model.mass_kg, extended.Phi)
     assert gram == pytest.approx(np.eye(extended.n_modes), abs=1e-10)
-    assert extended.n_modes == basis.n_modes + 12
+    assert extended.n_modes == basis.n_modes + N_DERIVATIVES
     assert np.all(np.diff(extended.omega_rad_s) >= 0.0)
     assert set(np.round(basis.omega_rad_s, 6)) <= set(np.round(extended.omega_rad_s, 6))
 
@@ -226,7 +231,7 @@ def cst_model(model):
 
 @pytest.fixture(scope="module")
 def relaxed(cst_model, basis) -> CubicForce:
-    return relaxed_membrane_force(cst_model, basis, 20)
+    return relaxed_membrane_force(cst_model, basis, N_COORDINATES)
 
 
 def test_relaxed_beam_has_the_closed_form_energy():
@@ -247,7 +252,7 @@ def test_relaxed_energy_is_never_negative(basis, relaxed):
     rng, worst = np.random.default_rng(11), 0.0
     for _ in range(3000):
         q = np.zeros(basis.n_modes)
-        chosen = rng.choice(20, rng.integers(1, 20), replace=False)
+        chosen = rng.choice(N_COORDINATES, rng.integers(1, N_COORDINATES), replace=False)
         q[chosen] = rng.standard_normal(chosen.size) / basis.omega_rad_s[chosen] ** 2
         second = 0.5 * np.sum((basis.omega_rad_s * q) ** 2)
         q /= np.sqrt(second)
@@ -273,16 +278,41 @@ def energies_of_free_vibration(force, basis, q, dt_s, duration_s):
     return np.array(energies)
 
 
-def low_modes(basis, size_m):
-    """The lowest modes under a load: the same shape however the solver has turned pairs of equal frequency."""
-    load = np.random.default_rng(3).standard_normal((basis.n_nodes, 3))
-    q = np.zeros(basis.n_modes)
-    q[:20] = np.einsum("nir,ni->r", basis.Phi[:, :, :20], load) / basis.omega_rad_s[:20] ** 2
+def pinched_askew(model, basis, size_m, n_modes=N_COORDINATES):
+    """Static shape, in the lowest modes, under two forces on the mouth that no plane of symmetry holds.
+
+    Given by forces and not by coordinates: whatever way double modes are turned, it is the same displacement.
+    """
+    mouth, load = model.mesh.vertex_sets["mouth"], np.zeros((model.mesh.n_vertices, 3))
+    load[mouth[0]], load[mouth[7]] = [0.0, -1.0, 0.0], [0.0, 0.3, 1.0]
+    q = np.einsum("nir,ni->r", basis.Phi, load) / basis.omega_rad_s**2
+    q[n_modes:] = 0.0
     return q * size_m / np.abs(basis.displacements(q)).max()
 
 
-def test_kicks_of_a_millisecond_keep_the_energy_bounded_and_are_of_second_order(basis, relaxed):
-    q = low_modes(basis, 4e-3)
+def with_double_modes_turned(basis):
+    """The same modes as another machine may find them: pairs turned in their plane, single ones with the other sign."""
+    rng, omega, Phi, k = np.random.default_rng(12), basis.omega_rad_s, basis.Phi.copy(), 0
+    while k < omega.size:
+        is_double = k + 1 < omega.size and omega[k + 1] < (1.0 + 1e-6) * omega[k]
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) if is_double else -np.eye(1)
+        Phi[:, :, k : k + len(turn)] = Phi[:, :, k : k + len(turn)] @ turn
+        k += len(turn)
+    return ModalBasis.from_modes(omega, Phi)
+
+
+def test_the_energy_does_not_depend_on_how_double_modes_are_turned(cst_model, basis, relaxed):
+    other = with_double_modes_turned(basis)
+    q, q_other = (pinched_askew(cst_model, each, 6e-3) for each in (basis, other))
+    assert np.abs(q - q_other).max() > 0.5 * np.abs(q).max()
+    assert other.displacements(q_other) == pytest.approx(basis.displacements(q), abs=1e-12)
+    again = relaxed_membrane_force(cst_model, other, N_COORDINATES)
+    assert again.energy_j(q_other) == pytest.approx(relaxed.energy_j(q), rel=1e-9)
+
+
+def test_kicks_of_a_millisecond_keep_the_energy_bounded_and_are_of_second_order(cst_model, basis, relaxed):
+    q = pinched_askew(cst_model, basis, 6e-3)
     assert relaxed.energy_j(q) > 0.1 * 0.5 * np.sum((basis.omega_rad_s * q) ** 2)
     ripples = []
     for dt_s in (1e-3, 5e-4):
@@ -295,21 +325,23 @@ def test_kicks_of_a_millisecond_keep_the_energy_bounded_and_are_of_second_order(
     assert np.log2(ripples[0] / ripples[1]) == pytest.approx(2.0, abs=0.2)
 
 
-def test_even_a_huge_deflection_does_not_run_away(basis, relaxed):
-    energies = energies_of_free_vibration(relaxed, basis, low_modes(basis, 12e-3), 1e-3, 2.0)
-    assert np.ptp(energies) < 0.3 * energies.mean()
+def test_even_a_huge_deflection_does_not_run_away(cst_model, basis, relaxed):
+    energies = energies_of_free_vibration(relaxed, basis, pinched_askew(cst_model, basis, 12e-3), 1e-3, 2.0)
+    assert np.ptp(energies) < 0.1 * energies.mean()
 
 
-def test_derivatives_as_coordinates_need_a_smaller_step_and_then_agree_with_the_energy(nonlinear_duct):
+def test_derivatives_as_coordinates_run_away_at_a_millisecond_and_keep_the_energy_at_a_tenth(model, nonlinear_duct):
     nonlinear, cubic = nonlinear_duct
-    q = some_coordinates(nonlinear, 0.5e-3)
+    q = pinched_askew(model, nonlinear.basis, 4e-3, n_modes=nonlinear.basis.n_modes)
     ripples = [
         np.ptp(energies) / energies.mean()
         for dt_s in (1e-4, 5e-5)
         for energies in [energies_of_free_vibration(cubic, nonlinear.basis, q, dt_s, 0.1)]
     ]
     assert ripples[0] < 0.05
-    assert ripples[1] < 0.5 * ripples[0]
+    assert np.log2(ripples[0] / ripples[1]) == pytest.approx(2.0, abs=0.2)
+    at_a_millisecond = energies_of_free_vibration(cubic, nonlinear.basis, q, 1e-3, 0.01)
+    assert at_a_millisecond[-1] > 10.0 * at_a_millisecond[0]
 
 
 def test_only_the_cst_membrane_can_be_relaxed(model, basis):
