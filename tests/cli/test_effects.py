@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -35,27 +36,28 @@ def test_people_read_what_an_effect_is_and_needs(trocar: Trocar, monkeypatch: py
 def test_costs_are_measured_by_running_the_scene(
     trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """An effect that wastes a millisecond costs a millisecond, and one that does nothing next to nothing."""
-    wasteful = type("Wasteful", (EFFECTS["grasp_slip"].kind,), {"add_loads": _waste})
+    """An effect that takes a millisecond of the clock costs that, and one that takes none nothing."""
+    now_ns = itertools.count(step=1000)
+    late_ns: list[int] = []
+
+    def waste(*_: object) -> None:
+        late_ns.append(1_000_000)
+
+    wasteful = type("Wasteful", (EFFECTS["grasp_slip"].kind,), {"add_loads": waste})
     for name in list(EFFECTS)[:-1]:
         monkeypatch.delitem(EFFECTS, name)
     monkeypatch.setitem(EFFECTS, "wasteful", type(EFFECTS["grasp_slip"])(wasteful, "wastes a millisecond"))
+    monkeypatch.setattr(effect_costs, "perf_counter_ns", lambda: next(now_ns) + sum(late_ns))
     monkeypatch.setattr(effect_costs, "START_TICK", 10)
-    monkeypatch.setattr(effect_costs, "N_TICKS", 60)
+    monkeypatch.setattr(effect_costs, "N_TICKS", 20)
     scene = tmp_path / "scene.yaml"
     scene.write_text(SMALL.read_text().replace("effects: {gravity: {}, friction: {}}", "effects: {grasp_slip: {}}"))
     ran = trocar("effects", "--scene", scene, "--measure", "--json")
     assert ran.code == 0, ran.err
     costs = {line["name"]: line["cost"] for line in json.loads(ran.out)["effects"]}
-    assert costs["wasteful"]["extra_us"] > 900.0
-    assert costs["grasp_slip"]["extra_us"] < 500.0
-    assert costs["grasp_slip"]["step_us"] > 0.0
-
-
-def _waste(self: object, simulation: object, dt_s: float) -> None:
-    end_ns = effect_costs.perf_counter_ns() + 1_000_000
-    while effect_costs.perf_counter_ns() < end_ns:
-        pass
+    assert costs["wasteful"] == pytest.approx({"extra_us": 1000.0, "noise_us": 0.0, "step_us": 1.0})
+    assert costs["grasp_slip"] == pytest.approx({"extra_us": 0.0, "noise_us": 0.0, "step_us": 1.0})
+    assert len(late_ns) == 10 + 20
 
 
 def test_a_scene_that_is_not_there_is_a_sentence(trocar: Trocar) -> None:
