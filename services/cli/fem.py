@@ -110,5 +110,6 @@ def _print_static(static: dict[str, object], console: Console) -> None:
     console.print(table)
     console.print(
         f"largest displacement {static['largest_displacement_m']:.6g} m at vertex "
-        f"{static['largest_displacement_vertex']}, residual {static['residual']:.1e}"
+        f"{static['largest_displacement_vertex']}, residual {static['residual']:.1e}, condition "
+        f"{static['condition']:.1e}"
     )

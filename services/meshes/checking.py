@@ -42,15 +42,6 @@ def check_surface(mesh: TriangleMesh) -> list[Finding]:
     return [Finding(name, len(items), mesh.vertices_m[items[0]].mean(axis=0)) for name, items in tests if len(items)]
 
 
-def smallest_angles_rad(mesh: TriangleMesh) -> FloatArray:
-    """(m,) smallest angle of each triangle."""
-    corners = mesh.vertices_m[mesh.triangles]
-    to_next, to_last = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    sine = np.linalg.norm(np.cross(to_next, to_last), axis=2)
-    angles: FloatArray = np.arctan2(sine, np.sum(to_next * to_last, axis=2)).min(axis=1)
-    return angles
-
-
 def _degenerate(mesh: TriangleMesh) -> IntArray:
     corners = mesh.vertices_m[mesh.triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

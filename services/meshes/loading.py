@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes.checking import smallest_angles_rad
+from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 from services.meshes.errors import MeshError
 from services.meshes.openings import Opening, find_openings, lumen_diameter_m, name_ends, place_by_ends
 from services.meshes.reading import read_surface

@@ -41,6 +41,7 @@ def _static_json(result: FemResult, static: StaticSolution) -> dict[str, Any]:
     length = np.linalg.norm(static.displacement_m, axis=1)
     return {
         "residual": static.residual,
+        "condition": result.model.condition,
         "largest_displacement_m": float(length.max()),
         "largest_displacement_vertex": int(length.argmax()),
         "reaction_force_n": force.sum(axis=0).tolist(),

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes, point_load
-from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2, unique_edges
+from services.mechanics.surface.mesh import (
+    TriangleMesh,
+    boundary_loops,
+    smallest_angles_rad,
+    triangle_areas_m2,
+    unique_edges,
+)
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.cached import load_mesh
-from services.meshes.checking import check_surface, smallest_angles_rad
+from services.meshes.checking import check_surface
 from services.meshes.crossings import crossing_triangles
 from services.meshes.errors import MeshError
 from services.meshes.loading import SurfaceSettings, load_duct_surface

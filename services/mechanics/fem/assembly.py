@@ -62,7 +62,7 @@ def assemble_stiffness(mesh: TriangleMesh, section: ShellSection, choice: Elemen
     keys, slots = np.unique(pairs.ravel(), return_inverse=True)
     slots = slots.reshape(-1, 9)
     blocks = np.zeros((len(keys), 36))
-    for chunk, K in _element_chunks(mesh, section, choice):
+    for chunk, K in element_chunks(mesh, section, choice):
         _add_blocks(blocks, slots[chunk].ravel(), K.reshape(-1, 3, 6, 3, 6).transpose(0, 1, 3, 2, 4))
     rows, columns = np.divmod(keys, n)
     row_start = np.searchsorted(rows, np.arange(n + 1)).astype(np.int32)
@@ -79,9 +79,10 @@ def _add_blocks(blocks: FloatArray, slots: FloatArray, contributions: FloatArray
     blocks[sorted_slots[starts]] += np.add.reduceat(values, starts, axis=0)
 
 
-def _element_chunks(
+def element_chunks(
     mesh: TriangleMesh, section: ShellSection, choice: ElementChoice
 ) -> Iterator[tuple[slice, FloatArray]]:
+    """Slices of the triangles, each with its (k, 18, 18) stiffness in global axes."""
     frames = local_frames(mesh)
     xy = local_coordinates(mesh, frames)
     D = plane_stress_matrices(section, frames)

@@ -12,6 +12,7 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.fem.accuracy import IllConditionedError, condition_estimate, refine, stiffness_span
 from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
 from services.mechanics.fem.section import ShellSection
 from services.mechanics.fem.supports import Support, check_supported, held_dofs
@@ -20,6 +21,10 @@ from services.mechanics.surface.mesh import TriangleMesh
 
 __all__ = ["ElementChoice", "ShellModel", "StaticSolution"]
 
+RESIDUAL_LIMIT = 1e-8
+"""A static solution with a larger residual is refined, and refused if that does not heal it."""
+CONDITION_LIMIT = 1e12
+"""Beyond it modes and load factors, which nothing refines, would be wrong in the fourth digit."""
 PENALTY = 1e8
 """The paper's "large number" on the held diagonal entries; larger loses digits in the factorisation."""
 
@@ -35,7 +40,7 @@ class StaticSolution:
     reaction: FloatArray
     """(n, 6) force (N) and moment (N m) that the supports exert on the shell, zero at free dofs."""
     residual: float
-    """Norm of the unbalanced free forces over the norm of the load."""
+    """Norm of the unbalanced free forces over that of load and reactions, at most `RESIDUAL_LIMIT`."""
 
 
 class ShellModel:
@@ -114,8 +119,33 @@ class ShellModel:
 
     @cached_property
     def factor(self) -> SuperLU:
-        """Sparse factors of ``K_free``, made at the first use; symmetric pivots keep the fill low."""
-        return splu(self.K_free, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        """Sparse factors of ``K_free``, made at the first use; symmetric pivots keep the fill low.
+
+        Raises
+        ------
+        IllConditionedError
+            A pivot is zero; names the triangles whose stiffness is furthest apart.
+        """
+        try:
+            return splu(self.K_free, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError as error:
+            raise IllConditionedError(f"the stiffness is singular in floating point: {stiffness_span(self)}") from error
+
+    @cached_property
+    def condition(self) -> float:
+        """Estimate of the scaled condition of ``K_free``: times 2e-16 it is the relative error to reckon with."""
+        return condition_estimate(self)
+
+    def check_condition(self) -> None:
+        """Refuse what only a well-conditioned model can be asked.
+
+        Raises
+        ------
+        IllConditionedError
+            `condition` is beyond `CONDITION_LIMIT`; names the triangles whose stiffness is furthest apart.
+        """
+        if not self.condition <= CONDITION_LIMIT:
+            raise IllConditionedError(f"condition {self.condition:.1g} leaves no digits: {stiffness_span(self)}")
 
     def solve_free(self, load: FloatArray) -> FloatArray:
         """K⁻¹ load for (f,) or (f, k) loads over the free dofs, with one step of iterative refinement."""
@@ -132,11 +162,17 @@ class ShellModel:
             (n, 3) forces in N or (n, 6) with moments in N m.
         imposed
             (n, 6) values of which those at held dofs are used; none means zero.
+
+        Raises
+        ------
+        IllConditionedError
+            The residual stays above `RESIDUAL_LIMIT` after refinement; names the triangles that cause it.
         """
         force = self._full_vector(load, "load")
         u = np.zeros(self.n_dofs)
         if imposed is not None:
             u[self.held_dofs] = self._full_vector(imposed, "imposed")[self.held_dofs]
+        imposed_u = u.copy()
         free = self.free_dofs
         if self.constraints == "penalty":
             target = force.copy()
@@ -144,18 +180,35 @@ class ShellModel:
             u = self.solve_free(target)
         else:
             u[free] = self.solve_free((force - np.asarray(self.K_full @ u))[free])
-        unbalanced = force - np.asarray(self.K_full @ u)
+        inside = np.asarray(self.K_full @ u)
+        residual = self._residual(force, inside, u)
+        if not residual <= RESIDUAL_LIMIT:
+            u, inside = refine(self, u, force, imposed_u)
+            residual = self._residual(force, inside, u)
+            if not residual <= RESIDUAL_LIMIT:
+                raise IllConditionedError(
+                    f"static solution: the residual stays at {residual:.1g} of the load (condition "
+                    f"{self.condition:.1g}): {stiffness_span(self)}"
+                )
         reaction = np.zeros(self.n_dofs)
-        reaction[self.held_dofs] = -unbalanced[self.held_dofs]
-        unbalanced[self.held_dofs] = 0.0
-        scale = float(np.linalg.norm(force) + np.linalg.norm(reaction))
+        reaction[self.held_dofs] = (inside - force)[self.held_dofs]
         nodal = u.reshape(-1, 6)
-        return StaticSolution(
-            nodal[:, :3].copy(),
-            nodal[:, 3:].copy(),
-            reaction.reshape(-1, 6),
-            float(np.linalg.norm(unbalanced)) / scale if scale else 0.0,
-        )
+        return StaticSolution(nodal[:, :3].copy(), nodal[:, 3:].copy(), reaction.reshape(-1, 6), residual)
+
+    def _residual(self, force: FloatArray, inside: FloatArray, u: FloatArray) -> float:
+        """Norm of what is unbalanced at free dofs over the norms of load and reactions.
+
+        Where nothing is loaded and the supports impose a rigid motion both are rounding: forces below the rounding of
+        the stiffness's own entries then count as none.
+        """
+        unbalanced = force - inside
+        reaction = np.linalg.norm(unbalanced[self.held_dofs])
+        unbalanced[self.held_dofs] = 0.0
+        scale = float(np.linalg.norm(force) + reaction)
+        if not force.any():
+            rounding = np.finfo(np.float64).eps * np.linalg.norm(abs(self.K_full) @ np.abs(u))
+            scale = max(scale, 0.01 * rounding / RESIDUAL_LIMIT)
+        return float(np.linalg.norm(unbalanced)) / scale if scale else 0.0
 
     def _full_vector(self, nodal: FloatArray, name: str) -> FloatArray:
         n = self.mesh.n_vertices

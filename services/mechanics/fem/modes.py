@@ -46,12 +46,13 @@ def compute_modes(model: ShellModel, n_modes: int, on_solve: Callable[[], None] 
     Raises
     ------
     ValueError
-        More modes are asked for than the model has free translations, or the stiffness is not positive definite.
+        More modes are asked for than the model has free translations, or the model is ill-conditioned.
     """
     translations = model.free_translations
     n = len(translations)
     if not 0 < n_modes < n:
         raise ValueError(f"n_modes must lie between 1 and {n - 1}, the free translations, is {n_modes}")
+    model.check_condition()
     root_mass = np.sqrt(model.free_mass_kg[translations])
     full = np.zeros(len(model.free_dofs))
 

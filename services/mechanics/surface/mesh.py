@@ -69,6 +69,15 @@ def triangle_areas_m2(mesh: TriangleMesh) -> FloatArray:
     return areas
 
 
+def smallest_angles_rad(mesh: TriangleMesh) -> FloatArray:
+    """(m,) smallest angle of each triangle."""
+    corners = mesh.vertices_m[mesh.triangles]
+    to_next, to_last = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(to_next, to_last), axis=2)
+    angles: FloatArray = np.arctan2(sine, np.sum(to_next * to_last, axis=2)).min(axis=1)
+    return angles
+
+
 def vertex_normals(mesh: TriangleMesh) -> FloatArray:
     """(n, 3) unit normals, the area-weighted mean of the triangles round each vertex."""
     area_vectors = triangle_area_vectors(mesh)
