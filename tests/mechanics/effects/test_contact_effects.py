@@ -1,0 +1,142 @@
+"""Effects in contacts: friction, the film of mucus, slipping grasps, stones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from effect_runs import run
+
+from services.mechanics.collision.pairs import CATHETER_SEGMENT
+from services.mechanics.contact.laws import number_of
+from services.mechanics.scene.tools import GraspHold, ToolInputs
+from services.mechanics.simulation import Simulation
+
+
+def test_friction_holds_the_catheter_on_a_slope_below_its_angle_and_not_above(with_effects, small_duct):
+    """Gravity tilted against the wall: slides when tan(tilt) exceeds mu, sticks when it does not."""
+    moved = {}
+    for mu in (0.2, 0.5):
+        tilt = np.arctan(0.35)
+        g = 9.81 * np.array([-np.sin(tilt), 0.0, -np.cos(tilt)])
+        scene = with_effects(gravity={"acceleration_m_s2": tuple(g)}, friction={"mu_static": mu, "mu_kinetic": mu})
+        catheter = replace(
+            scene.catheter, anchor="free", length_m=20e-3, n_segments=10, tip_position_m=(10e-3, 0.0, -2.6e-3)
+        )
+        simulation = run(replace(scene, catheter=catheter), small_duct, ticks=60)
+        start = simulation.catheter.state.position_m[:, 0].mean()
+        tools = ToolInputs()
+        tools.present[:] = False
+        for _ in range(40):
+            simulation.step(tools)
+        moved[mu] = start - simulation.catheter.state.position_m[:, 0].mean()
+    assert moved[0.2] > 5e-4
+    assert abs(moved[0.5]) < 5e-5
+
+
+def test_mucus_film_drags_with_the_couette_force(with_effects, small_duct):
+    """A catheter sliding along the wall with a film is slower than without, by the same force on the duct."""
+    speeds = {}
+    for effects in ({}, {"mucus_drag": {}}):
+        scene = with_effects(gravity={"acceleration_m_s2": (-2.0, 0.0, -9.81)}, **effects)
+        catheter = replace(
+            scene.catheter, anchor="free", length_m=20e-3, n_segments=10, tip_position_m=(10e-3, 0.0, -2.6e-3)
+        )
+        simulation = run(replace(scene, catheter=catheter), small_duct, ticks=60)
+        speeds[len(effects)] = -simulation.catheter.state.velocity_m_s[:, 0].mean()
+        on_duct = simulation.load_force_n[: simulation.n_loads].sum(axis=0)
+        assert np.abs(on_duct + simulation.catheter.contact_force_n.sum(axis=0)).max() < 1e-12
+    assert 0.0 < speeds[1] < 0.2 * speeds[0]
+
+
+def test_stone_falls_onto_the_wall_and_rests_with_its_weight(with_effects, small_duct):
+    scene = with_effects(
+        gravity={},
+        gallstones={"position_m": ((10e-3, 0.0, -1.5e-3),), "radius_m": (1.5e-3,), "density_kg_m3": 2000.0},
+    )
+    simulation = run(scene, small_duct, ticks=400)
+    stone = simulation.effects["gallstones"]
+    assert np.abs(stone.velocity_m_s).max() < 2e-3
+    weight = (2000.0 - 1000.0) * 4.0 / 3.0 * np.pi * 1.5e-3**3 * 9.81
+    tools, carried = ToolInputs(), []
+    tools.present[:] = False
+    for _ in range(100):
+        simulation.step(tools)
+        mine = simulation.contacts.stone[: simulation.contacts.n_contacts] == 0
+        carried.append(simulation.contact_force_n[mine].sum(axis=0)[2])
+    assert np.mean(carried) == pytest.approx(weight, rel=0.05)
+    assert -4e-3 < stone.position_m[0, 2] < -1.5e-3
+
+
+@pytest.mark.parametrize("model", ["implicit", "penalty"])
+@pytest.mark.parametrize("viscosity_pa_s", [3e-3, 6e-3])
+def test_a_film_slows_a_sliding_catheter_by_its_viscosity_under_either_contact_model(
+    with_effects, small_duct, model, viscosity_pa_s
+):
+    """Near the middle of a facet but off it, M dV/dt = -n b V with b = viscosity * length * diameter / film."""
+    scene = with_effects(mucus_drag={"viscosity_pa_s": viscosity_pa_s})
+    catheter = replace(
+        scene.catheter,
+        anchor="free",
+        length_m=20e-3,
+        n_segments=10,
+        tip_position_m=(10e-3, -2.3e-3 * np.sin(np.pi / 12), -2.3e-3 * np.cos(np.pi / 12)),
+        viscous_drag_n_s_m2=0.0,
+    )
+    contact = replace(scene.contact, model=model, penalty_stiffness_n_m=1.0)
+    simulation = Simulation(replace(scene, catheter=catheter, contact=contact), small_duct)
+    tools, state = ToolInputs(), simulation.catheter.state
+    tools.present[:] = False
+    state.velocity_m_s[:, 0] = -20e-3
+    for _ in range(50):
+        simulation.step(tools)
+    b_n_s_m = viscosity_pa_s * 2e-3 * scene.catheter.outer_diameter_m / 0.3e-3
+    mass_kg = simulation.catheter.properties.particle_mass_kg()
+    left = mass_kg @ state.velocity_m_s[:, 0] / (-20e-3 * mass_kg.sum())
+    assert left == pytest.approx(np.exp(-50e-3 * 11 * b_n_s_m / mass_kg.sum()), rel=0.03)
+
+
+def pull_at_the_catheter(with_effects, small_duct, effects, limit_n=0.05):
+    """Both holds of a grasp on the catheter, the hand 5 mm away: through the coupling that would be 2.5 N."""
+    simulation, tools = Simulation(with_effects(**effects), small_duct), ToolInputs()
+    tools.present[0] = False
+    at = simulation.catheter.state.position_m[10].copy()
+    tools.holds = [
+        GraspHold(number, 1, CATHETER_SEGMENT, 10, np.array([1.0 - s, s, 0.0]), limit_n, 0.3)
+        for number, s in ((1, 0.0), (2, 0.5))
+    ]
+    largest_n = 0.0
+    for tick in range(150):
+        tools.position_m[1] = at + np.array([0.0, 0.0, 8e-3]) + min(tick, 100) * np.array([0.0, 5e-5, 0.0])
+        simulation.step(tools)
+        held = simulation.contacts.law[: simulation.contacts.n_contacts] == number_of("hold")
+        largest_n = max(largest_n, np.linalg.norm(simulation.contact_force_n[held], axis=1).max(initial=0.0))
+    return simulation, largest_n
+
+
+def test_a_grasp_slips_at_its_grip_friction_and_not_without_the_effect(with_effects, small_duct):
+    slips, slipping_n = pull_at_the_catheter(with_effects, small_duct, {"grasp_slip": {}})
+    sticks, sticking_n = pull_at_the_catheter(with_effects, small_duct, {})
+    assert slipping_n == pytest.approx(0.05, rel=1e-6)
+    assert slips.holds.dissipated_j > 0.0
+    assert sticking_n > 0.1
+    assert sticks.holds.dissipated_j == 0.0
+
+
+def test_holds_that_found_no_room_leave_the_friction_of_others_alone(with_effects, small_duct):
+    """Rows run out before the holds get theirs: nobody else gets their newtons."""
+    scene = with_effects(friction={}, grasp_slip={}, gravity={})
+    catheter = replace(
+        scene.catheter, anchor="free", length_m=20e-3, n_segments=10, tip_position_m=(10e-3, 0.0, -2.6e-3)
+    )
+    scene = replace(scene, catheter=catheter, contact=replace(scene.contact, capacity=8))
+    simulation, tools = Simulation(scene, small_duct), ToolInputs()
+    tools.present[0] = False
+    tools.position_m[1] = 60e-3, 0.0, 30e-3
+    tools.holds = [GraspHold(1, 1, CATHETER_SEGMENT, 0, np.array([1.0, 0.0, 0.0]), 7.0, 0.3)]
+    for _ in range(60):
+        simulation.step(tools)
+    rows = simulation.contacts
+    assert rows.n_contacts == rows.capacity
+    assert not (rows.law == number_of("hold")).any()
+    assert set(rows.friction) <= {0.12, 0.08}
+    assert np.isinf(rows.force_limit_n).all()

@@ -1,0 +1,98 @@
+"""Effects on the duct's wall: loads, and what it is made of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from effect_runs import pressing_tools, run
+
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.mechanics.surface.mesh import vertex_areas_m2
+
+
+def test_insufflation_moves_the_wall_by_the_static_solution(with_effects, small_scene, cache_dir):
+    """Rest shape plus modes at equilibrium is the full static solution; the step leaves it alone."""
+    scene = with_effects(insufflation={"outside_pa": 0.0, "inside_pa": 100.0})
+    duct = build_scene_duct(scene, cache_dir)
+    simulation = run(scene, duct, ticks=20)
+    bare = build_scene_duct(small_scene, cache_dir)
+    shape = duct.mesh.vertices_m + duct.basis.displacements(simulation.duct.state.q)
+    middle = np.abs(bare.mesh.vertices_m[:, 0] - 20e-3) < 2e-3
+    grown = np.linalg.norm(shape[middle, 1:], axis=1) - np.linalg.norm(bare.mesh.vertices_m[middle, 1:], axis=1)
+    # p R^2 / (E t) for a thin tube free at one end.
+    expected = 100.0 * 4e-3**2 / (300e3 * 1e-3)
+    assert grown.mean() == pytest.approx(expected, rel=0.1)
+    assert np.abs(simulation.duct.state.qdot).max() < 1e-12
+
+
+def test_viscoelastic_wall_relaxes_under_a_held_tool(with_effects, small_duct):
+    """Pressed and held for 0.3 s, the force falls; the elastic wall's does not."""
+    fall = {}
+    for effects in ({}, {"viscoelasticity": {"g": (0.4,), "tau_s": (0.05,)}}):
+        simulation = Simulation(with_effects(**effects), small_duct)
+        tools = pressing_tools(None)
+        forces = []
+        for _ in range(400):
+            simulation.step(tools)
+            forces.append(simulation.tool_results.force_n[0, 2])
+        fall[len(effects)] = np.mean(forces[60:80]) / np.mean(forces[-20:])
+    assert fall[1] > 1.1 * fall[0]
+
+
+def test_anisotropic_wall_has_other_modes(with_effects, cache_dir, small_duct):
+    stiff_round = build_scene_duct(with_effects(anisotropy={}), cache_dir)
+    assert stiff_round.basis.content_hash != small_duct.basis.content_hash
+    assert stiff_round.basis.omega_rad_s[-1] > 1.1 * small_duct.basis.omega_rad_s[-1]
+
+
+def test_a_wall_with_weight_rests_where_the_full_model_does(with_effects, small_scene, cache_dir):
+    scene = with_effects(gravity={"on_duct": True})
+    duct = build_scene_duct(scene, cache_dir)
+    bare = build_scene_duct(small_scene, cache_dir).mesh
+    simulation = run(scene, duct, ticks=5)
+    weight_n = np.zeros((bare.n_vertices, 3))
+    weight_n[:, 2] = -9.81 * scene.duct.density_kg_m3 * scene.duct.thickness_m * vertex_areas_m2(bare)
+    expected = duct.recipe.model().solve_static(weight_n).displacement_m
+    moved = duct.mesh.vertices_m + duct.basis.displacements(simulation.duct.state.q) - bare.vertices_m
+    assert moved == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+    assert np.abs(expected).max() > 1e-5
+
+
+def third_zero_ms(scene, duct, amplitude_m, mode=4):
+    """Ticks until a mode that is let go at this amplitude has passed through rest three times."""
+    simulation, tools = Simulation(scene, duct), ToolInputs()
+    tools.present[:] = False
+    state, zeros = simulation.duct.state, 0
+    state.q[mode] = amplitude_m / np.abs(duct.basis.Phi[:, :, mode]).max()
+    for tick in range(200):
+        before = state.q[mode]
+        simulation.step(tools)
+        zeros += before * state.q[mode] < 0.0
+        if zeros == 3:
+            return tick
+    return None
+
+
+def test_a_wall_that_stiffens_rings_faster_the_further_it_swings(with_effects, small_duct):
+    scene = with_effects(nonlinear_membrane={"n_coordinates": 6})
+    catheter = replace(scene.catheter, anchor="free", length_m=20e-3, tip_position_m=(60e-3, 60e-3, 0.0))
+    scene = replace(scene, catheter=catheter)
+    duct = replace(small_duct, damping_ratio=np.full(small_duct.basis.n_modes, 0.02))
+    linear = third_zero_ms(replace(scene, effects={}), duct, 8e-3)
+    assert third_zero_ms(scene, duct, 0.5e-3) == linear
+    assert third_zero_ms(scene, duct, 8e-3) < 0.85 * linear
+
+
+def test_the_stiffening_is_kept_where_the_modes_of_the_duct_are(with_effects, tmp_path, own_cache):
+    scene = with_effects(nonlinear_membrane={"n_coordinates": 2})
+    simulation = Simulation(scene, build_scene_duct(scene, tmp_path))
+    assert simulation.duct.reduced.cache_dir == tmp_path
+    assert len(list(tmp_path.glob("membrane-*/manifest.json"))) == 1
+    assert not list(own_cache.rglob("membrane-*"))
+
+
+def test_a_duct_of_unknown_making_cannot_stiffen(with_effects, small_duct):
+    with pytest.raises(ValueError, match=r"effects.nonlinear_membrane: .* use build_scene_duct"):
+        Simulation(with_effects(nonlinear_membrane={}), replace(small_duct, recipe=None))
