@@ -8,14 +8,15 @@ Record only what is meant to have changed, and say in the commit what and why.
 
 from __future__ import annotations
 
+import services.runtime  # noqa: F401  before numpy: it keeps the numerics libraries to one thread, as in the tests
+
+# isort: split
 import os
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy
-
-import services.runtime  # noqa: F401  before numpy: it keeps the numerics libraries to one thread, as in the tests
 
 from . import stored
 from .cases import CASES
