@@ -13,6 +13,7 @@ import protocol.bodies as bodies
 from protocol import Frame, topic
 from protocol.arrays import pack
 from services.cli.raw_frames import unpack
+from tests.protocol import samples
 
 GOLDEN = sorted((Path(__file__).parents[1] / "protocol" / "golden").glob("*.msgpack"))
 
@@ -21,7 +22,7 @@ GOLDEN = sorted((Path(__file__).parents[1] / "protocol" / "golden").glob("*.msgp
 def test_every_golden_frame_is_named(path: Path) -> None:
     frame = unpack(path.read_bytes())
     row = topic(frame["topic"])
-    assert frame["sequence"] >= 0
+    assert (frame["incarnation"], frame["sequence"]) == (samples.INCARNATION, 7)
     declared = row.body.__struct_fields__
     assert tuple(frame["body"]) == declared[: len(frame["body"])]
 

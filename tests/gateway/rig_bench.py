@@ -112,4 +112,5 @@ def assert_never_a_kick(frames: list[Frame], ttl_s: float = 0.02) -> None:
     punctual = np.append(True, np.diff(sampled_s) < 0.003)  # a tick that came later found more force than it left
     bound = RATE_LIMIT_N_S * np.maximum(0.0, ttl_s - ages_s)
     known = punctual & (ages_s >= 0.0) & np.append(True, written[:-1] <= bound[:-1] + 1e-9)
+    assert known.sum() > 100
     assert (written[known] <= bound[known] + 1e-9).all()

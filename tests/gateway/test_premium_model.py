@@ -74,7 +74,7 @@ def test_friction_and_stops_only_take_energy() -> None:
         angles = rng.uniform((-1.0, -0.3, 0.0), (1.0, 0.9, 0.6))
         rates = 3.0 * rng.standard_normal(3)
         for joint in range(3):
-            assert premium_model.passive_torque(angles, rates, joint) * rates[joint] <= 0.0
+            assert premium_model.passive_torque(angles, rates, joint) * rates[joint] < 0.0
 
 
 def test_stall_torque_gives_the_data_sheets_force() -> None:

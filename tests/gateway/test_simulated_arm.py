@@ -49,22 +49,24 @@ def test_a_held_arm_yields_by_force_over_stiffness(axis: int) -> None:
 
 
 def test_force_saturates_at_motor_stall() -> None:
-    strong, stronger = _arm(), _arm()
-    strong.step(np.array([0.0, 30.0, 0.0]), FREE)
-    stronger.step(np.array([0.0, 60.0, 0.0]), FREE)
-    np.testing.assert_array_equal(strong.rates, stronger.rates)
+    rates = []
+    for force_n in (2.0, 4.0, 30.0, 60.0):
+        arm = _arm()
+        arm.step(np.array([0.0, force_n, 0.0]), FREE)
+        rates.append(float(np.linalg.norm(arm.rates)))
+    assert 0.0 < 1.5 * rates[0] < rates[1] < rates[2]
+    assert rates[2] == rates[3]
 
 
 def test_a_hand_lets_slip_what_its_grip_cannot_hold() -> None:
-    arm = _arm()
-    far = _hand(1000.0, 0.0, grip=2.0)
-    far[simulated_arm.HAND_TARGET + 1] += 0.1  # 100 N, were it not for the grip
-    near = _hand(1000.0, 0.0, grip=2.0)
-    near[simulated_arm.HAND_TARGET + 1] += 0.05
-    other = _arm()
-    arm.step(np.zeros(3), far)
-    other.step(np.zeros(3), near)
-    np.testing.assert_allclose(arm.rates, other.rates, rtol=1e-3)
+    pulls = []
+    for reach_m, grip_n in ((0.1, 2.0), (0.05, 2.0), (0.1, 4.0)):  # 100 and 50 N, were it not for the grip
+        arm, hand = _arm(), _hand(1000.0, 0.0, grip=grip_n)
+        hand[simulated_arm.HAND_TARGET + 1] += reach_m
+        arm.step(np.zeros(3), hand)
+        pulls.append(arm.rates.copy())
+    np.testing.assert_allclose(pulls[0], pulls[1], rtol=1e-3)
+    assert np.linalg.norm(pulls[2]) > 1.5 * np.linalg.norm(pulls[0]) > 0.0
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])

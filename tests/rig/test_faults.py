@@ -19,7 +19,7 @@ TTL_S = 0.020
 # The machine that runs the tests may be busy: what is asserted is the mechanism, figures are in benchmarks/.
 SLACK_S = 0.100
 RUNNING_AGAIN_S = 3.0  # of the process being ready
-NOTICED_S = 0.100 + 0.4
+
 
 FAULTS = [
     (name, number)
@@ -39,8 +39,6 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
 
     noticed = len(observer.states)
     observer.until(lambda: any(_is_lost(s, name, before) for _, s in observer.states[noticed:]), 10.0, "noticed")
-    at_ns = next(at for at, s in observer.states[noticed:] if _is_lost(s, name, before))
-    assert (at_ns - struck_ns) * 1e-9 < NOTICED_S
 
     observer.until(
         lambda: observer.report(name) == "ready" and observer.pids()[name] not in (0, before[name]),
@@ -49,9 +47,13 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
     observer.until(lambda: observer.rig_state in ("running", "degraded"), RUNNING_AGAIN_S, "running again")
     after = observer.pids()
     assert {k: v for k, v in after.items() if k != name} == {k: v for k, v in before.items() if k != name}
-    assert max(force_steps_n(observer.samples), default=0.0) <= rate_limit_n() * 1.001 + 1e-9
+    late_ns = struck_ns + round((TTL_S + SLACK_S) * 1e9)
+    observer.until(lambda: _returned(observer.samples, late_ns) is not None, MENDED_S, "force back")
     if name in ("haptics", "physics"):
-        _assert_faded(observer.samples, struck_ns)
+        _assert_faded(observer.samples, late_ns)
+    steps_n = force_steps_n(observer.samples)
+    assert len(steps_n) > 50
+    assert max(steps_n) <= rate_limit_n() * 1.001 + 1e-9
     if name == "gateway":
         new = [s for s in observer.samples if s.incarnation != incarnation]
         assert new
@@ -63,13 +65,17 @@ def _is_lost(state: object, name: str, before: dict[str, int]) -> bool:
     return report.state != "ready" or report.pid != before[name]
 
 
-def _assert_faded(samples: list[Sample], struck_ns: int) -> None:
+def _returned(samples: list[Sample], late_ns: int) -> Sample | None:
+    return next((s for s in samples if s.sent_ns > late_ns and force_n(s) > 1e-9), None)
+
+
+def _assert_faded(samples: list[Sample], late_ns: int) -> None:
     """After the ttl the hand feels nothing, until the force returns through re-engagement."""
-    late_ns = struck_ns + round((TTL_S + SLACK_S) * 1e9)
     first = next(s for s in samples if s.sent_ns > late_ns)
     assert force_n(first) == pytest.approx(0.0, abs=1e-9)
-    returned = next((s for s in samples if s.sent_ns > late_ns and force_n(s) > 1e-9), None)
-    assert returned is None or returned.state in ("engaging", "active")
+    returned = _returned(samples, late_ns)
+    assert returned is not None
+    assert returned.state in ("engaging", "active")
 
 
 def test_recordings_up_to_then_are_readable(rig: Rig) -> None:

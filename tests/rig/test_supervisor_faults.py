@@ -26,6 +26,7 @@ def test_without_its_supervisor_the_rig_goes_on_until_somebody_ends_it(tmp_path:
     with running_rig(tmp_path, str(SCENE), PRESS) as rig:
         engage(rig)
         before = rig.observer.pids()
+        assert len(before) == 5
         _stop_for_a_while(rig)
         rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, 20.0, "a word from it")
         assert rig.observer.pids() == before, "its own stall counts against nobody"

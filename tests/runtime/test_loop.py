@@ -65,8 +65,14 @@ def test_work_of_exactly_one_period_is_in_time(clock: Clock) -> None:
     meter, stop = LoopMeter(1000.0), after(4)
     for _ in ticks(meter, lambda: next(stop)):
         clock.now += 1_000_000
-    assert meter.misses == meter.skipped == 4 - 4 + meter.skipped
-    assert meter.work.counts.sum() == 4
+    assert (meter.ticks, meter.misses, meter.skipped) == (4, 0, 0)
+
+
+def test_work_of_a_little_more_than_one_period_loses_the_next_tick(clock: Clock) -> None:
+    meter, stop = LoopMeter(1000.0), after(4)
+    for _ in ticks(meter, lambda: next(stop)):
+        clock.now += 1_000_001
+    assert (meter.ticks, meter.misses, meter.skipped) == (4, 8, 4)
 
 
 def test_stepping_the_wall_clock_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

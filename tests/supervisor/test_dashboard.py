@@ -64,10 +64,12 @@ def test_the_agreed_keys() -> None:
         gateway.hear(body, bench.now_s)
     shown = _shown(bench)
     assert {"t", "state", "reason", "quality_level", "safe_stop", "rig", "scene", "heat", "events"} <= shown.keys()
+    assert len(shown["processes"]) == 5
     for row in shown["processes"]:
         assert row.keys() >= ROW
         assert row["loop"].keys() == LOOP
         assert row["loop"]["lateness_us"].keys() == SPREAD
+    assert shown["topics"]
     for row in shown["topics"]:
         assert row.keys() == TOPIC
     (path_row,) = shown["paths"]

@@ -128,11 +128,16 @@ def test_a_client_that_sends_too_much_is_closed_and_the_others_stay(show):
 def test_a_client_that_vanishes_is_forgotten(show):
     with show.connect() as client:
         frame_of(client, show)
+        clients_become(show, 1)
         client.socket.shutdown(socket.SHUT_RDWR)  # no closing handshake
+    clients_become(show, 0)
+
+
+def clients_become(show: Show, count: int) -> None:
     deadline = time.monotonic() + 5
-    while show.clients and time.monotonic() < deadline:
+    while show.clients != count and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert show.clients == 0
+    assert show.clients == count
 
 
 def test_a_page_of_another_site_may_not_look(show):
