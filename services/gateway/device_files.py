@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from services.gateway.driver import ArmLimits
-from services.runtime.rig import Settings
+from services.runtime.rig import Settings, Vector3
 
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -22,6 +22,9 @@ class ArmFile(Settings):
     max_damping_n_s_m: Positive
     max_velocity_m_s: Positive
     velocity_filter_hz: Annotated[float, Field(gt=0.0, lt=500.0)] = 100.0
+    openhaptics_centre_m: Vector3 = Field(
+        (0.0, 0.0, 0.0), description="middle of the workspace as OpenHaptics counts: right, up, toward the user"
+    )
 
     def limits(self) -> ArmLimits:
         """Return what the servo must keep to."""

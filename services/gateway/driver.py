@@ -38,13 +38,17 @@ class ArmLimits:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a driver works: which instrument, where its arm stands, where its trocar is, and by which clock."""
+    """Where a driver works: which instrument, where its arm stands, where its trocar is, and by which clock.
+
+    `force_rate_n_s` is the rig's rate limit, for a driver that has to take force back by itself.
+    """
 
     instrument: str
     mount: Mount
     port_m: Vector3 = (0.0, 0.0, 0.0)
     index: int = 0
     clock: Clock = REAL_TIME
+    force_rate_n_s: float = 200.0
 
 
 class Device(ABC):
@@ -54,11 +58,14 @@ class Device(ABC):
     ----------
     fault : str
         Empty, or one sentence: the device must not be used until a person has looked.
+    prompt : str
+        Empty, or one sentence: what a person has to do so that it can be used, such as calibrating it.
     has_force : bool
         False for a device that only measures.
     """
 
     fault: str = ""
+    prompt: str = ""
     has_force: bool = True
 
     @abstractmethod

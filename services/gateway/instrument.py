@@ -104,7 +104,8 @@ class Instrument:
     @property
     def fault(self) -> str:
         """What keeps the instrument from working fully, or empty."""
-        return self.servo.engagement.fault or (self.grasp.fault if self.grasp is not None else "")
+        faults = (self.servo.engagement.fault, self.arm.prompt)
+        return next(filter(None, faults), "") or (self.grasp.fault if self.grasp is not None else "")
 
     def state(self) -> bodies.InstrumentState:
         """Return what the rig is told of this tick."""
@@ -138,7 +139,7 @@ def build_instruments(settings: GatewaySettings) -> list[Instrument]:
 
 
 def _build(settings: GatewaySettings, row: InstrumentSettings, index: int) -> Instrument:
-    place = Place(row.name, row.mount, row.port_m, index)
+    place = Place(row.name, row.mount, row.port_m, index, force_rate_n_s=settings.force_rate_limit_n_s)
     arm = load_arm(row.arm, place)
     grasp = load_grasp(row.grasp, place) if row.grasp is not None else None
     torque_nm = settings.grasp_torque_limit_nm

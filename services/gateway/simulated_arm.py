@@ -9,6 +9,7 @@ import numpy as np
 from services.gateway import premium_model
 from services.gateway.layout import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.premium_model import GEARS
+from services.gateway.velocity_filter import butterworth, low_pass
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
@@ -56,17 +57,6 @@ class ArmState:
         """Write what encoders and temperature model say into `reading`; call once a tick."""
         filter_reading(self.angles, self.measured, self.filter, self.coefficients, centre, reading)
         reading[READ_TEMPERATURE] = hottest(self.heat)
-
-
-def butterworth(cut_off_hz: float) -> FloatArray:
-    """Return b0, b1, b2, a1, a2 of a second-order low-pass at the rate of the ticks, by the bilinear transform.
-
-    What `scipy.signal.butter` returns, whose import takes half a second of a start.
-    """
-    k = math.tan(math.pi * cut_off_hz * TICK_S)
-    scale = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
-    b0 = k * k * scale
-    return np.array([b0, 2.0 * b0, b0, 2.0 * (k * k - 1.0) * scale, (1.0 - math.sqrt(2.0) * k + k * k) * scale])
 
 
 @kernel
@@ -180,12 +170,7 @@ def filter_reading(
     """Write measured position (from `centre`) and filtered velocity into `reading`; `measured` is the last one."""
     x0, y0, z0 = measured[0], measured[1], measured[2]
     measure(angles, measured)
-    b0, b1, b2, a1, a2 = coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4]
     last = (x0, y0, z0)
     for i in range(3):
-        raw = (measured[i] - last[i]) / TICK_S
-        velocity = b0 * raw + state[0, i]
-        state[0, i] = b1 * raw - a1 * velocity + state[1, i]
-        state[1, i] = b2 * raw - a2 * velocity
         reading[READ_POSITION + i] = measured[i] - centre[i]
-        reading[READ_VELOCITY + i] = velocity
+        reading[READ_VELOCITY + i] = low_pass((measured[i] - last[i]) / TICK_S, state, i, coefficients)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from services.gateway import premium_model, simulated_arm
+from services.gateway import premium_model, simulated_arm, velocity_filter
 from services.gateway.layout import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.simulated_arm import ArmState
 from services.mechanics.arrays import FloatArray
@@ -102,7 +102,7 @@ def test_measured_velocity_follows_a_steady_motion() -> None:
 @pytest.mark.parametrize("cut_off_hz", [20.0, 100.0, 400.0])
 def test_the_velocity_filter_is_scipys(cut_off_hz: float) -> None:
     b, a = scipy.signal.butter(2, cut_off_hz, fs=1.0 / simulated_arm.TICK_S)
-    np.testing.assert_allclose(simulated_arm.butterworth(cut_off_hz), [*b, *a[1:]], rtol=1e-10)
+    np.testing.assert_allclose(velocity_filter.butterworth(cut_off_hz), [*b, *a[1:]], rtol=1e-10)
 
 
 def test_winding_reaches_its_limit_at_the_catalogues_current() -> None:

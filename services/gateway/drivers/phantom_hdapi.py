@@ -1,0 +1,170 @@
+"""A Phantom or Touch arm through the vendor's OpenHaptics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from services.gateway import driver
+from services.gateway.bench import Bench
+from services.gateway.device_files import ArmFile
+from services.gateway.driver import Arm, Place
+from services.gateway.hdapi import cells, exchange, session
+from services.gateway.hdapi.constants import Calibration, Style, describe
+from services.gateway.hdapi.library import DEFAULT
+from services.gateway.layout import READ_SIZE, READ_TEMPERATURE
+from services.mechanics.arrays import FloatArray
+from services.runtime.errors import DeviceError
+from services.runtime.rig import DriverSettings, Settings
+
+#: For so long a scheduler that was started may not have called yet, and an arm that was let go may still hold force.
+_START_S, _LET_GO_S = 1.0, 0.05
+#: So many reads in a row, which are as many ms of this process, may find nothing new of the arm.
+_SILENT_READS = 20
+#: So many frames in a row may refuse force; a person who moves too fast for a moment is no fault.
+_REFUSED_FRAMES = 200
+_PROMPTS = {
+    Style.AUTO: "move the arm a little until it has calibrated itself",
+    Style.INKWELL: "put the stylus into its inkwell: the arm is not calibrated",
+    Style.ENCODER_RESET: "hold the arm in its reset posture and press its button, or arm the rig, to calibrate it",
+}
+
+
+class HdapiSettings(Settings):
+    """Of the rig file: which arm."""
+
+    name: str | None = Field(None, description="of the device in the vendor's set-up; none: its default device")
+    library: str = Field(DEFAULT, description="OpenHaptics' HDAPI: a name that the loader finds, or a path")
+
+
+class Driver(Arm):
+    """One arm of the scheduler that all arms of this process share: see `hdapi`."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        own = driver.read_settings(HdapiSettings, settings, place)
+        file = driver.read_device_file(ArmFile, settings, place)
+        self.limits = file.limits()
+        self.calibrated = False
+        self._name, self._path = own.name, own.library
+        self._shown = "the arm" if own.name is None else f"the arm {own.name!r}"
+        self._where = f"instrument {place.instrument!r}"
+        self._clock = place.clock
+        self._terms = session.Terms(
+            file.max_force_n, place.force_rate_n_s, file.velocity_filter_hz, file.openhaptics_centre_m
+        )
+        self._session: session.Session | None = None
+        self._arm: session.OpenArm | None = None
+        self._enabled = False
+        self._armed = 0
+        self._silent = 0
+        self._read_at = 0.0
+        self._was_calibrated = False
+        self._no_force = np.zeros(3)
+        self._reading = np.zeros(READ_SIZE)
+
+    @property
+    def arm(self) -> session.OpenArm | None:
+        """What the device has said of itself; None while it is not open."""
+        return self._arm
+
+    def open(self) -> None:
+        """Load the library, open the device, and wait for its first frame."""
+        opened = session.find_session(self._path, self._clock, self._where)
+        arm = opened.join(self._name, self._terms, self._where)
+        self._session, self._arm = opened, arm
+        if arm.nominal_max_force_n < self.limits.max_force_n:
+            raise DeviceError(
+                f"{self._where}: {arm.model} can bear {arm.nominal_max_force_n:g} N, its device file says "
+                f"{self.limits.max_force_n:g} N: name the file of this arm as `device`"
+            )
+        if not self._wait(arm, _START_S, lambda seen: seen[cells.SEEN_TIME] > 0.0):
+            why = self._problem(arm.port.newest.tolist()) or "the scheduler of OpenHaptics does not run"
+            raise DeviceError(f"{self._where}: {why}")
+        self._silent = 0
+
+    def enable(self) -> None:
+        """Let force through, once the arm is calibrated; the scheduler's thread is real-time from here on."""
+        if self._session is not None:
+            self._enabled = True
+            self._session.raise_priority()
+
+    def clear_fault(self) -> None:
+        """Try again; also what calibrates an arm that a person holds in its reset posture."""
+        super().clear_fault()
+        self._armed += 1
+        self._silent = 0
+        self._was_calibrated = False
+
+    def read(self, time_ns: int, reading: FloatArray) -> None:
+        """Write what the newest frame of the scheduler has read."""
+        arm = self._arm
+        if arm is None:
+            reading[:READ_TEMPERATURE] = 0.0
+        elif exchange.look(arm.port.address, arm.has_roll, reading):
+            self._judge(arm, arm.port.newest.tolist())
+
+    def write(self, force_n: FloatArray) -> None:
+        """Order a force; an order that is not followed by another is doubted after 4 ms."""
+        if self._arm is not None:
+            self._order(self._arm, force_n)
+
+    def close(self) -> None:
+        """Let go at the rig's rate limit, then give the arm up."""
+        arm, opened = self._arm, self._session
+        self._arm = self._session = None
+        self._enabled = self.calibrated = False
+        if arm is not None:
+            self._order(arm, self._no_force)
+            self._wait(arm, _LET_GO_S, lambda seen: not any(seen[cells.SEEN_FORCE :]))
+        if opened is not None:
+            opened.leave(self._name)
+
+    def _order(self, arm: session.OpenArm, force_n: FloatArray) -> None:
+        exchange.give(arm.port.address, self._clock.monotonic_ns(), self._enabled, self._armed, force_n)
+
+    def _wait(self, arm: session.OpenArm, patience_s: float, condition: Callable[[list[float]], bool]) -> bool:
+        until_ns = self._clock.monotonic_ns() + round(1e9 * patience_s)
+        while True:
+            if exchange.look(arm.port.address, False, self._reading) and condition(arm.port.newest.tolist()):
+                return True
+            if self._clock.monotonic_ns() > until_ns:
+                return False
+            self._clock.sleep(1e-3)
+
+    def _judge(self, arm: session.OpenArm, seen: list[float]) -> None:
+        self._silent = 0 if seen[cells.SEEN_TIME] != self._read_at else self._silent + 1
+        self._read_at = seen[cells.SEEN_TIME]
+        self.buttons = int(seen[cells.SEEN_BUTTONS])
+        self.calibrated = seen[cells.SEEN_CALIBRATION] == Calibration.OK
+        self.prompt = "" if self.calibrated else f"{self._shown}: {_PROMPTS[arm.style]}"
+        self.fault = self.fault or self._problem(seen)
+        self._was_calibrated = self._was_calibrated or self.calibrated
+
+    def _problem(self, seen: list[float]) -> str:
+        if seen[cells.SEEN_ERROR]:
+            return f"{self._shown} reports {describe(int(seen[cells.SEEN_ERROR]))}"
+        if seen[cells.SEEN_STOPPED]:
+            return f"the scheduler of OpenHaptics has ended: {describe(int(seen[cells.SEEN_STOPPED]))}"
+        if seen[cells.SEEN_REFUSED] >= _REFUSED_FRAMES:
+            return f"{self._shown} refuses force again and again: {describe(int(seen[cells.SEEN_REFUSAL]))}"
+        if self._silent >= _SILENT_READS:
+            return f"nothing was read of {self._shown} for {_SILENT_READS} ms"
+        if self._was_calibrated and not self.calibrated:
+            return f"{self._shown} has lost its calibration"
+        return ""
+
+
+@contextmanager
+def bench(folder: Path) -> Iterator[Bench]:
+    """Load the stand-in of the library, whose time passes when the driver's does."""
+    from services.gateway.hdapi.standin import StandIn  # only here: a real library needs no stand-in
+
+    with StandIn.compiled(folder) as standin:
+        settings = DriverSettings(
+            driver="phantom_hdapi", device="phantom_premium_1_5", settings={"library": str(standin.path)}
+        )
+        yield Bench(settings, output=lambda _: standin.force_n(0), clock=standin.clock)

@@ -1,0 +1,107 @@
+"""What the scheduler's thread works on, one struct an arm and one for all; and the messages to and from the gateway.
+
+An `ArmCell` belongs to that thread while the scheduler runs; the two boxes in it are shared with a `Port`, the
+gateway's side. Messages are flat rows of float64; times are exact to 2 ns for half a year of uptime.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from services.gateway.hdapi.handover import Box
+from services.mechanics.arrays import FloatArray, IntArray, LongArray
+from services.mechanics.compiled.struct import Struct, reader
+
+# From the gateway: when it was written, whether motors may be on, how often a person has armed the rig, and the force in
+# the frame of the arm.
+ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_FORCE, ORDER_SIZE = 0, 1, 2, 3, 6
+
+# To the gateway: time of the newest reading, calibration, buttons, error that ended the arm's or everybody's work, the
+# newest refusal of force and how many frames in a row had one, frames that came late; the reading; the force applied.
+(
+    SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
+    SEEN_POSITION,
+) = range(9)  # fmt: skip
+SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_SIZE = 11, 14, 15, 16, 19
+
+# Where in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
+POSITION, GIMBAL, TEMPERATURE, FORCE, NUMBERS = 0, 3, 6, 12, 15
+
+
+class Functions(Struct):
+    """Addresses of C functions."""
+
+    make_current: int
+    begin_frame: int
+    end_frame: int
+    enable: int
+    disable: int
+    get_integers: int
+    get_doubles: int
+    set_doubles: int
+    get_error: int
+    check_calibration: int
+    update_calibration: int
+    clock_gettime: int
+
+
+class ArmCell(Struct):
+    """One arm, as the scheduler's thread knows it."""
+
+    orders: Box
+    seen: Box
+    order: Annotated[FloatArray, ORDER_SIZE]
+    report: Annotated[FloatArray, SEEN_SIZE]
+    numbers: Annotated[FloatArray, NUMBERS]
+    integers: Annotated[IntArray, 8]
+    centre_m: Annotated[FloatArray, 3]  # of the workspace, in the axes of the library
+    filter: Annotated[FloatArray, 5]
+    filtered: Annotated[FloatArray, 2, 3]
+    position_m: Annotated[FloatArray, 3]
+    force_n: Annotated[FloatArray, 3]
+    numbers_at: int
+    integers_at: int
+    handle: int
+    style: int
+    has_temperature: bool
+    has_gimbal: bool
+    max_force_n: float
+    max_force_rate_n_s: float
+    frames: int = 0
+    last_ns: int = 0
+    read_ns: int = 0
+    calibration: int = 0
+    confirmed: bool = False
+    armed: float = 0.0
+    trust: float = 0.0
+    motors_on: bool = False
+    error: int = 0
+    failed_now: bool = False
+    refused_now: bool = False
+    warm: bool = False
+    refusal: int = 0
+    refused: int = 0
+    late: int = 0
+
+
+class Servo(Struct):
+    """All arms of one scheduler."""
+
+    functions: Functions
+    arms: Annotated[LongArray, "n"]  # addresses of `ArmCell`s
+    time: Annotated[LongArray, 2]  # a struct timespec
+    time_at: int
+    stopped_by: int = 0
+    calls: int = 0
+
+
+class Port(Struct):
+    """One arm, as the gateway's loop knows it."""
+
+    orders: Box
+    seen: Box
+    order: Annotated[FloatArray, ORDER_SIZE]
+    newest: Annotated[FloatArray, SEEN_SIZE]
+
+
+arm_at, servo_at, port_at = reader(ArmCell), reader(Servo), reader(Port)

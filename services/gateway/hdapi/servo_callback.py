@@ -1,0 +1,311 @@
+"""What the library's 1 kHz thread runs: one callback for all arms, machine code that never touches the interpreter.
+
+Each arm gets one frame: read, drain the error stack, calibrate, apply the newest order of the gateway, drain again. The
+law that makes a force is the gateway's. Here a force can only be taken back: on any doubt (the gateway silent for
+`STALE_NS`, motors not wanted, not calibrated, an error, an order that is not finite) it goes to zero at the rig's rate
+limit, and comes back, when there is none, over `TRUST_S`.
+
+An arm with an error that is no mere refusal of force is let go and stays so until a person arms the rig; the others go
+on. An arm that cannot be reached gets no more frames, so that nobody waits for it. An error of the scheduler itself
+lets every arm go; then the callback ends.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+from numba import cfunc, types
+
+from services.gateway.hdapi import native
+from services.gateway.hdapi.cells import (
+    FORCE,
+    GIMBAL,
+    ORDER_ARMED,
+    ORDER_ENABLED,
+    ORDER_FORCE,
+    ORDER_TIME,
+    POSITION,
+    SEEN_BUTTONS,
+    SEEN_CALIBRATION,
+    SEEN_ERROR,
+    SEEN_FORCE,
+    SEEN_LATE,
+    SEEN_POSITION,
+    SEEN_REFUSAL,
+    SEEN_REFUSED,
+    SEEN_ROLL,
+    SEEN_STOPPED,
+    SEEN_TEMPERATURE,
+    SEEN_TIME,
+    SEEN_VELOCITY,
+    TEMPERATURE,
+    ArmCell,
+    Functions,
+    Servo,
+    arm_at,
+    servo_at,
+)
+from services.gateway.hdapi.constants import (
+    CALLBACK_CONTINUE,
+    CALLBACK_DONE,
+    FIRST_LINK_ERROR,
+    FIRST_REFUSAL,
+    FORCE_OUTPUT,
+    INVALID_PRIORITY,
+    LAST_LINK_ERROR,
+    LAST_REFUSAL,
+    SCHEDULER_FULL,
+    TIMER_ERROR,
+    WARM_MOTORS,
+    Calibration,
+    Parameter,
+    Style,
+)
+from services.gateway.hdapi.handover import put, take
+from services.gateway.velocity_filter import low_pass
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+
+TICK_S, TICK_NS = 1e-3, 1_000_000
+#: An order older than this is doubted. With 15 ms from 3 N to nothing the hand is free before a model's life of 20 ms.
+STALE_NS = 4_000_000
+TRUST_S = 0.1
+#: A tick that comes late does not earn a larger step, as in `servo_law`.
+MAX_STEP_S = 0.003
+LATE_NS = 2_000_000
+_CHECK_EVERY, _RECHECK_EVERY = 100, 1000
+_ERRORS_A_FRAME = 32
+
+# A kernel may read constants of its module; of an enumeration only through these.
+_BUTTONS, _POSITION, _GIMBAL = int(Parameter.CURRENT_BUTTONS), int(Parameter.CURRENT_POSITION), 0x2150
+_TEMPERATURE, _FORCE = int(Parameter.MOTOR_TEMPERATURE), int(Parameter.CURRENT_FORCE)
+_CALIBRATED, _NEEDS_UPDATE = int(Calibration.OK), int(Calibration.NEEDS_UPDATE)
+_ENCODER_RESET = int(Style.ENCODER_RESET)
+
+
+@kernel
+def servo_tick(address: Address[Servo]) -> int:
+    """Serve every arm once; return what the scheduler is to do with the callback."""
+    servo = servo_at(address)
+    native.call_unsigned_pointer(servo.functions.clock_gettime, 1, servo.time_at)  # CLOCK_MONOTONIC
+    now_ns = 1_000_000_000 * servo.time[0] + servo.time[1]
+    servo.calls += 1
+    limp = True
+    for k in range(servo.arms.shape[0]):
+        arm = arm_at(servo.arms[k])
+        _serve(servo, arm, now_ns)
+        limp = limp and not arm.motors_on
+    return CALLBACK_DONE if servo.stopped_by != 0 and limp else CALLBACK_CONTINUE
+
+
+@kernel
+def _serve(servo: Servo, arm: ArmCell, now_ns: int) -> None:
+    _take_order(arm)
+    dt_ns = now_ns - arm.last_ns if arm.last_ns != 0 else TICK_NS
+    arm.last_ns = now_ns
+    if dt_ns > LATE_NS:
+        arm.late += 1
+    if not (_unreachable(arm.error) and not arm.motors_on):
+        _frame(servo, arm, now_ns, min(1e-9 * dt_ns, MAX_STEP_S))
+    _report(servo, arm)
+
+
+@kernel
+def _frame(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
+    functions = servo.functions
+    native.call_unsigned(functions.make_current, arm.handle)
+    native.call_unsigned(functions.begin_frame, arm.handle)
+    _ask(functions, arm)
+    _drain(servo, arm)
+    if not arm.failed_now:
+        _accept(arm, now_ns)
+    _calibrate(functions, arm)
+    _apply(servo, arm, now_ns, dt_s)
+    native.call_unsigned(functions.end_frame, arm.handle)
+    _drain(servo, arm)
+    arm.refused = arm.refused + 1 if arm.refused_now else 0
+    arm.refused_now = arm.failed_now = False
+
+
+@kernel
+def _take_order(arm: ArmCell) -> None:
+    if take(arm.orders, arm.order) < 0:
+        arm.order[ORDER_TIME] = 0.0
+        return
+    if arm.order[ORDER_ARMED] != arm.armed:
+        arm.armed = arm.order[ORDER_ARMED]
+        arm.confirmed = True
+        arm.error = 0
+        arm.refused = 0
+
+
+@kernel
+def _ask(functions: Functions, arm: ArmCell) -> None:
+    numbers = arm.numbers_at
+    native.call_unsigned_pointer(functions.get_doubles, _POSITION, numbers + 8 * POSITION)
+    native.call_unsigned_pointer(functions.get_integers, _BUTTONS, arm.integers_at)
+    if arm.has_gimbal:
+        native.call_unsigned_pointer(functions.get_doubles, _GIMBAL, numbers + 8 * GIMBAL)
+    if arm.has_temperature:
+        native.call_unsigned_pointer(functions.get_doubles, _TEMPERATURE, numbers + 8 * TEMPERATURE)
+
+
+@kernel
+def _drain(servo: Servo, arm: ArmCell) -> None:
+    """Empty the error stack. An error may belong to another arm than the one whose turn it is."""
+    for _ in range(_ERRORS_A_FRAME):
+        code, handle = native.take_error(servo.functions.get_error)
+        if code == 0:
+            return
+        noted = False
+        for k in range(servo.arms.shape[0]):
+            other = arm_at(servo.arms[k])
+            if other.handle == handle:
+                _note(servo, other, code)
+                noted = True
+        if not noted:
+            _note(servo, arm, code)
+
+
+@kernel
+def _note(servo: Servo, arm: ArmCell, code: int) -> None:
+    if code == WARM_MOTORS:
+        arm.warm = True
+    elif FIRST_REFUSAL <= code <= LAST_REFUSAL:
+        arm.refused_now = True
+        arm.refusal = code
+        arm.trust = 0.0
+    elif code in (TIMER_ERROR, INVALID_PRIORITY, SCHEDULER_FULL):
+        servo.stopped_by = code
+    else:
+        arm.failed_now = True
+        if arm.error == 0:
+            arm.error = code
+
+
+@kernel
+def _unreachable(error: int) -> bool:
+    return FIRST_LINK_ERROR <= error <= LAST_LINK_ERROR
+
+
+@kernel
+def _accept(arm: ArmCell, now_ns: int) -> None:
+    """Turn what the library said into the frame of the arm (toward the user, right, up) in m; pass over nonsense."""
+    numbers, report = arm.numbers, arm.report
+    x = 1e-3 * numbers[POSITION + 2] - arm.centre_m[2]
+    y = 1e-3 * numbers[POSITION] - arm.centre_m[0]
+    z = 1e-3 * numbers[POSITION + 1] - arm.centre_m[1]
+    if not math.isfinite(x + y + z):
+        return
+    ticks = 0.0 if arm.read_ns == 0 else max(1.0, math.floor((now_ns - arm.read_ns) / TICK_NS + 0.5))
+    for axis, now in enumerate((x, y, z)):
+        raw = 0.0 if ticks == 0.0 else (now - arm.position_m[axis]) / (ticks * TICK_S)
+        arm.position_m[axis] = now
+        report[SEEN_POSITION + axis] = now
+        report[SEEN_VELOCITY + axis] = low_pass(raw, arm.filtered, axis, arm.filter)
+    arm.read_ns = now_ns
+    hottest = 1.0 if arm.warm else 0.0
+    arm.warm = False
+    for k in range(FORCE - TEMPERATURE):
+        hottest = max(hottest, numbers[TEMPERATURE + k])
+    report[SEEN_TEMPERATURE] = hottest
+    report[SEEN_ROLL] = -numbers[GIMBAL + 2]
+    buttons = arm.integers[0]
+    if buttons != 0 and report[SEEN_BUTTONS] == 0.0:
+        arm.confirmed = True
+    report[SEEN_BUTTONS] = buttons
+
+
+@kernel
+def _calibrate(functions: Functions, arm: ArmCell) -> None:
+    every = _RECHECK_EVERY if arm.calibration == _CALIBRATED else _CHECK_EVERY
+    if arm.frames % every == 0:
+        arm.calibration = native.ask_unsigned(functions.check_calibration)
+        # Encoders are zeroed where the arm is: only a person can say that it is in its reset posture.
+        by_hand = arm.style == _ENCODER_RESET
+        wanted = arm.calibration != _CALIBRATED if by_hand else arm.calibration == _NEEDS_UPDATE
+        if wanted and (arm.confirmed or not by_hand):
+            native.call_unsigned(functions.update_calibration, arm.style)
+        arm.confirmed = False
+    arm.frames += 1
+
+
+@kernel
+def _apply(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
+    order = arm.order
+    sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0
+    wanted = sound and order[ORDER_ENABLED] != 0.0
+    finite = math.isfinite(order[ORDER_FORCE] + order[ORDER_FORCE + 1] + order[ORDER_FORCE + 2])
+    young = now_ns - order[ORDER_TIME] <= STALE_NS and now_ns - arm.read_ns <= STALE_NS
+    doubt = not (wanted and finite and young)
+    arm.trust = 0.0 if doubt else min(1.0, arm.trust + dt_s / TRUST_S)
+    _approach(arm, arm.max_force_rate_n_s * dt_s)
+    force = arm.force_n
+    limp = force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0
+    if wanted and not arm.motors_on:
+        native.call_unsigned(servo.functions.enable, FORCE_OUTPUT)
+        arm.motors_on = True
+    elif limp and not wanted and arm.motors_on:
+        _push(servo.functions, arm)
+        native.call_unsigned(servo.functions.disable, FORCE_OUTPUT)
+        arm.motors_on = False
+    if arm.motors_on:
+        _push(servo.functions, arm)
+
+
+@kernel
+def _approach(arm: ArmCell, step_n: float) -> None:
+    """Move the applied force towards what is trusted of the order, by at most `step_n`."""
+    if arm.trust == 0.0:
+        target = (0.0, 0.0, 0.0)
+    else:
+        order, share = arm.order, arm.trust
+        x, y, z = share * order[ORDER_FORCE], share * order[ORDER_FORCE + 1], share * order[ORDER_FORCE + 2]
+        norm = math.sqrt(x * x + y * y + z * z)
+        shrink = arm.max_force_n / norm if norm > arm.max_force_n else 1.0
+        target = (shrink * x, shrink * y, shrink * z)
+    force = arm.force_n
+    dx, dy, dz = target[0] - force[0], target[1] - force[1], target[2] - force[2]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    share = step_n / distance if distance > step_n else 1.0
+    if share == 1.0:
+        force[0], force[1], force[2] = target[0], target[1], target[2]
+    else:
+        force[0] += share * dx
+        force[1] += share * dy
+        force[2] += share * dz
+
+
+@kernel
+def _push(functions: Functions, arm: ArmCell) -> None:
+    arm.numbers[FORCE] = arm.force_n[1]
+    arm.numbers[FORCE + 1] = arm.force_n[2]
+    arm.numbers[FORCE + 2] = arm.force_n[0]
+    native.call_unsigned_pointer(functions.set_doubles, _FORCE, arm.numbers_at + 8 * FORCE)
+
+
+@kernel
+def _report(servo: Servo, arm: ArmCell) -> None:
+    report = arm.report
+    report[SEEN_TIME] = arm.read_ns
+    report[SEEN_CALIBRATION] = arm.calibration
+    report[SEEN_ERROR] = arm.error
+    report[SEEN_STOPPED] = servo.stopped_by
+    report[SEEN_REFUSAL] = arm.refusal
+    report[SEEN_REFUSED] = arm.refused
+    report[SEEN_LATE] = arm.late
+    for axis in range(3):
+        report[SEEN_FORCE + axis] = arm.force_n[axis] if arm.motors_on else 0.0
+    put(arm.seen, report)
+
+
+def _callback(address: Address[Servo]) -> int:
+    return servo_tick(address)
+
+
+@functools.cache
+def callback() -> Any:
+    """Return ``HDCallbackCode f(void *)``, compiled at the first call; its user data is the address of a `Servo`."""
+    return cfunc(types.uint32(types.int64), cache=True, nopython=True, error_model="numpy")(_callback)

@@ -1,0 +1,243 @@
+"""The life of a loaded HDAPI in this process: its devices, its scheduler, the one callback that serves all arms.
+
+A library is loaded once and never given back, since it fails when it is loaded again. Devices can only be added while
+the scheduler stands, so opening a second arm stops it for a moment; the last one to leave stops it for good.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from services.gateway.bench import Clock
+from services.gateway.hdapi import cells
+from services.gateway.hdapi.cells import ArmCell, Functions, Port, Servo
+from services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, STYLES, Parameter, Style, describe
+from services.gateway.hdapi.handover import Box
+from services.gateway.hdapi.library import Library
+from services.gateway.hdapi.servo_callback import callback
+from services.gateway.velocity_filter import butterworth
+from services.runtime.errors import DeviceError
+from services.runtime.rig import Vector3
+
+RATE_HZ = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What an arm is to keep to.
+
+    Attributes
+    ----------
+    centre_m
+        Middle of the workspace in the axes of the library: right, up, toward the user.
+    """
+
+    max_force_n: float
+    max_force_rate_n_s: float
+    velocity_filter_hz: float
+    centre_m: Vector3
+
+
+@dataclass(slots=True)
+class OpenArm:
+    """An arm that the scheduler serves.
+
+    Attributes
+    ----------
+    model : str
+        What the device says that it is, with its serial number.
+    style : Style
+        How it is calibrated.
+    nominal_max_force_n : float
+        What it says that it can bear.
+    has_roll : bool
+        Whether it measures how the stylus is turned.
+    """
+
+    cell: ArmCell
+    port: Port
+    model: str
+    style: Style
+    nominal_max_force_n: float
+    has_roll: bool
+
+
+class Session:
+    """The devices of one library. Not for use by two threads."""
+
+    def __init__(self, library: Library, clock: Clock) -> None:
+        self._library = library
+        self._functions = _functions(library, clock)
+        self._arms: dict[str | None, OpenArm] = {}
+        self._users: set[str | None] = set()
+        self._servo: Servo | None = None
+        self._scheduled = 0
+        self._threads: list[int] = []
+
+    def join(self, name: str | None, terms: Terms, where: str) -> OpenArm:
+        """Return the arm that the vendor's set-up calls `name`, served from now on; its motors are off.
+
+        Raises
+        ------
+        DeviceError
+            one sentence, if it is not there or another instrument has it.
+        """
+        if name in self._users:
+            shown = "the default device" if name is None else f"device {name!r}"
+            raise DeviceError(f"{where}: {shown} is another instrument's; `settings: {{name: ...}}` tells them apart")
+        if name not in self._arms:
+            self._stop()
+            try:
+                self._arms[name] = _open(self._library, name, terms, where)
+            finally:
+                self._start(where)
+        self._users.add(name)
+        return self._arms[name]
+
+    def leave(self, name: str | None) -> None:
+        """Give an arm up, whose motors are off; the last one stops the scheduler and closes all devices."""
+        self._users.discard(name)
+        if self._users or not self._arms:
+            return
+        self._stop()
+        for arm in self._arms.values():
+            self._library.c.hdDisableDevice(arm.cell.handle)
+        self._library.take_error()
+        self._arms.clear()
+
+    def raise_priority(self) -> None:
+        """Put the scheduler's thread one above the calling one, if that is real-time and the library has not done so.
+
+        It was started by an ordinary process and must not wait for a tick of the gateway, whose core it shares.
+        """
+        if os.sched_getscheduler(0) != os.SCHED_FIFO:
+            return
+        above = os.sched_param(os.sched_getparam(0).sched_priority + 1)
+        for thread in self._threads:
+            with contextlib.suppress(OSError):  # gone, or not allowed: then it stays as it is
+                if os.sched_getscheduler(thread) == os.SCHED_OTHER:
+                    os.sched_setscheduler(thread, os.SCHED_FIFO, above)
+
+    def _start(self, where: str) -> None:
+        if not self._arms:
+            return
+        library = self._library
+        self._servo = _servo(self._functions, [arm.cell for arm in self._arms.values()])
+        library.take_error()
+        self._scheduled = library.c.hdScheduleAsynchronous(
+            callback().address, self._servo.address, MAX_SCHEDULER_PRIORITY
+        )
+        library.c.hdSetSchedulerRate(RATE_HZ)
+        before = _threads()
+        library.c.hdStartScheduler()
+        self._threads = sorted(_threads() - before)
+        error = library.take_error()
+        if error:
+            raise DeviceError(f"{where}: the scheduler of OpenHaptics does not start: {describe(error)}")
+
+    def _stop(self) -> None:
+        if self._servo is None:
+            return
+        self._library.c.hdStopScheduler()
+        self._library.c.hdUnschedule(self._scheduled)
+        self._library.take_error()  # a callback that has ended by itself is not scheduled any more
+        self._servo = None
+
+
+_sessions: dict[str, Session] = {}
+
+
+def find_session(path: str, clock: Clock, where: str) -> Session:
+    """Return the session of a library, loaded by the first who asks.
+
+    Raises
+    ------
+    DeviceError
+        one sentence, if it cannot be loaded.
+    """
+    if path not in _sessions:
+        _sessions[path] = Session(Library(path, where), clock)
+    return _sessions[path]
+
+
+def _open(library: Library, name: str | None, terms: Terms, where: str) -> OpenArm:
+    handle = library.open_device(name, where)
+    c = library.c
+    c.hdMakeCurrentDevice(handle)
+    model = f"{library.string(Parameter.MODEL_TYPE)} {library.string(Parameter.SERIAL_NUMBER)}"
+    nominal = library.doubles(Parameter.NOMINAL_MAX_FORCE)
+    has_roll = library.integer(Parameter.INPUT_DOF) == 6
+    styles = library.integer(Parameter.CALIBRATION_STYLE) or 0
+    style = next((style for style in STYLES if styles & style), Style.AUTO)
+    c.hdBeginFrame(handle)
+    has_temperature = library.doubles(Parameter.MOTOR_TEMPERATURE) is not None
+    has_roll = has_roll and library.doubles(Parameter.CURRENT_GIMBAL_ANGLES) is not None
+    c.hdEndFrame(handle)
+    library.take_error()
+    orders = Box.zeros(n=cells.ORDER_SIZE)
+    seen = Box.zeros(n=cells.SEEN_SIZE)
+    numbers, integers = np.zeros(cells.NUMBERS), np.zeros(8, np.int32)
+    cell = ArmCell.zeros(
+        orders=orders,
+        seen=seen,
+        numbers=numbers,
+        integers=integers,
+        numbers_at=numbers.ctypes.data,
+        integers_at=integers.ctypes.data,
+        centre_m=np.array(terms.centre_m),
+        filter=butterworth(terms.velocity_filter_hz),
+        handle=handle,
+        style=int(style),
+        has_temperature=has_temperature,
+        has_gimbal=has_roll,
+        max_force_n=terms.max_force_n,
+        max_force_rate_n_s=terms.max_force_rate_n_s,
+    )
+    port = Port.zeros(orders=orders, seen=seen)
+    return OpenArm(cell, port, model, style, nominal[0] if nominal else math.inf, has_roll)
+
+
+def _servo(functions: Functions, arms: list[ArmCell]) -> Servo:
+    time = np.zeros(2, np.int64)
+    return Servo(
+        functions=functions,
+        arms=np.array([arm.address for arm in arms], np.int64),
+        time=time,
+        time_at=time.ctypes.data,
+    )
+
+
+def _functions(library: Library, clock: Clock) -> Functions:
+    return Functions(
+        make_current=library.address("hdMakeCurrentDevice"),
+        begin_frame=library.address("hdBeginFrame"),
+        end_frame=library.address("hdEndFrame"),
+        enable=library.address("hdEnable"),
+        disable=library.address("hdDisable"),
+        get_integers=library.address("hdGetIntegerv"),
+        get_doubles=library.address("hdGetDoublev"),
+        set_doubles=library.address("hdSetDoublev"),
+        get_error=library.address("hdGetError"),
+        check_calibration=library.address("hdCheckCalibration"),
+        update_calibration=library.address("hdUpdateCalibration"),
+        clock_gettime=_clock_address(clock),
+    )
+
+
+def _clock_address(clock: Clock) -> int:
+    """Return C's ``clock_gettime``, or that of a bench whose time only passes when it is told to."""
+    own: int | None = getattr(clock, "gettime_address", None)
+    if own is not None:
+        return own
+    return ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value or 0
+
+
+def _threads() -> set[int]:
+    return {int(task.name) for task in Path("/proc/self/task").iterdir()}

@@ -1,0 +1,31 @@
+"""Velocity from differences of positions: one second-order Butterworth low-pass for simulated and real arms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+
+
+def butterworth(cut_off_hz: float, period_s: float = 1e-3) -> FloatArray:
+    """Return b0, b1, b2, a1, a2 of a second-order low-pass at the rate of the ticks, by the bilinear transform.
+
+    What `scipy.signal.butter` returns, whose import takes half a second of a start.
+    """
+    k = math.tan(math.pi * cut_off_hz * period_s)
+    scale = 1.0 / (1.0 + math.sqrt(2.0) * k + k * k)
+    b0 = k * k * scale
+    return np.array([b0, 2.0 * b0, b0, 2.0 * (k * k - 1.0) * scale, (1.0 - math.sqrt(2.0) * k + k * k) * scale])
+
+
+@kernel
+def low_pass(raw: float, state: FloatArray, axis: int, coefficients: FloatArray) -> float:
+    """Return the filtered value of `raw`; `state` (2, n) carries the filter of `axis` from tick to tick."""
+    b0, b1, b2, a1, a2 = coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4]
+    value = b0 * raw + state[0, axis]
+    state[0, axis] = b1 * raw - a1 * value + state[1, axis]
+    state[1, axis] = b2 * raw - a2 * value
+    return float(value)

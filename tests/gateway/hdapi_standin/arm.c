@@ -1,0 +1,21 @@
+/* An arm as a mass in a hand: enough to see whether force goes where it should, and whether energy comes out. */
+#include "standin.h"
+
+#include <string.h>
+
+static const double MASS = 0.075, HAND_STIFFNESS = 300.0, HAND_DAMPING = 5.0, FRICTION = 0.1;
+static const double HEATING = 2e-3, COOLING = 0.05; /* share of the limit per N^2 s, per s */
+
+void move_arm(StandInArm *arm, double dt)
+{
+    double force2 = 0.0;
+    for (int i = 0; i < 3; i++) {
+        double applied = arm->motors && !arm->unplugged ? arm->force[i] : 0.0;
+        double total = applied + HAND_STIFFNESS * (arm->hand[i] - arm->position[i])
+                       - (HAND_DAMPING + FRICTION) * arm->velocity[i];
+        arm->velocity[i] += dt * total / MASS;
+        arm->position[i] += dt * arm->velocity[i];
+        force2 += applied * applied;
+    }
+    arm->temperature += dt * (HEATING * force2 - COOLING * arm->temperature);
+}
