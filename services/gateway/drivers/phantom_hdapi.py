@@ -141,14 +141,16 @@ class Driver(Arm):
         self.buttons = int(seen[cells.SEEN_BUTTONS])
         self.calibrated = seen[cells.SEEN_CALIBRATION] == Calibration.OK
         self.prompt = "" if self.calibrated else f"{self._shown}: {_PROMPTS[arm.style]}"
-        self.fault = self.fault or self._problem(seen)
+        if seen[cells.SEEN_ARMED] == self._armed or self._silent >= _SILENT_READS:  # else an error that was forgiven
+            self.fault = self.fault or self._problem(seen)
         self._was_calibrated = self._was_calibrated or self.calibrated
 
     def _problem(self, seen: list[float]) -> str:
         if seen[cells.SEEN_ERROR]:
             return f"{self._shown} reports {describe(int(seen[cells.SEEN_ERROR]))}"
         if seen[cells.SEEN_STOPPED]:
-            return f"the scheduler of OpenHaptics has ended: {describe(int(seen[cells.SEEN_STOPPED]))}"
+            why = describe(int(seen[cells.SEEN_STOPPED]))
+            return f"the scheduler of OpenHaptics has ended: {why}; the gateway has to be started anew"
         if seen[cells.SEEN_REFUSED] >= _REFUSED_FRAMES:
             return f"{self._shown} refuses force again and again: {describe(int(seen[cells.SEEN_REFUSAL]))}"
         if self._silent >= _SILENT_READS:

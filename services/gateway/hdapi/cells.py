@@ -12,17 +12,18 @@ from services.gateway.hdapi.handover import Box
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.compiled.struct import Struct, reader
 
-# From the gateway: when it was written, whether motors may be on, how often a person has armed the rig, and the force in
-# the frame of the arm.
+# From the gateway: when it was written, whether motors may be on, how often a person has armed the rig, and the force
+# in the frame of the arm.
 ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_FORCE, ORDER_SIZE = 0, 1, 2, 3, 6
 
 # To the gateway: time of the newest reading, calibration, buttons, error that ended the arm's or everybody's work, the
-# newest refusal of force and how many frames in a row had one, frames that came late; the reading; the force applied.
+# newest refusal of force and how many frames in a row had one, frames that came late, the newest ORDER_ARMED; then the
+# reading and the force applied.
 (
     SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
-    SEEN_POSITION,
-) = range(9)  # fmt: skip
-SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_SIZE = 11, 14, 15, 16, 19
+    SEEN_ARMED, SEEN_POSITION,
+) = range(10)  # fmt: skip
+SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_SIZE = 12, 15, 16, 17, 20
 
 # Where in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
 POSITION, GIMBAL, TEMPERATURE, FORCE, NUMBERS = 0, 3, 6, 12, 15

@@ -27,6 +27,7 @@ from services.gateway.hdapi.cells import (
     ORDER_FORCE,
     ORDER_TIME,
     POSITION,
+    SEEN_ARMED,
     SEEN_BUTTONS,
     SEEN_CALIBRATION,
     SEEN_ERROR,
@@ -176,7 +177,6 @@ def _note(servo: Servo, arm: ArmCell, code: int) -> None:
     elif FIRST_REFUSAL <= code <= LAST_REFUSAL:
         arm.refused_now = True
         arm.refusal = code
-        arm.trust = 0.0
     elif code in (TIMER_ERROR, INVALID_PRIORITY, SCHEDULER_FULL):
         servo.stopped_by = code
     else:
@@ -239,7 +239,7 @@ def _apply(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     wanted = sound and order[ORDER_ENABLED] != 0.0
     finite = math.isfinite(order[ORDER_FORCE] + order[ORDER_FORCE + 1] + order[ORDER_FORCE + 2])
     young = now_ns - order[ORDER_TIME] <= STALE_NS and now_ns - arm.read_ns <= STALE_NS
-    doubt = not (wanted and finite and young)
+    doubt = not (wanted and finite and young) or arm.refused_now or arm.refused > 0
     arm.trust = 0.0 if doubt else min(1.0, arm.trust + dt_s / TRUST_S)
     _approach(arm, arm.max_force_rate_n_s * dt_s)
     force = arm.force_n
@@ -296,6 +296,7 @@ def _report(servo: Servo, arm: ArmCell) -> None:
     report[SEEN_REFUSAL] = arm.refusal
     report[SEEN_REFUSED] = arm.refused
     report[SEEN_LATE] = arm.late
+    report[SEEN_ARMED] = arm.armed
     for axis in range(3):
         report[SEEN_FORCE + axis] = arm.force_n[axis] if arm.motors_on else 0.0
     put(arm.seen, report)

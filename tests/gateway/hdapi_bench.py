@@ -1,0 +1,83 @@
+"""Arms of the stand-in library in the driver's hands, tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from services.gateway import layout
+from services.gateway.driver import Place
+from services.gateway.drivers.phantom_hdapi import Driver
+from services.gateway.hdapi.standin import StandIn
+from services.runtime.rig import DriverSettings, Mount
+
+RATE_N_S = 200.0
+TTL_MS = 20
+
+
+class HdapiBench:
+    """Drivers `left` and `right` on devices 1 and 2 of a stand-in, and what their devices did in every tick."""
+
+    def __init__(self, standin: StandIn, device: str = "touch") -> None:
+        self.standin = standin
+        self.c = standin.c
+        self.device = device
+        self.left, self.right = self.driver("left"), self.driver("right")
+        self.readings = {driver: np.zeros(layout.READ_SIZE) for driver in (self.left, self.right)}
+        self.forces: list[np.ndarray] = []  # of both arms, (2, 3), in the frame of the arms
+
+    def driver(self, side: str) -> Driver:
+        name, library = side.capitalize(), str(self.standin.path)
+        settings = DriverSettings(
+            driver="phantom_hdapi", device=self.device, settings={"name": name, "library": library}
+        )
+        return Driver(settings, Place(side, Mount(), clock=self.standin.clock, force_rate_n_s=RATE_N_S))
+
+    def open(self, enabled: bool = True) -> None:
+        for driver in self.readings:
+            driver.open()
+            if enabled:
+                driver.enable()
+
+    def close(self) -> None:
+        for driver in self.readings:
+            driver.close()
+
+    def run(self, ticks: int, left: tuple[float, float, float], right: tuple[float, float, float]) -> None:
+        """Exchange as the gateway does, for so many ticks."""
+        orders = {self.left: np.array(left), self.right: np.array(right)}
+        for _ in range(ticks):
+            for driver, reading in self.readings.items():
+                driver.read(self.standin.clock.monotonic_ns(), reading)
+            for driver, force in orders.items():
+                driver.write(force)
+            self.wait(1)
+
+    def wait(self, ticks: int) -> None:
+        """Let time pass without a word of the gateway."""
+        for _ in range(ticks):
+            self.standin.clock.sleep(1e-3)
+            self.forces.append(np.array([self.applied(1), self.applied(2)]))
+
+    def applied(self, device: int) -> np.ndarray:
+        """Return the force on the hand in the frame of the arm."""
+        return self.standin.look(device).force_n[[2, 0, 1]]
+
+    def force_n(self, device: int) -> float:
+        """Return the magnitude of the force on the hand."""
+        return self.standin.force_n(device)
+
+    def largest_step_n(self) -> float:
+        """Return the largest change of a force from tick to tick."""
+        return float(np.linalg.norm(np.diff(self.forces, axis=0), axis=2).max())
+
+
+@contextmanager
+def two_arms(folder: Path, device: str = "touch") -> Iterator[HdapiBench]:
+    with ExitStack() as stack:
+        bench = HdapiBench(stack.enter_context(StandIn.compiled(folder)), device)
+        stack.callback(bench.close)
+        yield bench

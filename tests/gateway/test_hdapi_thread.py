@@ -1,0 +1,99 @@
+"""The callback in the library's own 1 kHz thread: beside a busy interpreter, and through the gateway's process."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from services.gateway.bench import BenchUnavailable
+from services.gateway.hdapi.standin import StandIn
+from tests.gateway.hdapi_bench import HdapiBench
+from tests.gateway.rig_bench import Bench, assert_never_a_kick
+
+PATIENCE_S = 30.0
+FORCE_N = 2.0
+
+
+@pytest.fixture
+def standin(tmp_path: Path) -> Iterator[StandIn]:
+    try:
+        with StandIn.compiled(tmp_path, threaded=True) as library:
+            yield library
+    except BenchUnavailable as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.fixture
+def bench(standin: StandIn) -> Iterator[HdapiBench]:
+    arms = HdapiBench(standin)
+    arms.open()
+    yield arms
+    arms.close()
+
+
+def _until(condition: Callable[[], bool], doing: Callable[[], None] = lambda: time.sleep(0.001)) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, "it never came to that"
+        doing()
+
+
+def test_the_callback_needs_no_interpreter(bench: HdapiBench) -> None:
+    _until(lambda: bench.left.calibrated, lambda: bench.run(1, (0.0,) * 3, (0.0,) * 3))
+    frames = bench.standin.look(1).frames
+    with_the_lock = ctypes.PyDLL(None)  # calls of a PyDLL keep the interpreter's lock
+    with_the_lock.usleep(300_000)
+    assert bench.standin.look(1).frames > frames + 10
+    assert bench.force_n(1) == 0.0, "nobody has given an order for long"
+
+
+def test_an_order_reaches_the_hand_and_a_callback_that_overruns_is_counted_not_fatal(bench: HdapiBench) -> None:
+    order = (0.0, 0.0, 0.1)
+    _until(lambda: bench.applied(1)[2] > 0.0, lambda: bench.run(1, order, order))
+    bench.c.standin_overrun(3000)
+    arm = bench.left.arm
+    assert arm is not None
+    late = arm.cell.late
+    _until(lambda: arm.cell.late > late, lambda: bench.run(1, order, order))
+    bench.c.standin_overrun(0)
+    assert bench.left.fault == bench.right.fault == ""
+
+
+def test_the_last_to_leave_ends_the_thread(bench: HdapiBench) -> None:
+    bench.close()
+    frames = bench.standin.look(1).frames
+    time.sleep(0.02)
+    assert bench.standin.look(1).frames == frames
+
+
+@pytest.mark.rig
+def test_a_gateway_process_pushes_through_the_library_and_lets_go(standin: StandIn, tmp_path: Path) -> None:
+    rig = Bench(tmp_path)
+    try:
+        text = yaml.safe_load(rig.rig_file.read_text())
+        arm = {"driver": "phantom_hdapi", "device": "touch", "settings": {"library": str(standin.path)}}
+        text["gateway"]["instruments"][0]["arm"] = arm
+        rig.rig_file.write_text(yaml.safe_dump(text))
+        gateway = rig.gateway()
+        rig.haptics(FORCE_N)
+        rig.until(lambda i: bool(np.linalg.norm(i.applied_force_n) > 0.99 * FORCE_N))
+        moved = rig.frames[-1].body.instruments[0]
+        assert moved.position_m[2] > 0.5 * FORCE_N / 300.0, "the hand of the stand-in gives way upward"
+        os.kill(gateway.pid, signal.SIGSTOP)
+        time.sleep(0.3)
+        os.kill(gateway.pid, signal.SIGCONT)
+        rig.until(lambda i: i.state == "active")
+        assert rig.frames[-1].body.instruments[0].fault == ""
+        assert_never_a_kick(rig.frames)
+        gateway.terminate()
+        assert gateway.wait(10) == 0
+    finally:
+        rig.close()
