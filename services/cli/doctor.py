@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 
 from rich.console import Console
@@ -12,7 +13,10 @@ from rich.table import Table
 
 from services.cli import host_checks, probes
 from services.cli.host_checks import Finding, Verdict
+from services.gateway.driver import check_host
 from services.runtime import config
+from services.runtime.rig import Rig
+from services.supervisor.holders import holders
 
 _MARKS = {Verdict.OK: "[green]ok[/]", Verdict.WARN: "[yellow]warn[/]", Verdict.FAIL: "[red]fail[/]"}
 
@@ -27,6 +31,7 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
         *host_checks.ports(rig),
         *probes.graphics(),
         probes.can_loopback(),
+        *_devices(rig),
     ]
     if as_json:
         print(json.dumps({"ok": not _failed(findings), "checks": [asdict(f) for f in findings]}, indent=1))
@@ -34,6 +39,12 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
         _print(findings)
     if _failed(findings):
         sys.exit(1)
+
+
+def _devices(rig: Rig) -> Iterator[Finding]:
+    named = [each for row in rig.gateway.instruments for each in (row.arm, row.grasp) if each is not None]
+    for check in check_host(named, in_use=bool(holders(rig.transport))):
+        yield host_checks.finding(check.name, check.ok, check.found, check.advice, needed=check.needed)
 
 
 def _failed(findings: list[Finding]) -> bool:

@@ -1,8 +1,8 @@
 """What a device driver is, and how one is found: by the name in the rig file, loaded when it is wanted.
 
 A driver is a file in `services.gateway.drivers` with a class ``Driver`` derived from `Arm` or `GraspHandle`, and a
-function ``bench`` (see `bench`) that the contract suite calls. Nothing is registered anywhere. Drivers never raise from
-`read` or `write`: what goes wrong there is their `fault`.
+function ``bench`` (see `bench`) that the contract suite calls; it may have a ``check_host`` (see `host_check`). Nothing
+is registered anywhere. Drivers never raise from `read` or `write`: what goes wrong there is their `fault`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import TypeVar, cast
 
 from services.gateway import drivers
 from services.gateway.bench import REAL_TIME, Bench, Clock
+from services.gateway.host_check import HostCheck
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
@@ -198,6 +200,14 @@ def open_bench(name: str, folder: Path) -> AbstractContextManager[Bench]:
     if bench is None:
         raise DeviceError(f"driver {name!r} has no function `bench`: see docs/recipes.md")
     return cast(AbstractContextManager[Bench], bench(folder))
+
+
+def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:
+    """Yield what the drivers that these devices name find out about the host; a device that is in use is let alone."""
+    for name in dict.fromkeys(each.driver for each in settings):
+        checks = getattr(_module(name, "rig"), "check_host", None)
+        if checks is not None:
+            yield from checks([each for each in settings if each.driver == name], in_use)
 
 
 def _module(name: str, where: str) -> ModuleType:

@@ -41,6 +41,19 @@ def test_what_is_needed_and_missing_is_a_failure(
     assert "[advice]" in ran.out
 
 
+@pytest.mark.usefixtures("no_probes")
+def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -> None:
+    arm = "{driver: phantom_hdapi, device: touch, settings: {library: libHD-that-nobody-has.so}}"
+    instrument = f"{{name: left, port_m: [0.0, 0.0, 0.1], arm: {arm}}}"
+    rig_file.write_text(f"{rig_file.read_text()}gateway: {{instruments: [{instrument}]}}\n")
+    ran = trocar("doctor", "--rig", rig_file, "--json")
+    assert ran.code == 1
+    checks = {check["name"]: check for check in json.loads(ran.out)["checks"]}
+    assert checks["OpenHaptics"]["verdict"] == "fail"
+    assert "libHD-that-nobody-has.so" in checks["OpenHaptics"]["found"]
+    assert "TouchDriver" in checks["OpenHaptics"]["advice"]
+
+
 def test_a_probe_that_crashes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(probes, "_CAN", f"import os; os.kill(os.getpid(), {int(signal.SIGSEGV)})")
     found = probes.can_loopback()

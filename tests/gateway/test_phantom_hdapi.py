@@ -174,6 +174,25 @@ def test_a_gateway_that_falls_silent_leaves_limp_arms_within_a_models_life(pushi
     assert pushing.largest_step_n() <= STEP_N
 
 
+@pytest.mark.parametrize("share", [0.85, 1.15])
+def test_a_wall_is_as_stiff_as_one_tick_of_delay_allows(bench: HdapiBench, share: float) -> None:
+    """K < b / (T / 2 + T): held for a tick, and one tick old; docs/decisions/hdapi-callback.md."""
+    damping_n_s_m, tick_s = 5.1, 1e-3  # of hand and arm, in arm.c
+    wall_n_m = share * damping_n_s_m / (1.5 * tick_s)
+    bench.open()
+    bench.run(300, FREE, FREE)
+    bench.standin.put("place", 1, np.array([0.0, 1e-5, 0.0]))
+    heights, reading = [], bench.readings[bench.left]
+    for _ in range(600):
+        bench.left.read(0, reading)
+        bench.left.write(np.array([0.0, 0.0, -wall_n_m * reading[2]]))
+        bench.wait(1)
+        heights.append(bench.standin.look(1).position_m[1] - 1e-5 * 300.0 / (300.0 + wall_n_m))
+    early, late = np.ptp(heights[50:150]), np.ptp(heights[500:])
+    assert (late < 0.5 * early) == (share < 1.0)
+    assert (late > 2.0 * early) == (share > 1.0)
+
+
 @pytest.mark.parametrize("nonsense", [np.nan, np.inf])
 def test_an_order_that_is_no_number_is_none(pushing: HdapiBench, nonsense: float) -> None:
     pushing.run(TTL_MS, (0.0, nonsense, 0.0), RIGHT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,11 +13,13 @@ from services.gateway import driver
 from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
-from services.gateway.hdapi import cells, exchange, session
+from services.gateway.hdapi import cells, exchange, host_checks, session
 from services.gateway.hdapi.constants import Calibration, Style, describe
 from services.gateway.hdapi.library import DEFAULT
+from services.gateway.host_check import HostCheck
 from services.gateway.layout import READ_SIZE, READ_TEMPERATURE
 from services.mechanics.arrays import FloatArray
+from services.runtime import config
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 
@@ -158,6 +160,13 @@ class Driver(Arm):
         if self._was_calibrated and not self.calibrated:
             return f"{self._shown} has lost its calibration"
         return ""
+
+
+def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[HostCheck]:
+    """Look for library, arms, permissions and set-up."""
+    own = [config.build(HdapiSettings, each.settings, "driver 'phantom_hdapi'") for each in settings]
+    for library in dict.fromkeys(each.library for each in own):
+        yield from host_checks.check([each.name for each in own if each.library == library], library, in_use)
 
 
 @contextmanager

@@ -1,12 +1,11 @@
 /* An arm as a mass in a hand: enough to see whether force goes where it should, and whether energy comes out. */
 #include "standin.h"
 
-#include <string.h>
-
 static const double MASS = 0.075, HAND_STIFFNESS = 300.0, HAND_DAMPING = 5.0, FRICTION = 0.1;
+enum { SUBSTEPS = 20 }; /* one would act as if the force came half a tick earlier */
 static const double HEATING = 2e-3, COOLING = 0.05; /* share of the limit per N^2 s, per s */
 
-void move_arm(StandInArm *arm, double dt)
+static void step(StandInArm *arm, double dt)
 {
     double force2 = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -18,4 +17,10 @@ void move_arm(StandInArm *arm, double dt)
         force2 += applied * applied;
     }
     arm->temperature += dt * (HEATING * force2 - COOLING * arm->temperature);
+}
+
+void move_arm(StandInArm *arm, double dt)
+{
+    for (int k = 0; k < SUBSTEPS; k++)
+        step(arm, dt / SUBSTEPS);
 }

@@ -1,0 +1,141 @@
+"""Is OpenHaptics here, is an arm, may this user open it, is it set up, does it answer; and what to do where not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from services.gateway.hdapi.constants import Parameter
+from services.gateway.hdapi.library import Library
+from services.gateway.host_check import HostCheck
+from services.runtime.errors import DeviceError
+
+#: Vendor and product of USB arms; sources disagree on one that has them the other way round. None: any product.
+_USB = (("2988", None), ("0301", "2988"))
+_FIREWIRE_VENDOR = "0x000b99"  # SensAble
+_NODES = ("ttyACM*", "hidraw*", "fw*")
+_RULES = "deploy/70-trocar-phantom.rules"
+_PATIENCE_S = 20.0
+
+_INSTALL = "install the vendor's OpenHaptics 3.4 and TouchDriver (docs/gateway.md), then `sudo ldconfig`"
+_MISSING = {
+    "libncurses": "apt install libncurses5 libtinfo5 (newer systems: link libncurses.so.6 and libtinfo.so.6 as .so.5)",
+    "libtinfo": "apt install libncurses5 libtinfo5 (newer systems: link libncurses.so.6 and libtinfo.so.6 as .so.5)",
+    "PhantomIO": "the TouchDriver is missing: " + _INSTALL,
+}
+
+
+def check(names: Sequence[str | None], library: str, in_use: bool, root: Path = Path("/")) -> Iterator[HostCheck]:
+    """Yield what a person should know before the arms `names` are opened through `library`."""
+    loaded = _loads(library)
+    yield loaded
+    devices = list(_devices(root))
+    yield _presence(devices, len(names))
+    if devices:
+        yield _permissions(root, devices)
+    yield _set_up(root, names)
+    if loaded.ok and not in_use:
+        yield from (_answers(library, name) for name in names)
+
+
+def _loads(library: str) -> HostCheck:
+    code, said = _run("load", library)
+    advice = next((advice for part, advice in _MISSING.items() if part in said), _INSTALL)
+    return HostCheck("OpenHaptics", code == 0, said, advice, needed=True)
+
+
+def _presence(devices: list[Path], wanted: int) -> HostCheck:
+    shown = ", ".join(_describe(device) for device in devices) or "no Phantom or Touch on USB or FireWire"
+    advice = "plug in and switch on; an arm on Ethernet is not seen here"
+    return HostCheck("arms plugged in", len(devices) >= wanted, shown, advice)
+
+
+def _permissions(root: Path, devices: list[Path]) -> HostCheck:
+    nodes = sorted(root / "dev" / node.name for device in devices for node in _nodes(device))
+    closed = [str(node) for node in nodes if not os.access(node, os.R_OK | os.W_OK)]
+    shown = f"not yours to open: {', '.join(closed)}" if closed else ", ".join(map(str, nodes)) or "no device file"
+    advice = (
+        f"sudo cp {_RULES} /etc/udev/rules.d/ && sudo udevadm control --reload && sudo udevadm trigger; without a seat "
+        "at this host: sudo adduser $USER plugdev, and a new login"
+    )
+    return HostCheck("arms' permissions", bool(nodes) and not closed, shown, advice)
+
+
+def _set_up(root: Path, names: Sequence[str | None]) -> HostCheck:
+    folder = Path(os.environ.get("GTDD_HOME") or Path.home() / ".3dsystems") / "config"
+    folder = root / folder.relative_to("/") if folder.is_absolute() else folder
+    wanted = [name or "Default Device" for name in names]
+    missing = [name for name in wanted if not (folder / f"{name}.config").is_file()]
+    shown = f"{folder}: {'no ' + ', no '.join(missing) if missing else ', '.join(wanted)}"
+    advice = "run the vendor's Touch_Setup as this user and name the arms so; set GTDD_HOME to where it keeps them"
+    return HostCheck("arms' set-up", not missing, shown, advice)
+
+
+def _answers(library: str, name: str | None) -> HostCheck:
+    code, said = _run("open", library, *(() if name is None else (name,)))
+    advice = "look at cable and power, run the vendor's Touch_Diagnostic, end whatever else uses the arm"
+    return HostCheck(f"arm {name or 'Default Device'}", code == 0, said, advice)
+
+
+def _devices(root: Path) -> Iterator[Path]:
+    for device in sorted((root / "sys/bus/usb/devices").glob("*")):
+        vendor, product = _text(device / "idVendor"), _text(device / "idProduct")
+        if any(vendor == v and p in (None, product) for v, p in _USB):
+            yield device
+    for device in sorted((root / "sys/bus/firewire/devices").glob("fw*")):
+        if _text(device / "vendor") == _FIREWIRE_VENDOR:
+            yield device
+
+
+def _nodes(device: Path) -> Iterator[Path]:
+    """Yield what of `device` has a file of its own in /dev: named as such in sysfs, below it or itself."""
+    if device.match("fw*"):
+        yield device
+        return
+    for pattern in _NODES:
+        yield from device.resolve().rglob(pattern)
+
+
+def _describe(device: Path) -> str:
+    product = _text(device / "product") or "FireWire"
+    ids = f"{_text(device / 'idVendor')}:{_text(device / 'idProduct')}"
+    return f"{product} ({ids if ids != ':' else _text(device / 'vendor')})"
+
+
+def _text(file: Path) -> str:
+    return file.read_text(errors="replace").strip() if file.is_file() else ""
+
+
+def _run(*arguments: str) -> tuple[int, str]:
+    """Do something with the vendor's library in a process of its own, which it may crash or hang."""
+    command = [sys.executable, "-m", __name__, *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
+    except subprocess.TimeoutExpired:
+        return 1, f"no answer within {_PATIENCE_S:.0f} s"
+    if done.returncode < 0:
+        return 1, f"ends with signal {-done.returncode}"
+    return done.returncode, (done.stdout.strip() or done.stderr.strip() or "?").splitlines()[-1]
+
+
+def main(what: str, path: str, name: str | None = None) -> int:
+    """Load the library or open an arm, say how it went, return an exit code."""
+    try:
+        library = Library(path, "here")
+        said = f"{path} loads"
+        if what == "open":
+            handle = library.open_device(name, "here")
+            said = f"{library.string(Parameter.MODEL_TYPE)}, serial number {library.string(Parameter.SERIAL_NUMBER)}"
+            library.c.hdDisableDevice(handle)
+    except DeviceError as error:
+        print(str(error).removeprefix("here: ").partition("; `trocar")[0])  # noqa: T201
+        return 1
+    print(said)  # noqa: T201
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
