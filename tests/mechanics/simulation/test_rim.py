@@ -41,11 +41,11 @@ def test_however_deep_its_tip_is(duct, end, deeper_mm):
     assert_stays_out_of_the_wall(run(sweep(np.array(end), 0.3, deeper_mm), duct))
 
 
-def deepest_with_lost_ticks_m(duct, seed):
+def overlap_with_lost_ticks_m(duct, seed):
     """Of an insertion 2 % of the ticks last up to 250 ms, in which nothing was computed and the hand went on."""
     rng, scenario = np.random.default_rng(seed), scenarios.insertion()
     simulation, tools = Simulation(scenario.scene, duct), ToolInputs()
-    time_s, deepest_m = 0.0, 0.0
+    time_s, overlap_m = 0.0, []
     scenario.write_inputs(time_s, tools)
     simulation.step(tools)
     while time_s < scenario.duration_s + 0.6:
@@ -53,13 +53,16 @@ def deepest_with_lost_ticks_m(duct, seed):
         time_s += rng.choice([2e-3, 5e-3, 20e-3, 60e-3, 250e-3], p=[0.4, 0.25, 0.2, 0.1, 0.05]) if is_late else 1e-3
         scenario.write_inputs(time_s, tools)
         simulation.step(tools)
-        deepest_m = max(deepest_m, simulation.max_penetration_m)
-    return deepest_m
+        overlap_m.append(simulation.max_penetration_m)
+    return np.array(overlap_m)
 
 
-def test_hands_that_jump_because_ticks_were_lost_seldom_push_it_in(duct):
-    """One run of these is chaotic; with one flank of each fold alone half of them sank in, the deepest by 1.7 mm."""
-    deepest_m = [deepest_with_lost_ticks_m(duct, seed) for seed in range(1, 13)]
-    assert np.median(deepest_m) < 0.1e-3
-    assert np.sum(np.array(deepest_m) > 0.1e-3) <= 3
-    assert max(deepest_m) < 1e-3
+@pytest.mark.parametrize("seed", range(1, 13))
+def test_a_hand_that_jumps_because_ticks_were_lost_pushes_it_in_for_a_few_ticks_at_most(duct, seed):
+    """With one flank of each fold alone, half of these stayed in the wall, the deepest by 1.7 mm."""
+    overlap_m = overlap_with_lost_ticks_m(duct, seed)
+    is_in = np.concatenate([[0], overlap_m > 0.1e-3, [0]]).astype(int)
+    entered, left = np.flatnonzero(np.diff(is_in) > 0), np.flatnonzero(np.diff(is_in) < 0)
+    assert max(left - entered, default=0) <= 5
+    assert overlap_m.max() < 1e-3
+    assert overlap_m[-1] < 10e-6
