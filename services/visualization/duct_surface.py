@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 import protocol.bodies as bodies
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.visualization.picture import Float32Array
 
 
 class DuctSurface:
@@ -22,7 +21,7 @@ class DuctSurface:
 
     def __init__(self, duct: ReducedDuct) -> None:
         self.duct = duct
-        self.rest_m: npt.NDArray[np.float64] = duct.mesh.vertices_m
+        self.rest_m: FloatArray = duct.mesh.vertices_m
         self.points_m: Float32Array = self.rest_m.astype(np.float32)
         self._modes = duct.basis.Phi.reshape(-1, duct.basis.n_modes)
         self._frame = None if duct.warp is None else SectionFrame(duct.warp)
@@ -43,22 +42,20 @@ class DuctSurface:
         self.points_m = points.astype(np.float32)
         return True
 
-    def _straight(
-        self, q: npt.NDArray[np.float64], nodes: npt.NDArray[np.int32], forces_n: npt.NDArray[np.float64]
-    ) -> npt.NDArray[np.float64]:
+    def _straight(self, q: FloatArray, nodes: IntArray, forces_n: FloatArray) -> FloatArray:
         modes = self._modes if len(q) == self._modes.shape[1] else self._modes[:, : len(q)]
         displacement = (modes @ q).reshape(-1, 3)
         self._add_residual(nodes, forces_n, displacement)
-        points: npt.NDArray[np.float64] = self.rest_m + displacement
+        points: FloatArray = self.rest_m + displacement
         return points
 
     def _turned(
         self,
         frame: SectionFrame,
-        q: npt.NDArray[np.float64],
-        nodes: npt.NDArray[np.int32],
-        forces_n: npt.NDArray[np.float64],
-    ) -> npt.NDArray[np.float64]:
+        q: FloatArray,
+        nodes: IntArray,
+        forces_n: FloatArray,
+    ) -> FloatArray:
         frame.update(np.pad(q, (0, self._modes.shape[1] - len(q))))
         along_wall_n = np.empty((len(nodes), 3))
         carried, points = np.zeros_like(self.rest_m), np.empty_like(self.rest_m)
@@ -67,8 +64,6 @@ class DuctSurface:
         frame.node_positions(self._every_node, carried, points)
         return points
 
-    def _add_residual(
-        self, nodes: npt.NDArray[np.int32], forces_n: npt.NDArray[np.float64], out: npt.NDArray[np.float64]
-    ) -> None:
+    def _add_residual(self, nodes: IntArray, forces_n: FloatArray, out: FloatArray) -> None:
         if len(nodes):
             self.duct.residual.apply(nodes, forces_n, self._every_node, out)

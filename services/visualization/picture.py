@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-Float32Array = npt.NDArray[np.float32]
-IndexArray = npt.NDArray[np.int32]
+from services.mechanics.arrays import Float32Array, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +43,7 @@ class Layout:
     epoch: int
     scene: str
     rest_m: Float32Array
-    triangles: IndexArray
+    triangles: IntArray
     thickness_m: float
     mouth: tuple[int, ...]
     clamped: tuple[int, ...]

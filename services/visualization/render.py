@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.visualization.normals import vertex_normals
-from services.visualization.picture import Float32Array, IndexArray, Layout, Picture, ToolShape
+from services.visualization.picture import Layout, Picture, ToolShape
 from services.visualization.tube import sweep_tube, tube_triangles
 
 _SIDES = 12
@@ -29,7 +30,7 @@ _TISSUE, _CATHETER, _STEEL, _SLEEVE, _NIGHT = "#c4675c", "#d8a63c", "#b4bbc2", "
 class _Surface:
     """A mesh of fixed topology whose points and normals change."""
 
-    def __init__(self, plotter: pv.Plotter, points: Float32Array, triangles: IndexArray, colour: str) -> None:
+    def __init__(self, plotter: pv.Plotter, points: Float32Array, triangles: IntArray, colour: str) -> None:
         faces = np.hstack([np.full((len(triangles), 1), 3, np.int64), triangles]).ravel()
         self.mesh = pv.PolyData(np.ascontiguousarray(points, np.float32), faces)
         self.mesh.point_data["Normals"] = np.zeros_like(points, np.float32)
@@ -151,7 +152,7 @@ class _Tool:
             actor.user_matrix = transform @ _turn_about_z(sign * opening_rad)
 
 
-def pose_matrix(pose: Float32Array) -> npt.NDArray[np.float64]:
+def pose_matrix(pose: Float32Array) -> FloatArray:
     """Return the homogeneous transform (4, 4) of a position and quaternion wxyz."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()
@@ -159,7 +160,7 @@ def pose_matrix(pose: Float32Array) -> npt.NDArray[np.float64]:
     return matrix
 
 
-def _turn_about_z(angle_rad: float) -> npt.NDArray[np.float64]:
+def _turn_about_z(angle_rad: float) -> FloatArray:
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_euler("z", angle_rad).as_matrix()
     return matrix

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import Float32Array, FloatArray
 from services.mechanics.compiled import kernel
 
 Vector = tuple[float, float, float]
@@ -65,6 +65,6 @@ def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
 
 
 @kernel
-def row(array: FloatArray, i: int) -> Vector:
+def row(array: FloatArray | Float32Array, i: int) -> Vector:
     """Row i of an (n, 3) array as a tuple, which stays in registers."""
     return (array[i, 0], array[i, 1], array[i, 2])

@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.compiled import kernel
 
-BlockArray = npt.NDArray[np.float32] | npt.NDArray[np.float64]
+BlockArray = Float32Array | FloatArray
 BlockStore = tuple[BlockArray, IntArray, IntArray, int]
 """Blocks, row starts, neighbours and number of nodes, as kernels take them."""
 
