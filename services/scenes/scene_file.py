@@ -11,7 +11,9 @@ from typing_extensions import TypedDict
 
 from services.mechanics.effects import EFFECTS
 from services.mechanics.scene import SceneModel
+from services.mechanics.simulation.scene_catheter import check_catheter
 from services.runtime import config
+from services.runtime.errors import ConfigError
 
 # The dataclasses inside have no configuration of their own and take this one.
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
@@ -41,4 +43,9 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
         one sentence that begins with `where` and the path of the key.
     """
     checked = config.build(scene_file_type(), data, where)
-    return SceneModel(**{name: getattr(checked, name) for name in type(checked).model_fields})
+    scene = SceneModel(**{name: getattr(checked, name) for name in type(checked).model_fields})
+    try:
+        check_catheter(scene)
+    except ValueError as error:
+        raise ConfigError(f"{where}: {error}") from None
+    return scene

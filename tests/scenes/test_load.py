@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from services.mechanics.effects import EFFECTS
 from services.mechanics.effects.mucus_drag import MucusDragSettings
 from services.mechanics.scenarios import insertion_scene, miss, paper_scene
 from services.mechanics.scene import SceneModel
 from services.runtime import config
 from services.runtime.errors import ConfigError
-from services.scenes import load_scene, scene_origins
+from services.scenes import load_scene, scene_file_type, scene_origins
 
 SMALL = Path(__file__).parent / "small.yaml"
 SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))
@@ -48,6 +49,13 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
         ("duct: {radius_m: .nan}", r"duct.radius_m: input should be a finite number"),
         ("catheter: {length_m: true}", r"catheter.length_m: input should be a valid number"),
         ("forceps: [{}]", r"forceps.1: this key is missing"),
+        ("catheter: {n_segments: 1}", r"a.yaml: catheter: n_segments is 1; a rod needs at least 2 segments"),
+        ("catheter: {introducer_to_tip_m: 0.2}", r"a.yaml: catheter.introducer_to_tip_m: 0.2 m leaves the catheter"),
+        ("catheter: {rest_curvature_1_m: [[0, 9, 0]]}", r"catheter.rest_curvature_1_m: .*name the effect 'twist' too"),
+        (
+            "{effects: {twist: {}}, catheter: {rest_curvature_1_m: [[0, 9, 0]]}}",
+            r"a.yaml: catheter: rest_curvature_1_m must be finite, of shape \(49, 3\)",
+        ),
         ("quality: [{iterations: '30'}]", r"quality.0.iterations: input should be a valid integer"),
         ("sleeping: 1", r"sleeping: input should be a valid boolean"),
         ("contact: {model: hope}", r"contact.model: input should be 'implicit' or 'penalty'"),
@@ -67,6 +75,14 @@ def test_numbers_are_read_as_people_write_them(tmp_path: Path, text: str) -> Non
     path.write_text(f"effects: {{mucus_drag: {{film_m: {text}}}}}")
     assert load_scene(path).effects == {"mucus_drag": MucusDragSettings(film_m=3e-4)}
     assert load_scene(SMALL, [f"effects.mucus_drag.film_m={text}"]).effects["mucus_drag"] == MucusDragSettings()
+
+
+def test_the_schema_of_scene_files_knows_the_settings_of_every_effect() -> None:
+    schema = scene_file_type().model_json_schema()
+    effects = schema["$defs"]["Effects"]
+    assert list(effects["properties"]) == list(EFFECTS)
+    assert effects["additionalProperties"] is False
+    assert "film_m" in schema["$defs"]["MucusDragSettings"]["properties"]
 
 
 def test_overrides_win_and_are_remembered() -> None:

@@ -43,8 +43,6 @@ class CatheterBody:
         may_sleep: bool = False,
         acts_in_next_step: bool = False,
     ) -> None:
-        if scene.rest_curvature_1_m and properties.rest_curvature_1_m is None:
-            raise ValueError("catheter.rest_curvature_1_m: turns with the material, name the effect 'twist' too")
         self.properties = properties
         self.state = initial_state(scene, self.properties)
         self.integrator = build_integrator(scene.integrator, self.properties, rod_supports(scene))

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterBody, rod_properties
+from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps import Grasp, JawState, ToolBody
 from services.mechanics.bodies.mouth import Mouth
@@ -24,9 +24,9 @@ from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction import ExactOscillator, ModalIntegrator, ModalState, Newmark, ReducedDuct
-from services.mechanics.rod import RodProperties
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
+from services.mechanics.simulation.scene_catheter import scene_rod
 from services.mechanics.simulation.scene_duct import constant_load_n
 from services.mechanics.world import World
 
@@ -56,7 +56,7 @@ class Simulation:
         self.duct = DuctBody(duct, _integrator(scene, duct), capacity)
         self.catheter = CatheterBody(
             scene.catheter,
-            self._rod(),
+            scene_rod(scene, self._stages["modify_rod"]),
             may_sleep=scene.sleeping,
             acts_in_next_step=STRATEGIES[scene.contact.model].acts_in_next_step,
         )
@@ -79,7 +79,7 @@ class Simulation:
         self._catheter_pairs = ContactPairs.allocate(capacity)
         self._tool_pairs = ContactPairs.allocate(capacity)
         self._tool_force = np.zeros((N_TOOLS, 4))
-        self._felt = Placed(ReportArrays.of(self.tool_results, self._tool_force))
+        self._report_arrays = Placed(ReportArrays.of(self.tool_results, self._tool_force))
         self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
         self._mark_ns = 0
         load = constant_load_n(self._stages["constant_load_n"], duct.mesh)
@@ -192,12 +192,6 @@ class Simulation:
     def _iterations(self) -> int:
         return self.scene.quality[self.quality_level].iterations
 
-    def _rod(self) -> RodProperties:
-        rod = rod_properties(self.scene.catheter)
-        for effect in self._stages["modify_rod"]:
-            rod = effect.modify_rod(rod)
-        return rod
-
     def _body_acceleration_m_s2(self) -> FloatArray:
         total = np.zeros(3)
         for effect in self._stages["body_acceleration_m_s2"]:
@@ -272,7 +266,7 @@ class Simulation:
 
     def _report(self) -> None:
         """Write what the tools feel."""
-        addresses = (self.system.address, self.tools.address, self._felt.address)
+        addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         wants_stiffness = self.system.strategy.knows_stiffness
         self.max_penetration_m = report(*addresses, bool(self.holds.active), wants_stiffness)
 

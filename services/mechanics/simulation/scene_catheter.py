@@ -1,0 +1,41 @@
+"""From a scene to its catheter: what it is made of, effects included, and what holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from services.mechanics.bodies.catheter import rod_properties, rod_supports
+from services.mechanics.effects import Effect, build_effects, by_stage
+from services.mechanics.rod import RodProperties
+from services.mechanics.scene import SceneModel
+
+
+def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
+    """Return stiffness, mass and damping of a scene's catheter; ``effects`` are those that modify it, in order.
+
+    Raises
+    ------
+    ValueError
+        What the scene says makes no rod.
+    """
+    try:
+        rod = rod_properties(scene.catheter)
+        for effect in effects:
+            rod = effect.modify_rod(rod)
+    except ValueError as error:
+        raise ValueError(f"catheter: {error}") from None
+    if scene.catheter.rest_curvature_1_m and rod.rest_curvature_1_m is None:
+        raise ValueError("catheter.rest_curvature_1_m: turns with the material, name the effect 'twist' too")
+    return rod
+
+
+def check_catheter(scene: SceneModel) -> None:
+    """Refuse a catheter that could not be built, long before it is.
+
+    Raises
+    ------
+    ValueError
+        It is no rod, or does not start in its introducer.
+    """
+    scene_rod(scene, by_stage(build_effects(scene).values())["modify_rod"])
+    rod_supports(scene.catheter)
