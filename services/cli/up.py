@@ -1,11 +1,11 @@
-"""``trocar up``: the supervisor with a face, and the report of a run."""
+"""``trocar up``: the supervisor with its status on the terminal, and the report of a run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from services.cli.face import Face
+from services.cli.status_display import StatusDisplay
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
@@ -27,9 +27,9 @@ class Request:
 class Run:
     """Follows the supervisor: shows it, measures it, ends it when the time is over."""
 
-    def __init__(self, request: Request, face: Face) -> None:
+    def __init__(self, request: Request, display: StatusDisplay) -> None:
         self._request = request
-        self._face = face
+        self._display = display
         self.report: run_report.RunReport | None = None
 
     def turn(self, supervisor: Supervisor, now_s: float) -> bool:
@@ -37,7 +37,7 @@ class Run:
         if self.report is None:
             self.report = run_report.RunReport(supervisor)
         self.report.turn(now_s)
-        self._face.turn(supervisor)
+        self._display.turn(supervisor)
         seconds = self._request.seconds
         return seconds is not None and self.report.measured_s >= seconds
 
@@ -48,11 +48,11 @@ def run_up(request: Request) -> None:
         raise ConfigError(f"--json {request.json_file}: there is no folder {request.json_file.absolute().parent}")
     options = Options(request.rig, request.scene, (*request.overrides, *_viewer(request.viewer)))
     process = session.open_session(options)
-    face = Face()
-    run = Run(request, face)
+    display = StatusDisplay()
+    run = Run(request, display)
     try:
-        with face:
-            session.run_session(process, session.SessionOptions(options, on_event=face.event, on_turn=run.turn))
+        with display:
+            session.run_session(process, session.SessionOptions(options, on_event=display.event, on_turn=run.turn))
     finally:
         process.bus.close()
         if request.json_file is not None and run.report is not None:

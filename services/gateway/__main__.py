@@ -15,7 +15,7 @@ from services.gateway.answers import Answers
 from services.gateway.instrument import Instrument, build_instruments
 from services.gateway.orders import Orders
 from services.runtime.bus import Bus
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
 from services.runtime.process import Process, main
@@ -43,7 +43,7 @@ class Gateway:
         self._orders = Orders(self.instruments)
         self._turn = 0
 
-    def _path(self, name: str, default_us: float) -> Path:
+    def _path(self, name: str, default_us: float) -> LatencyPath:
         contract = self._process.rig.contracts.paths.get(name)
         return self._health.path(name, round(1e3 * (contract.p99_us if contract else default_us)))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from protocol import Frame
 from services.gateway.instrument import Instrument
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 
 #: Samples that a model may still answer: older ones are beyond every time to live.
 _REMEMBERED = 128
@@ -28,7 +28,7 @@ class Answers:
         Models not used, by reason.
     """
 
-    def __init__(self, instruments: list[Instrument], arrival: Path, force: Path) -> None:
+    def __init__(self, instruments: list[Instrument], arrival: LatencyPath, force: LatencyPath) -> None:
         self.refused = {"invalid": 0, "not_asked": 0, "instruments": 0}
         self._instruments = instruments
         self._arrival = arrival

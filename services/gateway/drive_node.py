@@ -17,7 +17,7 @@ import can
 import msgspec
 
 from services.gateway import canbus, hand_motion
-from services.gateway.emulated_drive import ESTIMATE_S, EmulatedDrive, Frame, Handle
+from services.gateway.emulated_drive import ESTIMATE_S, CanFrame, EmulatedDrive, Handle
 from services.runtime import log, realtime
 from services.runtime.errors import UserError
 from services.runtime.loop import LoopMeter, ticks
@@ -77,7 +77,7 @@ def _choose(task: Task) -> hand_motion.Wanted:
     return hand_motion.squeeze
 
 
-def send(bus: can.BusABC, frames: list[Frame]) -> None:
+def send(bus: can.BusABC, frames: list[CanFrame]) -> None:
     """Send the frames of a tick."""
     for identifier, data in frames:
         bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))

@@ -25,7 +25,7 @@ _SAID_BY_DRIVE = (
     cansimple.GET_TORQUES,
 )
 
-Frame = tuple[int, bytes]
+CanFrame = tuple[int, bytes]
 
 
 class Handle:
@@ -77,7 +77,7 @@ class EmulatedDrive:
         """Torque on the handle."""
         return self.torque_nm if self.state is AxisState.CLOSED_LOOP else 0.0
 
-    def receive(self, identifier: int, data: bytes, remote: bool, now_s: float) -> list[Frame]:
+    def receive(self, identifier: int, data: bytes, remote: bool, now_s: float) -> list[CanFrame]:
         """Act on a frame of the host; one for another node, or of a wrong length, is ignored. Return the answers."""
         if identifier >> 5 != self.node:
             return []
@@ -93,7 +93,7 @@ class EmulatedDrive:
             return []
         return []
 
-    def step(self, wanted_rad: float, now_s: float, dt_s: float) -> Iterator[Frame]:
+    def step(self, wanted_rad: float, now_s: float, dt_s: float) -> Iterator[CanFrame]:
         """Advance the handle by `dt_s`, check watchdog and limits, yield the cyclic frames that are due."""
         self.handle.step(wanted_rad, self.applied_nm, dt_s)
         if self.state is AxisState.CLOSED_LOOP:
@@ -106,7 +106,7 @@ class EmulatedDrive:
             self._next_heartbeat_s = now_s + HEARTBEAT_S
             yield from self._answer(cansimple.HEARTBEAT)
 
-    def _answer(self, command: int) -> Iterator[Frame]:
+    def _answer(self, command: int) -> Iterator[CanFrame]:
         turn = 2 * math.pi
         if command == cansimple.HEARTBEAT:
             data = cansimple.pack_heartbeat(self.errors, self.state, 0, False)

@@ -13,8 +13,7 @@ from services.gateway import layout, pose
 from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
 from services.gateway.engagement import State
 from services.gateway.servo import Servo, ServoLimits
-from services.runtime.rig import GatewaySettings
-from services.runtime.rig import Instrument as InstrumentSettings
+from services.runtime.rig import GatewaySettings, InstrumentSettings
 
 #: A person who is refused force for so long, because the tool pulls at something, does not keep still.
 PATIENCE_S = 2.0

@@ -16,7 +16,7 @@ _PERIOD_NS = 100_000_000
 
 
 @dataclass(slots=True)
-class Path:
+class LatencyPath:
     """Latency of a named path, and of how many samples an answer came in time."""
 
     latency: LatencyHistogram
@@ -58,7 +58,7 @@ class HealthReporter:
         self.state = "starting"
         self.detail = ""
         self.meter = meter
-        self.paths: dict[str, Path] = {}
+        self.paths: dict[str, LatencyPath] = {}
         self.stages = StageClock()
         self.gauges: dict[str, float] = {}
         self.realtime: list[Fact] = []
@@ -67,9 +67,9 @@ class HealthReporter:
         self._started_ns = time.monotonic_ns()
         self._due_ns = 0
 
-    def path(self, name: str, deadline_ns: int) -> Path:
+    def path(self, name: str, deadline_ns: int) -> LatencyPath:
         """Return (and from now on report) a path whose latency is judged against `deadline_ns`."""
-        return self.paths.setdefault(name, Path(LatencyHistogram(deadline_ns)))
+        return self.paths.setdefault(name, LatencyPath(LatencyHistogram(deadline_ns)))
 
     def change(self, state: str, detail: str = "") -> None:
         """Take another state and say so at once."""

@@ -73,7 +73,7 @@ class Mount(Settings):
     yaw_rad: float = 0.0
 
 
-class Instrument(Settings):
+class InstrumentSettings(Settings):
     """One laparoscopic instrument: a force-feedback arm, a handle, a port."""
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
@@ -86,7 +86,7 @@ class Instrument(Settings):
 class GatewaySettings(Settings):
     """The devices and the servo's limits."""
 
-    instruments: Annotated[tuple[Instrument, ...], Field(max_length=8)] = ()
+    instruments: Annotated[tuple[InstrumentSettings, ...], Field(max_length=8)] = ()
     force_limit_n: Annotated[float, Field(gt=0, le=20)] = 3.0
     force_rate_limit_n_s: Annotated[float, Field(gt=0)] = 200.0
     grasp_torque_limit_nm: Annotated[float, Field(gt=0, le=5)] = 0.3

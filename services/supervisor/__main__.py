@@ -1,4 +1,4 @@
-"""The supervisor as a process: ``python -m services.supervisor``. On a bench `trocar up` is the same with a face."""
+"""The supervisor as a process: ``python -m services.supervisor``. `trocar up` is the same and shows its status."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import uvicorn
 
 from services.supervisor import dashboard
 from services.supervisor.metrics import RigSource, Source, registry
-from services.supervisor.page_place import leave, page_file
+from services.supervisor.page_place import page_file, write_page_file
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
@@ -49,7 +49,7 @@ class Page:
         self._file = page_file(supervisor.rig.transport)
 
     def __enter__(self) -> Self:
-        leave(self._file, self.address, self.context.token)
+        write_page_file(self._file, self.address, self.context.token)
         self._supervisor.page_address = f"{self.address}#token={self.context.token}"
         self._thread.start()
         return self

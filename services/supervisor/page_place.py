@@ -21,7 +21,7 @@ def page_file(transport: Transport) -> Path:
     return endpoints.run_directory(transport) / "page.json"
 
 
-def leave(path: Path, address: str, token: str) -> None:
+def write_page_file(path: Path, address: str, token: str) -> None:
     """Write the file, readable by this user only."""
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
         json.dump({"address": address, "token": token}, file)

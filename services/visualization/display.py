@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 from services.visualization.picture import Picture
 
 
@@ -14,7 +14,7 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def record(path: Path, picture: Picture) -> None:
+def record(path: LatencyPath, picture: Picture) -> None:
     """Count a picture whose path ends here, unless it shows no new device sample."""
     if picture.origin_ns:
         path.asked += 1

@@ -6,7 +6,7 @@ import asyncio
 import time
 from dataclasses import dataclass, field
 
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 
 #: Frames on their way to a client that has not yet said that it painted them. A tunnel with a round trip of 100 ms
 #: still gets 60 pictures a second; a client that stands still (a hidden tab) is sent nothing and wakes to the newest.
@@ -28,7 +28,7 @@ class Message:
 class Feed:
     """One client: a slot for the newest message, and what it acknowledged."""
 
-    painted: Path
+    painted: LatencyPath
     newest: Message | None = None
     notice: str | None = None
     epoch: int = -1
@@ -90,7 +90,7 @@ class Feed:
 class Feeds:
     """All clients."""
 
-    def __init__(self, painted: Path) -> None:
+    def __init__(self, painted: LatencyPath) -> None:
         self.painted = painted
         self.open: set[Feed] = set()
         self._notice: str | None = None

@@ -7,7 +7,7 @@ import time
 from typing import Protocol
 
 from services.runtime.errors import UserError
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
 from services.visualization import codec
@@ -42,7 +42,7 @@ class Output(Protocol):
 class NoOutput:
     """Composes for nobody: what a headless run without a page costs."""
 
-    def __init__(self, painted: Path) -> None:
+    def __init__(self, painted: LatencyPath) -> None:
         self.closed = False
         self._painted = painted
 
@@ -71,7 +71,7 @@ class WebOutput:
         if the view's port is taken, or the web packages are not installed.
     """
 
-    def __init__(self, settings: ViewSettings, painted: Path, log: logging.Logger) -> None:
+    def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger) -> None:
         self.closed = False
         self._painted = painted
         self._feeds = Feeds(painted)
@@ -117,7 +117,7 @@ class WebOutput:
         self._server.close()
 
 
-def open_output(settings: ViewSettings, painted: Path, log: logging.Logger) -> Output:
+def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger) -> Output:
     """Return the output that the rig file's ``visualization.viewer`` asks for.
 
     Raises

@@ -6,7 +6,7 @@ import os
 import time
 
 from services.runtime.errors import UserError
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 from services.runtime.loop import sleep_until
 from services.visualization.display import has_display, record
 from services.visualization.picture import Layout, Picture
@@ -23,7 +23,7 @@ class WindowOutput:
         if there is no display, or pyvista is not installed.
     """
 
-    def __init__(self, painted: Path) -> None:
+    def __init__(self, painted: LatencyPath) -> None:
         if not has_display():
             raise UserError(
                 "visualization.viewer: native needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set"

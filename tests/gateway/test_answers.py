@@ -5,7 +5,7 @@ import pytest
 from protocol import Frame
 from protocol.bodies import ContactModel, LocalModel
 from services.gateway.answers import Answers
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
 
 
@@ -25,7 +25,7 @@ class Chain:
     """Answers with two instruments, and frames that come in."""
 
     def __init__(self) -> None:
-        self.arrival, self.force = Path(LatencyHistogram(800_000)), Path(LatencyHistogram(2_000_000))
+        self.arrival, self.force = LatencyPath(LatencyHistogram(800_000)), LatencyPath(LatencyHistogram(2_000_000))
         self.instruments = [Stub(), Stub()]
         self.answers = Answers(self.instruments, self.arrival, self.force)  # type: ignore[arg-type]
 

@@ -13,8 +13,7 @@ from services.gateway.instrument import Instrument
 from services.gateway.layout import HANDLE_ANGLE, READ_POSITION, READ_ROLL
 from services.gateway.servo import Servo, ServoLimits
 from services.mechanics.arrays import FloatArray
-from services.runtime.rig import DriverSettings, Mount
-from services.runtime.rig import Instrument as InstrumentSettings
+from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 
 TICK_NS = 1_000_000
 

@@ -5,7 +5,7 @@ import functools
 import time
 from collections.abc import Awaitable, Callable
 
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
 from services.visualization.feed import IN_FLIGHT, Feed, Feeds, Message
 
@@ -24,8 +24,8 @@ def message(sequence: int, epoch: int = 1, origin_ns: int = 0) -> Message:
     return Message(epoch, f"hello {epoch}", sequence, origin_ns, f"frame {sequence}".encode())
 
 
-def a_path() -> Path:
-    return Path(LatencyHistogram(33_000_000))
+def a_path() -> LatencyPath:
+    return LatencyPath(LatencyHistogram(33_000_000))
 
 
 async def taken(feed: Feed) -> list[str | bytes] | None:

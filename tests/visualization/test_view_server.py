@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from services.runtime.errors import UserError
-from services.runtime.health import Path
+from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.rig import ViewSettings
 from services.visualization import codec
@@ -31,7 +31,7 @@ class Show:
     """An output that shows a picture every few milliseconds in a thread of its own, as the process does in its loop."""
 
     def __init__(self) -> None:
-        self.path = Path(LatencyHistogram(33_000_000))
+        self.path = LatencyPath(LatencyHistogram(33_000_000))
         self.layout = a_layout()
         self.picture = a_picture(self.layout)
         self.ready, self._stop = threading.Event(), threading.Event()
@@ -167,4 +167,4 @@ def test_a_port_that_is_taken_is_one_sentence():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         settings = ViewSettings(port=taken.getsockname()[1])
         with pytest.raises(UserError, match=r"visualization\.port: cannot listen on 127\.0\.0\.1:\d+: Address already"):
-            WebOutput(settings, Path(LatencyHistogram(1)), LOG)
+            WebOutput(settings, LatencyPath(LatencyHistogram(1)), LOG)

@@ -15,7 +15,7 @@ from services.supervisor.supervisor import Event, Supervisor
 _STYLES = {"warning": "yellow", "error": "red"}
 
 
-class Face:
+class StatusDisplay:
     """Standard error for people, on a terminal with bars; elsewhere one line per change."""
 
     def __init__(self) -> None:
