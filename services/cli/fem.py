@@ -95,6 +95,11 @@ def _print(result: FemResult, console: Console) -> None:
         for k, frequency in enumerate(data["frequency_hz"], 1):
             table.add_row(str(k), f"{frequency:.6g}")
         console.print(table)
+    if "load_factor" in data:
+        table = Table("buckling", "multiple of the loads")
+        for k, factor in enumerate(data["load_factor"], 1):
+            table.add_row(str(k), f"{factor:.6g}")
+        console.print(table)
 
 
 def _print_static(static: dict[str, object], console: Console) -> None:

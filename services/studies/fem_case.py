@@ -162,10 +162,13 @@ class FemCase(Part):
     loads: tuple[Load, ...] = ()
     probes: dict[str, Where] = {}
     modes: int = Field(default=0, ge=0)
+    buckling: int = Field(default=0, ge=0)
 
     @model_validator(mode="after")
     def _something_to_solve(self) -> FemCase:
         moved = any(any(held.displacement_m) for held in self.supports)
         if not (self.loads or moved or self.modes):
             raise ValueError("nothing to solve: give loads, a displacement_m in supports, or modes")
+        if self.buckling and not (self.loads or moved):
+            raise ValueError("buckling needs loads or a displacement_m in supports, of which it finds the multiples")
         return self

@@ -14,7 +14,7 @@ from services.studies.fem_run import FemResult, select
 
 
 def to_json(result: FemResult) -> dict[str, Any]:
-    """Plain data: sizes, displacements, reactions, frequencies, and the probes by name; SI units."""
+    """Plain data: sizes, displacements, reactions, frequencies, load factors, and the probes by name; SI units."""
     mesh = result.model.mesh
     data: dict[str, Any] = {
         "mesh": {
@@ -31,6 +31,8 @@ def to_json(result: FemResult) -> dict[str, Any]:
         data["static"] = _static_json(result, result.static)
     if result.modes is not None:
         data["frequency_hz"] = result.modes.frequency_hz.tolist()
+    if result.buckling is not None:
+        data["load_factor"] = result.buckling.load_factor.tolist()
     return data
 
 
@@ -55,7 +57,7 @@ def _static_json(result: FemResult, static: StaticSolution) -> dict[str, Any]:
 
 
 def save_vtu(result: FemResult, path: Path) -> None:
-    """Write displacements, rotations, reactions and mode shapes (largest translation 1) for ParaView."""
+    """Write displacements, rotations, reactions, mode and buckling shapes (largest translation 1) for ParaView."""
     model = result.model
     fields: dict[str, FloatArray] = {}
     if result.static is not None:
@@ -66,6 +68,9 @@ def save_vtu(result: FemResult, path: Path) -> None:
         for k, frequency in enumerate(result.modes.frequency_hz):
             shape = np.ascontiguousarray(result.modes.Phi[:, :, k])
             fields[f"mode {k + 1}: {frequency:.4g} Hz"] = shape / np.linalg.norm(shape, axis=1).max()
+    if result.buckling is not None:
+        for k, factor in enumerate(result.buckling.load_factor):
+            fields[f"buckling {k + 1}: {factor:.4g} x load"] = np.ascontiguousarray(result.buckling.Phi[:, :, k])
     section = model.section
     per_triangle = {
         name: np.array(section.per_triangle(name, model.mesh.n_triangles))

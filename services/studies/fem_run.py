@@ -10,6 +10,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import (
+    BucklingModes,
     EigenModes,
     ElementChoice,
     Orthotropy,
@@ -17,6 +18,7 @@ from services.mechanics.fem import (
     ShellSection,
     StaticSolution,
     Support,
+    compute_buckling,
     compute_modes,
     pressure_load,
     surface_load,
@@ -53,6 +55,7 @@ class FemResult:
     """What to keep in mind when reading the numbers."""
     static: StaticSolution | None
     modes: EigenModes | None
+    buckling: BucklingModes | None
 
 
 def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemResult:
@@ -79,7 +82,12 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
     if case.modes:
         on_stage("modes", 3 * case.modes + 20)
         modes = compute_modes(model, case.modes, lambda: on_stage("", 1))
-    return FemResult(case, model, actions, _cautions(model), static, modes)
+    buckling = None
+    if case.buckling and static is not None:
+        on_stage("buckling", 1)
+        pressure_pa = sum(load.pressure_pa or 0.0 for load in case.loads)
+        buckling = compute_buckling(model, static, case.buckling, pressure_pa)
+    return FemResult(case, model, actions, _cautions(model), static, modes, buckling)
 
 
 def _cautions(model: ShellModel) -> list[str]:

@@ -1,5 +1,6 @@
 """Thin-shell finite elements: flat triangles, six degrees of freedom a node, linear and sparse."""
 
+from services.mechanics.fem.buckling import BucklingModes, compute_buckling
 from services.mechanics.fem.loads import point_load, pressure_load, surface_load
 from services.mechanics.fem.model import ElementChoice, ShellModel, StaticSolution
 from services.mechanics.fem.modes import EigenModes, compute_modes
@@ -7,6 +8,7 @@ from services.mechanics.fem.section import Orthotropy, ShellSection
 from services.mechanics.fem.supports import Support, clamp
 
 __all__ = [
+    "BucklingModes",
     "EigenModes",
     "ElementChoice",
     "Orthotropy",
@@ -15,6 +17,7 @@ __all__ = [
     "StaticSolution",
     "Support",
     "clamp",
+    "compute_buckling",
     "compute_modes",
     "point_load",
     "pressure_load",

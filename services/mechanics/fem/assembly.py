@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +44,11 @@ def element_stiffness(
     K = np.zeros((len(xy), 18, 18))
     K[:, MEMBRANE_DOFS[:, None], MEMBRANE_DOFS] = membrane.stiffness(xy, h * D)
     K[:, BENDING_DOFS[:, None], BENDING_DOFS] = bending.stiffness(xy, h**3 / 12.0 * D)
+    return to_global_axes(K, frames)
+
+
+def to_global_axes(K: FloatArray, frames: FloatArray) -> FloatArray:
+    """(m, 18, 18) matrices of local dofs turned into global axes and made exactly symmetric."""
     turned = K.reshape(-1, 18, 6, 3) @ frames[:, None]
     turned = frames[:, None].transpose(0, 1, 3, 2) @ turned.reshape(-1, 6, 3, 18)
     K = turned.reshape(-1, 18, 18)
@@ -52,7 +57,12 @@ def element_stiffness(
 
 
 def assemble_stiffness(mesh: TriangleMesh, section: ShellSection, choice: ElementChoice) -> bsr_array[np.float64]:
-    """(6 n, 6 n) stiffness in 6 x 6 blocks, one a pair of connected nodes; exactly symmetric.
+    """(6 n, 6 n) stiffness in 6 x 6 blocks, one a pair of connected nodes; exactly symmetric."""
+    return sum_triangles(mesh, element_chunks(mesh, section, choice))
+
+
+def sum_triangles(mesh: TriangleMesh, chunks: Iterable[tuple[slice, FloatArray]]) -> bsr_array[np.float64]:
+    """(6 n, 6 n) sum of (k, 18, 18) matrices, given in slices of the triangles.
 
     The pattern is found once from node pairs and every entry is summed into place, so the memory above the result
     is one chunk of element matrices.
@@ -62,7 +72,7 @@ def assemble_stiffness(mesh: TriangleMesh, section: ShellSection, choice: Elemen
     keys, slots = np.unique(pairs.ravel(), return_inverse=True)
     slots = slots.reshape(-1, 9)
     blocks = np.zeros((len(keys), 36))
-    for chunk, K in element_chunks(mesh, section, choice):
+    for chunk, K in chunks:
         _add_blocks(blocks, slots[chunk].ravel(), K.reshape(-1, 3, 6, 3, 6).transpose(0, 1, 3, 2, 4))
     rows, columns = np.divmod(keys, n)
     row_start = np.searchsorted(rows, np.arange(n + 1)).astype(np.int32)

@@ -43,6 +43,11 @@ class StaticSolution:
     """Norm of the unbalanced free forces over that of load and reactions, at most `RESIDUAL_LIMIT`."""
 
 
+def factorise(K: csc_array[np.float64]) -> SuperLU:
+    """Sparse factors of a symmetric positive definite matrix; symmetric pivots keep the fill low."""
+    return splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
 class ShellModel:
     """Thin shell with supports; dof 6 * node + component, components (ux, uy, uz, rx, ry, rz) in global axes.
 
@@ -119,7 +124,7 @@ class ShellModel:
 
     @cached_property
     def factor(self) -> SuperLU:
-        """Sparse factors of ``K_free``, made at the first use; symmetric pivots keep the fill low.
+        """Sparse factors of ``K_free``, made at the first use.
 
         Raises
         ------
@@ -127,7 +132,7 @@ class ShellModel:
             A pivot is zero; names the triangles whose stiffness is furthest apart.
         """
         try:
-            return splu(self.K_free, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            return factorise(self.K_free)
         except RuntimeError as error:
             raise IllConditionedError(f"the stiffness is singular in floating point: {stiffness_span(self)}") from error
 

@@ -32,7 +32,7 @@ def stiffness(xy: FloatArray, rigidity: FloatArray) -> FloatArray:
 
 def curvature_displacement(xy: FloatArray) -> list[FloatArray]:
     """Three (m, 3, 9) matrices, one a mid-side: (-w,xx, -w,yy, -2 w,xy) from (w, theta_x, theta_y)."""
-    beta = _normal_rotations(xy)
+    beta = normal_rotations(xy)
     gradient = shape_gradients(xy)
     matrices = []
     for point in MIDSIDE_POINTS:
@@ -56,7 +56,7 @@ def _quadratic_derivatives(point: FloatArray) -> FloatArray:
     return derivative
 
 
-def _normal_rotations(xy: FloatArray) -> FloatArray:
+def normal_rotations(xy: FloatArray) -> FloatArray:
     """(m, 6, 2, 9) beta = -grad w at corners and mid-sides from (w, theta_x, theta_y) of the corners.
 
     Along a side the deflection is cubic, which gives the mid-side slope along it; across it the rotation is the
