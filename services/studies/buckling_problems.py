@@ -55,15 +55,15 @@ def plate_buckling(n: int, load: PlateLoad, is_clamped: bool, elements: ElementC
     for edge, direction in pushes[load]:
         force[edge, :2] += _shares(len(edge))[:, None] * np.array(direction)
     model = ShellModel(patch.mesh, PLATE_SECTION, [*across, *in_plane], elements)
-    coefficients: FloatArray = _factors(model, force, count) / (np.pi**2 * plate_rigidity())
-    return coefficients
+    return _factors(model, force, count) / (np.pi**2 * plate_rigidity())
 
 
 def _shares(n: int) -> FloatArray:
     """(n,) parts of a unit force spread over an evenly divided edge."""
     shares = np.ones(n)
     shares[[0, -1]] = 0.5
-    return shares / shares.sum()
+    shares /= shares.sum()
+    return shares
 
 
 def column_buckling(n_around: int, n_along: int, elements: ElementChoice) -> float:

@@ -23,6 +23,7 @@ from services.mechanics.fem import (
     pressure_load,
     surface_load,
 )
+from services.mechanics.fem.facets import drilling_excess
 from services.mechanics.fem.supports import DOF_NAMES
 from services.mechanics.fem.thinness import DOUBTFUL_RATIO, thickness_over_width
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges
@@ -36,6 +37,8 @@ from services.studies.fem_case import FemCase, Held, Load, Where
 OnStage = Callable[[str, int], None]
 """Told the name of a stage and how many steps it is expected to take; then called with "" and 1 a step."""
 
+DOUBTFUL_EXCESS = 0.01
+"""Part by which torsion may be too stiff without a word."""
 MOST_TURNED = 0.25
 """Part of a sheet's area that may be wound against the rest; beyond it the file does not say which side is out."""
 
@@ -91,14 +94,21 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
 
 
 def _cautions(model: ShellModel) -> list[str]:
+    cautions = []
     ratio, centre_m = thickness_over_width(model.mesh, model.section)
-    if ratio <= DOUBTFUL_RATIO:
-        return []
-    place_mm = np.round(1e3 * centre_m, 2).tolist()
-    return [
-        f"the wall's thickness is {ratio:.2g} of the width of the piece round {place_mm} mm: transverse shear, which "
-        "a Kirchhoff shell lacks, counts there"
-    ]
+    if ratio > DOUBTFUL_RATIO:
+        place_mm = np.round(1e3 * centre_m, 2).tolist()
+        cautions.append(
+            f"the wall's thickness is {ratio:.2g} of the width of the piece round {place_mm} mm: transverse shear, "
+            "which a Kirchhoff shell lacks, counts there"
+        )
+    excess = drilling_excess(model.mesh, model.section)
+    if model.elements.membrane == "andes" and excess > DOUBTFUL_EXCESS:
+        cautions.append(
+            f"elements.membrane: 'andes' makes torsion of this wall about {100 * excess:.2g} % too stiff, its cells "
+            "are short beside the angle between them; 'cst' or longer cells do not"
+        )
+    return cautions
 
 
 def build_mesh(case: FemCase, folder: Path) -> tuple[TriangleMesh, list[str]]:

@@ -136,6 +136,18 @@ def test_a_wall_as_thick_as_a_third_of_its_width_is_solved_with_a_caution(tmp_pa
     assert run(write(tmp_path, DUCT), tmp_path)["cautions"] == []
 
 
+def test_torsion_that_drilling_freedoms_stiffen_is_a_caution(tmp_path):
+    """Cells four times as wide as long on a wall a third as thick as its radius: 18 % (`test_thick_torsion`)."""
+    mesh = {"parametric": {"radius_m": 0.004, "length_m": 0.024, "n_around": 24, "n_along": 96}}
+    case = changed(mesh=mesh, thickness_m=4e-3 / 3)
+    cautions = {
+        membrane: run(write(tmp_path, case | {"elements": {"membrane": membrane}}), tmp_path)["cautions"]
+        for membrane in ("cst", "andes")
+    }
+    assert cautions["cst"] == []
+    assert "makes torsion of this wall about 19 % too stiff" in cautions["andes"][0]
+
+
 def surface_case(tmp_path, mesh, **changes):
     trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
     trimesh.Trimesh(mesh.vertices_m, mesh.triangles, process=False).export(tmp_path / "surface.stl")

@@ -4,6 +4,9 @@ C. A. Felippa, "A study of optimal membrane triangles with drilling freedoms", C
 K = L D L^T / V + 3/4 beta0 T^T K_theta T, with alpha_b = 3/2 and the optimal beta1..beta9. The basic part alone
 passes the patch test; the higher-order part is scaled so that in-plane bending of rectangular mesh units is exact
 at any aspect ratio, where the constant-strain triangle locks.
+
+On a curved wall the drilling freedoms meet the bending of tilted neighbours: torsion of thick tubes comes out too
+stiff by a part that depends on the cells' shape and not on their number (`fem.facets`).
 """
 
 from __future__ import annotations
