@@ -1,14 +1,14 @@
 """The catheter: a chain of particles with stretch, bending, twist and damping, and its integrators."""
 
-from .energy import RodEnergy, rod_energy
-from .implicit import ImplicitIntegrator
-from .integrator import RodIntegrator, build_integrator
-from .material_frame import MaterialFrame, initial_frame, roll
-from .properties import RodProperties, RoundTube
-from .semi_implicit import SemiImplicitIntegrator
-from .spline import smooth_centreline
-from .state import RodState, rod_along, straight_rod
-from .supports import Introducer, Supports, clamped
+from services.mechanics.rod.energy import RodEnergy, rod_energy
+from services.mechanics.rod.implicit import ImplicitIntegrator
+from services.mechanics.rod.integrator import RodIntegrator, build_integrator
+from services.mechanics.rod.material_frame import MaterialFrame, initial_frame, roll
+from services.mechanics.rod.properties import RodProperties, RoundTube
+from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
+from services.mechanics.rod.spline import smooth_centreline
+from services.mechanics.rod.state import RodState, rod_along, straight_rod
+from services.mechanics.rod.supports import Introducer, Supports, clamped
 
 __all__ = [
     "ImplicitIntegrator",

@@ -22,7 +22,7 @@ def empty_columns(n_dofs: int) -> FloatArray:
 
 
 def empty_band(n_dofs: int) -> FloatArray:
-    """Zeroed storage of a matrix of `n_dofs` rows, padding included."""
+    """Zeroed storage of a matrix of ``n_dofs`` rows, padding included."""
     return np.zeros((n_dofs + HALF_BANDWIDTH, _WIDTH))
 
 
@@ -72,9 +72,9 @@ def _lower(band: FloatArray, row: int, a: int) -> float:
 
 @kernel
 def solve_ldl_block(band: FloatArray, first_dof: int, rhs: FloatArray) -> None:
-    """Solve in place RHS_BLOCK right-hand sides, (n_dofs + 16, RHS_BLOCK), for the unknowns from `first_dof` on.
+    """Solve in place RHS_BLOCK right-hand sides, (n_dofs + 16, RHS_BLOCK), for the unknowns from ``first_dof`` on.
 
-    Unknown j is row j + 8, between zeroed paddings; the eight rows before `first_dof` must be zero too. Rows before
+    Unknown j is row j + 8, between zeroed paddings; the eight rows before ``first_dof`` must be zero too. Rows before
     those are neither read nor written, which saves the part of the forward sweep where nothing happens and the part of
     the backward sweep whose answer is not asked for. Written out by diagonals: a new value stays in registers.
     """

@@ -6,9 +6,8 @@ import math
 
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import row
-
-from .elasticity import SHORTEST, Scale, bending_angle, geometric_bending, joint_gradient
-from .model import RodModel, RodWork
+from services.mechanics.rod.elasticity import SHORTEST, Scale, bending_angle, geometric_bending, joint_gradient
+from services.mechanics.rod.model import RodModel, RodWork
 
 
 @kernel
@@ -35,7 +34,7 @@ def add_wall_joints(model: RodModel, work: RodWork, scale: Scale) -> None:
 
 @kernel
 def _apply_wall(model: RodModel, work: RodWork, theta: float, where: tuple[int, int], scale: Scale) -> None:
-    """The gradient has three particles; `where` is (first real particle, where it starts in the gradient)."""
+    """The gradient has three particles; ``where`` is (first real particle, where it starts in the gradient)."""
     first, shift = where
     gradient = work.gradient
     k = model.wall_stiffness[0 if shift else 1]

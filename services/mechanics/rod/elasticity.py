@@ -9,8 +9,8 @@ The tangent drops what is not positive: the geometric stiffness of a compressed 
 only turn it. What is left is the Gauss-Newton matrix plus the positive geometric part, so the banded matrix is always
 SPD; equilibria and buckling loads come from the force and are not changed.
 
-`scale` throughout is what the stiffness is multiplied with in the band: scale[0] where the material's damping acts too
-(along a segment, in the plane of bending), scale[1] where only stiffness does; zero means that no tangent is wanted.
+``scale`` throughout is what the stiffness is multiplied with in the band: scale[0] where the material's damping acts
+too (along a segment, in the plane of bending), scale[1] where only stiffness does; zero: no tangent is wanted.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, cross, dot, row
-
-from .model import RodModel, RodWork
+from services.mechanics.rod.model import RodModel, RodWork
 
 Scale = tuple[float, float]
 
@@ -32,7 +31,7 @@ SHORTEST = 1e-2  # of the rest length: a segment crushed below it bends as if it
 
 @kernel
 def any_normal(t: Vector) -> Vector:
-    """A unit vector normal to the unit vector `t`."""
+    """A unit vector normal to the unit vector ``t``."""
     other = (1.0, 0.0, 0.0) if abs(t[0]) < 0.6 else (0.0, 1.0, 0.0)
     normal = cross(t, other)
     scale = 1.0 / math.sqrt(dot(normal, normal))
@@ -74,7 +73,7 @@ def geometric_bending(theta: float) -> float:
 
 @kernel
 def stretch_energy(model: RodModel, work: RodWork) -> float:
-    """Stretch energy [J] at the geometry in `work`."""
+    """Stretch energy [J] at the geometry in ``work``."""
     total = 0.0
     for j in range(work.length.shape[0]):
         total += 0.5 * model.EA[j] / model.rest_length * (work.length[j] - model.rest_length) ** 2
@@ -83,7 +82,7 @@ def stretch_energy(model: RodModel, work: RodWork) -> float:
 
 @kernel
 def bending_energy(model: RodModel, work: RodWork) -> float:
-    """Bending energy [J] of the inner joints at the geometry in `work`."""
+    """Bending energy [J] of the inner joints at the geometry in ``work``."""
     total = 0.0
     for i in range(model.joint_stiffness.shape[0]):
         theta, _ = bending_angle(row(work.tangent, i), row(work.tangent, i + 1))
@@ -147,7 +146,7 @@ def joint_gradient(t: Vector, u: Vector, lengths: tuple[float, float], b: Vector
 
 @kernel
 def joint_rate(gradient: FloatArray, v: FloatArray, first: int) -> float:
-    """Rate of the strain of a joint whose three particles start at `first`."""
+    """Rate of the strain of a joint whose three particles start at ``first``."""
     rate = 0.0
     for c in range(3):
         rate += gradient[c] * v[first, c] + gradient[3 + c] * v[first + 1, c] + gradient[6 + c] * v[first + 2, c]
@@ -156,7 +155,7 @@ def joint_rate(gradient: FloatArray, v: FloatArray, first: int) -> float:
 
 @kernel
 def add_joint_force(gradient: FloatArray, moment: float, first: int, f: FloatArray) -> None:
-    """Subtract moment times the gradient from the three particles from `first` on."""
+    """Subtract moment times the gradient from the three particles from ``first`` on."""
     for c in range(3):
         f[first, c] -= moment * gradient[c]
         f[first + 1, c] -= moment * gradient[3 + c]
@@ -165,7 +164,7 @@ def add_joint_force(gradient: FloatArray, moment: float, first: int, f: FloatArr
 
 @kernel
 def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float) -> None:
-    """Add factor * vector vector^T (9 consecutive unknowns from `first`) to a banded matrix."""
+    """Add factor * vector vector^T (9 consecutive unknowns from ``first``) to a banded matrix."""
     for c in range(9):
         value = factor * vector[c]
         for a in range(9 - c):

@@ -8,18 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-
-from .elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
-from .forces import add_internal_forces
-from .introducer_forces import introducer_energy
-from .model import RodModel, RodWork, allocate_work
-from .state import RodState
-from .twist import TwistModel, twist_energy
+from services.mechanics.rod.elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
+from services.mechanics.rod.forces import add_internal_forces
+from services.mechanics.rod.introducer_forces import introducer_energy
+from services.mechanics.rod.model import RodModel, RodWork, allocate_work
+from services.mechanics.rod.state import RodState
+from services.mechanics.rod.twist import TwistModel, twist_energy
 
 
 @dataclass(frozen=True)
 class RodEnergy:
-    """Energies in joule; `support_j` is what the introducer's springs hold, `bending_j` counts clamped ends too."""
+    """Energies in joule.
+
+    Attributes
+    ----------
+    kinetic_j, stretch_j, twist_j : float
+    bending_j : float
+        Of joints and of clamped ends.
+    support_j : float
+        What the introducer's springs hold.
+    """
 
     kinetic_j: float
     stretch_j: float
@@ -34,7 +42,15 @@ class RodEnergy:
 
 
 def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None) -> RodEnergy:
-    """Energies of `state` (`model` and `twist` as an integrator holds them). Allocates: not for the 1 kHz step."""
+    """Return the energies of a state; allocates, so not for the 1 kHz step.
+
+    Parameters
+    ----------
+    model, twist
+        As an integrator holds them.
+    state
+        Where the particles are, and how fast.
+    """
     work = allocate_work(len(state.position_m))
     np.copyto(work.position, state.position_m)
     segment_geometry(work)
@@ -48,16 +64,22 @@ def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None
 
 
 def internal_forces(model: RodModel, state: RodState, before: RodState | None = None) -> FloatArray:
-    """The rod's own forces (n, 3): elastic, damping, of clamps and introducer, but not the drag and the frame's.
+    """Return the rod's own forces (n, 3) in N: elastic, damping, of clamps and introducer; not drag, not the frame's.
 
-    The introducer's friction follows the wall's push and the speed at the end of the step before: `before` is that
-    state, `state` itself where it is None. With a state at rest the forces are the elastic ones. Allocates: not for the
-    1 kHz step.
+    With a state at rest they are the elastic ones. Allocates, so not for the 1 kHz step.
+
+    Parameters
+    ----------
+    model, state
+        The rod, and where its particles are.
+    before
+        The state that the step before ended with, whose speeds and pushes the introducer's friction follows; ``state``
+        itself where it is None.
     """
     before = before or state
     work = allocate_work(len(state.position_m))
-    work.settled[:] = before.position_m
-    work.settled_velocity[:] = before.velocity_m_s
+    work.previous_position[:] = before.position_m
+    work.previous_velocity[:] = before.velocity_m_s
     work.position[:] = state.position_m
     work.velocity[:] = state.velocity_m_s
     add_internal_forces(model, work, (0.0, 0.0), 0.0)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from services.mechanics.compiled import kernel
-
-from .clamp_forces import add_wall_joints
-from .elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry
-from .introducer_forces import add_introducer
-from .model import RodModel, RodWork
+from services.mechanics.rod.clamp_forces import add_wall_joints
+from services.mechanics.rod.elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry
+from services.mechanics.rod.introducer_forces import add_introducer
+from services.mechanics.rod.model import RodModel, RodWork
 
 
 @kernel
 def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_scale: float) -> None:
-    """Add to `work.force` the elastic, damping and support forces at `work.position`, `work.velocity`.
+    """Add to ``work.force`` the elastic, damping and support forces at ``work.position``, ``work.velocity``.
 
-    Where scale[0] is not zero, add their tangent to `work.band` as well: see `elasticity`; `damping_scale` multiplies
-    damping that has no stiffness of its own.
+    Where scale[0] is not zero, add their tangent to ``work.band`` as well: see `elasticity`; ``damping_scale``
+    multiplies damping that has no stiffness of its own.
     """
     segment_geometry(work)
     add_stretch(model, work)

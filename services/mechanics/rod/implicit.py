@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-
-from . import implicit_kernels as kernels
-from .banded import empty_columns
-from .model import RodModel, allocate_work, build_model
-from .properties import RodProperties
-from .state import RodState
-from .supports import Supports
-from .twist import TwistModel, add_frame_forces, build_twist_model
+from services.mechanics.rod import implicit_kernels as kernels
+from services.mechanics.rod.banded import empty_columns
+from services.mechanics.rod.model import RodModel, allocate_work, build_model
+from services.mechanics.rod.properties import RodProperties
+from services.mechanics.rod.state import RodState
+from services.mechanics.rod.supports import Supports
+from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
 
 class ImplicitIntegrator:
@@ -20,8 +19,8 @@ class ImplicitIntegrator:
 
     ``A = M + theta dt C + (theta dt)^2 K``, K the positive semidefinite tangent, f taken at the inertial prediction.
     One iteration is enough while a step turns segments by little; where it would turn rotation into stretch (an impact,
-    a jump of the hand), more are taken, at most `max_iterations`: the worst case is known. `iterations` says what the
-    last step took.
+    a jump of the hand), more are taken, at most ``max_iterations``: the worst case is known. ``iterations`` says what
+    the last step took.
 
     theta = 1 (default) is implicit Euler: first order; it damps a mode of angular frequency omega by the ratio
     ``omega dt / 2`` of its own (a 100 mm, 25 N mm^2 catheter at 1 ms: 2 % in its first bending mode, 12 % in its
@@ -60,7 +59,7 @@ class ImplicitIntegrator:
 
     @property
     def held(self) -> IntArray:
-        """(h,) held particles; row k of `held_target_m` is where held[k] shall be at the end of a step (NaN: stay)."""
+        """(h,) held particles; row k of ``held_target_m`` says where held[k] shall be when a step ends (NaN: stay)."""
         return self.model.held
 
     @property
@@ -74,12 +73,12 @@ class ImplicitIntegrator:
         return self._dt_s
 
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
-        """Advance `state` in place by `dt_s` under external forces (n, 3) alone; keeps A factorised for the contacts.
+        """Advance ``state`` in place by ``dt_s`` under external forces (n, 3) alone; A stays factorised for contacts.
 
         Raises
         ------
         FloatingPointError
-            If the state or a force is not finite; `state` is then left as it was.
+            If the state or a force is not finite; ``state`` is then left as it was.
         """
         self._dt_s = dt_s
         motion = (state.position_m, state.velocity_m_s)
@@ -93,17 +92,17 @@ class ImplicitIntegrator:
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
-        """Fill `out` (n, 3, m) with the end-of-step position changes of `force_n` (n, 3, m), m right-hand sides."""
+        """Fill ``out`` (n, 3, m) with the end-of-step position changes of ``force_n`` (n, 3, m), m right-hand sides."""
         kernels.solve_many(self.model, self.work.band, self.position_gain_s2, self._columns, force_n, out)
 
     def compliance(self, particles: IntArray, out: FloatArray) -> None:
-        """Fill `out` (3k, 3k) with the end-of-step position change of k particles per unit force on each [m/N].
+        """Fill ``out`` (3k, 3k) with the end-of-step position change of k particles per unit force on each [m/N].
 
-        `particles` (k,) ascending and distinct. Symmetric positive semidefinite; zero rows for held particles.
+        ``particles`` (k,) ascending and distinct. Symmetric positive semidefinite; zero rows for held particles.
         """
         kernels.compliance(self.model, self.work.band, self.position_gain_s2, self._columns, particles, out)
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
-        """Add to `state` in place what contact forces (n, 3), constant over the step, change since `predict`."""
+        """Add to ``state`` in place what contact forces (n, 3), constant over the step, change since `predict`."""
         motion = (state.position_m, state.velocity_m_s)
         kernels.correct(self.model, self.work, motion, contact_force_n, (self._dt_s, self.theta))

@@ -8,10 +8,9 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
-
-from .banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
-from .forces import add_internal_forces
-from .model import RodModel, RodWork
+from services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
+from services.mechanics.rod.forces import add_internal_forces
+from services.mechanics.rod.model import RodModel, RodWork
 
 Motion = tuple[FloatArray, FloatArray]
 
@@ -135,7 +134,7 @@ def _stretched(model: RodModel, work: RodWork, motion: Motion, way: tuple[float,
 def _line_search(model: RodModel, work: RodWork, scale: float, energy: tuple[float, float]) -> tuple[float, float]:
     """Share of the Newton step to take, and the stretch energy beyond the quadratic model that is left by it.
 
-    `energy` is (decrease that the quadratic model promises for the full step, excess that does not matter).
+    ``energy`` is (decrease that the quadratic model promises for the full step, excess that does not matter).
     """
     decrease, slack = energy
     share = 1.0
@@ -180,8 +179,8 @@ def _assemble(model: RodModel, work: RodWork, motion: Motion, external: FloatArr
     work.band[:] = 0.0
     for i in range(x.shape[0]):
         for c in range(3):
-            work.settled[i, c] = x[i, c]
-            work.settled_velocity[i, c] = v[i, c]
+            work.previous_position[i, c] = x[i, c]
+            work.previous_velocity[i, c] = v[i, c]
             work.velocity[i, c] = v[i, c] + theta * dv[i, c]
             work.position[i, c] = x[i, c] + h * work.velocity[i, c]
             work.force[i, c] = external[i, c] - model.drag[i] * work.velocity[i, c]
@@ -228,7 +227,7 @@ def correct(model: RodModel, work: RodWork, motion: Motion, force: FloatArray, s
 def compliance(
     model: RodModel, band: FloatArray, gain: float, columns: FloatArray, particles: IntArray, out: FloatArray
 ) -> None:
-    """Fill `out` (3k, 3k) with gain * A^-1 between `particles` (k,), given in ascending order."""
+    """Fill ``out`` (3k, 3k) with gain * A^-1 between ``particles`` (k,), given in ascending order."""
     k = particles.shape[0]
     for start in range(0, 3 * k, RHS_BLOCK):
         stop = min(start + RHS_BLOCK, 3 * k)
@@ -249,7 +248,7 @@ def compliance(
 def solve_many(
     model: RodModel, band: FloatArray, gain: float, columns: FloatArray, force: FloatArray, out: FloatArray
 ) -> None:
-    """Fill `out` (n, 3, m) with gain * A^-1 force, RHS_BLOCK right-hand sides at a time."""
+    """Fill ``out`` (n, 3, m) with gain * A^-1 force, RHS_BLOCK right-hand sides at a time."""
     n, _, m = force.shape
     for start in range(0, m, RHS_BLOCK):
         stop = min(start + RHS_BLOCK, m)

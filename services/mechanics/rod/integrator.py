@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 from services.mechanics.arrays import FloatArray, IntArray
-
-from .implicit import ImplicitIntegrator
-from .properties import RodProperties
-from .semi_implicit import SemiImplicitIntegrator
-from .state import RodState
-from .supports import Supports
+from services.mechanics.rod.implicit import ImplicitIntegrator
+from services.mechanics.rod.properties import RodProperties
+from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
+from services.mechanics.rod.state import RodState
+from services.mechanics.rod.supports import Supports
 
 
 class RodIntegrator(Protocol):
@@ -37,7 +36,13 @@ class RodIntegrator(Protocol):
 
 
 def build_integrator(name: str, properties: RodProperties, supports: Supports | None = None) -> RodIntegrator:
-    """The integrator "implicit" or "semi_implicit" with its defaults; ValueError for any other name."""
+    """Return the integrator "implicit" or "semi_implicit" with its defaults.
+
+    Raises
+    ------
+    ValueError
+        There is none of this name.
+    """
     if name == "implicit":
         return ImplicitIntegrator(properties, supports)
     if name == "semi_implicit":

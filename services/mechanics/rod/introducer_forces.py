@@ -13,9 +13,8 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot, row
-
-from .elasticity import Scale
-from .introducer_passage import (
+from services.mechanics.rod.elasticity import Scale
+from services.mechanics.rod.introducer_passage import (
     FRICTION,
     LENGTH,
     SEAL,
@@ -30,7 +29,7 @@ from .introducer_passage import (
     offset_from_axis,
     stop_overlap,
 )
-from .model import RodModel, RodWork
+from services.mechanics.rod.model import RodModel, RodWork
 
 
 @kernel
@@ -90,7 +89,7 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
     along = 0.5 * model.introducer[STIFFNESS] * slope * dot(o, o)
     for c in range(3):
         work.force[i, c] -= k * o[c] + along * a[c]
-    before = offset_from_axis(model.introducer, work.settled, i)
+    before = offset_from_axis(model.introducer, work.previous_position, i)
     drag = _friction(model, work, (i, 0.0), model.introducer[FRICTION] * k * math.sqrt(dot(before, before)), scale)
     if scale[0] > 0.0:
         _add_tangent(model, work, (i, 0.0), a, (scale[0] * k, scale[1] * drag))
@@ -120,25 +119,25 @@ def _distance_before(work: RodWork, i: int, end: Vector) -> float:
     """How far the rod was from an end of the axis, which may have been on a segment next to i then."""
     squared = math.inf
     for j in range(max(i - 1, 0), min(i + 2, work.length.shape[0])):
-        o = closest_on_segment(work.settled, j, end)[1]
+        o = closest_on_segment(work.previous_position, j, end)[1]
         squared = min(squared, dot(o, o))
     return math.sqrt(squared)
 
 
 @kernel
 def _friction(model: RodModel, work: RodWork, at: tuple[int, float], most: float, scale: Scale) -> float:
-    """Brake the point (1 - s) x_i + s x_{i+1} along the axis by at most `most`, and return force per speed.
+    """Brake the point (1 - s) x_i + s x_{i+1} along the axis by at most ``most``, and return force per speed.
 
-    Coulomb's law, viscous below the slip speed. The wall's push, in `most`, and the speed that sets the slope are those
-    that the last step ended with: at the prediction that forces are taken at, the stiff springs stand under loads that
-    never come about, and a rod under tension does not move at all.
+    Coulomb's law, viscous below the slip speed. The wall's push, in ``most``, and the speed that sets the slope are
+    those that the last step ended with: at the prediction that forces are taken at, the stiff springs stand under loads
+    that never come about, and a rod under tension does not move at all.
     """
     if most == 0.0:
         return 0.0
     i, s = at
     j = i + 1 if s > 0.0 else i
     speed = _axial_speed(model, work.velocity, i, s)
-    drag = most / max(abs(_axial_speed(model, work.settled_velocity, i, s)), model.introducer[SLIP_SPEED])
+    drag = most / max(abs(_axial_speed(model, work.previous_velocity, i, s)), model.introducer[SLIP_SPEED])
     if scale[0] == 0.0 and scale[1] > 0.0:
         drag = min(drag, 0.25 * model.mass[i] / scale[1])
     for c in range(3):
@@ -161,7 +160,7 @@ def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
 def _add_tangent(
     model: RodModel, work: RodWork, at: tuple[int, float], along: Vector, factor: tuple[float, float]
 ) -> None:
-    """Gauss-Newton stiffness of a point held across `along`, and drag along the axis, between its two particles."""
+    """Gauss-Newton stiffness of a point held across ``along``, and drag along the axis, between its two particles."""
     i, s = at
     lateral, drag = factor
     for c in range(3):

@@ -13,8 +13,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot
-
-from .model import RodModel
+from services.mechanics.rod.model import RodModel
 
 # Places in the introducer's array after its entry (3) and unit axis (3); see `supports.Introducer.as_array`.
 LENGTH = 6
@@ -27,9 +26,9 @@ LEAST_TIP = 12
 
 
 class Passage(NamedTuple):
-    """Particles `first` to `last` are between entry and exit; segments first - 1 and last pass through these.
+    """Particles ``first`` to ``last`` are between entry and exit; segments first - 1 and last pass through these.
 
-    `has_entry`, `has_exit` say whether there are such segments: not where an end of the rod is inside.
+    ``has_entry``, ``has_exit`` say whether there are such segments: not where an end of the rod is inside.
     """
 
     first: int
@@ -80,7 +79,7 @@ def closest_on_segment(x: FloatArray, i: int, p: Vector) -> tuple[float, Vector]
 
 @kernel
 def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
-    """Of the first `count` segments the one nearest to p, and where along it."""
+    """Of the first ``count`` segments the one nearest to p, and where along it."""
     nearest, best, at = np.inf, 0, 0.0
     for i in range(count):
         s, o = closest_on_segment(x, i, p)
@@ -92,7 +91,7 @@ def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
 
 @kernel
 def find_passage(introducer: FloatArray, x: FloatArray) -> Passage:
-    """The part of the rod at `x` (n, 3) that is in the introducer.
+    """The part of the rod at ``x`` (n, 3) that is in the introducer.
 
     The springs keep the rod at both ends of the axis, so what is nearest to them passes there; as the energy is that of
     the least distance it stays continuous should another part ever come as near. An end of the rod that is nearest
@@ -131,8 +130,9 @@ def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
 def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int, float]:
     """The particle that is beyond a stop and by how far, towards the exit positive; (0, 0.0) where there is none.
 
-    The first particle stops two segments (at most half the introducer) before the exit, and the particle `least_tip_m`
-    before the tip stops at the exit. Both are the ends of what may slide: a rod cannot leave its introducer.
+    The first particle stops two segments (at most half the introducer) before the exit, and the particle
+    ``least_tip_m`` before the tip stops at the exit. Both are the ends of what may slide: a rod cannot leave its
+    introducer.
     """
     length = model.introducer[LENGTH]
     n = x.shape[0]

@@ -14,8 +14,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, cross, dot, row
-
-from .elasticity import any_normal
+from services.mechanics.rod.elasticity import any_normal
 
 Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
 
@@ -45,7 +44,15 @@ class MaterialFrame:
 
 
 def initial_frame(position_m: FloatArray, first_m1: Vector | None = None) -> MaterialFrame:
-    """Frames without twist along a centreline (n, 3), transported from `first_m1` (made normal; any normal if None)."""
+    """Return frames without twist along a centreline (n, 3).
+
+    Parameters
+    ----------
+    position_m
+        (n, 3) particles.
+    first_m1
+        Director of the first segment, from which the others are transported; made normal to it. Any normal if None.
+    """
     edges = np.diff(position_m, axis=0)
     tangent = edges / np.linalg.norm(edges, axis=1)[:, None]
     m1 = np.zeros_like(tangent)
@@ -59,7 +66,7 @@ def initial_frame(position_m: FloatArray, first_m1: Vector | None = None) -> Mat
 def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
     """Turn the frame of the first (0) or last (-1) segment in place by an angle of any size about its tangent.
 
-    What a hand does that rolls the rod; a roll of the last segment lasts only where `frame.end_is_held`.
+    What a hand does that rolls the rod; a roll of the last segment lasts only where ``frame.end_is_held``.
     """
     last = len(frame.m1) - 1
     rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
@@ -79,7 +86,7 @@ def _unit(m: Vector) -> Vector:
 
 @kernel
 def transport(m: Vector, t: Vector, u: Vector) -> Vector:
-    """Parallel transport of a director `m` from tangent `t` to tangent `u`: the least rotation that takes t to u."""
+    """Parallel transport of a director m from tangent t to tangent u: the least rotation that takes t to u."""
     b = cross(t, u)
     c = dot(t, u)
     turned = m
@@ -109,7 +116,7 @@ def rotate_frame(frame: Frame, j: int, angle: float) -> None:
 
 @kernel
 def follow(x: FloatArray, frame: Frame) -> None:
-    """Carry the directors to the tangents of positions `x`, and measure the twist of each joint (turns counted)."""
+    """Carry the directors to the tangents of positions ``x``, and measure the twist of each joint (turns counted)."""
     tangent, m1, twist = frame
     for j in range(tangent.shape[0]):
         e = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])

@@ -7,18 +7,35 @@ from typing import NamedTuple
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-
-from .banded import HALF_BANDWIDTH, empty_band
-from .properties import RodProperties
-from .supports import Supports
+from services.mechanics.rod.banded import HALF_BANDWIDTH, empty_band
+from services.mechanics.rod.properties import RodProperties
+from services.mechanics.rod.supports import Supports
 
 
 class RodModel(NamedTuple):
     """Read-only arrays of one rod: n particles, n - 1 segments, n - 2 joints.
 
-    mass, drag (n,) [kg, N s/m]; EA (n-1,) [N]; joint_stiffness (n-2,) [N m/rad]; rest_length [m]; beta [s];
-    walls (2, 3) with NaN rows where an end may turn; wall_stiffness (2,) [N m/rad]; introducer (13,) or (0,);
-    held (h,) particle indices; is_held (n,).
+    Attributes
+    ----------
+    mass, drag : (n,) float64
+        In kg and N s/m.
+    EA : (n - 1,) float64
+        In N.
+    joint_stiffness : (n - 2,) float64
+        In N m/rad.
+    rest_length : float
+        Of a segment, in m.
+    beta : float
+        Kelvin-Voigt damping of the material, in s.
+    walls : (2, 3) float64
+        Directions of clamped ends; NaN rows where an end may turn.
+    wall_stiffness : (2,) float64
+        In N m/rad.
+    introducer : (13,) or (0,) float64
+        See `supports.Introducer.as_array`.
+    held : (h,) int32
+        Held particles.
+    is_held : (n,) bool
     """
 
     mass: FloatArray
@@ -37,13 +54,24 @@ class RodModel(NamedTuple):
 class RodWork(NamedTuple):
     """What a step fills: the configuration that forces are taken at, the forces, and the banded system.
 
-    settled, settled_velocity (n, 3), how the last step ended; position, velocity, force (n, 3); tangent (n-1, 3);
-    length (n-1,); gradient (2, 9) of one joint; band, rhs, its copy residual, and velocity_change (n, 3) of the
-    implicit step.
+    Attributes
+    ----------
+    previous_position, previous_velocity : (n, 3) float64
+        How the last step ended.
+    position, velocity, force : (n, 3) float64
+        What forces are taken at, and the forces.
+    tangent, length : (n - 1, 3), (n - 1,) float64
+        Of the segments.
+    gradient : (2, 9) float64
+        Of one joint.
+    band, rhs, residual : float64
+        The implicit step's system, and a copy of its right-hand side.
+    velocity_change : (n, 3) float64
+        The implicit step's solution.
     """
 
-    settled: FloatArray
-    settled_velocity: FloatArray
+    previous_position: FloatArray
+    previous_velocity: FloatArray
     position: FloatArray
     velocity: FloatArray
     force: FloatArray
@@ -57,7 +85,13 @@ class RodWork(NamedTuple):
 
 
 def build_model(properties: RodProperties, supports: Supports) -> RodModel:
-    """Lay the numbers out; raises ValueError where the supports do not fit the rod."""
+    """Lay the numbers out.
+
+    Raises
+    ------
+    ValueError
+        The supports do not fit the rod.
+    """
     EI = properties.per_segment("bending_stiffness_n_m2")
     held = supports.held_indices(properties.n_particles)
     is_held = np.zeros(properties.n_particles, dtype=np.bool_)
@@ -81,8 +115,8 @@ def allocate_work(n_particles: int) -> RodWork:
     """Zeroed arrays for one rod; nothing else is allocated while stepping."""
     n = n_particles
     return RodWork(
-        settled=np.zeros((n, 3)),
-        settled_velocity=np.zeros((n, 3)),
+        previous_position=np.zeros((n, 3)),
+        previous_velocity=np.zeros((n, 3)),
         position=np.zeros((n, 3)),
         velocity=np.zeros((n, 3)),
         force=np.zeros((n, 3)),

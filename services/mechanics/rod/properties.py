@@ -32,7 +32,7 @@ class RodProperties:
         The paper's -b v, per metre of rod: force per length per velocity against the resting surroundings.
     rest_curvature_1_m
         (n_segments - 1, 3) per joint in the material frame: curvature about m1, about m2, and twist rate about
-        the tangent; None is a straight rod. Needs `torsional_stiffness_n_m2`, for it turns with the material.
+        the tangent; None is a straight rod. Needs ``torsional_stiffness_n_m2``, for it turns with the material.
     """
 
     n_segments: int
@@ -84,7 +84,13 @@ class RodProperties:
         return self.length_m / self.n_segments
 
     def per_segment(self, name: str) -> FloatArray:
-        """One value per segment of a quantity given as a number or an array; raises ValueError on a wrong length."""
+        """Return one value per segment of a quantity given as a number or an array.
+
+        Raises
+        ------
+        ValueError
+            The array has another length than there are segments.
+        """
         value = np.asarray(getattr(self, name), dtype=np.float64)
         if value.ndim and value.shape != (self.n_segments,):
             raise ValueError(f"{name} has shape {value.shape}; give a number or one per segment ({self.n_segments},)")
@@ -142,7 +148,7 @@ class RoundTube:
         internal_damping_s: float = 0.0,
         viscous_drag_n_s_m2: float = 0.0,
     ) -> RodProperties:
-        """A rod of this tube; `twist` adds its GJ, else the rod has no material frame."""
+        """A rod of this tube; ``twist`` adds its GJ, else the rod has no material frame."""
         inertia = self.second_moment_m4()
         return RodProperties(
             n_segments,

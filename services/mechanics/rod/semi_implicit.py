@@ -8,15 +8,14 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
-
-from .forces import add_internal_forces
-from .implicit_kernels import Motion
-from .model import RodModel, RodWork, allocate_work, build_model
-from .properties import RodProperties
-from .stability import stable_time_step
-from .state import RodState
-from .supports import Supports
-from .twist import TwistModel, add_frame_forces, build_twist_model
+from services.mechanics.rod.forces import add_internal_forces
+from services.mechanics.rod.implicit_kernels import Motion
+from services.mechanics.rod.model import RodModel, RodWork, allocate_work, build_model
+from services.mechanics.rod.properties import RodProperties
+from services.mechanics.rod.stability import stable_time_step
+from services.mechanics.rod.state import RodState
+from services.mechanics.rod.supports import Supports
+from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
 SAFETY = 0.9  # of the computed limit, for the geometric stiffness that a strong pull adds to it
 
@@ -24,9 +23,9 @@ SAFETY = 0.9  # of the computed limit, for the geometric stiffness that a strong
 class SemiImplicitIntegrator:
     """Basdogan et al. 2001, eq. (27)-(28): ``v += h F/m``, then ``x += h v``, F = springs + bending springs - b v.
 
-    First order and explicit: stable only below `stable_time_step_s`, about the time that a stretch wave takes along one
-    segment (6 us for a 50-segment polyethylene catheter), so a step is cut into equal substeps below 0.9 of it; one
-    that needs more than `max_substeps` is refused. Internal damping is explicit here too, shortens the limit to about
+    First order and explicit: stable only below ``stable_time_step_s``, about the time that a stretch wave takes along
+    one segment (6 us for a 50-segment polyethylene catheter), so a step is cut into equal substeps below 0.9 of it; one
+    that needs more than ``max_substeps`` is refused. Internal damping is explicit here too, shortens the limit to about
     2/(beta omega^2) and is soon unaffordable: the paper has the viscous drag alone. Symplectic: without damping the
     energy of a free rod oscillates but does not drift, and momenta are conserved to rounding.
 
@@ -50,7 +49,7 @@ class SemiImplicitIntegrator:
 
     @property
     def held(self) -> IntArray:
-        """(h,) held particles; row k of `held_target_m` is where held[k] shall be at the end of a step (NaN: stay)."""
+        """(h,) held particles; row k of ``held_target_m`` says where held[k] shall be when a step ends (NaN: stay)."""
         return self.model.held
 
     @property
@@ -64,7 +63,13 @@ class SemiImplicitIntegrator:
         return self._dt_s
 
     def substeps(self, dt_s: float) -> int:
-        """Equal substeps that a step of `dt_s` takes; ValueError where they would be more than `max_substeps`."""
+        """Return how many equal substeps a step of ``dt_s`` takes.
+
+        Raises
+        ------
+        ValueError
+            They would be more than ``max_substeps``.
+        """
         limit_s = SAFETY * self.stable_time_step_s
         count = max(math.ceil(dt_s / limit_s), 1)
         if count > self.max_substeps:
@@ -75,12 +80,12 @@ class SemiImplicitIntegrator:
         return count
 
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
-        """Advance `state` in place by `dt_s` under external forces (n, 3) alone, held constant over the substeps.
+        """Advance ``state`` in place by ``dt_s`` under external forces (n, 3) alone, held constant over the substeps.
 
         Raises
         ------
         FloatingPointError
-            If the state or a force is not finite; `state` is then lost.
+            If the state or a force is not finite; ``state`` is then lost.
         """
         self._dt_s = dt_s
         if self.twist is not None:
@@ -93,16 +98,16 @@ class SemiImplicitIntegrator:
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
-        """Fill `out` (n, 3, m) with the end-of-step position changes of `force_n` (n, 3, m), m right-hand sides."""
+        """Fill ``out`` (n, 3, m) with the end-of-step position changes of ``force_n`` (n, 3, m), m right-hand sides."""
         np.multiply(force_n, (self.position_gain_s2 * self._free_inverse_mass)[:, None, None], out=out)
 
     def compliance(self, particles: IntArray, out: FloatArray) -> None:
-        """Fill `out` (3k, 3k) with the end-of-step position change of k particles per unit force on each [m/N]."""
+        """Fill ``out`` (3k, 3k) with the end-of-step position change of k particles per unit force on each [m/N]."""
         out[:] = 0.0
         np.fill_diagonal(out, np.repeat(self.position_gain_s2 * self._free_inverse_mass[particles], 3))
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
-        """Add to `state` in place what contact forces (n, 3), as one kick over the step, change since `predict`."""
+        """Add to ``state`` in place what contact forces (n, 3), as one kick over the step, change since `predict`."""
         kick = self._dt_s * self._free_inverse_mass[:, None] * contact_force_n
         state.velocity_m_s += kick
         state.position_m += self._dt_s * kick
@@ -139,8 +144,8 @@ def _semi_implicit_euler(model: RodModel, work: RodWork, motion: Motion, externa
     x, v = motion
     for i in range(x.shape[0]):
         for c in range(3):
-            work.settled[i, c] = x[i, c]
-            work.settled_velocity[i, c] = v[i, c]
+            work.previous_position[i, c] = x[i, c]
+            work.previous_velocity[i, c] = v[i, c]
             work.position[i, c] = x[i, c]
             work.velocity[i, c] = v[i, c]
             work.force[i, c] = external[i, c] - model.drag[i] * v[i, c]

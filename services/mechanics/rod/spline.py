@@ -9,11 +9,15 @@ from services.mechanics.arrays import FloatArray
 
 
 def smooth_centreline(position_m: FloatArray, points_per_segment: int = 4) -> tuple[FloatArray, FloatArray]:
-    """Points and unit tangents, (k, 3) each with k = (n - 1) points_per_segment + 1, on a curve through n particles.
+    """Return points and unit tangents, (k, 3) each, on a curve through n particles, k = (n - 1) points_per_segment + 1.
 
     A natural cubic spline over the chord length: its curvature is continuous, so that highlights on the drawn tube do
-    not show the segments. Passes through every particle. For 30 Hz: it allocates. Raises ValueError where two
-    neighbouring particles coincide.
+    not show the segments. Passes through every particle. For 30 Hz: it allocates.
+
+    Raises
+    ------
+    ValueError
+        Two neighbouring particles coincide.
     """
     chord = np.linalg.norm(np.diff(position_m, axis=0), axis=1)
     if not np.all(chord > 0.0):

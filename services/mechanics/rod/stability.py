@@ -7,10 +7,10 @@ import math
 import numpy as np
 from scipy.linalg import eigvals_banded
 
-from .banded import HALF_BANDWIDTH
-from .forces import add_internal_forces
-from .introducer_passage import STIFFNESS, STOP_STIFFNESS
-from .model import RodModel, allocate_work
+from services.mechanics.rod.banded import HALF_BANDWIDTH
+from services.mechanics.rod.forces import add_internal_forces
+from services.mechanics.rod.introducer_passage import STIFFNESS, STOP_STIFFNESS
+from services.mechanics.rod.model import RodModel, allocate_work
 
 
 def largest_frequency_rad_s(model: RodModel) -> float:

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from services.mechanics.arrays import FloatArray
-
-from .material_frame import MaterialFrame
-from .properties import RodProperties
+from services.mechanics.rod.material_frame import MaterialFrame
+from services.mechanics.rod.properties import RodProperties
 
 
 @dataclass
@@ -37,7 +36,13 @@ class RodState:
 
 
 def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: ArrayLike) -> RodState:
-    """An unstretched rod at rest from `start_m` along `direction` (any length); ValueError if that is zero."""
+    """Return an unstretched rod at rest from ``start_m`` along ``direction``, which may have any length.
+
+    Raises
+    ------
+    ValueError
+        The direction is zero.
+    """
     axis = np.asarray(direction, dtype=np.float64)
     norm = float(np.linalg.norm(axis))
     if not norm > 0.0:

@@ -17,7 +17,7 @@ class Introducer:
     Every particle between entry and exit is pulled to the axis, and the points of the centreline nearest to the entry
     and to the exit are pulled to these. Because those points move continuously along the rod, sliding it by a segment
     changes no force by a jump. The rod has to start in it, and stays: its first particle stops two segments before the
-    exit (the catheter goes on behind the piece that is modelled), and the last `least_tip_m` cannot be drawn in.
+    exit (the catheter goes on behind the piece that is modelled), and the last ``least_tip_m`` cannot be drawn in.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Introducer:
     lateral_stiffness_n_m
         Per constrained point; solved implicitly, so that any value is stable in the implicit integrator.
     friction
-        Coulomb coefficient against the wall, 0 for none. Regularised: full friction above `slip_speed_m_s`.
+        Coulomb coefficient against the wall, 0 for none. Regularised: full friction above ``slip_speed_m_s``.
     slip_speed_m_s
         Below this sliding speed friction is viscous (an introducer holds by creeping, not by sticking).
     seal_friction_n
@@ -47,7 +47,13 @@ class Introducer:
     least_tip_m: float = 5e-3
 
     def as_array(self) -> FloatArray:
-        """(13,) entry, unit axis, and what `introducer_passage` names; ValueError where a number makes no sense."""
+        """Return (13,) entry, unit axis, and what `introducer_passage` names.
+
+        Raises
+        ------
+        ValueError
+            A number makes no sense; the message names it.
+        """
         entry = np.asarray(self.entry_m, dtype=np.float64)
         axis = np.asarray(self.exit_m, dtype=np.float64) - entry
         length = float(np.linalg.norm(axis))
@@ -69,7 +75,7 @@ class Supports:
     Attributes
     ----------
     held
-        Particles (negative counts from the end) whose position is prescribed each step; see `held_target_m` of
+        Particles (negative counts from the end) whose position is prescribed each step; see ``held_target_m`` of
         the integrator.
     start_direction, end_direction
         (3,) direction, in the order of the particles, that a wall gives the tangent at the first or last particle; None
@@ -85,7 +91,13 @@ class Supports:
     introducer: Introducer | None = field(default=None)
 
     def held_indices(self, n_particles: int) -> IntArray:
-        """Sorted particle indices; ValueError for one outside the rod or named twice."""
+        """Return the sorted indices of held particles.
+
+        Raises
+        ------
+        ValueError
+            One is outside the rod, or named twice.
+        """
         indices = sorted(i + n_particles if i < 0 else i for i in self.held)
         if any(not 0 <= i < n_particles for i in indices) or len(set(indices)) != len(indices):
             raise ValueError(f"held particles {self.held} must be different and within the {n_particles} of the rod")

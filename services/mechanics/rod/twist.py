@@ -19,11 +19,10 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, cross, dot, row
-
-from .elasticity import SHORTEST, bending_angle
-from .material_frame import Frame, follow, initial_frame, rotate_frame
-from .properties import RodProperties
-from .state import RodState
+from services.mechanics.rod.elasticity import SHORTEST, bending_angle
+from services.mechanics.rod.material_frame import Frame, follow, initial_frame, rotate_frame
+from services.mechanics.rod.properties import RodProperties
+from services.mechanics.rod.state import RodState
 
 _SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradient grows no further (a fold of 168 deg)
 
@@ -31,7 +30,7 @@ _SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradie
 class TwistModel(NamedTuple):
     """Per joint (n-2,): torsional and bending stiffness [N m/rad], rest rotation (n-2, 3) [rad] in the material frame.
 
-    A segment crushed below `shortest` [m] counts as that long. `work` (2, n-1) holds the tridiagonal system of the
+    A segment crushed below ``shortest`` [m] counts as that long. ``work`` (2, n-1) holds the tridiagonal system of the
     angles, so that a step allocates nothing.
     """
 
@@ -59,7 +58,7 @@ def build_twist_model(properties: RodProperties) -> TwistModel | None:
 
 
 def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) -> None:
-    """Bring the frames of `state` to its positions and to torsional equilibrium, and add their forces to `force_n`.
+    """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
 
     The forces enter a step as they are at its beginning: no stiffness of theirs is in the implicit matrix. With the
     frames in equilibrium it is small against bending's (by the ratio of a segment to the rod) and needs no bound on dt.
