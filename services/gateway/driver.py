@@ -20,6 +20,7 @@ from typing import TypeVar, cast
 from services.gateway import drivers
 from services.gateway.bench import REAL_TIME, Bench, Clock
 from services.gateway.host_check import HostCheck
+from services.gateway.servo_law import servo_force
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
@@ -109,11 +110,15 @@ class Arm(Device):
         Whether positions can be trusted; before that no force is written.
     buttons : int
         Bit mask.
+    own_servo : bool
+        Whether the device has a thread of its own that evaluates the force law and applies what it says: then
+        `evaluate` hands the law over, and `write` is not called.
     """
 
     limits: ArmLimits
     calibrated: bool = True
     buttons: int = 0
+    own_servo: bool = False
 
     @abstractmethod
     def read(self, time_ns: int, reading: FloatArray) -> None:
@@ -126,6 +131,12 @@ class Arm(Device):
         time_ns
             Time of the tick on the rig's grid: a simulated device moves on to it.
         """
+
+    def evaluate(
+        self, model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
+    ) -> None:
+        """Compute the force of this tick, as `servo_law.servo_force` does. Never waits."""
+        servo_force(model, motion, limits, now, memory)
 
     @abstractmethod
     def write(self, force_n: FloatArray) -> None:

@@ -62,7 +62,8 @@ class Instrument:
         servo, arm = self.servo, self.arm
         if arm.fault:
             servo.engagement.fail(arm.fault)
-        if servo.step(now_ns, self._motion, float(self._reading[layout.READ_TEMPERATURE]), calibrated=arm.calibrated):
+        temperature = float(self._reading[layout.READ_TEMPERATURE])
+        if servo.step(now_ns, self._motion, temperature, calibrated=arm.calibrated, law=arm.evaluate):
             arm.enable()
             if self.grasp is not None:
                 self.grasp.enable()
@@ -70,7 +71,7 @@ class Instrument:
             arm.go_on()
             if self.grasp is not None:
                 self.grasp.go_on()
-        if arm.has_force:
+        if arm.has_force and not arm.own_servo:
             pose.force_to_arm(servo.force_n, self._mount, self._arm_force)
             arm.write(self._arm_force)
 

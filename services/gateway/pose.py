@@ -24,13 +24,21 @@ def place_tool(reading: FloatArray, mount: FloatArray, port: FloatArray, motion:
 
     The arm stands upright: its frame is the world's, turned by the yaw about z.
     """
-    c, s = mount[0], mount[1]
-    for at, read, shift in ((0, READ_POSITION, 1.0), (3, READ_VELOCITY, 0.0)):
-        x, y = reading[read], reading[read + 1]
-        motion[at] = c * x - s * y + shift * mount[2]
-        motion[at + 1] = s * x + c * y + shift * mount[3]
-        motion[at + 2] = reading[read + 2] + shift * mount[4]
+    to_world(reading, READ_POSITION, mount, motion, 0)
+    to_world(reading, READ_VELOCITY, mount, motion, 3)
+    for axis in range(3):
+        motion[axis] += mount[2 + axis]
     tool_orientation(motion, port, reading[READ_ROLL], pose)
+
+
+@kernel
+def to_world(vector: FloatArray, at: int, mount: FloatArray, out: FloatArray, out_at: int) -> None:
+    """Turn the three numbers of `vector` from `at` on into the axes of the world, into `out` from `out_at` on."""
+    c, s = mount[0], mount[1]
+    x, y = vector[at], vector[at + 1]
+    out[out_at] = c * x - s * y
+    out[out_at + 1] = s * x + c * y
+    out[out_at + 2] = vector[at + 2]
 
 
 @kernel

@@ -7,6 +7,7 @@ process' own clock, so neither a stepping wall clock nor another host's clock ma
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ from services.gateway import layout, servo_law
 from services.gateway.engagement import Engagement, State
 from services.mechanics.arrays import FloatArray
 
+#: Model, motion, limits, present tick, memory: see `layout`.
+Law = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
 #: This many late ticks in a row, each longer than this, and the arm is let go.
 OVERRUNS, OVERRUN_S = 3, 0.002
 _MAX_AGE_S = 1e3
@@ -106,7 +109,15 @@ class Servo:
         self._now[layout.NOW_TTL] = ttl_s
         layout.pack_model(model, self._model)
 
-    def step(self, now_ns: int, motion: FloatArray, temperature: float, *, calibrated: bool) -> bool:
+    def step(
+        self,
+        now_ns: int,
+        motion: FloatArray,
+        temperature: float,
+        *,
+        calibrated: bool,
+        law: Law = servo_law.servo_force,
+    ) -> bool:
         """Compute `force_n` for the pose read at `now_ns`; return True where motors must be switched on.
 
         Parameters
@@ -117,6 +128,8 @@ class Servo:
             Hottest motor, 0 ambient to 1 limit.
         calibrated
             Whether the device knows where it is.
+        law
+            What computes the force; an arm with a thread of its own does so there.
         """
         now = self._now
         dt_s = (now_ns - self._last_ns) * 1e-9 if self._last_ns else 1e-3
@@ -135,7 +148,7 @@ class Servo:
         now[layout.NOW_AGE] = self.age_s
         now[layout.NOW_GAIN] = self.engagement.gain
         now[layout.NOW_TEMPERATURE] = temperature
-        servo_law.servo_force(self._model, motion, self._limits, now, self._memory)
+        law(self._model, motion, self._limits, now, self._memory)
         return begins
 
     def step_grasp(self, now_ns: int, handle: FloatArray) -> None:

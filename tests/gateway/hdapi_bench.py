@@ -16,25 +16,31 @@ from services.runtime.rig import DriverSettings, Mount
 
 RATE_N_S = 200.0
 TTL_MS = 20
+TTL_S = 1e-3 * TTL_MS
 
 
 class HdapiBench:
-    """Drivers `left` and `right` on devices 1 and 2 of a stand-in, and what their devices did in every tick."""
+    """Drivers `left` and `right` on devices 1 and 2 of a stand-in, and what their devices did in every tick.
+
+    What they are told is a force, or with `by_law` a model whose force it is.
+    """
 
     def __init__(self, standin: StandIn, device: str = "touch") -> None:
+        self.by_law = False
         self.standin = standin
         self.c = standin.c
         self.device = device
         self.left, self.right = self.driver("left"), self.driver("right")
         self.readings = {driver: np.zeros(layout.READ_SIZE) for driver in (self.left, self.right)}
+        self.memories = {driver: np.zeros(layout.MEMORY_SIZE) for driver in self.readings}
         self.forces: list[np.ndarray] = []  # of both arms, (2, 3), in the frame of the arms
 
-    def driver(self, side: str) -> Driver:
+    def driver(self, side: str, mount: Mount = Mount()) -> Driver:  # noqa: B008 - never changes
         name, library = side.capitalize(), str(self.standin.path)
         settings = DriverSettings(
             driver="phantom_hdapi", device=self.device, settings={"name": name, "library": library}
         )
-        return Driver(settings, Place(side, Mount(), clock=self.standin.clock, force_rate_n_s=RATE_N_S))
+        return Driver(settings, Place(side, mount, clock=self.standin.clock, force_rate_n_s=RATE_N_S))
 
     def open(self, enabled: bool = True) -> None:
         for driver in self.readings:
@@ -53,8 +59,22 @@ class HdapiBench:
             for driver, reading in self.readings.items():
                 driver.read(self.standin.clock.monotonic_ns(), reading)
             for driver, force in orders.items():
-                driver.write(force)
+                self.order(driver, force)
             self.wait(1)
+
+    def order(self, driver: Driver, force: np.ndarray, stiffness_n_m: float = 0.0, ttl_s: float = TTL_S) -> None:
+        """Tell an arm what to do in this tick."""
+        if not self.by_law:
+            driver.write(force)
+            return
+        model, limits, now = np.zeros(layout.MODEL_SIZE), np.zeros(layout.LIMIT_SIZE), np.zeros(layout.NOW_SIZE)
+        model[layout.MODEL_F0 : layout.MODEL_F0 + 3] = force
+        model[[layout.MODEL_K, layout.MODEL_K + 4, layout.MODEL_K + 8]] = stiffness_n_m
+        model[layout.MODEL_CONTACT] = 1.0
+        limits[layout.LIMIT_FORCE] = limits[layout.LIMIT_CONTINUOUS_FORCE] = 20.0
+        limits[layout.LIMIT_RATE] = RATE_N_S
+        now[layout.NOW_TTL], now[layout.NOW_GAIN] = ttl_s, 1.0
+        driver.evaluate(model, np.zeros(6), limits, now, self.memories[driver])
 
     def wait(self, ticks: int) -> None:
         """Let time pass without a word of the gateway."""

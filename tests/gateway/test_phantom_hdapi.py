@@ -36,9 +36,10 @@ def bench(tmp_path: Path) -> Iterator[HdapiBench]:
         pytest.skip(str(reason))
 
 
-@pytest.fixture
-def pushing(bench: HdapiBench) -> HdapiBench:
-    """Return both arms under the full force that was asked for."""
+@pytest.fixture(params=["force", "law"])
+def pushing(bench: HdapiBench, request: pytest.FixtureRequest) -> HdapiBench:
+    """Return both arms under the full force that was asked for: ordered as it is, or as a law."""
+    bench.by_law = request.param == "law"
     bench.open()
     bench.run(300, LEFT, RIGHT)
     np.testing.assert_allclose(bench.forces[-1], [LEFT, RIGHT])
@@ -175,22 +176,58 @@ def test_a_gateway_that_falls_silent_leaves_limp_arms_within_a_models_life(pushi
 
 
 @pytest.mark.parametrize("share", [0.85, 1.15])
-def test_a_wall_is_as_stiff_as_one_tick_of_delay_allows(bench: HdapiBench, share: float) -> None:
-    """K < b / (T / 2 + T): held for a tick, and one tick old; docs/decisions/hdapi-callback.md."""
+@pytest.mark.parametrize(("by_law", "delay_ticks"), [(False, 1.0), (True, 0.0)])
+def test_a_wall_is_as_stiff_as_its_delay_allows(
+    bench: HdapiBench, by_law: bool, delay_ticks: float, share: float
+) -> None:
+    """K < b / (T / 2 + delay): a law has none, a force is one tick old; docs/decisions/hdapi-callback.md."""
     damping_n_s_m, tick_s = 5.1, 1e-3  # of hand and arm, in arm.c
-    wall_n_m = share * damping_n_s_m / (1.5 * tick_s)
+    wall_n_m = share * damping_n_s_m / ((0.5 + delay_ticks) * tick_s)
+    bench.by_law = by_law
     bench.open()
     bench.run(300, FREE, FREE)
     bench.standin.put("place", 1, np.array([0.0, 1e-5, 0.0]))
     heights, reading = [], bench.readings[bench.left]
     for _ in range(600):
         bench.left.read(0, reading)
-        bench.left.write(np.array([0.0, 0.0, -wall_n_m * reading[2]]))
+        bench.order(bench.left, np.array([0.0, 0.0, -wall_n_m * reading[2] * (not by_law)]), wall_n_m)
         bench.wait(1)
-        heights.append(bench.standin.look(1).position_m[1] - 1e-5 * 300.0 / (300.0 + wall_n_m))
+        heights.append(bench.standin.look(1).position_m[1])
     early, late = np.ptp(heights[50:150]), np.ptp(heights[500:])
     assert (late < 0.5 * early) == (share < 1.0)
     assert (late > 2.0 * early) == (share > 1.0)
+
+
+def test_a_law_is_evaluated_in_the_world_at_the_present_pose(tmp_path: Path) -> None:
+    """The arm is turned by 90 degrees and moved: toward its user is the world's y."""
+    with two_arms(tmp_path) as bench:
+        bench.by_law = True
+        bench.left = bench.driver("left", Mount(centre_m=(0.1, 0.2, 0.3), yaw_rad=np.pi / 2))
+        bench.readings = {bench.left: np.zeros(layout.READ_SIZE)}
+        bench.memories = {bench.left: np.zeros(layout.MEMORY_SIZE)}
+        bench.open()
+        for _ in range(300):
+            bench.standin.put("place", 1, np.array([0.0, 0.0, 0.01]))  # of HDAPI: toward the user
+            bench.left.read(0, bench.readings[bench.left])
+            bench.order(bench.left, np.zeros(3), stiffness_n_m=4.0)
+            bench.wait(1)
+        memory = bench.memories[bench.left]
+        world_m, force_n = memory[layout.MEMORY_POSITION :][:3], memory[layout.MEMORY_FORCE :][:3]
+        np.testing.assert_allclose(world_m, [0.1, 0.21, 0.3], atol=1e-4)  # the force moves it within the tick
+        np.testing.assert_allclose(force_n, -4.0 * world_m)
+        np.testing.assert_allclose(bench.forces[-1][0], [-0.84, 0.4, -1.2], atol=1e-3)
+
+
+def test_what_the_law_refuses_is_counted_with_what_the_torque_refuses(bench: HdapiBench) -> None:
+    bench.by_law = True
+    bench.open()
+    memory = bench.memories[bench.left]
+    memory[layout.MEMORY_REFUSED] += 5.0  # by the torque's law, in the gateway
+    memory[layout.MEMORY_TORQUE] = 0.1
+    bench.run(10, (0.0, np.nan, 0.0), RIGHT)
+    bench.run(3, LEFT, RIGHT)
+    assert memory[layout.MEMORY_REFUSED] == 15.0
+    assert memory[layout.MEMORY_TORQUE] == 0.1
 
 
 @pytest.mark.parametrize("nonsense", [np.nan, np.inf])
@@ -203,7 +240,7 @@ def test_an_order_that_is_no_number_is_none(pushing: HdapiBench, nonsense: float
 
 def test_a_huge_order_is_held_to_what_the_device_can_bear(pushing: HdapiBench) -> None:
     pushing.run(100, (0.0, 0.0, 1e9), RIGHT)
-    np.testing.assert_allclose(pushing.forces[-1], [(0.0, 0.0, 3.3), RIGHT])
+    np.testing.assert_allclose(pushing.forces[-1], [(0.0, 0.0, 3.3), RIGHT], atol=1e-12)
     assert pushing.left.fault == ""
 
 

@@ -17,7 +17,7 @@ from services.gateway.hdapi import cells, exchange, host_checks, session
 from services.gateway.hdapi.constants import Calibration, Style, describe
 from services.gateway.hdapi.library import DEFAULT
 from services.gateway.host_check import HostCheck
-from services.gateway.layout import READ_SIZE, READ_TEMPERATURE
+from services.gateway.layout import LIMIT_SIZE, MEMORY_SIZE, MODEL_SIZE, NOW_SIZE, NOW_TTL, READ_SIZE, READ_TEMPERATURE
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import DeviceError
@@ -44,7 +44,9 @@ class HdapiSettings(Settings):
 
 
 class Driver(Arm):
-    """One arm of the scheduler that all arms of this process share: see `hdapi`."""
+    """One arm of the scheduler that all arms of this process share, and whose thread evaluates the law: see `hdapi`."""
+
+    own_servo = True
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         own = driver.read_settings(HdapiSettings, settings, place)
@@ -56,7 +58,7 @@ class Driver(Arm):
         self._where = f"instrument {place.instrument!r}"
         self._clock = place.clock
         self._terms = session.Terms(
-            file.max_force_n, place.force_rate_n_s, file.velocity_filter_hz, file.openhaptics_centre_m
+            file.max_force_n, place.force_rate_n_s, file.velocity_filter_hz, file.openhaptics_centre_m, place.mount
         )
         self._session: session.Session | None = None
         self._arm: session.OpenArm | None = None
@@ -87,6 +89,7 @@ class Driver(Arm):
             why = self._problem(arm.port.newest.tolist()) or "the scheduler of OpenHaptics does not run"
             raise DeviceError(f"{self._where}: {why}")
         self._silent = 0
+        self._warm()
 
     def enable(self) -> None:
         """Let force through, once the arm is calibrated; the scheduler's thread is real-time from here on."""
@@ -109,8 +112,17 @@ class Driver(Arm):
         elif exchange.look(arm.port.address, arm.has_roll, reading):
             self._judge(arm, arm.port.newest.tolist())
 
+    def evaluate(
+        self, model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
+    ) -> None:
+        """Hand over what the law needs; `memory` is what the scheduler's thread had when the arm was read."""
+        if self._arm is not None:
+            time_ns = self._clock.monotonic_ns()
+            port = self._arm.port.address
+            exchange.give_law(port, time_ns, self._enabled, self._armed, model, limits, now, memory)
+
     def write(self, force_n: FloatArray) -> None:
-        """Order a force; an order that is not followed by another is doubted after 4 ms."""
+        """Order a force instead; an order that is not followed by another is doubted after 4 ms."""
         if self._arm is not None:
             self._order(self._arm, force_n)
 
@@ -125,8 +137,15 @@ class Driver(Arm):
         if opened is not None:
             opened.leave(self._name)
 
+    def _warm(self) -> None:
+        """Compile what a tick calls; the orders allow no force."""
+        now = np.zeros(NOW_SIZE)
+        now[NOW_TTL] = 1.0
+        self.evaluate(np.zeros(MODEL_SIZE), np.zeros(6), np.ones(LIMIT_SIZE), now, np.zeros(MEMORY_SIZE))
+        self.write(self._no_force)
+
     def _order(self, arm: session.OpenArm, force_n: FloatArray) -> None:
-        exchange.give(arm.port.address, self._clock.monotonic_ns(), self._enabled, self._armed, force_n)
+        exchange.give_force(arm.port.address, self._clock.monotonic_ns(), self._enabled, self._armed, force_n)
 
     def _wait(self, arm: session.OpenArm, patience_s: float, condition: Callable[[list[float]], bool]) -> bool:
         until_ns = self._clock.monotonic_ns() + round(1e9 * patience_s)

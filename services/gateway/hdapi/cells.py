@@ -9,21 +9,26 @@ from __future__ import annotations
 from typing import Annotated
 
 from services.gateway.hdapi.handover import Box
+from services.gateway.layout import LIMIT_SIZE, MEMORY_SIZE, MODEL_SIZE, NOW_SIZE
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.compiled.struct import Struct, reader
 
-# From the gateway: when it was written, whether motors may be on, how often a person has armed the rig, and the force
-# in the frame of the arm.
-ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_FORCE, ORDER_SIZE = 0, 1, 2, 3, 6
+# From the gateway: when it was written, whether motors may be on, how often a person has armed the rig; then a force in
+# the frame of the arm or, with ORDER_LAW, what the force law needs (`layout`): age, life, gain, limits, model.
+ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_LAW, ORDER_FORCE = range(5)
+ORDER_AGE, ORDER_TTL, ORDER_GAIN, ORDER_LIMITS = 7, 8, 9, 10
+ORDER_MODEL = ORDER_LIMITS + LIMIT_SIZE
+ORDER_SIZE = ORDER_MODEL + MODEL_SIZE
 
 # To the gateway: time of the newest reading, calibration, buttons, error that ended the arm's or everybody's work, the
 # newest refusal of force and how many frames in a row had one, frames that came late, the newest ORDER_ARMED; then the
-# reading and the force applied.
+# reading, the force applied, and what the law remembers.
 (
     SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
     SEEN_ARMED, SEEN_POSITION,
 ) = range(10)  # fmt: skip
-SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_SIZE = 12, 15, 16, 17, 20
+SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 12, 15, 16, 17, 20
+SEEN_SIZE = SEEN_MEMORY + MEMORY_SIZE
 
 # Where in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.
 POSITION, GIMBAL, TEMPERATURE, FORCE, NUMBERS = 0, 3, 6, 12, 15
@@ -60,6 +65,13 @@ class ArmCell(Struct):
     filtered: Annotated[FloatArray, 2, 3]
     position_m: Annotated[FloatArray, 3]
     force_n: Annotated[FloatArray, 3]
+    wanted_n: Annotated[FloatArray, 3]
+    mount: Annotated[FloatArray, 5]  # as `pose.pack_mount`
+    motion: Annotated[FloatArray, 6]  # in the world
+    model: Annotated[FloatArray, MODEL_SIZE]
+    limits: Annotated[FloatArray, LIMIT_SIZE]
+    now: Annotated[FloatArray, NOW_SIZE]
+    memory: Annotated[FloatArray, MEMORY_SIZE]
     numbers_at: int
     integers_at: int
     handle: int
@@ -102,7 +114,9 @@ class Port(Struct):
     orders: Box
     seen: Box
     order: Annotated[FloatArray, ORDER_SIZE]
+    arriving: Annotated[FloatArray, SEEN_SIZE]
     newest: Annotated[FloatArray, SEEN_SIZE]
+    refused: float = 0.0  # forces that were not finite, as last heard
 
 
 arm_at, servo_at, port_at = reader(ArmCell), reader(Servo), reader(Port)

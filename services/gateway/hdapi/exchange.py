@@ -1,12 +1,19 @@
-"""The gateway's side of an arm: take the newest reading, give a force. A microsecond each, and never a wait."""
+"""The gateway's side of an arm: take the newest reading, give a force or a law. A microsecond or two, never a wait."""
 
 from __future__ import annotations
 
 from services.gateway.hdapi.cells import (
+    ORDER_AGE,
     ORDER_ARMED,
     ORDER_ENABLED,
     ORDER_FORCE,
+    ORDER_GAIN,
+    ORDER_LAW,
+    ORDER_LIMITS,
+    ORDER_MODEL,
     ORDER_TIME,
+    ORDER_TTL,
+    SEEN_MEMORY,
     SEEN_POSITION,
     SEEN_ROLL,
     SEEN_TEMPERATURE,
@@ -15,32 +22,83 @@ from services.gateway.hdapi.cells import (
     port_at,
 )
 from services.gateway.hdapi.handover import put, take
-from services.gateway.layout import READ_POSITION, READ_ROLL, READ_TEMPERATURE, READ_VELOCITY
+from services.gateway.layout import (
+    LIMIT_SIZE,
+    MEMORY_REFUSED,
+    MEMORY_TORQUE,
+    MODEL_SIZE,
+    NOW_AGE,
+    NOW_GAIN,
+    NOW_TTL,
+    READ_POSITION,
+    READ_ROLL,
+    READ_TEMPERATURE,
+    READ_VELOCITY,
+)
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
 
 @kernel
-def give(address: Address[Port], time_ns: int, enabled: bool, armed: int, force_n: FloatArray) -> None:
+def give_force(address: Address[Port], time_ns: int, enabled: bool, armed: int, force_n: FloatArray) -> None:
     """Order a force (3,) in the frame of the arm."""
     port = port_at(address)
     order = port.order
-    order[ORDER_TIME] = time_ns
-    order[ORDER_ENABLED] = 1.0 if enabled else 0.0
-    order[ORDER_ARMED] = armed
+    _begin(order, time_ns, enabled, armed)
+    order[ORDER_LAW] = 0.0
     for axis in range(3):
         order[ORDER_FORCE + axis] = force_n[axis]
     put(port.orders, order)
 
 
 @kernel
+def give_law(
+    address: Address[Port],
+    time_ns: int,
+    enabled: bool,
+    armed: int,
+    model: FloatArray,
+    limits: FloatArray,
+    now: FloatArray,
+    memory: FloatArray,
+) -> None:
+    """Order what `servo_law.servo_force` takes, and write what it has last made there into `memory`, torque apart."""
+    port = port_at(address)
+    order, newest = port.order, port.newest
+    _begin(order, time_ns, enabled, armed)
+    order[ORDER_LAW] = 1.0
+    order[ORDER_AGE] = now[NOW_AGE]
+    order[ORDER_TTL] = now[NOW_TTL]
+    order[ORDER_GAIN] = now[NOW_GAIN]
+    for k in range(LIMIT_SIZE):
+        order[ORDER_LIMITS + k] = limits[k]
+    for k in range(MODEL_SIZE):
+        order[ORDER_MODEL + k] = model[k]
+    put(port.orders, order)
+    refused = memory[MEMORY_REFUSED] + newest[SEEN_MEMORY + MEMORY_REFUSED] - port.refused
+    port.refused = newest[SEEN_MEMORY + MEMORY_REFUSED]
+    for k in range(MEMORY_TORQUE):
+        memory[k] = newest[SEEN_MEMORY + k]
+    memory[MEMORY_REFUSED] = refused  # the torque's are counted here
+
+
+@kernel
+def _begin(order: FloatArray, time_ns: int, enabled: bool, armed: int) -> None:
+    order[ORDER_TIME] = time_ns
+    order[ORDER_ENABLED] = 1.0 if enabled else 0.0
+    order[ORDER_ARMED] = armed
+
+
+@kernel
 def look(address: Address[Port], has_roll: bool, reading: FloatArray) -> int:
     """Take the newest message into `newest` of the port and write `reading`, see `layout`; 1 if there was one."""
     port = port_at(address)
-    newest = port.newest
-    if take(port.seen, newest) <= 0:
+    if take(port.seen, port.arriving) <= 0:
         return 0
+    newest = port.newest
+    for k in range(newest.shape[0]):
+        newest[k] = port.arriving[k]
     for axis in range(3):
         reading[READ_POSITION + axis] = newest[SEEN_POSITION + axis]
         reading[READ_VELOCITY + axis] = newest[SEEN_VELOCITY + axis]

@@ -1,9 +1,12 @@
 """What the library's 1 kHz thread runs: one callback for all arms, machine code that never touches the interpreter.
 
-Each arm gets one frame: read, drain the error stack, calibrate, apply the newest order of the gateway, drain again. The
-law that makes a force is the gateway's. Here a force can only be taken back: on any doubt (the gateway silent for
-`STALE_NS`, motors not wanted, not calibrated, an error, an order that is not finite) it goes to zero at the rig's rate
-limit, and comes back, when there is none, over `TRUST_S`.
+Each arm gets one frame: read, drain the error stack, calibrate, evaluate the force law of the newest order at the pose
+just read, apply, drain again. The gateway says what goes into the law, `servo_law.servo_force`; the library's thread
+evaluates it so that the force is not a tick old (docs/decisions/hdapi-callback.md).
+
+Beyond the law a force can only be taken back here: on any doubt (a model at the end of its life, a gateway that orders
+forces and is silent for `STALE_NS`, motors not wanted, not calibrated, an error, a number that is not finite) it goes
+to zero at the rig's rate limit, and comes back, when there is none, over `TRUST_S`.
 
 An arm with an error that is no mere refusal of force is let go and stays so until a person arms the rig; the others go
 on. An arm that cannot be reached gets no more frames, so that nobody waits for it. An error of the scheduler itself
@@ -22,10 +25,16 @@ from services.gateway.hdapi import native
 from services.gateway.hdapi.cells import (
     FORCE,
     GIMBAL,
+    ORDER_AGE,
     ORDER_ARMED,
     ORDER_ENABLED,
     ORDER_FORCE,
+    ORDER_GAIN,
+    ORDER_LAW,
+    ORDER_LIMITS,
+    ORDER_MODEL,
     ORDER_TIME,
+    ORDER_TTL,
     POSITION,
     SEEN_ARMED,
     SEEN_BUTTONS,
@@ -33,6 +42,7 @@ from services.gateway.hdapi.cells import (
     SEEN_ERROR,
     SEEN_FORCE,
     SEEN_LATE,
+    SEEN_MEMORY,
     SEEN_POSITION,
     SEEN_REFUSAL,
     SEEN_REFUSED,
@@ -65,6 +75,19 @@ from services.gateway.hdapi.constants import (
     Style,
 )
 from services.gateway.hdapi.handover import put, take
+from services.gateway.layout import (
+    LIMIT_SIZE,
+    MEMORY_FORCE,
+    MEMORY_SIZE,
+    MODEL_SIZE,
+    NOW_AGE,
+    NOW_DT,
+    NOW_GAIN,
+    NOW_TEMPERATURE,
+    NOW_TTL,
+)
+from services.gateway.pose import force_to_arm, to_world
+from services.gateway.servo_law import servo_force
 from services.gateway.velocity_filter import low_pass
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
@@ -234,15 +257,23 @@ def _calibrate(functions: Functions, arm: ArmCell) -> None:
 
 @kernel
 def _apply(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
-    order = arm.order
+    order, force = arm.order, arm.force_n
+    by_law = order[ORDER_LAW] != 0.0
+    if by_law:
+        young = _evaluate(arm, now_ns, dt_s)
+    else:
+        young = now_ns - order[ORDER_TIME] <= STALE_NS
+        for axis in range(3):
+            arm.wanted_n[axis] = order[ORDER_FORCE + axis]
     sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0
     wanted = sound and order[ORDER_ENABLED] != 0.0
-    finite = math.isfinite(order[ORDER_FORCE] + order[ORDER_FORCE + 1] + order[ORDER_FORCE + 2])
-    young = now_ns - order[ORDER_TIME] <= STALE_NS and now_ns - arm.read_ns <= STALE_NS
-    doubt = not (wanted and finite and young) or arm.refused_now or arm.refused > 0
-    arm.trust = 0.0 if doubt else min(1.0, arm.trust + dt_s / TRUST_S)
+    finite = math.isfinite(arm.wanted_n[0] + arm.wanted_n[1] + arm.wanted_n[2])
+    refused = arm.refused_now or arm.refused > 0
+    trusted = wanted and young and finite and not refused and now_ns - arm.read_ns <= STALE_NS
+    arm.trust = min(1.0, arm.trust + dt_s / TRUST_S) if trusted else 0.0
     _approach(arm, arm.max_force_rate_n_s * dt_s)
-    force = arm.force_n
+    if by_law:
+        _remember(arm)
     limp = force[0] == 0.0 and force[1] == 0.0 and force[2] == 0.0
     if wanted and not arm.motors_on:
         native.call_unsigned(servo.functions.enable, FORCE_OUTPUT)
@@ -256,26 +287,53 @@ def _apply(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
 
 
 @kernel
+def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
+    """Write what the law wants at the present pose into `wanted_n`; return whether its model still lives."""
+    order, now, report, motion, mount = arm.order, arm.now, arm.report, arm.motion, arm.mount
+    for k in range(LIMIT_SIZE):
+        arm.limits[k] = order[ORDER_LIMITS + k]
+    for k in range(MODEL_SIZE):
+        arm.model[k] = order[ORDER_MODEL + k]
+    now[NOW_DT] = dt_s
+    now[NOW_AGE] = order[ORDER_AGE] + 1e-9 * (now_ns - order[ORDER_TIME])
+    now[NOW_TTL] = order[ORDER_TTL]
+    now[NOW_GAIN] = order[ORDER_GAIN]
+    now[NOW_TEMPERATURE] = report[SEEN_TEMPERATURE]
+    to_world(report, SEEN_POSITION, mount, motion, 0)
+    to_world(report, SEEN_VELOCITY, mount, motion, 3)
+    for axis in range(3):
+        motion[axis] += mount[2 + axis]
+    servo_force(arm.model, motion, arm.limits, now, arm.memory)
+    force_to_arm(arm.memory[MEMORY_FORCE : MEMORY_FORCE + 3], mount, arm.wanted_n)
+    return bool(now[NOW_AGE] < now[NOW_TTL])
+
+
+@kernel
+def _remember(arm: ArmCell) -> None:
+    """Let the law go on from the force that was applied: its rate limit and its observer count on that."""
+    to_world(arm.force_n, 0, arm.mount, arm.memory, MEMORY_FORCE)
+
+
+@kernel
 def _approach(arm: ArmCell, step_n: float) -> None:
-    """Move the applied force towards what is trusted of the order, by at most `step_n`."""
+    """Move the applied force towards what is trusted of the wanted one, by at most `step_n`."""
     if arm.trust == 0.0:
         target = (0.0, 0.0, 0.0)
     else:
-        order, share = arm.order, arm.trust
-        x, y, z = share * order[ORDER_FORCE], share * order[ORDER_FORCE + 1], share * order[ORDER_FORCE + 2]
+        wanted, share = arm.wanted_n, arm.trust
+        x, y, z = share * wanted[0], share * wanted[1], share * wanted[2]
         norm = math.sqrt(x * x + y * y + z * z)
         shrink = arm.max_force_n / norm if norm > arm.max_force_n else 1.0
         target = (shrink * x, shrink * y, shrink * z)
     force = arm.force_n
     dx, dy, dz = target[0] - force[0], target[1] - force[1], target[2] - force[2]
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-    share = step_n / distance if distance > step_n else 1.0
-    if share == 1.0:
+    if distance <= step_n:
         force[0], force[1], force[2] = target[0], target[1], target[2]
-    else:
-        force[0] += share * dx
-        force[1] += share * dy
-        force[2] += share * dz
+        return
+    force[0] += step_n / distance * dx
+    force[1] += step_n / distance * dy
+    force[2] += step_n / distance * dz
 
 
 @kernel
@@ -299,6 +357,8 @@ def _report(servo: Servo, arm: ArmCell) -> None:
     report[SEEN_ARMED] = arm.armed
     for axis in range(3):
         report[SEEN_FORCE + axis] = arm.force_n[axis] if arm.motors_on else 0.0
+    for k in range(MEMORY_SIZE):
+        report[SEEN_MEMORY + k] = arm.memory[k]
     put(arm.seen, report)
 
 

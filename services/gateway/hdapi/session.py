@@ -22,9 +22,10 @@ from services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, STYLES, Par
 from services.gateway.hdapi.handover import Box
 from services.gateway.hdapi.library import Library
 from services.gateway.hdapi.servo_callback import callback
+from services.gateway.pose import pack_mount
 from services.gateway.velocity_filter import butterworth
 from services.runtime.errors import DeviceError
-from services.runtime.rig import Vector3
+from services.runtime.rig import Mount, Vector3
 
 RATE_HZ = 1000
 
@@ -37,12 +38,15 @@ class Terms:
     ----------
     centre_m
         Middle of the workspace in the axes of the library: right, up, toward the user.
+    mount
+        Where the arm stands in the world.
     """
 
     max_force_n: float
     max_force_rate_n_s: float
     velocity_filter_hz: float
     centre_m: Vector3
+    mount: Mount
 
 
 @dataclass(slots=True)
@@ -192,6 +196,7 @@ def _open(library: Library, name: str | None, terms: Terms, where: str) -> OpenA
         numbers_at=numbers.ctypes.data,
         integers_at=integers.ctypes.data,
         centre_m=np.array(terms.centre_m),
+        mount=pack_mount(terms.mount),
         filter=butterworth(terms.velocity_filter_hz),
         handle=handle,
         style=int(style),
