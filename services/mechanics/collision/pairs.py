@@ -6,52 +6,20 @@ the duct, or a segment of the catheter). The normal points from the target towar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, Self
 
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
-from services.mechanics.compiled import tuple_reader, tuple_table
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from services.mechanics.compiled.struct import Struct, reader
 
 NO_TOOL = -1
 SHAFT, JAW_A, JAW_B = 0, 1, 2
 DUCT_TRIANGLE, CATHETER_SEGMENT = 0, 1
 
 
-class PairArrays(NamedTuple):
-    """The arrays of `ContactPairs` as the contact kernels read and write them."""
-
-    tool: ByteArray
-    tool_segment: ByteArray
-    particle: IntArray
-    target_kind: ByteArray
-    target: IntArray
-    tool_parameter: FloatArray
-    target_weights: FloatArray
-    normal: FloatArray
-
-    @classmethod
-    def allocate(cls, capacity: int) -> PairArrays:
-        """Return room for ``capacity`` pairs."""
-        return cls(
-            tool=np.full(capacity, NO_TOOL, np.int8),
-            tool_segment=np.zeros(capacity, np.int8),
-            particle=np.full(capacity, -1, np.int32),
-            target_kind=np.zeros(capacity, np.int8),
-            target=np.zeros(capacity, np.int32),
-            tool_parameter=np.zeros(capacity),
-            target_weights=np.zeros((capacity, 3)),
-            normal=np.zeros((capacity, 3)),
-        )
-
-
-pairs_at = tuple_reader(PairArrays.allocate(1))
-
-
-@dataclass(slots=True)
-class ContactPairs:
-    """Preallocated struct of arrays; only the first ``count`` rows mean anything.
+class ContactPairs(Struct):
+    """Room for pairs; only the first ``count`` of each array mean anything.
 
     Attributes
     ----------
@@ -78,41 +46,25 @@ class ContactPairs:
         Unit vector from the target towards the first body: the direction in which the first body is pushed.
     gap_m : (N,) float64
         Distance between the surfaces (radii and half thickness subtracted); negative = overlap.
-    arrays : PairArrays
-        The same arrays but the gaps.
-    table : LongArray
-        What `pairs_at` reads at ``address``.
     """
 
-    count: int
-    dropped: int
-    tool: ByteArray
-    tool_segment: ByteArray
-    particle: IntArray
-    target_kind: ByteArray
-    target: IntArray
-    tool_parameter: FloatArray
-    target_weights: FloatArray
-    normal: FloatArray
-    gap_m: FloatArray
-    arrays: PairArrays
-    table: LongArray
-    address: int
+    tool: Annotated[ByteArray, "capacity"]
+    tool_segment: Annotated[ByteArray, "capacity"]
+    particle: Annotated[IntArray, "capacity"]
+    target_kind: Annotated[ByteArray, "capacity"]
+    target: Annotated[IntArray, "capacity"]
+    tool_parameter: Annotated[FloatArray, "capacity"]
+    target_weights: Annotated[FloatArray, "capacity", 3]
+    normal: Annotated[FloatArray, "capacity", 3]
+    gap_m: Annotated[FloatArray, "capacity"]
+    count: int = 0
+    dropped: int = 0
 
     @classmethod
-    def allocate(cls, capacity: int) -> ContactPairs:
+    def allocate(cls, capacity: int) -> Self:
         """Return an empty set with room for ``capacity`` pairs."""
-        arrays = PairArrays.allocate(capacity)
-        table = tuple_table(arrays)
-        return cls(
-            count=0,
-            dropped=0,
-            gap_m=np.zeros(capacity),
-            arrays=arrays,
-            table=table,
-            address=table.ctypes.data,
-            **arrays._asdict(),
-        )
+        tool, particle = np.full(capacity, NO_TOOL, np.int8), np.full(capacity, -1, np.int32)
+        return cls.zeros(capacity=capacity, tool=tool, particle=particle)
 
     @property
     def capacity(self) -> int:
@@ -123,3 +75,6 @@ class ContactPairs:
         """Forget every pair."""
         self.count = 0
         self.dropped = 0
+
+
+pairs_at = reader(ContactPairs)

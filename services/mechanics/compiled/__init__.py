@@ -22,6 +22,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
+import services.mechanics.compiled.struct_type  # noqa: F401 - before the function of the same name below
 from services.mechanics.arrays import LongArray
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -54,7 +54,7 @@ def add_rod_compliance(rows: ContactRows, slot: IntArray, rod: FloatArray, point
     ``points`` (4 C, 2) is scratch: rows and places of those that have a weight, mostly one of four in a row.
     """
     count = 0
-    for a in range(rows.used[0]):
+    for a in range(rows.n_contacts):
         for i in range(rows.rod_node.shape[1]):
             if rows.rod_weight[a, i] != 0.0:
                 points[count, 0], points[count, 1] = a, i
@@ -82,7 +82,7 @@ def _add_block(
 @kernel
 def add_tool_compliance(rows: ContactRows, compliance: FloatArray, out: FloatArray) -> None:
     """Add G diag(c) G^T of the contacts of each tool; ``compliance`` (2, 4) is the couplings' c."""
-    for a in range(rows.used[0]):
+    for a in range(rows.n_contacts):
         tool = rows.tool[a]
         if tool == NO_TOOL:
             continue
@@ -103,7 +103,7 @@ def rotate_to_contact_frames(rows: ContactRows, W: FloatArray) -> None:
 
     Blocks are held in registers meanwhile: in arrays the compiler would store each item before it loads the next.
     """
-    for a in range(rows.used[0]):
+    for a in range(rows.n_contacts):
         for i in range(3):
             for j in range(i + 1, 3):
                 W[3 * a + i, 3 * a + j] = W[3 * a + j, 3 * a + i]

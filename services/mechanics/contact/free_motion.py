@@ -26,7 +26,7 @@ def subtract_duct_motion(
     offset, change : (k, 3) float64
         Displacement at the start that is not in q (the residual), and its free change over the step.
     """
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         for axis in range(3):
             u, du = 0.0, 0.0
             for mode in range(q.shape[0]):
@@ -45,7 +45,7 @@ def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
     Normal: the gap at the end of the step. An overlap at the start is a linearisation error of the last tick;
     only the fraction ``recovery`` of it is taken back per tick, because all of it at once would be a velocity.
     """
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         for axis in range(3):
             total = 0.0
             for k in range(3):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps.kinematics import N_COORDINATES, N_SEGMENTS
 from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.scene.tools import N_TOOLS
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,34 +24,34 @@ class Bodies:
     half_thickness_m: float
 
 
-class ToolGeometry(NamedTuple):
+class ToolGeometry(Struct):
     """Poses of both tools at the start of the step and their motion over it without contact forces."""
 
-    segments: FloatArray  # (2, 3, 2, 3)
-    radius: FloatArray  # (2, 3)
-    frame: FloatArray  # (2, 3, 3)
-    length: FloatArray  # (2,)
-    motion: FloatArray  # (2, 4)
-    held: BoolArray  # (2, 2) whether the jaws hold something of each target kind
+    segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
+    radius: Annotated[FloatArray, N_TOOLS, N_SEGMENTS]
+    frame: Annotated[FloatArray, N_TOOLS, 3, 3]
+    length: Annotated[FloatArray, N_TOOLS]
+    motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
 
 
-class RodGeometry(NamedTuple):
+class RodGeometry(Struct):
     """Particles of the catheter at the start of the step and their motion over it without contact forces."""
 
-    position: FloatArray  # (n, 3)
-    motion: FloatArray  # (n, 3)
+    position: Annotated[FloatArray, "n", 3]
+    motion: Annotated[FloatArray, "n", 3]
     radius: float
 
 
-class WallGeometry(NamedTuple):
+class WallGeometry(Struct):
     """The undeformed mid-surface of the duct."""
 
-    vertices: FloatArray  # (n, 3)
-    triangles: IntArray  # (m, 3)
+    vertices: Annotated[FloatArray, "n", 3]
+    triangles: Annotated[IntArray, "m", 3]
     half_thickness: float
 
 
-class ContactGeometry(NamedTuple):
+class ContactGeometry(Struct):
     """Everything that contact rows are built from."""
 
     tools: ToolGeometry
@@ -60,7 +63,19 @@ class ContactGeometry(NamedTuple):
         """View the arrays of the bodies."""
         tools, catheter, mesh = bodies.tools, bodies.catheter, bodies.duct.reduced.mesh
         return cls(
-            ToolGeometry(tools.segments, tools.radius_m, tools.frame, tools.length_m, tools.motion, tools.held),
-            RodGeometry(catheter.start_m, catheter.motion_m, catheter.radius_m),
-            WallGeometry(mesh.vertices_m, mesh.triangles, bodies.half_thickness_m),
+            tools=ToolGeometry(
+                segments=tools.segments,
+                radius=tools.radius_m,
+                frame=tools.frame,
+                length=tools.length_m,
+                motion=tools.motion,
+                held=tools.held,
+            ),
+            rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),
+            wall=WallGeometry(
+                vertices=mesh.vertices_m, triangles=mesh.triangles, half_thickness=bodies.half_thickness_m
+            ),
         )
+
+
+geometry_at = reader(ContactGeometry)

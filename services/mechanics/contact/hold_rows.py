@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated
 
-import numpy as np
-
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
-from services.mechanics.compiled import kernel, tuple_reader
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import RodGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import hold_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.state import state_at
+from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.writer import (
     NO_ROOM,
     TARGET_SIDE,
@@ -25,48 +24,33 @@ from services.mechanics.contact.writer import (
     put_on_rod,
     put_on_tool,
 )
+from services.mechanics.scene.tools import N_TOOLS
 
 _HOLD = number_of("hold")
 # A direction in which a point is guided, not held.
 LOOSE_SOFTNESS_M_N = 1.0
 
 
-class HoldArrays(NamedTuple):
+class HoldArrays(Struct):
     """Holds by slot; ``order`` lists the slots in use, in the order of their rows."""
 
-    order: IntArray  # (H,)
-    number: LongArray  # (H,) the request's
-    tool: ByteArray  # (H,)
-    target_kind: ByteArray  # (H,)
-    target: IntArray  # (H,)
-    weights: FloatArray  # (H, 3)
-    anchor: FloatArray  # (H, 3) along b, h and d of the tool from J, in m
-    slipped_m: FloatArray  # (H,)
-    lost: ByteArray  # (H,)
-    reach: FloatArray  # (2, 2) of each tool's jaws beyond J: across, and along d
-
-    @classmethod
-    def allocate(cls, capacity: int) -> HoldArrays:
-        """Return room for ``capacity`` holds."""
-        return cls(
-            order=np.zeros(capacity, np.int32),
-            number=np.zeros(capacity, np.int64),
-            tool=np.zeros(capacity, np.int8),
-            target_kind=np.zeros(capacity, np.int8),
-            target=np.zeros(capacity, np.int32),
-            weights=np.zeros((capacity, 3)),
-            anchor=np.zeros((capacity, 3)),
-            slipped_m=np.zeros(capacity),
-            lost=np.zeros(capacity, np.int8),
-            reach=np.zeros((2, 2)),
-        )
+    order: Annotated[IntArray, "h"]
+    number: Annotated[LongArray, "h"]  # the request's
+    tool: Annotated[ByteArray, "h"]
+    target_kind: Annotated[ByteArray, "h"]
+    target: Annotated[IntArray, "h"]
+    weights: Annotated[FloatArray, "h", 3]
+    anchor: Annotated[FloatArray, "h", 3]  # along b, h and d of the tool from J, in m
+    slipped_m: Annotated[FloatArray, "h"]
+    lost: Annotated[BoolArray, "h"]
+    reach: Annotated[FloatArray, N_TOOLS, 2]  # of each tool's jaws beyond J: across, and along d
 
 
-holds_at = tuple_reader(HoldArrays.allocate(1))
+holds_at = reader(HoldArrays)
 
 
 @kernel
-def append_holds(state_address: int, holds_address: int, count: int) -> int:
+def append_holds(state_address: Address[ContactState], holds_address: Address[HoldArrays], count: int) -> int:
     """Append one bilateral row for each of the first ``count`` holds in order; return how many found room."""
     state, holds = state_at(state_address), holds_at(holds_address)
     rows, geometry = state.rows, state.geometry
@@ -153,7 +137,9 @@ def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRo
 
 
 @kernel
-def slide_holds(state_address: int, holds_address: int, count: int) -> tuple[float, bool]:
+def slide_holds(
+    state_address: Address[ContactState], holds_address: Address[HoldArrays], count: int
+) -> tuple[float, bool]:
     """Let the holds at their limit take the motion that the solve left them.
 
     Return the energy in J that this dissipated, and whether a hold was lost.
@@ -161,15 +147,15 @@ def slide_holds(state_address: int, holds_address: int, count: int) -> tuple[flo
     state, holds = state_at(state_address), holds_at(holds_address)
     rows = state.rows
     dissipated_j, is_lost = 0.0, False
-    first = rows.used[0] - count
+    first = rows.n_contacts - count
     for index in range(count):
         row, slot = first + index, holds.order[index]
         if not state.slides[row]:
             continue
         f = rows.force_n[row]
-        u = state.motion[3 * row : 3 * row + 3]
+        u = state.problem.motion[3 * row : 3 * row + 3]
         dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
-        slip = state.scratch.change
+        slip = state.problem.change
         for axis in range(3):
             slip[axis] = (
                 u[0] * rows.frame[row, 0, axis] + u[1] * rows.frame[row, 1, axis] + u[2] * rows.frame[row, 2, axis]
@@ -178,7 +164,7 @@ def slide_holds(state_address: int, holds_address: int, count: int) -> tuple[flo
         if holds.target_kind[slot] == CATHETER_SEGMENT:
             _slide_along(holds, slot, slip, state.geometry.rod.position, state.scratch.free)
         _slide_in_jaws(holds, slot, slip, state.geometry.tools)
-        is_lost = is_lost or holds.lost[slot] != 0
+        is_lost = is_lost or holds.lost[slot]
     return dissipated_j, is_lost
 
 
@@ -192,7 +178,7 @@ def _slide_along(holds: HoldArrays, slot: int, slip: FloatArray, position: Float
     at = holds.target[slot] + holds.weights[slot, 1] + axial / length
     n_segments = position.shape[0] - 1
     if at < 0.0 or at > n_segments:
-        holds.lost[slot] = 1
+        holds.lost[slot] = True
     at = min(max(at, 0.0), float(n_segments))
     holds.target[slot] = min(int(at), n_segments - 1)
     s = at - holds.target[slot]
@@ -208,4 +194,4 @@ def _slide_in_jaws(holds: HoldArrays, slot: int, slip: FloatArray, tools: ToolGe
         anchor[axis] -= frame[axis, 0] * slip[0] + frame[axis, 1] * slip[1] + frame[axis, 2] * slip[2]
     across, along = holds.reach[tool, 0], holds.reach[tool, 1]
     if not (-across <= anchor[2] <= along and abs(anchor[0]) <= across and abs(anchor[1]) <= across):
-        holds.lost[slot] = 1
+        holds.lost[slot] = True

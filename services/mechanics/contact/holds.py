@@ -7,7 +7,6 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A
-from services.mechanics.compiled import Placed
 from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import ForcepsScene
@@ -75,8 +74,7 @@ class HoldRegistry:
         self.dropped = 0
         self.dissipated_j = 0.0
         self._lost: set[int] = set()
-        self._placed = Placed(HoldArrays.allocate(CAPACITY))
-        self._arrays = self._placed.arrays
+        self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
         self._tools_know = False
         for tool, each in enumerate(forceps):
@@ -112,7 +110,7 @@ class HoldRegistry:
     def append_rows(self) -> None:
         """Append one bilateral row per hold, as far as there is room."""
         first = self._system.rows.n_contacts
-        n_rows = append_holds(self._system.address, self._placed.address, len(self.active)) if self.active else 0
+        n_rows = append_holds(self._system.address, self._arrays.address, len(self.active)) if self.active else 0
         self.rows = range(first, first + n_rows)
 
     def limit_rows(self) -> None:
@@ -124,7 +122,7 @@ class HoldRegistry:
         """Let the holds that are at their limit take the motion that the solve left them."""
         if not self.rows:
             return
-        dissipated_j, is_lost = slide_holds(self._system.address, self._placed.address, len(self.rows))
+        dissipated_j, is_lost = slide_holds(self._system.address, self._arrays.address, len(self.rows))
         self.dissipated_j += dissipated_j
         if is_lost:
             for hold_id in [hold_id for hold_id, hold in self.active.items() if hold.lost]:
@@ -141,7 +139,7 @@ class HoldRegistry:
         arrays.number[slot], arrays.tool[slot] = request.hold_id, request.tool
         arrays.target_kind[slot], arrays.target[slot] = request.target_kind, request.target
         arrays.weights[slot] = request.target_weights
-        arrays.slipped_m[slot] = arrays.lost[slot] = 0
+        arrays.slipped_m[slot], arrays.lost[slot] = 0.0, False
         self.active[request.hold_id] = ActiveHold(request, slot, arrays)
         self._list_slots()
 

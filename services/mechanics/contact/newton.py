@@ -14,6 +14,7 @@ the step converges quadratically. Who is what is found by the sweeps in between.
 
 from __future__ import annotations
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact import laws
 from services.mechanics.contact.dense import solve_dense
@@ -23,16 +24,16 @@ from services.mechanics.contact.laws.law import ContactProblem, Unknowns
 @kernel
 def list_unknowns(problem: ContactProblem, out: Unknowns) -> int:
     """Fill ``out`` with what can change in the present state, and return how many unknowns that is."""
-    n = 0
-    for block in range(problem.law.shape[0]):
-        n = laws.add_unknowns(problem.law[block], problem, block, out, n)
+    n, rows = 0, problem.rows
+    for block in range(rows.n_contacts):
+        n = laws.add_unknowns(rows.law[block], problem, block, out, n)
     return n
 
 
 @kernel
-def newton_step(problem: ContactProblem, unknowns: Unknowns, n: int) -> bool:
+def newton_step(problem: ContactProblem, W: FloatArray, unknowns: Unknowns, n: int) -> bool:
     """Write how far each of the n unknowns goes into ``unknowns.step``; False where the matrix is singular."""
-    W, motion = problem.W, problem.motion
+    motion = problem.motion
     test, column, step, along = unknowns.test, unknowns.column, unknowns.step, unknowns.along
     A = unknowns.matrix[: n * n].reshape(n, n)
     for i in range(n):
@@ -52,9 +53,10 @@ def newton_step(problem: ContactProblem, unknowns: Unknowns, n: int) -> bool:
 @kernel
 def add_step(problem: ContactProblem, unknowns: Unknowns, n: int) -> None:
     """Add the step to the forces and put every contact back into what its law admits."""
+    rows = problem.rows
     for i in range(n):
-        row = 3 * unknowns.block[i]
+        block = unknowns.block[i]
         for axis in range(3):
-            problem.force[row + axis] += unknowns.step[i] * unknowns.column[i, axis]
-    for block in range(problem.law.shape[0]):
-        laws.project(problem.law[block], problem, block)
+            rows.force_n[block, axis] += unknowns.step[i] * unknowns.column[i, axis]
+    for block in range(rows.n_contacts):
+        laws.project(rows.law[block], problem, block)

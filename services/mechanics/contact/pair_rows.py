@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, PairArrays
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
@@ -24,13 +24,13 @@ _UNILATERAL = number_of("unilateral")
 
 
 @kernel
-def append_pairs(pairs: PairArrays, count: int, geometry: ContactGeometry, rows: ContactRows) -> None:
-    """Append ``count`` pairs to ``rows`` as unilateral contacts.
+def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRows) -> None:
+    """Append pairs to ``rows`` as unilateral contacts.
 
     Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws do
     not collide with what they hold: the hold stands for both of them.
     """
-    for index in range(count):
+    for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
         kind, target = pairs.target_kind[index], pairs.target[index]
         if tool != NO_TOOL and segment != SHAFT and geometry.tools.held[tool, kind]:
@@ -51,7 +51,7 @@ def append_pairs(pairs: PairArrays, count: int, geometry: ContactGeometry, rows:
 
 
 @kernel
-def _tool_side(pairs: PairArrays, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
     tool, segment, s = pairs.tool[index], pairs.tool_segment[index], pairs.tool_parameter[index]
     ends, normal, radius = tools.segments[tool, segment], pairs.normal[index], tools.radius[tool, segment]
     for axis in range(3):
@@ -64,7 +64,7 @@ def _tool_side(pairs: PairArrays, index: int, tools: ToolGeometry, rows: Contact
 
 
 @kernel
-def _catheter_side(pairs: PairArrays, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
+def _catheter_side(pairs: ContactPairs, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
     first, s = pairs.particle[index], pairs.tool_parameter[index]
     second = min(first + 1, rod.position.shape[0] - 1)
     put_on_rod(rows, row, FIRST_SIDE, (first, second), (1.0 - s, s))
@@ -77,7 +77,7 @@ def _catheter_side(pairs: PairArrays, index: int, rod: RodGeometry, rows: Contac
 
 
 @kernel
-def _catheter_target(pairs: PairArrays, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
+def _catheter_target(pairs: ContactPairs, index: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
     target, weights = pairs.target[index], pairs.target_weights[index]
     put_on_rod(rows, row, TARGET_SIDE, (target, target + 1), (-weights[0], -weights[1]))
     rows.gap_m[row] -= rod.radius
@@ -88,7 +88,7 @@ def _catheter_target(pairs: PairArrays, index: int, rod: RodGeometry, rows: Cont
 
 
 @kernel
-def _wall_target(pairs: PairArrays, index: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
+def _wall_target(pairs: ContactPairs, index: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
     corners, weights = wall.triangles[pairs.target[index]], pairs.target_weights[index]
     put_on_duct(rows, row, corners, weights)
     rows.gap_m[row] -= wall.half_thickness

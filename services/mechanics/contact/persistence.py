@@ -13,12 +13,16 @@ from typing import Protocol
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, PairArrays, pairs_at
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
+from services.mechanics.collision.primitives import clamp01
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import Vector, combine, dot, subtract
+from services.mechanics.compiled.vectors import row as row_of
 from services.mechanics.contact import laws
+from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 from services.mechanics.contact.identity import target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.rows import ContactRows, rows_at
-from services.mechanics.contact.state import state_at
 
 CAPACITY = 32
 # A point seen from more than 60 degrees off its normal has slid round the tool.
@@ -41,37 +45,42 @@ class PressedPoints:
         self._nodes = np.zeros(3 * CAPACITY, np.int32)
         self._corners = np.zeros((3 * CAPACITY, 3))
 
+    @property
+    def dropped(self) -> int:
+        """Pressed points since the start that found no room to be kept."""
+        return self._pairs.dropped
+
     def keep(self, rows: ContactRows) -> None:
         """Remember the pressed points of the rows just solved."""
-        self._pairs.count = keep_pressed(rows.address, self._pairs.address, self._nodes)
+        keep_pressed(rows.address, self._pairs.address, self._nodes)
 
-    def append_to(self, pairs: ContactPairs, wall: NodePositions, state_address: int) -> None:
-        """Append those that are still within reach and that ``pairs`` does not have."""
+    def append_to(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
+        """Append those that are still within reach and that ``pairs`` does not have, as far as there is room."""
         kept = self._pairs.count
         if kept == 0:
             return
         corners = self._corners[: 3 * kept]
         wall.node_positions(self._nodes[: 3 * kept], corners)
-        pairs.count = append_pressed(
-            state_address, self._pairs.address, kept, corners, self._sizes, pairs.address, pairs.count
-        )
+        append_pressed(geometry.address, self._pairs.address, corners, self._sizes, pairs.address)
 
 
 @kernel
-def keep_pressed(rows_address: int, pairs_address: int, nodes: IntArray) -> int:
-    """Copy pressed contacts of tools with the wall to the pairs and return how many; names are decoded from the rows.
+def keep_pressed(rows_address: Address[ContactRows], pairs_address: Address[ContactPairs], nodes: IntArray) -> None:
+    """Make pairs of the pressed contacts of tools with the wall; their names are decoded from the rows.
 
     ``nodes`` (3 C,) takes the corners of their triangles.
     """
     rows, out = rows_at(rows_address), pairs_at(pairs_address)
-    count = 0
-    for row in range(rows.used[0]):
+    out.count = 0
+    for row in range(rows.n_contacts):
         on_wall = target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
         presses = laws.HAS_GAP[rows.law[row]] and rows.force_n[row, 0] > 0.0
         if not presses or rows.tool[row] == NO_TOOL or not on_wall:
             continue
+        count = out.count
         if count == out.target.shape[0]:
-            break
+            out.dropped += 1
+            continue
         out.tool[count] = rows.tool[row]
         out.tool_segment[count] = tool_segment_of(rows.identity[row])
         out.particle[count] = -1
@@ -81,63 +90,71 @@ def keep_pressed(rows_address: int, pairs_address: int, nodes: IntArray) -> int:
             nodes[3 * count + axis] = rows.duct_node[row, axis]
             out.target_weights[count, axis] = rows.duct_weight[row, axis]
             out.normal[count, axis] = rows.frame[row, 0, axis]
-        count += 1
-    return count
+        out.count = count + 1
 
 
 @kernel
 def append_pressed(
-    state_address: int,
-    kept_address: int,
-    n_kept: int,
+    geometry_address: Address[ContactGeometry],
+    kept_address: Address[ContactPairs],
     corners: FloatArray,
     sizes: tuple[float, float],
-    pairs_address: int,
-    count: int,
-) -> int:
-    """Append kept points to pairs, of which there are ``count``, with fresh normals; return how many there are then.
+    pairs_address: Address[ContactPairs],
+) -> None:
+    """Append kept points to pairs, with fresh normals.
 
-    ``sizes`` are half the wall's thickness and the gap up to which a point is a candidate.
+    ``corners`` (3 k, 3) are where their triangles are now; ``sizes`` half the wall's thickness and the gap up to which
+    a point is a candidate.
     """
-    tools, kept, out = state_at(state_address).geometry.tools, pairs_at(kept_address), pairs_at(pairs_address)
-    n_detected = count
-    for i in range(n_kept):
-        if count == out.target.shape[0] or _is_known(kept, i, out, n_detected):
+    tools, kept, out = geometry_at(geometry_address).tools, pairs_at(kept_address), pairs_at(pairs_address)
+    n_detected = out.count
+    for i in range(kept.count):
+        if _is_known(kept, i, out, n_detected):
             continue
         tool, segment = kept.tool[i], kept.tool_segment[i]
-        ends = tools.segments[tool, segment]
-        along, length_2 = 0.0, 0.0
-        for axis in range(3):
-            edge = ends[1, axis] - ends[0, axis]
-            point = 0.0
-            for corner in range(3):
-                point += kept.target_weights[i, corner] * corners[3 * i + corner, axis]
-            out.normal[count, axis] = point
-            along += edge * (point - ends[0, axis])
-            length_2 += edge * edge
-        s = min(max(along / length_2, 0.0), 1.0) if length_2 > 0.0 else 0.0
-        distance_2, facing = 0.0, 0.0
-        for axis in range(3):
-            away = (1.0 - s) * ends[0, axis] + s * ends[1, axis] - out.normal[count, axis]
-            out.normal[count, axis] = away
-            distance_2 += away * away
-            facing += away * kept.normal[i, axis]
-        distance = math.sqrt(distance_2)
-        reach = tools.radius[tool, segment] + sizes[0] + sizes[1]
-        if distance == 0.0 or distance > reach or facing < FACING * distance:
+        weights, ends = row_of(kept.target_weights, i), tools.segments[tool, segment]
+        point = combine(weights, row_of(corners, 3 * i), row_of(corners, 3 * i + 1), row_of(corners, 3 * i + 2))
+        start, end = row_of(ends, 0), row_of(ends, 1)
+        s = _place_along(start, end, point)
+        away = subtract(_between(start, end, s), point)
+        distance, thickness = math.sqrt(dot(away, away)), tools.radius[tool, segment] + sizes[0]
+        if distance == 0.0 or distance > thickness + sizes[1]:
             continue
-        out.tool[count], out.tool_segment[count], out.particle[count] = tool, segment, -1
-        out.target_kind[count], out.target[count] = DUCT_TRIANGLE, kept.target[i]
-        out.tool_parameter[count] = s
+        if dot(away, row_of(kept.normal, i)) < FACING * distance:
+            continue
+        normal = (away[0] / distance, away[1] / distance, away[2] / distance)
+        place = out.count
+        if place == out.target.shape[0]:
+            out.dropped += 1
+            continue
+        out.tool[place], out.tool_segment[place], out.particle[place] = tool, segment, -1
+        out.target_kind[place], out.target[place] = DUCT_TRIANGLE, kept.target[i]
+        out.tool_parameter[place], out.gap_m[place] = s, distance - thickness
         for axis in range(3):
-            out.normal[count, axis] /= distance
-            out.target_weights[count, axis] = kept.target_weights[i, axis]
-        count += 1
-    return count
+            out.target_weights[place, axis], out.normal[place, axis] = weights[axis], normal[axis]
+        out.count = place + 1
 
 
 @kernel
-def _is_known(kept: PairArrays, i: int, pairs: PairArrays, count: int) -> bool:
+def _between(start: Vector, end: Vector, s: float) -> Vector:
+    """Return the point at ``s`` of a segment, 0 at its start and 1 at its end."""
+    return (
+        (1.0 - s) * start[0] + s * end[0],
+        (1.0 - s) * start[1] + s * end[1],
+        (1.0 - s) * start[2] + s * end[2],
+    )
+
+
+@kernel
+def _place_along(start: Vector, end: Vector, point: Vector) -> float:
+    """Return where on a segment a point is closest, 0 at its start and 1 at its end."""
+    edge = subtract(end, start)
+    length_2 = dot(edge, edge)
+    return clamp01(dot(edge, subtract(point, start)) / length_2) if length_2 > 0.0 else 0.0
+
+
+@kernel
+def _is_known(kept: ContactPairs, i: int, pairs: ContactPairs, count: int) -> bool:
     """Whether detection reports the same triangle for the same segment of the tool."""
     for k in range(count):
         if (

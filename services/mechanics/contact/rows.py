@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import tuple_reader, tuple_table
+from services.mechanics.compiled.struct import Struct, reader
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1
 
 
-class ContactRows(NamedTuple):
-    """Preallocated struct of arrays of the contacts and holds of one step; ``used[0]`` of them mean anything.
+class ContactRows(Struct):
+    """Preallocated struct of arrays of the contacts and holds of one step; the first ``n_contacts`` mean anything.
 
-    A named tuple, so that kernels hand it on as one argument; those that Python calls find it at its address. Rows
-    are made by `writer.append_row` only.
+    Rows are made by `writer.append_row` only.
 
     Attributes
     ----------
-    used : (1,) int64
-    dropped : (1,) int64
-        Rows that found no room since the start.
     law : (C,) int8
         Number in the table of contact laws.
     identity : (C,) int64
@@ -54,70 +47,36 @@ class ContactRows(NamedTuple):
         The gallstone that is the first body, `NO_STONE` where none is.
     tool : (C,) int8, lever : (C, 3, 4) float64
         The tool that is the first body, and how its coordinates move the point.
-    table : LongArray, address : int
-        What `rows_at` reads at ``address``.
+    n_contacts : int
+        Contacts and holds in use.
+    dropped : int
+        Rows that found no room since the start.
     """
 
-    used: LongArray
-    dropped: LongArray
-    law: ByteArray
-    identity: LongArray
-    frame: FloatArray
-    point_m: FloatArray
-    gap_m: FloatArray
-    slip_m: FloatArray
-    friction: FloatArray
-    force_limit_n: FloatArray
-    softness_m_n: FloatArray
-    force_n: FloatArray
-    duct_node: IntArray
-    duct_weight: FloatArray
-    rod_node: IntArray
-    rod_weight: FloatArray
-    stone: ByteArray
-    tool: ByteArray
-    lever: FloatArray
-    table: LongArray
-    address: int
-
-    @classmethod
-    def allocate(cls, capacity: int) -> ContactRows:
-        """Return room for ``capacity`` contacts and holds."""
-        rows = cls(
-            used=np.zeros(1, np.int64),
-            dropped=np.zeros(1, np.int64),
-            law=np.zeros(capacity, np.int8),
-            identity=np.zeros(capacity, np.int64),
-            frame=np.zeros((capacity, 3, 3)),
-            point_m=np.zeros((capacity, 3)),
-            gap_m=np.zeros(capacity),
-            slip_m=np.zeros((capacity, 3)),
-            friction=np.zeros(capacity),
-            force_limit_n=np.zeros(capacity),
-            softness_m_n=np.zeros((capacity, 3)),
-            force_n=np.zeros((capacity, 3)),
-            duct_node=np.zeros((capacity, 3), np.int32),
-            duct_weight=np.zeros((capacity, 3)),
-            rod_node=np.zeros((capacity, N_ROD_POINTS), np.int32),
-            rod_weight=np.zeros((capacity, N_ROD_POINTS)),
-            stone=np.full(capacity, NO_STONE, np.int8),
-            tool=np.full(capacity, NO_TOOL, np.int8),
-            lever=np.zeros((capacity, 3, N_COORDINATES)),
-            table=np.zeros(0, np.int64),
-            address=0,
-        )
-        table = tuple_table(rows)
-        return rows._replace(table=table, address=table.ctypes.data)
+    law: Annotated[ByteArray, "c"]
+    identity: Annotated[LongArray, "c"]
+    frame: Annotated[FloatArray, "c", 3, 3]
+    point_m: Annotated[FloatArray, "c", 3]
+    gap_m: Annotated[FloatArray, "c"]
+    slip_m: Annotated[FloatArray, "c", 3]
+    friction: Annotated[FloatArray, "c"]
+    force_limit_n: Annotated[FloatArray, "c"]
+    softness_m_n: Annotated[FloatArray, "c", 3]
+    force_n: Annotated[FloatArray, "c", 3]
+    duct_node: Annotated[IntArray, "c", 3]
+    duct_weight: Annotated[FloatArray, "c", 3]
+    rod_node: Annotated[IntArray, "c", N_ROD_POINTS]
+    rod_weight: Annotated[FloatArray, "c", N_ROD_POINTS]
+    stone: Annotated[ByteArray, "c"]
+    tool: Annotated[ByteArray, "c"]
+    lever: Annotated[FloatArray, "c", 3, N_COORDINATES]
+    n_contacts: int = 0
+    dropped: int = 0
 
     @property
     def capacity(self) -> int:
         """Number of contacts there is room for."""
-        return int(self.gap_m.shape[0])
-
-    @property
-    def n_contacts(self) -> int:
-        """Number of contacts and holds in use."""
-        return int(self.used[0])
+        return len(self.gap_m)
 
 
-rows_at = tuple_reader(ContactRows.allocate(1))
+rows_at = reader(ContactRows)

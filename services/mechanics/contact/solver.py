@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact import laws
 from services.mechanics.contact.laws.law import ContactProblem, Unknowns
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step
@@ -16,24 +17,23 @@ from services.mechanics.contact.newton import add_step, list_unknowns, newton_st
 NEARLY_THERE = 100.0
 
 
-class SolverScratch(NamedTuple):
-    """Work space of a solve with at most m rows, on a duct of r modes."""
+class SolverScratch(Struct):
+    """Work space of a solve with at most m rows."""
 
     unknowns: Unknowns
-    force: FloatArray  # (m,)
-    free: FloatArray  # (m,)
-    change: FloatArray  # (3,)
-    modes: FloatArray  # (m * r,)
+    force: Annotated[FloatArray, "c", 3]
+    free: Annotated[FloatArray, "m"]
 
     @classmethod
-    def allocate(cls, n_rows: int, n_modes: int = 0) -> SolverScratch:
-        """Return work space for ``n_rows`` rows, assembled from ``n_modes`` modes."""
-        force, free, change = np.zeros(n_rows), np.zeros(n_rows), np.zeros(3)
-        return cls(Unknowns.allocate(n_rows), force, free, change, np.zeros(n_rows * n_modes))
+    def allocate(cls, capacity: int) -> SolverScratch:
+        """Return work space for ``capacity`` contacts."""
+        m = 3 * capacity
+        unknowns = Unknowns.zeros(m=m, matrix=np.zeros(m * m))
+        return cls.zeros(c=capacity, m=m, unknowns=unknowns)
 
 
 @kernel
-def solve_contacts(problem: ContactProblem, effort: tuple[int, float], scratch: SolverScratch) -> int:
+def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, float], scratch: SolverScratch) -> int:
     r"""Solve the contact problem of one step in place and return the number of sweeps.
 
     With the motion :math:`u = W f + u_{free}` each block of three rows (normal, tangent, tangent) obeys the law of its
@@ -50,18 +50,21 @@ def solve_contacts(problem: ContactProblem, effort: tuple[int, float], scratch: 
     Parameters
     ----------
     problem : ContactProblem
-        In: ``motion`` without contact forces, ``force`` to start from. Out: the solution.
+        In: ``motion`` without contact forces, forces to start from. Out: the solution.
+    W : (3 k, 3 k) float64
+        Delassus operator.
     effort : (iterations, tolerance_n)
         Most sweeps, and the change of any force component in a sweep at which to stop.
     scratch : SolverScratch
     """
     iterations, tolerance_n = effort
-    _copy(problem.motion, scratch.free)
-    _update_motion(problem, scratch.free)
+    for row in range(W.shape[0]):
+        scratch.free[row] = problem.motion[row]
+    _update_motion(problem, W, scratch.free)
     sweeps, patience, last_n = 0, 1, 0.0
     due = patience
     while sweeps < iterations:
-        change_n = _sweep(problem)
+        change_n = _sweep(problem, W)
         sweeps += 1
         if change_n <= tolerance_n or sweeps == iterations:
             return sweeps
@@ -71,63 +74,65 @@ def solve_contacts(problem: ContactProblem, effort: tuple[int, float], scratch: 
         if sweeps < due or ends_next or (sweeps == 1 and change_n <= NEARLY_THERE * tolerance_n):
             continue
         before = _potential(problem, scratch.free)
-        if _try_newton_step(problem, scratch):
+        if _try_newton_step(problem, W, scratch):
             sweeps += 1
-            if _sweep(problem) <= tolerance_n:
+            if _sweep(problem, W) <= tolerance_n:
                 return sweeps
         patience = 1 if _potential(problem, scratch.free) < before else 2 * patience
         if patience > 1:
-            _copy(scratch.force, problem.force)
-            _update_motion(problem, scratch.free)
+            _copy_forces(scratch.force, problem.rows.force_n, problem.rows.n_contacts)
+            _update_motion(problem, W, scratch.free)
         due, last_n = sweeps + patience, 0.0
     return sweeps
 
 
 @kernel
 def _potential(problem: ContactProblem, free: FloatArray) -> float:
-    total = 0.0
-    for row in range(problem.force.shape[0]):
-        total += 0.5 * problem.force[row] * (problem.motion[row] + free[row])
+    total, force, motion = 0.0, problem.rows.force_n, problem.motion
+    for block in range(problem.rows.n_contacts):
+        for axis in range(3):
+            total += 0.5 * force[block, axis] * (motion[3 * block + axis] + free[3 * block + axis])
     return total
 
 
 @kernel
-def _sweep(problem: ContactProblem) -> float:
+def _sweep(problem: ContactProblem, W: FloatArray) -> float:
     """Relax every contact once and return the largest change of a force component."""
-    largest, change = 0.0, problem.change
-    for block in range(problem.law.shape[0]):
-        laws.relax(problem.law[block], problem, block)
+    largest, rows, change = 0.0, problem.rows, problem.change
+    for block in range(rows.n_contacts):
+        laws.relax(rows.law[block], problem, W, block)
         largest = max(largest, abs(change[0]), abs(change[1]), abs(change[2]))
     return largest
 
 
 @kernel
-def _try_newton_step(problem: ContactProblem, scratch: SolverScratch) -> bool:
+def _try_newton_step(problem: ContactProblem, W: FloatArray, scratch: SolverScratch) -> bool:
     """Take a Newton step; the forces before are kept in ``scratch.force``."""
-    _copy(problem.force, scratch.force)
+    _copy_forces(problem.rows.force_n, scratch.force, problem.rows.n_contacts)
     n = list_unknowns(problem, scratch.unknowns)
-    if n == 0 or not newton_step(problem, scratch.unknowns, n):
+    if n == 0 or not newton_step(problem, W, scratch.unknowns, n):
         return False
     add_step(problem, scratch.unknowns, n)
-    _update_motion(problem, scratch.free)
+    _update_motion(problem, W, scratch.free)
     return True
 
 
 @kernel
-def _copy(source: FloatArray, target: FloatArray) -> None:
-    """Copy as many items as the shorter has."""
-    for i in range(min(source.shape[0], target.shape[0])):
-        target[i] = source[i]
+def _copy_forces(source: FloatArray, target: FloatArray, count: int) -> None:
+    for block in range(count):
+        for axis in range(3):
+            target[block, axis] = source[block, axis]
 
 
 @kernel
-def _update_motion(problem: ContactProblem, free: FloatArray) -> None:
+def _update_motion(problem: ContactProblem, W: FloatArray, free: FloatArray) -> None:
     """Write the motion u = W f + u_free."""
-    W, motion = problem.W, problem.motion
-    for row in range(motion.shape[0]):
+    motion = problem.motion
+    for row in range(W.shape[0]):
         motion[row] = free[row]
-    for row in range(motion.shape[0]):
-        force = problem.force[row]
-        if force != 0.0:
-            for column in range(motion.shape[0]):
-                motion[column] += W[row, column] * force
+    for block in range(problem.rows.n_contacts):
+        for axis in range(3):
+            force = problem.rows.force_n[block, axis]
+            if force != 0.0:
+                for column in range(W.shape[0]):
+                    motion[column] += W[3 * block + axis, column] * force

@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.collision.pairs import pairs_at
+from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.free_motion import subtract_duct_motion
+from services.mechanics.contact.geometry import ContactGeometry, geometry_at
 from services.mechanics.contact.pair_rows import append_pairs
-from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.warm_start import recall_forces, store_forces
 
 
 @kernel
-def append(state_address: int, pairs_address: int, count: int) -> None:
-    """Append ``count`` pairs to the rows."""
-    state = state_at(state_address)
-    append_pairs(pairs_at(pairs_address), count, state.geometry, state.rows)
+def append(
+    pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], rows_address: Address[ContactRows]
+) -> None:
+    """Append pairs to the rows."""
+    append_pairs(pairs_at(pairs_address), geometry_at(geometry_address), rows_at(rows_address))
 
 
 @kernel
 def complete_rows(
-    state_address: int, modes: FloatArray, q: FloatArray, dq: FloatArray, offset: FloatArray, change: FloatArray
+    state_address: Address[ContactState],
+    modes: FloatArray,
+    q: FloatArray,
+    dq: FloatArray,
+    offset: FloatArray,
+    change: FloatArray,
 ) -> None:
     """Finish gaps and slips with the duct's displacement, see `subtract_duct_motion`, and recall last tick's forces."""
     state = state_at(state_address)
@@ -41,14 +49,14 @@ def finish(state: ContactState) -> None:
 @kernel
 def mark_sliding(rows: ContactRows, out: BoolArray) -> None:
     """Write for each contact (k,) whether its force is on the limit of its law."""
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         out[row] = laws.slides(rows.law[row], rows, row)
 
 
 @kernel
 def write_world_forces(rows: ContactRows, out: FloatArray) -> None:
     """Write the forces on the first bodies along world axes into ``out`` (k, 3), in N."""
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         for axis in range(3):
             out[row, axis] = (
                 rows.force_n[row, 0] * rows.frame[row, 0, axis]

@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.compiled import Placed
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.strategies.strategy import AddCompliance
 from services.mechanics.scene import ContactSettings
+
+
+class DroppedContacts(NamedTuple):
+    """Contacts that found no room since the start, counted anew in every step.
+
+    Attributes
+    ----------
+    pairs : int
+        Candidates that detection, or the memory of pressed points, had no room for.
+    rows : int
+        Contacts of pairs, grasps and effects that the solve had no room for.
+    holds : int
+        Held points beyond those that are followed.
+    """
+
+    pairs: int
+    rows: int
+    holds: int
 
 
 class ContactSystem:
@@ -33,24 +52,27 @@ class ContactSystem:
         Whether a contact slid, or a hold slipped, in the last solve.
     sweeps : int
         Sweeps that the last solve took.
+    dropped_pairs : int
+        Candidate pairs since the start that detection had no room for.
     """
 
     def __init__(self, bodies: Bodies, settings: ContactSettings) -> None:
         self.bodies = bodies
         self.settings = settings
         self.geometry = ContactGeometry.of(bodies)
-        placed = Placed(ContactState.allocate(settings.capacity, bodies.duct.state.q.size, self.geometry))
-        self._placed, self._state, self.address = placed, placed.arrays, placed.address
-        self.strategy = STRATEGIES[settings.model](bodies, settings, self._state, self.address)
+        self._state = ContactState.allocate(settings.capacity, bodies.duct.state.q.size, self.geometry)
+        self.address = self._state.address
+        self.strategy = STRATEGIES[settings.model](bodies, settings, self._state)
         self.rows = self._state.rows
         self.force_n = self._state.force_n
         self.slides = self._state.slides
         self.sweeps = 0
+        self.dropped_pairs = 0
 
     @property
     def motion_m(self) -> FloatArray:
         """(3 k,) gaps and slips at the end of the step, with the solved forces, in the contacts' frames."""
-        return self._state.motion[: 3 * self.rows.n_contacts]
+        return self._state.problem.motion[: 3 * self.rows.n_contacts]
 
     @property
     def compliance_m_n(self) -> FloatArray:
@@ -59,12 +81,14 @@ class ContactSystem:
 
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
-        self.rows.used[0] = 0
+        self.rows.n_contacts = 0
 
-    def append(self, pairs: ContactPairs) -> None:
-        """Add candidate pairs."""
+    def append(self, pairs: ContactPairs, geometry: ContactGeometry | None = None) -> None:
+        """Add candidate pairs; ``geometry`` is where their bodies are, if they are not the scene's."""
+        self.dropped_pairs += pairs.dropped
         if pairs.count:
-            stages.append(self.address, pairs.address, pairs.count)
+            geometry = self.geometry if geometry is None else geometry
+            stages.append(pairs.address, geometry.address, self.rows.address)
 
     def complete_rows(self) -> None:
         """Finish gaps and slips with the duct's displacement, and recall last tick's forces."""
@@ -85,7 +109,7 @@ class ContactSystem:
     def rest(self) -> None:
         """Forget the forces of the last tick: nothing is touched."""
         self.sweeps = 0
-        self._state.memory.used[0] = 0
+        self._state.memory.n_contacts = 0
 
     def apply(self, tool_force: FloatArray) -> None:
         """Give the forces to duct, catheter and, as generalised forces (2, 4), to the tools."""

@@ -3,62 +3,60 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel, tuple_reader
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact import laws
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.state import state_at
-from services.mechanics.scene.tools import ToolResults
+from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.scene.tools import N_TOOLS, ToolResults
 
-STIFFNESS_CAPACITY = 24  # contacts of one tool that enter its local stiffness
+MOST_CLOSED = 72  # axes of the contacts of one tool that enter its local stiffness
 
 
-class ReportArrays(NamedTuple):
+class ReportArrays(Struct):
     """The arrays of `ToolResults`, and what they are worked out from besides the contacts."""
 
-    force: FloatArray  # (2, 3)
-    port_moment: FloatArray  # (2, 3)
-    grasp_torque: FloatArray  # (2,)
-    stiffness: FloatArray  # (2, 3, 3)
-    grasp_stiffness: FloatArray  # (2,)
-    proxy_position: FloatArray  # (2, 3)
-    proxy_jaw_angle: FloatArray  # (2,)
-    loads: FloatArray  # (2, 4) generalised contact forces
-    scratch: FloatArray  # (m (m + 4),), m = 3 STIFFNESS_CAPACITY
+    force: Annotated[FloatArray, N_TOOLS, 3]
+    port_moment: Annotated[FloatArray, N_TOOLS, 3]
+    grasp_torque: Annotated[FloatArray, N_TOOLS]
+    stiffness: Annotated[FloatArray, N_TOOLS, 3, 3]
+    grasp_stiffness: Annotated[FloatArray, N_TOOLS]
+    proxy_position: Annotated[FloatArray, N_TOOLS, 3]
+    proxy_jaw_angle: Annotated[FloatArray, N_TOOLS]
+    loads: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # generalised contact forces
+    scratch: Annotated[FloatArray, MOST_CLOSED * (MOST_CLOSED + N_COORDINATES)]
 
     @classmethod
     def of(cls, results: ToolResults, loads: FloatArray) -> ReportArrays:
         """View the arrays of ``results``."""
-        return cls(
-            results.force_n,
-            results.port_moment_nm,
-            results.grasp_torque_nm,
-            results.stiffness_n_m,
-            results.grasp_stiffness_nm_rad,
-            results.proxy_position_m,
-            results.proxy_jaw_angle_rad,
-            loads,
-            np.zeros(3 * STIFFNESS_CAPACITY * (3 * STIFFNESS_CAPACITY + N_COORDINATES)),
+        return cls.zeros(
+            force=results.force_n,
+            port_moment=results.port_moment_nm,
+            grasp_torque=results.grasp_torque_nm,
+            stiffness=results.stiffness_n_m,
+            grasp_stiffness=results.grasp_stiffness_nm_rad,
+            proxy_position=results.proxy_position_m,
+            proxy_jaw_angle=results.proxy_jaw_angle_rad,
+            loads=loads,
         )
 
 
-report_at = tuple_reader(ReportArrays.of(ToolResults(), np.zeros((0, 0))))
+report_at = reader(ReportArrays)
 
 
 @kernel
-def load_tools(state_address: int, out: FloatArray) -> None:
+def load_tools(state_address: Address[ContactState], out: FloatArray) -> None:
     """Write sum of G^T f of each tool into ``out`` (2, 4): force at J in N and opening torque in N m."""
     state = state_at(state_address)
     rows = state.rows
     out[:] = 0.0
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         tool = rows.tool[row]
         if tool == NO_TOOL:
             continue
@@ -68,7 +66,13 @@ def load_tools(state_address: int, out: FloatArray) -> None:
 
 
 @kernel
-def report(state_address: int, tools_address: int, report_address: int, holding: bool, wants_stiffness: bool) -> float:
+def report(
+    state_address: Address[ContactState],
+    tools_address: Address[ToolArrays],
+    report_address: Address[ReportArrays],
+    holding: bool,
+    wants_stiffness: bool,
+) -> float:
     """Write what the tools feel; return how deep the catheter overlaps wall or itself at the start of the step, in m.
 
     ``holding`` says whether something held keeps jaws from closing.
@@ -84,7 +88,7 @@ def report(state_address: int, tools_address: int, report_address: int, holding:
             out.proxy_position[tool, axis] = tools.proxy[tool, axis]
         out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
     if wants_stiffness:
-        size = 3 * state.rows.used[0]
+        size = 3 * state.rows.n_contacts
         local_stiffness(state.rows, state.delassus[: size * size].reshape(size, size), state.slides, tools, out)
     return _deepest_overlap(state.rows)
 
@@ -100,7 +104,7 @@ def _squeeze(tools: ToolArrays, tool: int) -> float:
 def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: FloatArray) -> None:
     """Write the moment of the forces on each tool about its point in ``about`` (2, 3)."""
     moment[:] = 0.0
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         tool = rows.tool[row]
         if tool == NO_TOOL:
             continue
@@ -164,9 +168,9 @@ def _closed_axes(rows: ContactRows, slides: BoolArray, row: int, tool: int) -> i
 @kernel
 def _count_closed(rows: ContactRows, slides: BoolArray, tool: int) -> int:
     count = 0
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         axes = _closed_axes(rows, slides, row, tool)
-        if count + axes <= 3 * STIFFNESS_CAPACITY:
+        if count + axes <= MOST_CLOSED:
             count += axes
     return count
 
@@ -183,7 +187,7 @@ def _fill_closed(
     """Fill the compliance S (n, n) and the levers G (n, 4) of the closed rows, in the contacts' frames."""
     n = S.shape[0]
     i = 0
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         for a in range(_closed_axes(rows, slides, row, tool)):
             if i == n:
                 break
@@ -241,7 +245,7 @@ def _whiten(S: FloatArray, G: FloatArray) -> bool:
 @kernel
 def _deepest_overlap(rows: ContactRows) -> float:
     deepest = 0.0
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         if laws.HAS_GAP[rows.law[row]] and rows.tool[row] == NO_TOOL:
             deepest = max(deepest, -rows.gap_m[row])
     return deepest

@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated
 
 from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.identity import without_target
 from services.mechanics.contact.rows import ContactRows
 
 
-class ForceMemory(NamedTuple):
-    """Forces (C, 3) along world axes and sliding states of the last tick, and scratch for the search."""
+class ForceMemory(Struct):
+    """Forces along world axes and sliding states of the last tick, and scratch for the search."""
 
-    used: LongArray
-    identity: LongArray
-    force_n: FloatArray
-    slides: BoolArray
-    taken: BoolArray
-    found: BoolArray
-
-    @classmethod
-    def allocate(cls, capacity: int) -> ForceMemory:
-        """Return an empty memory for ``capacity`` contacts."""
-        return cls(
-            used=np.zeros(1, np.int64),
-            identity=np.zeros(capacity, np.int64),
-            force_n=np.zeros((capacity, 3)),
-            slides=np.zeros(capacity, np.bool_),
-            taken=np.zeros(capacity, np.bool_),
-            found=np.zeros(capacity, np.bool_),
-        )
+    identity: Annotated[LongArray, "c"]
+    force_n: Annotated[FloatArray, "c", 3]
+    slides: Annotated[BoolArray, "c"]
+    taken: Annotated[BoolArray, "c"]
+    found: Annotated[BoolArray, "c"]
+    n_contacts: int = 0
 
 
 @kernel
@@ -42,12 +29,12 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> 
     First the same pair, then the same first body against the same kind of target, so that a contact which slid
     on to the next triangle keeps its force. A remembered force is given away once.
     """
-    memory.taken[: memory.used[0]] = False
-    for row in range(rows.used[0]):
+    memory.taken[: memory.n_contacts] = False
+    for row in range(rows.n_contacts):
         rows.force_n[row] = 0.0
         slides[row] = False
         memory.found[row] = _match(memory, rows, row, False, slides)
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         if not memory.found[row]:
             _match(memory, rows, row, True, slides)
 
@@ -56,7 +43,7 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> 
 def _match(memory: ForceMemory, rows: ContactRows, row: int, on_any_target: bool, slides: BoolArray) -> bool:
     """Give the row the first force of its identity that is left, ``on_any_target`` of the same kind if wanted."""
     identity = rows.identity[row]
-    for old in range(memory.used[0]):
+    for old in range(memory.n_contacts):
         other = memory.identity[old]
         is_same = without_target(other) == without_target(identity) if on_any_target else other == identity
         if is_same and not memory.taken[old]:
@@ -75,8 +62,8 @@ def _match(memory: ForceMemory, rows: ContactRows, row: int, on_any_target: bool
 @kernel
 def store_forces(memory: ForceMemory, rows: ContactRows, forces: FloatArray, slides: BoolArray) -> None:
     """Remember the solved forces (C, 3) along world axes and who slides."""
-    memory.used[0] = rows.used[0]
-    for row in range(rows.used[0]):
+    memory.n_contacts = rows.n_contacts
+    for row in range(rows.n_contacts):
         memory.identity[row] = rows.identity[row]
         memory.slides[row] = slides[row]
         for axis in range(3):

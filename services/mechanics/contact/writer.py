@@ -24,20 +24,27 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
 
     Where there is no room the row is counted as dropped, and `NO_ROOM` returned.
     """
-    row: int = rows.used[0]
+    row = rows.n_contacts
     if row == rows.gap_m.shape[0]:
-        rows.dropped[0] += 1
+        rows.dropped += 1
         return NO_ROOM
-    rows.used[0] = row + 1
-    rows.law[row], rows.identity[row] = law, identity
+    rows.n_contacts = row + 1
+    rows.identity[row] = identity
     rows.tool[row], rows.stone[row] = NO_TOOL, NO_STONE
     rows.duct_weight[row] = 0.0
     rows.rod_weight[row] = 0.0
     rows.gap_m[row] = 0.0
     rows.slip_m[row] = 0.0
     rows.friction[row], rows.force_limit_n[row] = 0.0, math.inf
-    laws.open_row(law, rows, row)
+    put_under_law(rows, row, law)
     return row
+
+
+@kernel
+def put_under_law(rows: ContactRows, row: int, law: int) -> None:
+    """Put a row under a law, with the softness and the limits that are particular to it."""
+    rows.law[row] = law
+    laws.open_row(law, rows, row)
 
 
 @kernel

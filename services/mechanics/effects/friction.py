@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from services.mechanics.arrays import BoolArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.rows import rows_at
+from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.effects.base import Effect
 from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
@@ -54,9 +55,11 @@ class Friction(Effect):
 
 
 @kernel
-def set_coefficients(rows_address: int, slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]) -> None:
+def set_coefficients(
+    rows_address: Address[ContactRows], slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]
+) -> None:
     """Write the coefficients of all rows; ``mu`` is (static, kinetic) without and with a tool. Not all laws use it."""
     rows = rows_at(rows_address)
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         pair = mu[1] if rows.tool[row] >= 0 else mu[0]
         rows.friction[row] = pair[1] if slides[row] else pair[0]

@@ -10,12 +10,12 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.frames import write_frame
-from services.mechanics.contact.geometry import RodGeometry
+from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, geometry_at
 from services.mechanics.contact.identity import pair_identity, with_stone
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.pair_rows import append_pairs
-from services.mechanics.contact.rows import NO_STONE, ContactRows
+from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.scene import SceneModel
@@ -67,6 +67,7 @@ class Gallstones(Effect):
         """Give every stone its own detection, for each has its radius; weigh them."""
         self._detectors = [world.search.sphere_detector(float(r)) for r in self.radius_m]
         self._pairs = ContactPairs.allocate(4)
+        self._geometry = [self._stone_geometry(world.contacts.geometry, stone) for stone in range(len(self.radius_m))]
         self._weight_n += self._submerged_kg[:, None] * world.acceleration_m_s2
 
     def add_loads(self, world: World, dt_s: float) -> None:
@@ -80,6 +81,12 @@ class Gallstones(Effect):
         self._motion_m[:] = self.position_m - self._start_m
         self._compliance[:] = dt_s**2 * inverse
 
+    def _stone_geometry(self, scene: ContactGeometry, stone: int) -> ContactGeometry:
+        """Return the scene's geometry with a stone in the place of the catheter, a rod of one particle."""
+        here = slice(stone, stone + 1)
+        rod = RodGeometry(position=self._start_m[here], motion=self._motion_m[here], radius=float(self.radius_m[stone]))
+        return ContactGeometry(tools=scene.tools, rod=rod, wall=scene.wall)
+
     def add_rows(self, world: World, dt_s: float) -> None:
         """Append stones against wall and catheter."""
         rows, geometry = world.contacts.rows, world.contacts.geometry
@@ -88,20 +95,19 @@ class Gallstones(Effect):
             self._pairs.clear()
             detector.detect(self._start_m[stone : stone + 1], self._pairs)
             first = rows.n_contacts
-            here = slice(stone, stone + 1)
-            sphere = RodGeometry(self._start_m[here], self._motion_m[here], float(self.radius_m[stone]))
-            append_pairs(self._pairs.arrays, self._pairs.count, geometry._replace(rod=sphere), rows)
-            mark_stone(rows, first, stone)
-            append_on_catheter(rows, geometry.rod, sphere, stone, reach)
+            world.contacts.append(self._pairs, self._geometry[stone])
+            mark_stone(rows.address, first, stone)
+            append_on_catheter(rows.address, geometry.address, self._geometry[stone].address, stone, reach)
 
     def add_compliance(self, world: World, dt_s: float) -> None:
         """Add dt^2 / m of each stone to its rows."""
-        add_stone_compliance(world.contacts.rows, self._compliance, world.contacts.compliance_m_n)
+        add_stone_compliance(world.contacts.rows.address, self._compliance, world.contacts.compliance_m_n)
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
         system = world.contacts
-        change = stone_forces(system.rows, system.force_n, np.zeros_like(self.position_m))
+        change = np.zeros_like(self.position_m)
+        add_stone_forces(system.rows.address, system.force_n, change)
         change *= self._compliance[:, None]
         self.position_m += change
         self.velocity_m_s += change / dt_s
@@ -116,16 +122,24 @@ class Gallstones(Effect):
 
 
 @kernel
-def mark_stone(rows: ContactRows, first: int, stone: int) -> None:
+def mark_stone(rows_address: Address[ContactRows], first: int, stone: int) -> None:
     """Turn rows from ``first`` on, built with a stone in the place of a particle, into rows of that stone."""
-    for row in range(first, rows.used[0]):
+    rows = rows_at(rows_address)
+    for row in range(first, rows.n_contacts):
         rows.rod_weight[row, 0] = rows.rod_weight[row, 1] = 0.0
         rows.stone[row], rows.identity[row] = stone, with_stone(rows.identity[row], stone)
 
 
 @kernel
-def append_on_catheter(rows: ContactRows, rod: RodGeometry, sphere: RodGeometry, stone: int, reach: float) -> None:
+def append_on_catheter(
+    rows_address: Address[ContactRows],
+    scene_address: Address[ContactGeometry],
+    stone_address: Address[ContactGeometry],
+    stone: int,
+    reach: float,
+) -> None:
     """Append the stone against the closest point of each catheter segment within ``reach`` of its surface."""
+    rows, rod, sphere = rows_at(rows_address), geometry_at(scene_address).rod, geometry_at(stone_address).rod
     centre = sphere.position[0]
     for segment in range(rod.position.shape[0] - 1):
         along, length_2 = 0.0, 0.0
@@ -162,9 +176,10 @@ def append_on_catheter(rows: ContactRows, rod: RodGeometry, sphere: RodGeometry,
 
 
 @kernel
-def add_stone_compliance(rows: ContactRows, compliance: FloatArray, W: FloatArray) -> None:
+def add_stone_compliance(rows_address: Address[ContactRows], compliance: FloatArray, W: FloatArray) -> None:
     """Add the compliance of each stone between all rows it takes part in, lower blocks, world axes."""
-    for a in range(rows.used[0]):
+    rows = rows_at(rows_address)
+    for a in range(rows.n_contacts):
         for b in range(a + 1):
             if rows.stone[a] != NO_STONE and rows.stone[a] == rows.stone[b]:
                 for axis in range(3):
@@ -172,10 +187,10 @@ def add_stone_compliance(rows: ContactRows, compliance: FloatArray, W: FloatArra
 
 
 @kernel
-def stone_forces(rows: ContactRows, forces: FloatArray, out: FloatArray) -> FloatArray:
-    """Add the contact forces on the stones to ``out`` (s, 3) and return it."""
-    for row in range(rows.used[0]):
+def add_stone_forces(rows_address: Address[ContactRows], forces: FloatArray, out: FloatArray) -> None:
+    """Add the contact forces on the stones to ``out`` (s, 3)."""
+    rows = rows_at(rows_address)
+    for row in range(rows.n_contacts):
         if rows.stone[row] != NO_STONE:
             for axis in range(3):
                 out[rows.stone[row], axis] += forces[row, axis]
-    return out

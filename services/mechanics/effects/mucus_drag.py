@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.laws import number_of
-from services.mechanics.contact.rows import NO_STONE, ContactRows
+from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.writer import NO_ROOM, append_double
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.world import World
@@ -43,13 +44,14 @@ class MucusDrag(Effect):
 
     def add_rows(self, world: World, dt_s: float) -> None:
         """Double the rows of the catheter on the wall by a film."""
-        append_films(world.contacts.rows, dt_s / self._b_n_s_m)
+        append_films(world.contacts.rows.address, dt_s / self._b_n_s_m)
 
 
 @kernel
-def append_films(rows: ContactRows, softness: float) -> None:
+def append_films(rows_address: Address[ContactRows], softness: float) -> None:
     """Append one film per present row of a particle against the wall; ``softness`` is dt / b."""
-    for source in range(rows.used[0]):
+    rows = rows_at(rows_address)
+    for source in range(rows.n_contacts):
         on_wall = rows.duct_weight[source, 0] + rows.duct_weight[source, 1] + rows.duct_weight[source, 2] > 0.0
         if rows.tool[source] != NO_TOOL or not on_wall or rows.stone[source] != NO_STONE:
             continue

@@ -13,14 +13,13 @@ from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps import Grasp, JawState, ToolBody
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.compiled import Placed
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.persistence import PressedPoints
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch, DuctSearch
 from services.mechanics.contact.strategies import STRATEGIES
-from services.mechanics.contact.system import ContactSystem
+from services.mechanics.contact.system import ContactSystem, DroppedContacts
 from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction import ExactOscillator, ModalIntegrator, ModalState, Newmark, ReducedDuct
@@ -79,7 +78,7 @@ class Simulation:
         self._catheter_pairs = ContactPairs.allocate(capacity)
         self._tool_pairs = ContactPairs.allocate(capacity)
         self._tool_force = np.zeros((N_TOOLS, 4))
-        self._report_arrays = Placed(ReportArrays.of(self.tool_results, self._tool_force))
+        self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
         self._mark_ns = 0
         load = constant_load_n(self._stages["constant_load_n"], duct.mesh)
@@ -162,6 +161,13 @@ class Simulation:
         return self.system.force_n[: self.system.rows.n_contacts]
 
     @property
+    def dropped_contacts(self) -> DroppedContacts:
+        """What found no room since the start; a scene that drops contacts needs a larger ``contact.capacity``."""
+        system = self.system
+        pairs = system.dropped_pairs + self._pressed.dropped
+        return DroppedContacts(pairs, system.rows.dropped, self.holds.dropped)
+
+    @property
     def slides(self) -> npt.NDArray[np.bool_]:
         """(C,) whether each contact slid in the last step."""
         return self.system.slides
@@ -222,7 +228,7 @@ class Simulation:
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)
-        self._pressed.append_to(pairs, self.search, system.address)
+        self._pressed.append_to(pairs, self.search, system.geometry)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
         self._catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, self._catheter_pairs)

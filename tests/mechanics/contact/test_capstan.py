@@ -41,7 +41,7 @@ def wrapped_rod(angle):
 
 
 def contact_rows(start, motion, mu):
-    rows = ContactRows.allocate(N_SEGMENTS + 1)
+    rows = ContactRows.zeros(c=N_SEGMENTS + 1)
     for i, p in enumerate(start):
         distance = np.hypot(p[0], p[2])
         if distance > RADIUS + 0.5e-3:
@@ -92,12 +92,9 @@ def solve(rows, rod, n):
     rod.compliance(particles[:count], compliance)
     add_rod_compliance(rows, slot, compliance, np.zeros((4 * rows.capacity, 2), np.int32), W)
     rotate_to_contact_frames(rows, W)
-    motion = np.zeros(3 * k)
-    free_motion(rows, 0.2, motion)
-    force = rows.force_n[:k].reshape(-1)
-    scratch = SolverScratch.allocate(3 * k)
-    problem = ContactProblem(W, motion, force, rows.law[:k], rows.friction[:k], rows.force_limit_n[:k], scratch.change)
-    solve_contacts(problem, (60, 1e-8), scratch)
+    problem = ContactProblem.zeros(m=3 * k, rows=rows)
+    free_motion(rows, 0.2, problem.motion)
+    solve_contacts(problem, W, (60, 1e-8), SolverScratch.allocate(k))
     world, out = np.zeros((k, 3)), np.zeros((n, 3))
     write_world_forces(rows, world)
     out[rows.rod_node[:k, 0]] = world

@@ -5,7 +5,9 @@ import pytest
 
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.writer import append_row
 
 UNILATERAL, HOLD = number_of("unilateral"), number_of("hold")
 TIED = 1.0 - 1e-4
@@ -14,12 +16,13 @@ TIED = 1.0 - 1e-4
 def tied_pair(laws, friction, force_limit_n, free):
     """Two blocks on one stiff body: a sweep takes a ten-thousandth off what their sum lacks."""
     W = 1e-2 * np.kron(np.array([[1.0, TIED], [TIED, 1.0]]), np.eye(3)) + 1e-6 * np.eye(6)
-    motion, force = np.array(free, float), np.zeros(6)
-    limits = np.array(friction, float), np.array(force_limit_n, float)
-    scratch = SolverScratch.allocate(6)
-    problem = ContactProblem(W, motion, force, np.array(laws, np.int8), *limits, scratch.change)
-    sweeps = solve_contacts(problem, (200, 1e-10), scratch)
-    return W, motion, force, sweeps
+    rows = ContactRows.zeros(c=2)
+    for law in laws:
+        append_row(rows, law, 0)
+    rows.friction[:], rows.force_limit_n[:] = friction, force_limit_n
+    problem = ContactProblem(rows=rows, motion=np.array(free, float), change=np.zeros(3))
+    sweeps = solve_contacts(problem, W, (200, 1e-10), SolverScratch.allocate(2))
+    return W, problem.motion, rows.force_n.ravel(), sweeps
 
 
 def test_tied_holds_are_solved_in_a_few_sweeps():

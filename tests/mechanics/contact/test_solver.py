@@ -12,24 +12,26 @@ UNILATERAL, HOLD = number_of("unilateral"), number_of("hold")
 
 
 def solve(W, free, law, limit, force=None, effort=(200, 1e-12)):
-    force = np.zeros(len(free)) if force is None else force
-    motion, scratch = free.copy(), SolverScratch.allocate(len(free))
-    sweeps = solve_contacts(ContactProblem(W, motion, force, law, *limits(law, limit), scratch.change), effort, scratch)
-    return force, motion, sweeps
+    rows = rows_of(law, limit)
+    if force is not None:
+        rows.force_n[:] = force.reshape(-1, 3)
+    problem = ContactProblem(rows=rows, motion=free.copy(), change=np.zeros(3))
+    sweeps = solve_contacts(problem, W, effort, SolverScratch.allocate(len(law)))
+    return rows.force_n.ravel(), problem.motion, sweeps
 
 
-def limits(law, limit):
-    """Coefficients of friction and largest forces; each law reads its own."""
-    return np.where(law == UNILATERAL, limit, 0.0), np.where(law == HOLD, limit, 0.0)
+def rows_of(law, limit):
+    """Contacts with a coefficient of friction or a largest force: each law reads its own."""
+    rows = ContactRows.zeros(c=len(law))
+    for number in law:
+        append_row(rows, number, 0)
+    rows.friction[:], rows.force_limit_n[:] = np.where(law == UNILATERAL, limit, 0.0), np.where(law == HOLD, limit, 0.0)
+    return rows
 
 
 def who_slides(law, limit, force):
-    rows = ContactRows.allocate(len(law))
-    for number, identity in zip(law, range(len(law)), strict=True):
-        append_row(rows, number, identity)
-    rows.friction[:], rows.force_limit_n[:] = limits(law, limit)
+    rows, slides = rows_of(law, limit), np.zeros(len(law), np.bool_)
     rows.force_n[:] = force.reshape(-1, 3)
-    slides = np.zeros(len(law), np.bool_)
     mark_sliding(rows, slides)
     return slides
 

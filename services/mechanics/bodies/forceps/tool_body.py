@@ -2,56 +2,40 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
-from services.mechanics.compiled import Placed, kernel, tuple_reader
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
 
-class ToolArrays(NamedTuple):
+class ToolArrays(Struct):
     """The arrays of a `ToolBody` as its kernels read and write them."""
 
-    port: FloatArray  # (2, 3)
-    jaw_length: FloatArray  # (2,)
-    stiffness: FloatArray  # (2, 4) of the couplings
-    damping: FloatArray  # (2, 4)
-    present: BoolArray  # (2,)
-    roll: FloatArray  # (2,)
-    hand: FloatArray  # (2, 4)
-    stretch: FloatArray  # (2, 4)
-    proxy: FloatArray  # (2, 4)
-    free: FloatArray  # (2, 4)
-    motion: FloatArray  # (2, 4)
-    compliance: FloatArray  # (2, 4)
-    jaw_stop: FloatArray  # (2,)
-    frame: FloatArray  # (2, 3, 3)
-    length: FloatArray  # (2,)
-    segments: FloatArray  # (2, 3, 2, 3)
-
-    @classmethod
-    def allocate(cls) -> ToolArrays:
-        """Return two absent tools without size or stiffness."""
-        coordinates = {name: np.zeros((N_TOOLS, N_COORDINATES)) for name in _PER_COORDINATE}
-        return cls(
-            port=np.zeros((N_TOOLS, 3)),
-            jaw_length=np.zeros(N_TOOLS),
-            present=np.zeros(N_TOOLS, np.bool_),
-            roll=np.zeros(N_TOOLS),
-            jaw_stop=np.full(N_TOOLS, -np.inf),
-            frame=np.zeros((N_TOOLS, 3, 3)),
-            length=np.zeros(N_TOOLS),
-            segments=np.zeros((N_TOOLS, N_SEGMENTS, 2, 3)),
-            **coordinates,
-        )
+    port: Annotated[FloatArray, N_TOOLS, 3]
+    jaw_length: Annotated[FloatArray, N_TOOLS]
+    stiffness: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # of the couplings
+    damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    present: Annotated[BoolArray, N_TOOLS]
+    roll: Annotated[FloatArray, N_TOOLS]
+    hand: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    stretch: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    proxy: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    free: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    compliance: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    jaw_stop: Annotated[FloatArray, N_TOOLS]
+    frame: Annotated[FloatArray, N_TOOLS, 3, 3]
+    length: Annotated[FloatArray, N_TOOLS]
+    segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
 
 
-_PER_COORDINATE = ("stiffness", "damping", "hand", "stretch", "proxy", "free", "motion", "compliance")
-tools_at = tuple_reader(ToolArrays.allocate())
+tools_at = reader(ToolArrays)
 
 
 class ToolBody:
@@ -89,9 +73,8 @@ class ToolBody:
         self.forceps = forceps
         self.radius_m = np.array([[f.shaft_radius_m, f.jaw_radius_m, f.jaw_radius_m] for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
-        self._placed = Placed(ToolArrays.allocate())
-        self.address = self._placed.address
-        a = self._placed.arrays
+        self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
+        self.address = a.address
         a.port[:] = [f.port_position_m for f in forceps]
         a.jaw_length[:] = [f.jaw_length_m for f in forceps]
         a.stiffness[:] = [[f.coupling_stiffness_n_m] * 3 + [f.jaw_stiffness_nm_rad] for f in forceps]
@@ -121,7 +104,7 @@ class ToolBody:
 
 @kernel
 def predict_proxies(
-    address: int, present: BoolArray, hands: tuple[FloatArray, FloatArray, FloatArray], dt_s: float
+    address: Address[ToolArrays], present: BoolArray, hands: tuple[FloatArray, FloatArray, FloatArray], dt_s: float
 ) -> None:
     """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`."""
     tools = tools_at(address)
@@ -150,7 +133,7 @@ def predict_proxies(
 
 
 @kernel
-def correct_proxies(address: int, force: FloatArray) -> None:
+def correct_proxies(address: Address[ToolArrays], force: FloatArray) -> None:
     """Add to the free end positions what the contact forces (2, 4) move."""
     tools = tools_at(address)
     for tool in range(force.shape[0]):
@@ -161,7 +144,7 @@ def correct_proxies(address: int, force: FloatArray) -> None:
 
 
 @kernel
-def update_poses(address: int) -> None:
+def update_poses(address: Address[ToolArrays]) -> None:
     """Write frames (2, 3, 3), shaft lengths (2,) and segments (2, 3, 2, 3) of both tools."""
     _update_poses(tools_at(address))
 

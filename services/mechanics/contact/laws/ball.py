@@ -56,21 +56,21 @@ def bounded_3(W: FloatArray, row: int, r: tuple[float, float, float], radius: fl
 
 
 @kernel
-def relax_in_ball(problem: ContactProblem, block: int, limit: float) -> None:
+def relax_in_ball(problem: ContactProblem, W: FloatArray, block: int, limit: float) -> None:
     """Solve a contact that allows no motion while its force is within a ball, the others fixed."""
-    row, W, motion, force, change = 3 * block, problem.W, problem.motion, problem.force, problem.change
+    row, motion, force, change = 3 * block, problem.motion, problem.rows.force_n[block], problem.change
     if limit <= 0.0:
         change[:] = 0.0
     else:
-        f_0, f_1, f_2 = force[row], force[row + 1], force[row + 2]
+        f_0, f_1, f_2 = force[0], force[1], force[2]
         r_0 = motion[row] - W[row, row] * f_0 - W[row, row + 1] * f_1 - W[row, row + 2] * f_2
         r_1 = motion[row + 1] - W[row + 1, row] * f_0 - W[row + 1, row + 1] * f_1 - W[row + 1, row + 2] * f_2
         r_2 = motion[row + 2] - W[row + 2, row] * f_0 - W[row + 2, row + 1] * f_1 - W[row + 2, row + 2] * f_2
         bounded_3(W, row, (r_0, r_1, r_2), limit, change)
     for axis in range(3):
-        step = change[axis] - force[row + axis]
-        force[row + axis] += step
-        carry_change(problem, row + axis, axis, step)
+        step = change[axis] - force[axis]
+        force[axis] += step
+        carry_change(problem, W, block, axis, step)
 
 
 @kernel

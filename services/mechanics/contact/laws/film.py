@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws.ball import relax_in_ball
 from services.mechanics.contact.laws.law import ContactLaw, ContactProblem, PenaltyGains, Unknowns, add_axes
@@ -23,9 +24,9 @@ def open_row(rows: ContactRows, row: int) -> None:
 
 
 @kernel
-def relax(problem: ContactProblem, block: int) -> None:
+def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     """No motion beyond that of the softness."""
-    relax_in_ball(problem, block, math.inf)
+    relax_in_ball(problem, W, block, math.inf)
 
 
 @kernel

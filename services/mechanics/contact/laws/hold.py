@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.frames import tangents
 from services.mechanics.contact.laws.ball import relax_in_ball
@@ -29,19 +30,19 @@ def open_row(rows: ContactRows, row: int) -> None:
 
 
 @kernel
-def relax(problem: ContactProblem, block: int) -> None:
+def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     """No motion inside the ball of the largest force, slip against the force on its edge."""
-    relax_in_ball(problem, block, problem.force_limit_n[block])
+    relax_in_ball(problem, W, block, problem.rows.force_limit_n[block])
 
 
 @kernel
 def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
     """Three axes while it holds, the two directions across its force while it slips."""
-    limit = problem.force_limit_n[block]
+    limit = problem.rows.force_limit_n[block]
     if limit <= 0.0:
         return n
-    row, force, motion = 3 * block, problem.force, problem.motion
-    x, y, z = force[row], force[row + 1], force[row + 2]
+    row, force, motion = 3 * block, problem.rows.force_n[block], problem.motion
+    x, y, z = force[0], force[1], force[2]
     radius_2 = x * x + y * y + z * z
     radius = math.sqrt(radius_2)
     if radius < ON_THE_LIMIT * limit:
@@ -55,11 +56,11 @@ def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> 
 @kernel
 def project(problem: ContactProblem, block: int) -> None:
     """Scale the force down to the ball."""
-    row, force, limit = 3 * block, problem.force, problem.force_limit_n[block]
-    norm = math.sqrt(force[row] ** 2 + force[row + 1] ** 2 + force[row + 2] ** 2)
+    force, limit = problem.rows.force_n[block], problem.rows.force_limit_n[block]
+    norm = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
     if norm > limit:
         for axis in range(3):
-            force[row + axis] *= limit / norm
+            force[axis] *= limit / norm
 
 
 @kernel

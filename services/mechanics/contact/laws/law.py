@@ -4,70 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-import numpy as np
-
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
+from services.mechanics.contact.rows import ContactRows
 
 # The local solves put a sliding force on its limit to rounding; anything closer than this is on it.
 ON_THE_LIMIT = 1.0 - 1e-9
 
 
-class ContactProblem(NamedTuple):
-    """The complementarity problem of k contacts in contact space: m = 3 k rows, normal and two tangents each.
+class ContactProblem(Struct):
+    """The complementarity problem of k contacts in contact space: 3 k rows, normal and two tangents each.
+
+    It goes with the Delassus operator W (3 k, 3 k) in m/N, symmetric positive.
 
     Attributes
     ----------
-    W : (m, m) float64
-        Delassus operator in m/N, symmetric positive.
-    motion : (m,) float64
+    rows : ContactRows
+        Laws, limits, and the present forces.
+    motion : (3 C,) float64
         Gaps and slips at the end of the step with the present forces, in m.
-    force : (m,) float64
-        The present forces in N.
-    law : (k,) int8
-        Number of each contact's law.
-    friction : (k,) float64
-        Coefficient of Coulomb friction.
-    force_limit_n : (k,) float64
-        Largest force that a contact bears.
     change : (3,) float64
         What the last relaxation changed of a contact's force, in N.
     """
 
-    W: FloatArray
-    motion: FloatArray
-    force: FloatArray
-    law: ByteArray
-    friction: FloatArray
-    force_limit_n: FloatArray
-    change: FloatArray
+    rows: ContactRows
+    motion: Annotated[FloatArray, "m"]
+    change: Annotated[FloatArray, 3]
 
 
-class Unknowns(NamedTuple):
+class Unknowns(Struct):
     """What a Newton step solves for, at most m unknowns; see `newton`."""
 
-    block: IntArray  # (m,)
-    test: FloatArray  # (m, 3)
-    column: FloatArray  # (m, 3)
-    shift: FloatArray  # (m,) lambda
-    matrix: FloatArray  # (m * m,)
-    step: FloatArray  # (m,)
-    along: FloatArray  # (m,) scratch
-
-    @classmethod
-    def allocate(cls, n_rows: int) -> Unknowns:
-        """Return room for ``n_rows`` unknowns."""
-        return cls(
-            block=np.zeros(n_rows, np.int32),
-            test=np.zeros((n_rows, 3)),
-            column=np.zeros((n_rows, 3)),
-            shift=np.zeros(n_rows),
-            matrix=np.zeros(n_rows * n_rows),
-            step=np.zeros(n_rows),
-            along=np.zeros(n_rows),
-        )
+    block: Annotated[IntArray, "m"]
+    test: Annotated[FloatArray, "m", 3]
+    column: Annotated[FloatArray, "m", 3]
+    shift: Annotated[FloatArray, "m"]  # lambda
+    matrix: Annotated[FloatArray, "m * m"]
+    step: Annotated[FloatArray, "m"]
+    along: Annotated[FloatArray, "m"]  # scratch
 
 
 class PenaltyGains(NamedTuple):
@@ -90,7 +67,7 @@ class ContactLaw:
     what : str
     open_row : kernel (rows, row)
         Write what is particular to the law into a fresh row: softness, limits.
-    relax : kernel (problem, block)
+    relax : kernel (problem, W, block)
         Solve the law exactly for one contact with the others fixed; `carry_change` keeps the motion with the force.
     add_unknowns : kernel (problem, block, unknowns, n) -> int
         List what a Newton step may change of this contact, and return the new number of unknowns.
@@ -123,15 +100,15 @@ class ContactLaw:
 
 
 @kernel
-def carry_change(problem: ContactProblem, row: int, axis: int, change: float) -> None:
+def carry_change(problem: ContactProblem, W: FloatArray, block: int, axis: int, change: float) -> None:
     """Note what changed of a contact's force along an axis, and bring the motion of all rows up to date.
 
     An update along a row of the symmetric W vectorises, a dot product would not.
     """
-    W, motion = problem.W, problem.motion
+    row, motion = 3 * block + axis, problem.motion
     problem.change[axis] = change
     if change != 0.0:
-        for column in range(motion.shape[0]):
+        for column in range(W.shape[0]):
             motion[column] += W[row, column] * change
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws.ball import bounded_2
 from services.mechanics.contact.laws.law import (
@@ -34,42 +35,41 @@ def open_row(rows: ContactRows, row: int) -> None:
 
 
 @kernel
-def relax(problem: ContactProblem, block: int) -> None:
+def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     """Exact normal force for fixed friction, then exact friction for the new normal force."""
-    row, W, motion, force = 3 * block, problem.W, problem.motion, problem.force
-    normal = max(0.0, force[row] - motion[row] / W[row, row])
-    change = normal - force[row]
-    force[row] = normal
-    carry_change(problem, row, 0, change)
-    radius = problem.friction[block] * normal
+    row, motion, force = 3 * block, problem.motion, problem.rows.force_n[block]
+    normal = max(0.0, force[0] - motion[row] / W[row, row])
+    change = normal - force[0]
+    force[0] = normal
+    carry_change(problem, W, block, 0, change)
+    radius = problem.rows.friction[block] * normal
     f_1, f_2 = 0.0, 0.0
     if radius > 0.0:
         a, b, c = W[row + 1, row + 1], W[row + 1, row + 2], W[row + 2, row + 2]
-        r_1 = motion[row + 1] - a * force[row + 1] - b * force[row + 2]
-        r_2 = motion[row + 2] - b * force[row + 1] - c * force[row + 2]
+        r_1 = motion[row + 1] - a * force[1] - b * force[2]
+        r_2 = motion[row + 2] - b * force[1] - c * force[2]
         f_1, f_2 = bounded_2(a, b, c, r_1, r_2, radius)
-    change_1, change_2 = f_1 - force[row + 1], f_2 - force[row + 2]
-    force[row + 1], force[row + 2] = f_1, f_2
-    carry_change(problem, row + 1, 1, change_1)
-    carry_change(problem, row + 2, 2, change_2)
+    change_1, change_2 = f_1 - force[1], f_2 - force[2]
+    force[1], force[2] = f_1, f_2
+    carry_change(problem, W, block, 1, change_1)
+    carry_change(problem, W, block, 2, change_2)
 
 
 @kernel
 def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
     """Three axes where a pressed contact sticks; its normal and the direction across its friction where it slides."""
-    row, force = 3 * block, problem.force
-    if force[row] <= 0.0:
+    force, mu = problem.rows.force_n[block], problem.rows.friction[block]
+    if force[0] <= 0.0:
         return n
-    tangent, mu = math.hypot(force[row + 1], force[row + 2]), problem.friction[block]
-    if mu > 0.0 and tangent < ON_THE_LIMIT * mu * force[row]:
+    if mu > 0.0 and math.hypot(force[1], force[2]) < ON_THE_LIMIT * mu * force[0]:
         return add_axes(out, n, block)
     return _add_sliding(problem, block, out, n)
 
 
 @kernel
 def _add_sliding(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
-    row, motion, mu = 3 * block, problem.motion, problem.friction[block]
-    f_1, f_2 = problem.force[row + 1], problem.force[row + 2]
+    row, motion, mu = 3 * block, problem.motion, problem.rows.friction[block]
+    f_1, f_2 = problem.rows.force_n[block, 1], problem.rows.force_n[block, 2]
     n = add_unknown(out, n, block, (1.0, 0.0, 0.0), 0.0)
     radius_2 = f_1 * f_1 + f_2 * f_2
     if radius_2 == 0.0:
@@ -83,13 +83,13 @@ def _add_sliding(problem: ContactProblem, block: int, out: Unknowns, n: int) -> 
 @kernel
 def project(problem: ContactProblem, block: int) -> None:
     """Push, never pull, and scale friction down to its cone."""
-    row, force = 3 * block, problem.force
-    force[row] = max(force[row], 0.0)
-    radius = problem.friction[block] * force[row]
-    norm = math.hypot(force[row + 1], force[row + 2])
+    force = problem.rows.force_n[block]
+    force[0] = max(force[0], 0.0)
+    radius = problem.rows.friction[block] * force[0]
+    norm = math.hypot(force[1], force[2])
     if norm > radius:
-        force[row + 1] *= radius / norm
-        force[row + 2] *= radius / norm
+        force[1] *= radius / norm
+        force[2] *= radius / norm
 
 
 @kernel

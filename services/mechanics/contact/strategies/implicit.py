@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.delassus import (
     add_modal_compliance,
     add_rod_compliance,
@@ -11,10 +12,9 @@ from services.mechanics.contact.delassus import (
     rotate_to_contact_frames,
 )
 from services.mechanics.contact.free_motion import free_motion
-from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.stages import finish
-from services.mechanics.contact.state import state_at
+from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
 
 
@@ -45,44 +45,39 @@ class ImplicitStrategy(ContactStrategy):
 
 @kernel
 def add_body_compliances(
-    state_address: int, duct: tuple[FloatArray, FloatArray], slot: IntArray, rod: FloatArray, tools: FloatArray
+    state_address: Address[ContactState],
+    duct: tuple[FloatArray, FloatArray],
+    slot: IntArray,
+    rod: FloatArray,
+    tools: FloatArray,
 ) -> None:
     """Add modes and gains of the duct, catheter (3 p, 3 p) and couplings (2, 4) to the lower blocks of W, world axes.
 
     What W holds already, the residual compliance, stays.
     """
     state = state_at(state_address)
-    size = 3 * state.rows.used[0]
+    size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
-    add_modal_compliance(duct[0], duct[1], state.scratch.modes, W)
+    add_modal_compliance(duct[0], duct[1], state.scaled_modes, W)
     add_rod_compliance(state.rows, slot, rod, state.rod_points, W)
     add_tool_compliance(state.rows, tools, W)
 
 
 @kernel
-def rotate(state_address: int) -> None:
+def rotate(state_address: Address[ContactState]) -> None:
     """Rotate W into the contacts' frames."""
     state = state_at(state_address)
-    size = 3 * state.rows.used[0]
+    size = 3 * state.rows.n_contacts
     rotate_to_contact_frames(state.rows, state.delassus[: size * size].reshape(size, size))
 
 
 @kernel
-def solve_implicitly(state_address: int, recovery: float, iterations: int, tolerance_n: float) -> int:
+def solve_implicitly(state_address: Address[ContactState], recovery: float, iterations: int, tolerance_n: float) -> int:
     """Find the contact forces from W and return the number of sweeps."""
     state = state_at(state_address)
-    rows = state.rows
-    k = rows.used[0]
-    free_motion(rows, recovery, state.motion)
-    problem = ContactProblem(
-        state.delassus[: 9 * k * k].reshape(3 * k, 3 * k),
-        state.motion[: 3 * k],
-        rows.force_n[:k].reshape(3 * k),
-        rows.law[:k],
-        rows.friction[:k],
-        rows.force_limit_n[:k],
-        state.scratch.change,
-    )
-    sweeps: int = solve_contacts(problem, (iterations, tolerance_n), state.scratch)
+    size = 3 * state.rows.n_contacts
+    W = state.delassus[: size * size].reshape(size, size)
+    free_motion(state.rows, recovery, state.problem.motion)
+    sweeps: int = solve_contacts(state.problem, W, (iterations, tolerance_n), state.scratch)
     finish(state)
     return sweeps

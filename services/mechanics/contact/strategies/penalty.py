@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.laws.law import PenaltyGains
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.stages import finish
-from services.mechanics.contact.state import state_at
+from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
 
 
@@ -34,10 +35,10 @@ class PenaltyStrategy(ContactStrategy):
 
 
 @kernel
-def solve_by_penalty(state_address: int, gains: PenaltyGains) -> None:
+def solve_by_penalty(state_address: Address[ContactState], gains: PenaltyGains) -> None:
     """Find the contact forces from penetrations."""
     state = state_at(state_address)
-    free_motion(state.rows, 1.0, state.motion)
+    free_motion(state.rows, 1.0, state.problem.motion)
     write_penalties(state.rows, gains)
     finish(state)
 
@@ -45,7 +46,7 @@ def solve_by_penalty(state_address: int, gains: PenaltyGains) -> None:
 @kernel
 def write_penalties(rows: ContactRows, gains: PenaltyGains) -> None:
     """Write the penalty counterpart of every contact's law into ``rows.force_n``."""
-    for row in range(rows.used[0]):
+    for row in range(rows.n_contacts):
         slip = rows.slip_m[row]
         normal, first, second = 0.0, 0.0, 0.0
         for axis in range(3):

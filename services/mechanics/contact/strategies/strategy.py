@@ -28,11 +28,11 @@ class ContactStrategy:
     acts_in_next_step: ClassVar[bool]
     knows_stiffness: ClassVar[bool]
 
-    def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState, address: int) -> None:
+    def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
         self._bodies = bodies
         self._settings = settings
         self._state = state
-        self._address = address
+        self._address = state.address
 
     def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
         """Gather what the solve needs of the bodies, with the lowest ``n_modes`` modes of the duct."""

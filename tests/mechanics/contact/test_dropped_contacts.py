@@ -1,0 +1,78 @@
+"""What finds no room is counted, wherever it is, and does no harm to what did."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.scene.tools import GraspHold, ToolInputs
+from services.mechanics.simulation import Simulation
+
+
+@pytest.fixture
+def simulate(with_effects, small_duct):
+    """Tool 0 presses the duct from above, the catheter lies on the wall, tool 1 holds as many points as asked."""
+
+    def run(capacity, n_holds=0, ticks=30, **effects):
+        scene = with_effects(gravity={}, **effects)
+        scene = replace(scene, contact=replace(scene.contact, capacity=capacity))
+        simulation, tools = Simulation(scene, small_duct), ToolInputs()
+        tools.position_m[1] = simulation.catheter.state.position_m[10] + np.array([0.0, 0.0, 8e-3])
+        tools.holds = [GraspHold(number, 1, 1, 10, np.array([1.0, 0.0, 0.0]), 0.7, 0.3) for number in range(n_holds)]
+        for tick in range(ticks):
+            tools.position_m[0] = 20e-3, 0.0, 15e-3 + 4.5e-3 - min(tick, 60) * 4e-5
+            simulation.step(tools)
+        return simulation
+
+    return run
+
+
+def test_with_room_for_all_nothing_is_dropped(simulate):
+    simulation = simulate(96, n_holds=2, friction={}, mucus_drag={})
+    assert simulation.contacts.n_contacts > 4
+    assert simulation.dropped_contacts == (0, 0, 0)
+
+
+def test_pairs_that_detection_has_no_room_for_are_counted(simulate):
+    simulation = simulate(2)
+    assert simulation.dropped_contacts.pairs > 0
+    assert simulation.contacts.n_contacts == 2
+
+
+def test_rows_of_pairs_beyond_the_capacity_are_counted(small_scene, small_duct):
+    """Eight pairs come from elsewhere, as those of the haptics process do."""
+    scene = replace(small_scene, contact=replace(small_scene.contact, capacity=5))
+    simulation, tools, pairs = Simulation(scene, small_duct), ToolInputs(), ContactPairs.allocate(8)
+    pairs.count, pairs.tool[:], pairs.target_weights[:, 0], pairs.normal[:, 2] = 8, 0, 1.0, 1.0
+    tools.position_m[:] = (20e-3, 0.0, 40e-3), (60e-3, 0.0, 40e-3)
+    simulation.step(tools, pairs)
+    assert simulation.contacts.n_contacts == 5
+    assert simulation.dropped_contacts == (0, 3, 0)
+
+
+def test_rows_of_effects_beyond_the_capacity_are_counted(simulate):
+    roomy = simulate(96).contacts.n_contacts
+    simulation = simulate(roomy, mucus_drag={})
+    assert simulation.contacts.n_contacts == roomy
+    assert simulation.dropped_contacts.rows > 0
+
+
+def test_holds_beyond_those_that_are_followed_are_counted(simulate):
+    simulation = simulate(96, n_holds=20, ticks=3)
+    assert len(simulation.holds.active) == 16
+    assert simulation.dropped_contacts.holds == 3 * 4
+
+
+def test_limits_of_grasps_go_to_the_rows_of_grasps_where_rows_run_out(simulate):
+    effects = {"friction": {}, "grasp_slip": {}}
+    roomy = simulate(96, n_holds=4, **effects)
+    assert len(roomy.holds.rows) == 4
+    simulation = simulate(roomy.contacts.n_contacts - 2, n_holds=4, **effects)
+    rows, holds = simulation.contacts, list(simulation.holds.rows)
+    others = [row for row in range(rows.n_contacts) if row not in holds]
+    assert len(holds) == 2
+    assert np.all(rows.force_limit_n[holds] == 0.7)
+    assert np.all(np.isinf(rows.force_limit_n[others]))
+    assert rows.friction[others].max() <= 0.3
+    assert simulation.dropped_contacts.rows >= 2

@@ -1,0 +1,106 @@
+"""The table of contact laws: every law is asked through it, and nobody else asks which law a row has."""
+
+import ast
+from dataclasses import fields
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import numpy as np
+import pytest
+
+import services
+from services.mechanics.contact import laws
+from services.mechanics.contact.identity import LAW
+from services.mechanics.contact.laws import LAWS, number_of
+from services.mechanics.contact.laws.law import PenaltyGains
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.strategies import STRATEGIES
+from services.mechanics.contact.strategies.penalty import write_penalties
+from services.mechanics.contact.writer import append_row
+from services.mechanics.scene import ContactSettings
+
+SERVICES = Path(services.__file__).parent
+TABLE = SERVICES / "mechanics" / "contact" / "laws"
+
+
+def row_of(law, **columns):
+    """One row under a law, its frame that of the world."""
+    rows = ContactRows.zeros(c=1)
+    row = append_row(rows, number_of(law), 0)
+    rows.frame[row] = np.eye(3)
+    for name, value in columns.items():
+        getattr(rows, name)[row] = value
+    return rows
+
+
+def names_a_law(node):
+    """Whether an expression is a row's law or its number."""
+    is_column = isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute) and node.value.attr == "law"
+    return is_column or (isinstance(node, ast.Name) and node.id.lstrip("_").lower() in LAWS)
+
+
+def test_laws_and_strategies_are_compared_nowhere_but_in_their_tables():
+    found = []
+    for path in SERVICES.rglob("*.py"):
+        if TABLE in path.parents:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Compare):
+                continue
+            sides = [node.left, *node.comparators]
+            is_model = any(isinstance(s, ast.Attribute) and ast.unparse(s).endswith("contact.model") for s in sides)
+            if is_model or any(map(names_a_law, sides)):
+                found.append(f"{path.relative_to(SERVICES)}:{node.lineno}: {ast.unparse(node)}")
+    assert found == []
+
+
+@pytest.mark.parametrize("text", ["rows.law[row] == 1", "law == _HOLD", "film != kind"])
+def test_the_search_finds_such_comparisons(text):
+    compare = ast.parse(text, mode="eval").body
+    assert any(map(names_a_law, [compare.left, *compare.comparators]))
+
+
+def test_a_scene_can_name_every_strategy_and_no_other():
+    assert set(get_args(get_type_hints(ContactSettings)["model"])) == set(STRATEGIES)
+
+
+def test_the_identity_has_room_for_all_laws():
+    assert len(LAWS) <= LAW.size
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_is_reached_by_its_number(law):
+    entry = LAWS[law]
+    assert all(getattr(entry, field.name) is not None for field in fields(entry))
+    rows = row_of(law)
+    own = ContactRows.zeros(c=1)
+    entry.open_row(own, 0)
+    assert np.array_equal(rows.softness_m_n, own.softness_m_n)
+    assert rows.softness_m_n.min() > 0.0
+    assert laws.HAS_GAP[number_of(law)] == entry.has_gap
+
+
+def penalty(rows, gains=(100.0, 0.1, 1e-3)):
+    write_penalties(rows, PenaltyGains(*gains))
+    return rows.force_n[0]
+
+
+def test_penalty_of_a_contact_is_spring_damper_and_friction_of_its_coefficient():
+    rows = row_of("unilateral", gap_m=-1e-3, slip_m=[-1e-5, 3e-5, 0.0], friction=0.3)
+    f_n = 100.0 * 1e-3 + 0.1 * 1e-5 / 1e-3
+    assert penalty(rows) == pytest.approx([f_n, -0.3 * f_n, 0.0])
+    assert penalty(row_of("unilateral", gap_m=1e-6, slip_m=[-1e-3, 1e-3, 0.0], friction=0.3)) == pytest.approx(0.0)
+
+
+def test_penalty_of_a_hold_is_a_spring_up_to_its_limit():
+    slip = np.array([3e-3, 0.0, -4e-3])
+    assert penalty(row_of("hold", slip_m=slip)) == pytest.approx(-100.0 * slip)
+    assert penalty(row_of("hold", slip_m=slip, force_limit_n=0.1)) == pytest.approx(-0.1 * slip / 5e-3)
+
+
+@pytest.mark.parametrize("viscosity", [0.5, 2.0])
+def test_penalty_of_a_film_is_its_viscosity_times_the_rate(viscosity):
+    """b v with v the slip over the step; the spring of the contacts has no part in it."""
+    dt_s, b = 1e-3, viscosity * 1e-2
+    rows = row_of("film", slip_m=[5e-6, 3e-6, -2e-6], softness_m_n=[1e3, dt_s / b, dt_s / b])
+    assert penalty(rows, (1e4, 7.0, dt_s)) == pytest.approx([0.0, -b * 3e-3, b * 2e-3])

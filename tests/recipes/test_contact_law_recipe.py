@@ -1,0 +1,71 @@
+"""docs/recipes.md, "Adding a contact law": one module, one row, and an effect that puts rows under it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.recipes.tree_copy import TreeCopy
+
+# A catheter of 20 mm under the roof of the duct, in a weight that is a third of the pull on each particle.
+HANGING = """
+from dataclasses import replace
+from services.mechanics.effects.gravity import GravitySettings
+from services.mechanics.effects.sticky_wall import StickyWallSettings
+from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, SceneModel
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import build_scene_duct
+
+duct = DuctScene(n_around=12, n_along=14, n_modes=30, thickness_m=1e-3, youngs_modulus_pa=300e3, membrane="cst")
+catheter = CatheterScene(anchor="free", length_m=20e-3, n_segments=10, tip_position_m=(10e-3, 0.0, 2.6e-3))
+scene = SceneModel(duct=duct, catheter=catheter)
+tools = ToolInputs()
+tools.present[:] = False
+for strategy in ("implicit", "penalty"):
+    settings = ContactSettings(model=strategy, penalty_stiffness_n_m=1.0, penalty_damping_n_s_m=1e-3)
+    for effects in ({}, {"sticky_wall": StickyWallSettings(pull_n=1e-4)}):
+        effects = {"gravity": GravitySettings(), **effects}
+        simulation = Simulation(replace(scene, contact=settings, effects=effects), build_scene_duct(scene))
+        for _ in range(100):
+            simulation.step(tools)
+        print(strategy, len(effects), simulation.catheter.state.position_m[:, 2].mean(), simulation.max_penetration_m)
+"""
+
+
+def test_one_module_and_one_row_make_a_law(tree: TreeCopy) -> None:
+    """It carries the catheter's weight under both strategies, where without it the catheter falls."""
+    tree.follow("Adding a contact law")
+    height_m, overlap_m = {}, {}
+    for line in tree.python(HANGING).splitlines():
+        strategy, n_effects, height, overlap = line.split()
+        height_m[strategy, n_effects], overlap_m[strategy, n_effects] = float(height), float(overlap)
+    for strategy in ("implicit", "penalty"):
+        assert height_m[strategy, "1"] < -1e-3
+        assert height_m[strategy, "2"] > 2.4e-3
+    assert overlap_m["implicit", "2"] < 5e-6
+    # A pull of p rests at a depth p / k where a spring is all that keeps surfaces apart.
+    assert overlap_m["penalty", "2"] > 20e-6
+
+
+@pytest.mark.parametrize(
+    ("edit", "sentence"),
+    [
+        (("    penalty=penalty,\n", ""), "missing 1 required keyword-only argument: 'penalty'"),
+        (
+            ('    "sticky": sticky.LAW,\n', ""),
+            "contact law 'sticky' is not in the table; known: unilateral, hold, film",
+        ),
+    ],
+)
+def test_what_was_left_out_is_named(tree: TreeCopy, edit: tuple[str, str], sentence: str) -> None:
+    code = """
+try:
+    import services.mechanics.effects
+except (TypeError, ValueError) as error:
+    print(error)
+"""
+    tree.follow("Adding a contact law")
+    for path in (tree.root / "services/mechanics/contact/laws").glob("*.py"):
+        if path.name in ("sticky.py", "__init__.py"):
+            path.write_text(path.read_text().replace(*edit))
+    assert sentence in tree.python(code)
