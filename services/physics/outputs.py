@@ -21,6 +21,8 @@ from services.runtime.bus import Bus
 Arrays = tuple[NDArray[Any], ...]
 
 _INSERTED_EVERY = 16
+# Kinds of contacts on the wire.
+TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
 # Columns of the table of reactions, a row a tool: nine for three vectors, nine for K, and these.
 _GRASP_TORQUE, _GRASP_STIFFNESS, _JAW_ANGLE, _CONTACTS, _HOLDS, _COLUMNS = 18, 19, 20, 21, 22, 23
 
@@ -123,7 +125,7 @@ def tabulate(vectors: Arrays, stiffness: FloatArray, scalars: Arrays, table: Flo
 
 @kernel
 def count(rows: Arrays, holds: tuple[int, int], force: FloatArray, kinds: ByteArray, table: FloatArray) -> None:
-    """Write 0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other for each row, and count each tool's contacts.
+    """Write the kind of each row for the wire, and count each tool's contacts.
 
     ``holds`` are the first row of a hold and the one after the last.
     """
@@ -132,9 +134,10 @@ def count(rows: Arrays, holds: tuple[int, int], force: FloatArray, kinds: ByteAr
     for row in range(force.shape[0]):
         on_duct = duct_weight[row, 0] != 0.0 or duct_weight[row, 1] != 0.0 or duct_weight[row, 2] != 0.0
         of_tool = tool[row] != NO_TOOL
-        kinds[row] = (0 if on_duct else 1) if of_tool else (2 if on_duct else 3)
         if not of_tool:
+            kinds[row] = CATHETER_DUCT if on_duct else OTHER
             continue
+        kinds[row] = TOOL_DUCT if on_duct else TOOL_CATHETER
         if holds[0] <= row < holds[1]:
             table[tool[row], _HOLDS] += 1.0
         elif force[row, 0] != 0.0 or force[row, 1] != 0.0 or force[row, 2] != 0.0:
