@@ -50,6 +50,7 @@ class Physics:
             self._reset()
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
+        self._count_dropped()
         stages.add("send", time.monotonic_ns() - stepped_ns)
 
     def _step(self) -> bool:
@@ -58,6 +59,11 @@ class Physics:
         for stage, cost_ns in self.simulation.stage_cost_ns.items():
             self._process.health.stages.add(stage, cost_ns)
         return self._guard.watch()
+
+    def _count_dropped(self) -> None:
+        gauges, dropped = self._process.health.gauges, self.simulation.dropped_contacts
+        gauges["dropped_pairs"], gauges["dropped_contacts"] = float(dropped.pairs), float(dropped.rows)
+        gauges["dropped_holds"] = float(dropped.holds)
 
     def _reset(self) -> None:
         self.resets += 1

@@ -57,6 +57,20 @@ def test_pressing_the_wall_pushes_back(rig: Rig) -> None:
     assert K[2, 2] >= 0.9 * (forces[1][2] - forces[0][2]) / 0.0004
 
 
+def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
+    """In health's gauges, from where metrics and the dashboard have it; nothing where there is room."""
+    told = {}
+    for capacity in (96, 2):
+        rig = in_memory(f"contact.capacity={capacity}")
+        _press(rig, 60)
+        for process in (rig.haptics_process, rig.physics_process):
+            told[process.name, capacity] = process.health._body(1.0).gauges
+    assert told["haptics", 96]["dropped_pairs"] == told["physics", 96]["dropped_pairs"] == 0.0
+    assert told["physics", 96]["dropped_contacts"] == told["physics", 96]["dropped_holds"] == 0.0
+    assert told["haptics", 2]["dropped_pairs"] > 0.0
+    assert told["physics", 2]["dropped_contacts"] + told["physics", 2]["dropped_pairs"] > 0.0
+
+
 def test_when_physics_falls_silent_no_force_is_known(rig: Rig) -> None:
     _press(rig, 100)
     assert rig.model().in_contact
