@@ -56,10 +56,12 @@ def health(
     loop: bodies.LoopReport | None = None,
     paths: tuple[bodies.PathLatency, ...] = (),
     topics: tuple[bodies.TopicReport, ...] = (),
+    gauges: dict[str, float] | None = None,
 ) -> bodies.Health:
     return bodies.Health(
-        process=process, pid=pid, state=state, uptime_s=uptime_s, loop=loop, paths=paths, topics=topics
-    )
+        process=process, pid=pid, state=state, uptime_s=uptime_s, loop=loop, paths=paths, topics=topics,
+        gauges=gauges or {},
+    )  # fmt: skip
 
 
 def _no_contacts(tick: int) -> bodies.PhysicsContacts:

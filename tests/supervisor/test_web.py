@@ -30,7 +30,13 @@ def _source() -> RigSource:
     topic = bodies.TopicReport(
         topic="gateway.state", received=100, dropped=2, refused={"flood": 3}, age=histogram([50_000] * 100)
     )
-    heard = health("haptics", loop=loop_report(1000, misses=7, skipped=3), paths=(path,), topics=(topic,))
+    heard = health(
+        "haptics",
+        loop=loop_report(1000, misses=7, skipped=3),
+        paths=(path,),
+        topics=(topic,),
+        gauges={"dropped_contacts": 3.0},
+    )
     processes = (Source("haptics", True, 2, heard), Source("physics", False, 0, None))
     return RigSource(RigState.DEGRADED, 1, False, processes)
 
@@ -187,6 +193,7 @@ def test_metrics_are_what_prometheus_reads(client: Client) -> None:
     assert value["trocar_deadline_misses_total", (("loop", "haptics"),)] == 7
     assert value["trocar_service_restarts_total", (("service", "haptics"),)] == 2
     assert value["trocar_service_up", (("service", "physics"),)] == 0
+    assert value["trocar_gauge", (("name", "dropped_contacts"), ("service", "haptics"))] == 3
     drops = {labels: v for (name, labels), v in value.items() if name == "trocar_topic_drops_total"}
     assert sorted(drops.values()) == [2, 3]
 
