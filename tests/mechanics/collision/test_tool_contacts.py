@@ -124,12 +124,14 @@ def test_a_tip_pushed_through_the_wall_is_pushed_back(duct, speed_m_s):
             gaps.append((d, deepest["gap_m"]))
             assert deepest["normal"][1] > 0.9
     d, gap = np.array(gaps).T
+    assert d.tolist() == depth[len(depth) - len(d) :].tolist(), "once touched, touched to the end"
+    assert d[0] <= depth[depth > -HALF_M - JAW_M][0], "met when it is touched"
     assert gap == pytest.approx(-d - HALF_M - JAW_M, abs=0.03e-3)
 
 
 def test_a_jaw_on_the_wall_rests_on_few_points_that_stay(duct):
     """Sliding along the wall by a triangle or more, the points keep their places on the jaw."""
-    detector, last = tool_detector(duct), None
+    detector, last, compared = tool_detector(duct), None, 0
     y = RADIUS_M + HALF_M + JAW_M - 0.1e-3
     for shift in np.linspace(0.0, 3e-3, 150):
         duct.update(np.zeros(0))
@@ -139,7 +141,9 @@ def test_a_jaw_on_the_wall_rests_on_few_points_that_stay(duct):
         assert np.ptp(places) > 0.6
         if last is not None and len(places) == len(last):
             assert np.abs(places - last).max() <= 0.2, "a point left its stretch of the jaw"
+            compared += 1
         last = places
+    assert compared > 100
 
 
 def test_a_jaw_in_the_mouth_and_one_outside_pinch_the_wall(duct):
