@@ -1,7 +1,8 @@
 """From a shell model to its reduced duct: modes, then the residual compliance.
 
-Run with one BLAS thread (OPENBLAS_NUM_THREADS=1): the triangular solves work on small blocks, which a second
-thread never speeds up and, on a busy machine, slows down tenfold.
+Run with one BLAS thread (OPENBLAS_NUM_THREADS=1 before numpy is imported): with another number of them sums are rounded
+otherwise and double modes come out turned otherwise, under the same key of the cache. Nor would a second thread help:
+the triangular solves work on small blocks, which it never speeds up and, on a busy machine, slows down tenfold.
 """
 
 from __future__ import annotations
