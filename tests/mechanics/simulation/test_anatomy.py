@@ -60,7 +60,6 @@ def test_a_second_of_poking_stays_bounded(vessel):
 
 def test_a_surface_file_that_is_not_there_is_one_sentence(tmp_path):
     scene = load_scene("anatomy")
-    assert scene.duct.mesh_file is not None
     assert scene.duct.mesh_file.endswith("configs/scenes/surface.stl")
     with pytest.raises(ConfigError, match=r"scene: .*surface.stl: no such file"):
         load_duct(scene, tmp_path, lambda stage, fraction: None)
