@@ -25,7 +25,7 @@ class World:
     duct : DuctBody
     catheter : CatheterBody
     tools : ToolBody
-    contacts : ContactSystem
+    system : ContactSystem
         Rows, compliance and forces of this step's contacts.
     holds : HoldRegistry
         What the jaws hold.
@@ -41,7 +41,7 @@ class World:
     duct: DuctBody
     catheter: CatheterBody
     tools: ToolBody
-    contacts: ContactSystem
+    system: ContactSystem
     holds: HoldRegistry
     search: ContactSearch
     pairs: ContactPairs
@@ -50,4 +50,4 @@ class World:
     @property
     def slides(self) -> BoolArray:
         """(C,) whether each contact slides: in `set_friction` as in the last step, later as solved in this one."""
-        return self.contacts.slides
+        return self.system.slides

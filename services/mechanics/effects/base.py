@@ -83,7 +83,7 @@ class Effect:
         raise NotImplementedError
 
     def add_rows(self, world: World, dt_s: float) -> None:
-        """Append contact rows of the effect's own bodies or laws to ``world.contacts.rows``."""
+        """Append contact rows of the effect's own bodies or laws to ``world.system.rows``."""
         raise NotImplementedError
 
     def set_friction(self, world: World, dt_s: float) -> None:

@@ -51,7 +51,7 @@ class Friction(Effect):
 
     def set_friction(self, world: World, dt_s: float) -> None:
         """Set the coefficient of every contact."""
-        set_coefficients(world.contacts.rows.address, world.slides, self._mu)
+        set_coefficients(world.system.rows.address, world.slides, self._mu)
 
 
 @kernel

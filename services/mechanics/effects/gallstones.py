@@ -67,7 +67,7 @@ class Gallstones(Effect):
         """Give every stone its own detection, for each has its radius; weigh them."""
         self._detectors = [world.search.sphere_detector(float(r)) for r in self.radius_m]
         self._pairs = ContactPairs.allocate(4)
-        self._geometry = [self._stone_geometry(world.contacts.geometry, stone) for stone in range(len(self.radius_m))]
+        self._geometry = [self._stone_geometry(world.system.geometry, stone) for stone in range(len(self.radius_m))]
         self._weight_n += self._submerged_kg[:, None] * world.acceleration_m_s2
 
     def add_loads(self, world: World, dt_s: float) -> None:
@@ -89,23 +89,23 @@ class Gallstones(Effect):
 
     def add_rows(self, world: World, dt_s: float) -> None:
         """Append stones against wall and catheter."""
-        rows, geometry = world.contacts.rows, world.contacts.geometry
+        rows, geometry = world.system.rows, world.system.geometry
         reach = world.scene.contact.margin_m + world.catheter.radius_m
         for stone, detector in enumerate(self._detectors):
             self._pairs.clear()
             detector.detect(self._start_m[stone : stone + 1], self._pairs)
             first = rows.n_contacts
-            world.contacts.append(self._pairs, self._geometry[stone])
+            world.system.append(self._pairs, self._geometry[stone])
             mark_stone(rows.address, first, stone)
             append_on_catheter(rows.address, geometry.address, self._geometry[stone].address, stone, reach)
 
     def add_compliance(self, world: World, dt_s: float) -> None:
         """Add dt^2 / m of each stone to its rows."""
-        add_stone_compliance(world.contacts.rows.address, self._compliance, world.contacts.compliance_m_n)
+        add_stone_compliance(world.system.rows.address, self._compliance, world.system.compliance_m_n)
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
-        system = world.contacts
+        system = world.system
         change = np.zeros_like(self.position_m)
         add_stone_forces(system.rows.address, system.force_n, change)
         change *= self._compliance[:, None]

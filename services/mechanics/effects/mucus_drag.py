@@ -44,7 +44,7 @@ class MucusDrag(Effect):
 
     def add_rows(self, world: World, dt_s: float) -> None:
         """Double the rows of the catheter on the wall by a film."""
-        append_films(world.contacts.rows.address, dt_s / self._b_n_s_m)
+        append_films(world.system.rows.address, dt_s / self._b_n_s_m)
 
 
 @kernel
