@@ -1,4 +1,4 @@
-"""The wall as collision detection meets it: modes, dents of the contact loads, and turned sections where wanted."""
+"""The wall as collision detection meets it: modes, residual displacement round the loads, turned sections if any."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Wall:
     def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
         basis = duct.basis
         self.surface = DuctSurface(duct.mesh, basis.Phi, basis.omega_rad_s, half_thickness_m, duct.warp)
-        self._dents = ResidualField(duct, copies=not solves_contacts)
+        self._residual = ResidualField(duct, copies=not solves_contacts)
 
     def update(self, q: FloatArray, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take modal coordinates (r,) and the contact loads (l,), (l, 3) along world axes, each node once."""
-        dents = self._dents
-        dents.update(load_nodes, load_force_n)
-        self.surface.update(q, dents.nodes[: dents.count], dents.displacement_m[: dents.count])
+        residual = self._residual
+        residual.update(load_nodes, load_force_n)
+        self.surface.update(q, residual.nodes[: residual.count], residual.displacement_m[: residual.count])
 
 
 class TurnedWall(Wall):
-    """Wall whose sections turn: the loads are turned back into the undeformed axes, where dents are known."""
+    """Wall whose sections turn: the loads are turned back into the undeformed axes, where the residual is known."""
 
     def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
         super().__init__(duct, half_thickness_m, solves_contacts=solves_contacts)

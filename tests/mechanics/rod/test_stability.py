@@ -15,7 +15,7 @@ from services.mechanics.rod.semi_implicit import _predict
 from services.studies.rod_problems import example_rod
 
 X = (1.0, 0.0, 0.0)
-NOTHING = np.zeros((51, 3))
+NO_LOAD = np.zeros((51, 3))
 
 
 def finite_and_unstretched(state, segment_length_m=2e-3, strain=1e-3):
@@ -34,7 +34,7 @@ def test_implicit_survives_violent_velocities_at_one_millisecond(EI_n_mm2, EA_n,
         state.velocity_m_s[:] = speed_m_s * np.random.default_rng(seed).normal(size=(51, 3))
         energy = [rod_energy(integrator.model, state).total_j]
         for _ in range(300):
-            integrator.predict(state, NOTHING, 1e-3)
+            integrator.predict(state, NO_LOAD, 1e-3)
             energy.append(rod_energy(integrator.model, state).total_j)
         assert np.diff(energy).max() <= 2e-3 * energy[0]
         assert energy[-1] < 0.1 * energy[0]
@@ -48,7 +48,7 @@ def test_a_violent_step_is_refined_and_a_gentle_one_is_not():
         integrator = ImplicitIntegrator(properties, clamped(X), max_iterations=iterations)
         state = straight_rod(properties, (0, 0, 0), X)
         state.velocity_m_s[:] = 10.0 * np.random.default_rng(0).normal(size=(51, 3))
-        integrator.predict(state, NOTHING, 1e-3)
+        integrator.predict(state, NO_LOAD, 1e-3)
         stretch[integrator.iterations] = rod_energy(integrator.model, state).stretch_j
     assert stretch[2] < 0.2 * stretch[1]
     weight = properties.particle_mass_kg()[:, None] * np.array([0.0, 0.0, -9.81])
@@ -66,7 +66,7 @@ def test_implicit_unfolds_a_crumpled_rod(EI_n_mm2, seed):
     state = straight_rod(properties, (0, 0, 0), X)
     state.position_m[:] = 0.01 * np.random.default_rng(seed).normal(size=(51, 3))
     for _ in range(3000):
-        integrator.predict(state, NOTHING, 1e-3)
+        integrator.predict(state, NO_LOAD, 1e-3)
     assert finite_and_unstretched(state)
     assert rod_energy(integrator.model, state).bending_j < 1e-4
 
@@ -76,7 +76,7 @@ def test_implicit_survives_a_hand_that_jumps_and_particles_that_coincide(twist):
     properties = example_rod(**twist)
     integrator = ImplicitIntegrator(properties, Supports(held=(0, 25), start_direction=X))
     state = straight_rod(properties, (0, 0, 0), X)
-    integrator.predict(state, NOTHING, 1e-3)
+    integrator.predict(state, NO_LOAD, 1e-3)
     state.position_m[10] = state.position_m[11]
     state.position_m[1] = state.position_m[0]
     rng = np.random.default_rng(0)
@@ -84,7 +84,7 @@ def test_implicit_survives_a_hand_that_jumps_and_particles_that_coincide(twist):
     for step in range(1000):
         if step % 10 == 0 and step < 800:
             integrator.held_target_m[1] = centre + rng.uniform([-0.04, -0.03, -0.03], [-0.01, 0.03, 0.03])
-        integrator.predict(state, NOTHING, 1e-3)
+        integrator.predict(state, NO_LOAD, 1e-3)
         assert np.isfinite(state.position_m).all()
     assert finite_and_unstretched(state)
 
@@ -113,7 +113,7 @@ def growth(properties, supports, ratio, steps=3000):
         for _ in range(100):
             step = (ratio * integrator.stable_time_step_s, 1)
             motion = (state.position_m, state.velocity_m_s)
-            _predict(integrator.model, integrator.work, motion, NOTHING, target, step)
+            _predict(integrator.model, integrator.work, motion, NO_LOAD, target, step)
         energy = rod_energy(integrator.model, state).total_j / start
         if not energy < 1e6:
             return np.inf

@@ -14,14 +14,14 @@ from services.mechanics.rod import (
 )
 from services.studies.rod_problems import GJ, LENGTH_M, X, critical_torque_factor, example_rod, twisted_rod
 
-NOTHING = np.zeros((51, 3))
+NO_LOAD = np.zeros((51, 3))
 DAMPED = {"torsional_stiffness_n_m2": GJ, "internal_damping_s": 5e-3, "viscous_drag_n_s_m2": 0.05}
 
 
 def test_a_rod_without_torsional_stiffness_has_no_frame():
     integrator = ImplicitIntegrator(example_rod())
     state = straight_rod(example_rod(), (0, 0, 0), X)
-    integrator.predict(state, NOTHING, 1e-3)
+    integrator.predict(state, NO_LOAD, 1e-3)
     assert integrator.twist is None
     assert state.frame is None
 
@@ -29,7 +29,7 @@ def test_a_rod_without_torsional_stiffness_has_no_frame():
 @pytest.mark.parametrize("angle_rad", [0.3, -2.0, 25.0])
 def test_torque_is_GJ_phi_over_the_length_between_the_grips(angle_rad):
     integrator, state = twisted_rod(angle_rad, bending_stiffness_n_m2=1.0)  # too stiff to buckle
-    integrator.predict(state, NOTHING, 1e-3)
+    integrator.predict(state, NO_LOAD, 1e-3)
     torque = integrator.twist.torsion * state.frame.twist_rad
     np.testing.assert_allclose(torque, GJ * angle_rad / (LENGTH_M * 49 / 50), rtol=1e-9)
 
@@ -37,7 +37,7 @@ def test_torque_is_GJ_phi_over_the_length_between_the_grips(angle_rad):
 def test_a_free_end_unwinds_at_once():
     integrator, state = twisted_rod(5.0)
     state.frame.end_is_held = False
-    integrator.predict(state, NOTHING, 1e-3)
+    integrator.predict(state, NO_LOAD, 1e-3)
     np.testing.assert_allclose(state.frame.twist_rad, 0.0, atol=1e-12)
 
 
@@ -45,7 +45,7 @@ def test_torsion_between_different_stiffnesses_divides_as_springs_in_series():
     stiffness = np.full(50, GJ)
     stiffness[25:] = 0.25 * GJ
     integrator, state = twisted_rod(1.0, torsional_stiffness_n_m2=stiffness, bending_stiffness_n_m2=1.0)
-    integrator.predict(state, NOTHING, 1e-3)
+    integrator.predict(state, NO_LOAD, 1e-3)
     torque = integrator.twist.torsion * state.frame.twist_rad
     half = 0.5 * LENGTH_M * 49 / 50
     np.testing.assert_allclose(torque, 1.0 / (half / GJ + half / (0.25 * GJ)), rtol=1e-9)
@@ -63,7 +63,7 @@ def test_a_rod_of_uniform_rest_curvature_becomes_a_circle_of_its_radius():
     integrator = ImplicitIntegrator(properties)
     state = straight_rod(properties, (0, 0, 0), X)
     for _ in range(3000):
-        integrator.predict(state, NOTHING, 1e-3)
+        integrator.predict(state, NO_LOAD, 1e-3)
     edge = np.diff(state.position_m, axis=0)
     angle = np.arccos(np.sum(edge[1:] * edge[:-1], axis=1) / properties.segment_length_m**2)
     np.testing.assert_allclose(angle / properties.segment_length_m, 30.0, rtol=1e-3)
@@ -79,7 +79,7 @@ def test_rest_curvature_and_twist_make_a_helix():
     integrator = ImplicitIntegrator(properties)
     state = straight_rod(properties, (0, 0, 0), X)
     for _ in range(4000):
-        integrator.predict(state, NOTHING, 1e-3)
+        integrator.predict(state, NO_LOAD, 1e-3)
     t = np.diff(state.position_m, axis=0) / properties.segment_length_m
     binormal = np.cross(t[:-1], t[1:])
     curvature = np.arcsin(np.linalg.norm(binormal, axis=1)) / properties.segment_length_m
@@ -104,9 +104,9 @@ def test_rolling_the_grip_turns_a_bent_tip_about_the_axis(integrator_name):
         if turn:
             for _ in range(100):
                 roll(state.frame, 0, np.pi / 200.0)
-                integrator.predict(state, NOTHING, 1e-3)
+                integrator.predict(state, NO_LOAD, 1e-3)
         for _ in range(400):
-            integrator.predict(state, NOTHING, 1e-3)
+            integrator.predict(state, NO_LOAD, 1e-3)
         tip = state.position_m[-1, 1:] - state.position_m[-12, 1:]
         assert np.linalg.norm(tip) > 3e-3
         directions.append(tip / np.linalg.norm(tip))

@@ -1,4 +1,4 @@
-"""The dent that contact loads leave in the wall beyond the modes, on the nodes round them.
+"""Residual displacement under contact loads, what they move the wall by beyond the modes, on the nodes round them.
 
 A load moves not only the nodes it acts on: the residual compliance fades over a few edges. Detection that moved the
 loaded nodes alone would see spikes, and contacts would jump from one triangle to the next.
@@ -27,7 +27,7 @@ class ResidualField:
     copies : bool
         Read the blocks near each node from a copy, which has them in the order in which they are read; out of the whole
         residual every one comes from another page. For who does not solve contacts: the solve reads the same blocks
-        after the dents, and is served better if they come from the same place.
+        after this, and is served better if they come from the same place.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ def displace_round_loads(
     slot: IntArray,
     out: tuple[IntArray, FloatArray],
 ) -> int:
-    """Write nodes and displacements of the dents and return how many; ``slot`` (n,) is scratch, all -1."""
+    """Write nodes and residual displacements and return how many; ``slot`` (n,) is scratch, all -1."""
     blocks, places = residual
     start, ring = neighbourhood
     nodes, u = out

@@ -42,12 +42,12 @@ def tip_under_end_shear(model, basis, load_n):
     tip = model.mesh.vertex_sets["tip"]
     share = np.array([0.5, 1.0, 1.0, 1.0, 0.5]) / 4.0
     frame = SectionFrame(TubeWarp.from_basis(model.mesh, basis, model.mesh.vertex_sets["clamped"]))
-    rows, positions, nothing = np.empty((5, 3, basis.n_modes)), np.empty((5, 3)), np.zeros((5, 3))
+    rows, positions, no_residual = np.empty((5, 3, basis.n_modes)), np.empty((5, 3)), np.zeros((5, 3))
 
     def energy(scaled):
         # Coordinates scaled by frequency make the strain energy round and the search short.
         frame.update(scaled / basis.omega_rad_s)
-        frame.node_positions(tip, nothing, positions)
+        frame.node_positions(tip, no_residual, positions)
         frame.node_rows(tip, rows)
         gradient = scaled - load_n * (share @ rows[:, 2]) / basis.omega_rad_s
         return 0.5 * scaled @ scaled - load_n * (share @ positions[:, 2]), gradient
@@ -143,14 +143,14 @@ def test_the_held_end_stays(model, basis, tube_warp):
 def test_rows_are_the_derivative_of_the_positions(basis, tube_warp):
     nodes = np.array([0, 25, 333, 610], np.int32)
     q, frame = some_coordinates(basis, 20e-3), SectionFrame(tube_warp)
-    rows, sides, nothing = np.empty((4, 3, basis.n_modes)), np.empty((2, 4, 3)), np.zeros((4, 3))
+    rows, sides, no_residual = np.empty((4, 3, basis.n_modes)), np.empty((2, 4, 3)), np.zeros((4, 3))
     frame.update(q)
     frame.node_rows(nodes, rows)
     direction = np.random.default_rng(6).standard_normal(basis.n_modes) / basis.omega_rad_s
     step = 1e-5 * np.linalg.norm(q) / np.linalg.norm(direction)
     for side, sign in zip(sides, (-1.0, 1.0), strict=True):
         frame.update(q + sign * step * direction)
-        frame.node_positions(nodes, nothing, side)
+        frame.node_positions(nodes, no_residual, side)
     difference = (sides[1] - sides[0]) / (2.0 * step)
     assert rows @ direction == pytest.approx(difference, abs=1e-6 * np.abs(difference).max())
 

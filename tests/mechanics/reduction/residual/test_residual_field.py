@@ -1,4 +1,4 @@
-"""The dents of the wall are the same from the whole residual and from the copy that haptics keeps."""
+"""The residual displacement round the loads is the same from the whole residual and from the copy of haptics."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from services.mechanics.reduction.residual.field import ResidualField
 from services.mechanics.simulation.scene_duct import build_scene_duct
 
 
-def test_both_dents_are_the_residual_of_the_loads(cache_dir):
+def test_both_fields_are_the_residual_of_the_loads(cache_dir):
     duct = build_scene_duct(scenarios.insertion_scene(), cache_dir)
     nodes = np.array([200, 201, 340], np.int32)
     forces = np.random.default_rng(1).normal(size=(3, 3))
