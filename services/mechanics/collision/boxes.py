@@ -11,11 +11,23 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.primitives import put, vector
-from services.mechanics.collision.surface import Body, Patch, corner_positions, node_position
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.nodes import corner_positions, node_position
+from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.tree import LEAF
-from services.mechanics.compiled import floats, ints, kernel
-from services.mechanics.compiled.vectors import Vector, along, cross, dot, subtract, unit
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    cross,
+    dot,
+    put_row,
+    put_row_of,
+    row,
+    row_of,
+    subtract,
+    unit,
+)
 
 Box = tuple[Vector, Vector]
 # Cosine between the directions of the two contacts of one probe at which they count as opposite walls.
@@ -38,7 +50,7 @@ def distance2_below(
     drift = _drift(body, patch, node)
     if drift < loose:
         return _seen_bound2(patch, node, _STILL, drift, (a, b), direction)
-    slack = floats(patch.reach)[node] * body.energy_norm + body.largest_residual + body.turned_shift
+    slack = patch.reach[node] * body.energy_norm + body.largest_residual + body.turned_shift
     d2 = _bound2(_box(patch.box, node, _STILL, slack), a, b, direction)
     if d2 >= limit2:
         return d2
@@ -46,12 +58,12 @@ def distance2_below(
         shift, tight = _motion_since(body, patch, node)
         d2 = max(d2, _seen_bound2(patch, node, shift, tight, (a, b), direction))
     else:
-        vertex = ints(patch.representative)[node]
-        tight = floats(patch.spread)[node] * body.energy_norm + 2.0 * body.largest_residual
+        vertex = patch.representative[node]
+        tight = patch.spread[node] * body.energy_norm + 2.0 * body.largest_residual
         if slack - tight > loose:
-            shift = subtract(node_position(body, vertex), vector(floats(body.rest), vertex))
+            shift = subtract(node_position(body, vertex), row(body.rest, vertex))
             d2 = max(d2, _bound2(_box(patch.box, node, shift, tight), a, b, direction))
-    if d2 < limit2 and tight > loose and ints(patch.child)[2 * node] == LEAF:
+    if d2 < limit2 and tight > loose and patch.child[node, 0] == LEAF:
         _look_at_leaf(body, patch, node)
         return _seen_bound2(patch, node, _STILL, 0.0, (a, b), direction)
     return d2
@@ -60,7 +72,7 @@ def distance2_below(
 @kernel
 def join_children(body: Body, patch: Patch, node: int) -> None:
     """Replace what was last seen of a node by what was since seen of its children."""
-    left, right = ints(patch.child)[2 * node], ints(patch.child)[2 * node + 1]
+    left, right = patch.child[node, 0], patch.child[node, 1]
     stale = 0.5 * _drift(body, patch, node)
     if not (_drift(body, patch, left) < math.inf and _drift(body, patch, right) < math.inf):
         return
@@ -76,28 +88,27 @@ def join_children(body: Body, patch: Patch, node: int) -> None:
 @kernel
 def _motion_since(body: Body, patch: Patch, node: int) -> tuple[Vector, float]:
     """Return how a node's triangles have moved since it was looked at: a shift, and how far any can be off it."""
-    energy = body.energy_travel - floats(patch.seen_energy)[node]
-    residual = body.residual_travel - floats(patch.seen_residual)[node]
-    drift = floats(patch.reach)[node] * energy + residual + body.turned_travel - floats(patch.seen_turned)[node]
-    tight = floats(patch.spread)[node] * energy + 2.0 * residual
+    drift = _drift(body, patch, node)
+    energy = body.energy_travel - patch.seen_energy[node]
+    tight = patch.spread[node] * energy + 2.0 * (body.residual_travel - patch.seen_residual[node])
     if drift <= 1.5 * tight:
         return _STILL, drift
-    now = node_position(body, ints(patch.representative)[node])
-    return subtract(now, vector(floats(patch.seen_at), node)), tight
+    now = node_position(body, patch.representative[node])
+    return subtract(now, row(patch.seen_at, node)), tight
 
 
 @kernel
 def _look_at_leaf(body: Body, patch: Patch, node: int) -> None:
     """Note the box of a leaf and the slab about its mean normal, which is thin where the wall is tilted."""
     low, high, normal = (math.inf, math.inf, math.inf), (-math.inf, -math.inf, -math.inf), _STILL
-    span, order = ints(patch.span), ints(patch.order)
-    for k in range(span[2 * node], span[2 * node + 1]):
+    span, order = patch.span, patch.order
+    for k in range(span[node, 0], span[node, 1]):
         p0, p1, p2 = corner_positions(body, patch, order[k])
         normal = along(normal, cross(subtract(p1, p0), subtract(p2, p0)), 1.0)
         low, high = _lower(_lower(low, p0), _lower(p1, p2)), _upper(_upper(high, p0), _upper(p1, p2))
     normal = unit(normal)
     bottom, top = math.inf, -math.inf
-    for k in range(span[2 * node], span[2 * node + 1]):
+    for k in range(span[node, 0], span[node, 1]):
         for p in corner_positions(body, patch, order[k]):
             bottom, top = min(bottom, dot(p, normal)), max(top, dot(p, normal))
     _note(body, patch, node, low, high)
@@ -106,19 +117,18 @@ def _look_at_leaf(body: Body, patch: Patch, node: int) -> None:
 
 @kernel
 def _note(body: Body, patch: Patch, node: int, low: Vector, high: Vector) -> None:
-    put(floats(patch.seen_box), 2 * node, low)
-    put(floats(patch.seen_box), 2 * node + 1, high)
-    put(floats(patch.seen_at), node, node_position(body, ints(patch.representative)[node]))
-    floats(patch.seen_energy)[node] = body.energy_noted
-    floats(patch.seen_residual)[node] = body.residual_travel
-    floats(patch.seen_turned)[node] = body.turned_travel
+    put_row_of(patch.seen_box, node, 0, low)
+    put_row_of(patch.seen_box, node, 1, high)
+    put_row(patch.seen_at, node, node_position(body, patch.representative[node]))
+    patch.seen_energy[node] = body.energy_noted
+    patch.seen_residual[node] = body.residual_travel
+    patch.seen_turned[node] = body.turned_travel
 
 
 @kernel
 def _note_slab(patch: Patch, node: int, normal: Vector, bottom: float, top: float) -> None:
-    slab = floats(patch.seen_slab + 40 * node)
-    put(slab, 0, normal)
-    slab[3], slab[4] = bottom, top
+    put_row(patch.seen_normal, node, normal)
+    patch.seen_slab[node, 0], patch.seen_slab[node, 1] = bottom, top
 
 
 @kernel
@@ -127,30 +137,29 @@ def _seen_bound2(
 ) -> float:
     """Return the bound from what was last seen of a node: its box, and a leaf's slab, moved and inflated."""
     d2 = _bound2(_box(patch.seen_box, node, shift, slack), ends[0], ends[1], direction)
-    if ints(patch.child)[2 * node] != LEAF:
+    if patch.child[node, 0] != LEAF:
         return d2
-    slab = floats(patch.seen_slab + 40 * node)
-    normal = vector(slab, 0)
+    normal, slab = row(patch.seen_normal, node), patch.seen_slab
     from_a, from_b, moved = dot(ends[0], normal), dot(ends[1], normal), dot(shift, normal)
-    gap = max(slab[3] + moved - max(from_a, from_b), min(from_a, from_b) - slab[4] - moved) - slack
+    gap = max(slab[node, 0] + moved - max(from_a, from_b), min(from_a, from_b) - slab[node, 1] - moved) - slack
     return max(d2, gap * gap) if gap > 0.0 else d2
 
 
 @kernel
 def _drift(body: Body, patch: Patch, node: int) -> float:
     """Return how far any vertex can have moved since the node was looked at, infinite if it never was."""
-    seen = floats(patch.seen_energy)[node]
+    seen = patch.seen_energy[node]
     if seen == -math.inf:
         return math.inf
-    energy = floats(patch.reach)[node] * (body.energy_travel - seen)
-    residual = body.residual_travel - floats(patch.seen_residual)[node]
-    drift: float = energy + residual + body.turned_travel - floats(patch.seen_turned)[node]
+    energy = patch.reach[node] * (body.energy_travel - seen)
+    residual = body.residual_travel - patch.seen_residual[node]
+    drift: float = energy + residual + body.turned_travel - patch.seen_turned[node]
     return drift
 
 
 @kernel
-def _box(address: int, node: int, shift: Vector, slack: float) -> Box:
-    low, high = vector(floats(address), 2 * node), vector(floats(address), 2 * node + 1)
+def _box(boxes: FloatArray, node: int, shift: Vector, slack: float) -> Box:
+    low, high = row_of(boxes, node, 0), row_of(boxes, node, 1)
     return (
         (low[0] + shift[0] - slack, low[1] + shift[1] - slack, low[2] + shift[2] - slack),
         (high[0] + shift[0] + slack, high[1] + shift[1] + slack, high[2] + shift[2] + slack),

@@ -7,15 +7,13 @@ into the other, which then is the closer one: it would be shaken between the two
 
 from __future__ import annotations
 
-import math
-
-from services.mechanics.collision.primitives import vector
+from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.search import NOTHING, Touch, better_neighbour, touch_triangle
-from services.mechanics.collision.surface import Body, Patch, corner_positions
+from services.mechanics.collision.shell import Body, Patch
+from services.mechanics.collision.sides import triangle_normal
 from services.mechanics.collision.topology import NO_NEIGHBOUR
-from services.mechanics.collision.writer import Rows
-from services.mechanics.compiled import floats, ints, kernel
-from services.mechanics.compiled.vectors import Vector, cross, dot, subtract
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, dot, row
 
 # Flanks that turn by less than 12 degrees from one to the other are one.
 SAME_FLANK = 0.978
@@ -27,13 +25,10 @@ def may_be_flank(body: Body, patch: Patch, triangle: int, normal: Vector) -> boo
 
     What is touched within a patch pushes along normals of its triangles or between them, round a rim any way.
     """
-    neighbour = ints(patch.neighbour)
     for edge in range(3):
-        if neighbour[3 * triangle + edge] == NO_NEIGHBOUR:
+        if patch.neighbour[triangle, edge] == NO_NEIGHBOUR:
             return True
-    p0, p1, p2 = corner_positions(body, patch, triangle)
-    across = cross(subtract(p1, p0), subtract(p2, p0))
-    return abs(dot(across, normal)) <= SAME_FLANK * math.sqrt(dot(across, across))
+    return abs(dot(triangle_normal(body, patch, triangle), normal)) <= SAME_FLANK
 
 
 @kernel
@@ -53,22 +48,22 @@ def flank_on(body: Body, patch: Patch, here: int, other: int, ends: tuple[Vector
 @kernel
 def _is_shared(patch: Patch, here: int, touch: Touch) -> bool:
     """Return whether the feature touched is also one of triangle ``here``."""
-    corner = ints(patch.triangles)
+    corner = patch.triangles
     for k in range(3):
-        vertex = corner[3 * touch[0] + k]
-        is_corner = vertex in (corner[3 * here], corner[3 * here + 1], corner[3 * here + 2])
+        vertex = corner[touch[0], k]
+        is_corner = vertex in (corner[here, 0], corner[here, 1], corner[here, 2])
         if touch[3][k] > 0.0 and not is_corner:
             return False
     return True
 
 
 @kernel
-def is_new_flank(rows: Rows, start: int, normal: Vector) -> bool:
-    """Return whether no row from ``start`` on pushes the same way.
+def is_new_flank(pairs: ContactPairs, start: int, normal: Vector) -> bool:
+    """Return whether no pair from ``start`` on pushes the same way.
 
     An edge or a corner is found once by each of its triangles.
     """
     is_new = True
-    for row in range(start, rows.used):
-        is_new = is_new and dot(vector(floats(rows.normal), row), normal) <= SAME_FLANK
+    for index in range(start, pairs.count):
+        is_new = is_new and dot(row(pairs.normal, index), normal) <= SAME_FLANK
     return is_new

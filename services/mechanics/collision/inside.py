@@ -9,54 +9,46 @@ it is looked at every `STEP_M` of its way.
 from __future__ import annotations
 
 import math
+from typing import Annotated, Self
 
 import numpy as np
 
-from services.mechanics.collision.primitives import put, vector
+from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.probes import JUMP_M
 from services.mechanics.collision.search import NOTHING, Touch, closest, offset
+from services.mechanics.collision.shell import Body, Patch, Shell
 from services.mechanics.collision.sides import surface_normal, triangle_normal
-from services.mechanics.collision.surface import Body, Patch, Shell
-from services.mechanics.compiled import Struct, fill, flags, floats, kernel, struct_reader, struct_type
-from services.mechanics.compiled.vectors import Vector, along, dot, scaled, squared_distance
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance
 
 STEP_M = 0.25e-3
 HORIZON_M = 5e-3
 
 
-Lumen = Struct
-LUMEN = struct_type(
-    arrays=(
-        "inside",  # (n,) int8, one in the lumen, zero outside
-        "looked_from",  # (n, 3) where the caps were last looked at
-        "travel",  # (n,) the wall's travel then
-        "clearance",  # (n,) distance to the nearest cap then; negative without a past
-    )
-)
-lumen_at = struct_reader(LUMEN)
-
-
-class LumenState:
+class Lumen(Struct):
     """Which of n particles are in the lumen."""
 
-    def __init__(self, n: int) -> None:
-        self.inside = np.zeros(n, np.int8)
-        self._clearance = np.full(n, -1.0)
-        self._storage = np.zeros(1, LUMEN)
-        self.address: int = self._storage.ctypes.data
-        self._alive: dict[str, np.ndarray] = {"looked_from": np.zeros((n, 3)), "travel": np.zeros(n)}
-        fill(self._storage[0], inside=self.inside, clearance=self._clearance, **self._alive)
+    inside: Annotated[ByteArray, "n"]  # one in the lumen, zero outside
+    looked_from: Annotated[FloatArray, "n", 3]  # where the caps were last looked at
+    travel: Annotated[FloatArray, "n"]  # the wall's travel then
+    clearance: Annotated[FloatArray, "n"]  # distance to the nearest cap then; negative without a past
+
+    @classmethod
+    def allocate(cls, n: int) -> Self:
+        """Return n particles without a past."""
+        return cls.zeros(n=n, clearance=np.full(n, -1.0))
 
     def reset(self) -> None:
         """Drop the past of every particle."""
-        self._clearance.fill(-1.0)
+        self.clearance.fill(-1.0)
 
 
 @kernel
 def cap_clearance(body: Body, lumen: Lumen, i: int, p: Vector) -> float:
     """Return a lower bound of the distance from particle i at p to the nearest cap."""
-    moved = math.sqrt(squared_distance(p, vector(floats(lumen.looked_from), i)))
-    left: float = floats(lumen.clearance)[i] - moved - (body.travel - floats(lumen.travel)[i])
+    moved = math.sqrt(squared_distance(p, row(lumen.looked_from, i)))
+    left: float = lumen.clearance[i] - moved - (body.travel - lumen.travel[i])
     return left
 
 
@@ -65,7 +57,7 @@ def follow_caps(shell: Shell, lumen: Lumen, i: int, start: Vector, end: Vector, 
     """Update the flag of particle i, which has moved from start to end; ``guess`` is a wall triangle near it."""
     body = shell.body
     motion = math.sqrt(squared_distance(start, end))
-    if floats(lumen.clearance)[i] < 0.0 or motion > JUMP_M:
+    if lumen.clearance[i] < 0.0 or motion > JUMP_M:
         _look_everywhere(shell, lumen, i, end)
         return
     if cap_clearance(body, lumen, i, end) > 0.0:
@@ -87,7 +79,7 @@ def _look(shell: Shell, lumen: Lumen, i: int, p: Vector, guess: int) -> None:
         return
     # An edge of the rim belongs to the wall and to the cap: nothing strictly closer means no opinion.
     if closest(body, wall, p, p, math.sqrt(cap[1]) * (1.0 + 1e-9), guess)[0] == NOTHING:
-        flags(lumen.inside)[i] = _is_behind(body, caps, cap, p)
+        lumen.inside[i] = _is_behind(body, caps, cap, p)
 
 
 @kernel
@@ -98,12 +90,12 @@ def _look_everywhere(shell: Shell, lumen: Lumen, i: int, p: Vector) -> None:
     _note(body, lumen, i, p, math.sqrt(cap[1]))
     side = closest(body, wall, p, p, math.inf, NOTHING)
     if side[1] < cap[1] * (1.0 - 1e-9):
-        flags(lumen.inside)[i] = _is_behind(body, wall, side, p)
+        lumen.inside[i] = _is_behind(body, wall, side, p)
     elif cap[1] < side[1] * (1.0 - 1e-9):
-        flags(lumen.inside)[i] = _is_behind(body, caps, cap, p)
+        lumen.inside[i] = _is_behind(body, caps, cap, p)
     else:
         normal = along(triangle_normal(body, wall, side[0]), triangle_normal(body, caps, cap[0]), 1.0)
-        flags(lumen.inside)[i] = 1 if dot(offset(body, wall, side, p, p), normal) < 0.0 else 0
+        lumen.inside[i] = 1 if dot(offset(body, wall, side, p, p), normal) < 0.0 else 0
 
 
 @kernel
@@ -113,6 +105,6 @@ def _is_behind(body: Body, patch: Patch, touch: Touch, p: Vector) -> int:
 
 @kernel
 def _note(body: Body, lumen: Lumen, i: int, p: Vector, clearance: float) -> None:
-    put(floats(lumen.looked_from), i, p)
-    floats(lumen.travel)[i] = body.travel_noted
-    floats(lumen.clearance)[i] = clearance
+    put_row(lumen.looked_from, i, p)
+    lumen.travel[i] = body.travel_noted
+    lumen.clearance[i] = clearance

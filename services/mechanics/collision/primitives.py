@@ -7,23 +7,8 @@ or a corner: the feature can be read off them.
 
 from __future__ import annotations
 
-from typing import Any
-
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, squared_distance, subtract
-
-
-@kernel
-def vector(pointer: Any, row: int) -> Vector:
-    """Return row ``row`` of a flat array of vectors."""
-    return (pointer[3 * row], pointer[3 * row + 1], pointer[3 * row + 2])
-
-
-@kernel
-def put(pointer: Any, row: int, v: Vector) -> None:
-    """Write v into row ``row`` of a flat array of vectors."""
-    for axis in range(3):
-        pointer[3 * row + axis] = v[axis]
 
 
 @kernel

@@ -10,11 +10,12 @@ slack is gone and the tree answers.
 from __future__ import annotations
 
 import math
+from typing import Annotated, Self
 
 import numpy as np
 
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.collision.boxes import OPPOSITE
-from services.mechanics.collision.primitives import put, vector
 from services.mechanics.collision.search import (
     NOTHING,
     Touch,
@@ -24,10 +25,21 @@ from services.mechanics.collision.search import (
     offset,
     walk,
 )
-from services.mechanics.collision.sides import UNKNOWN, Contact, settle
-from services.mechanics.collision.surface import Body, Patch
-from services.mechanics.compiled import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
-from services.mechanics.compiled.vectors import Vector, along, dot, scaled, squared_distance, subtract, unit
+from services.mechanics.collision.shell import Body, Patch
+from services.mechanics.collision.sides import UNKNOWN, Contact, contact_of
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
+from services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    dot,
+    put_row_of,
+    row_of,
+    scaled,
+    squared_distance,
+    subtract,
+    unit,
+)
 
 MINIMA = 2
 # The second minimum is given up when the walls no longer face each other; later than it is taken up.
@@ -40,63 +52,46 @@ ROOM_M = 1e3
 EARLY_SEARCHES = 4
 _NEW = 2  # no side
 
-Probes = Struct
-PROBES = struct_type(
-    arrays=(
-        "ends",  # (n, 2, 3) at the last tick
-        "searched_at",  # (n, 2, 3) ends at the last search
-        "travel",  # (n,) the wall's travel at the last search
-        "seen",  # (n,) distance out to which the last search looked; negative without a past
-        "triangle",  # (n, 2) int32 triangle of each minimum, or NOTHING
-        "side",  # (n, 2) int8 side of the wall at each minimum
-        "place",  # (n, 2, 4) s on the probe and barycentric weights
-        "normal",  # (n, 2, 3) towards the probe
-        "distance",  # (n, 2) signed, from the mid-surface to the axis
-    ),
-    counts=("early",),  # searches that may still be done ahead of need in this tick
-)
-probes_at = struct_reader(PROBES)
 
-
-class ProbeSet:
+class Probes(Struct):
     """State of n probes; everything a tick leaves for the next."""
 
-    def __init__(self, n: int) -> None:
-        self._storage = np.zeros(1, PROBES)
-        self.address: int = self._storage.ctypes.data
-        self._seen = np.full(n, -1.0)
-        self._alive: dict[str, np.ndarray] = {
-            "ends": np.zeros((n, 2, 3)),
-            "searched_at": np.zeros((n, 2, 3)),
-            "travel": np.zeros(n),
-            "seen": self._seen,
-            "triangle": np.full((n, MINIMA), NOTHING, np.int32),
-            "side": np.zeros((n, MINIMA), np.int8),
-            "place": np.zeros((n, MINIMA, 4)),
-            "normal": np.zeros((n, MINIMA, 3)),
-            "distance": np.zeros((n, MINIMA)),
-        }
-        fill(self._storage[0], **self._alive)
+    ends: Annotated[FloatArray, "n", 2, 3]  # at the last tick
+    searched_at: Annotated[FloatArray, "n", 2, 3]  # ends at the last search
+    travel: Annotated[FloatArray, "n"]  # the wall's travel at the last search
+    seen: Annotated[FloatArray, "n"]  # distance out to which the last search looked; negative without a past
+    triangle: Annotated[IntArray, "n", MINIMA]  # of each minimum, or NOTHING
+    side: Annotated[ByteArray, "n", MINIMA]  # of the wall at each minimum
+    parameter: Annotated[FloatArray, "n", MINIMA]  # s on the probe
+    weights: Annotated[FloatArray, "n", MINIMA, 3]  # barycentric
+    normal: Annotated[FloatArray, "n", MINIMA, 3]  # towards the probe
+    distance: Annotated[FloatArray, "n", MINIMA]  # signed, from the mid-surface to the axis
+    early: int = 0  # searches that may still be done ahead of need in this tick
+
+    @classmethod
+    def allocate(cls, n: int) -> Self:
+        """Return n probes without a past."""
+        return cls.zeros(n=n, seen=np.full(n, -1.0), triangle=np.full((n, MINIMA), NOTHING, np.int32))
 
     def reset(self) -> None:
         """Drop the past of every probe."""
-        self._seen.fill(-1.0)
+        self.seen.fill(-1.0)
 
 
 @kernel
 def forget(probes: Probes, i: int) -> None:
     """Drop the past of one probe."""
-    floats(probes.seen)[i] = -1.0
+    probes.seen[i] = -1.0
     for k in range(MINIMA):
-        ints(probes.triangle)[MINIMA * i + k] = NOTHING
-        flags(probes.side)[MINIMA * i + k] = UNKNOWN
+        probes.triangle[i, k] = NOTHING
+        probes.side[i, k] = UNKNOWN
 
 
 @kernel
 def motion_to(probes: Probes, i: int, p: Vector) -> Vector:
     """Return how far probe i, a point, has come since the last tick if it is at p now; zero without a past."""
-    motion = subtract(p, vector(floats(probes.ends), 2 * i))
-    if floats(probes.seen)[i] < 0.0 or not dot(motion, motion) < JUMP_M * JUMP_M:
+    motion = subtract(p, row_of(probes.ends, i, 0))
+    if probes.seen[i] < 0.0 or not dot(motion, motion) < JUMP_M * JUMP_M:
         return (0.0, 0.0, 0.0)
     return motion
 
@@ -123,33 +118,31 @@ def advance(
     which the probe is.
     """
     reach = on_the_way[0]
-    last = floats(probes.ends)
-    old_a, old_b = vector(last, 2 * i), vector(last, 2 * i + 1)
+    old_a, old_b = row_of(probes.ends, i, 0), row_of(probes.ends, i, 1)
     if not (is_near(ends[0]) and is_near(ends[1])):
         forget(probes, i)
         return
     motion = math.sqrt(max(squared_distance(ends[0], old_a), squared_distance(ends[1], old_b)))
     steps = 1
-    if motion > JUMP_M or floats(probes.seen)[i] < 0.0:
+    if motion > JUMP_M or probes.seen[i] < 0.0:
         forget(probes, i)
-    elif _used(body, probes, i, ends) >= floats(probes.seen)[i] - reach:
+    elif _used(body, probes, i, ends) >= probes.seen[i] - reach:
         steps += int(2.0 * motion / reach)
     for step in range(1, steps):
         part = step / steps
         a = along(scaled(old_a, 1.0 - part), ends[0], part)
         _update(body, wall, probes, i, (a, along(scaled(old_b, 1.0 - part), ends[1], part)), on_the_way)
     _update(body, wall, probes, i, ends, there)
-    put(last, 2 * i, ends[0])
-    put(last, 2 * i + 1, ends[1])
+    for end in range(2):
+        put_row_of(probes.ends, i, end, ends[end])
 
 
 @kernel
 def _used(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector]) -> float:
     """Return how much of the slack motion since the last search has used up."""
-    start = floats(probes.searched_at)
-    moved_a = squared_distance(ends[0], vector(start, 2 * i))
-    moved_b = squared_distance(ends[1], vector(start, 2 * i + 1))
-    used: float = math.sqrt(max(moved_a, moved_b)) + body.travel - floats(probes.travel)[i]
+    moved_a = squared_distance(ends[0], row_of(probes.searched_at, i, 0))
+    moved_b = squared_distance(ends[1], row_of(probes.searched_at, i, 1))
+    used: float = math.sqrt(max(moved_a, moved_b)) + body.travel - probes.travel[i]
     return used
 
 
@@ -158,19 +151,19 @@ def _update(
     body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], reach_and_hint: tuple[float, int]
 ) -> None:
     reach = reach_and_hint[0]
-    triangle, side = ints(probes.triangle), flags(probes.side)
-    first = _follow(body, wall, triangle[MINIMA * i], ends, reach)
-    second = _follow(body, wall, triangle[MINIMA * i + 1], ends, reach)
-    is_lost = first[0] == NOTHING and triangle[MINIMA * i] != NOTHING
+    triangle, side = probes.triangle, probes.side
+    first = _follow(body, wall, triangle[i, 0], ends, reach)
+    second = _follow(body, wall, triangle[i, 1], ends, reach)
+    is_lost = first[0] == NOTHING and triangle[i, 0] != NOTHING
     if is_lost or _is_search_due(body, probes, i, ends, reach):
         _search(body, wall, probes, i, ends, (first, second), reach_and_hint)
         return
     if first[0] != NOTHING:
-        _store(probes, i, 0, settle(body, wall, first, ends[0], ends[1], side[MINIMA * i]))
+        _store(probes, i, 0, contact_of(body, wall, first, ends[0], ends[1], side[i, 0]))
     if second[0] != NOTHING and _is_opposite(body, wall, first, second, ends):
-        _store(probes, i, 1, settle(body, wall, second, ends[0], ends[1], side[MINIMA * i + 1]))
+        _store(probes, i, 1, contact_of(body, wall, second, ends[0], ends[1], side[i, 1]))
     else:
-        triangle[MINIMA * i + 1] = NOTHING
+        triangle[i, 1] = NOTHING
 
 
 @kernel
@@ -182,7 +175,7 @@ def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector],
 
 @kernel
 def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
-    used, slack = _used(body, probes, i, ends), floats(probes.seen)[i] - reach
+    used, slack = _used(body, probes, i, ends), probes.seen[i] - reach
     if not used < slack:
         return True
     if used > 0.5 * slack and probes.early > 0:
@@ -212,24 +205,24 @@ def _search(
     body.searches += 1
     a, b = ends
     reach, hint = reach_and_hint
-    triangle, side = ints(probes.triangle), flags(probes.side)
-    sides = (int(side[MINIMA * i]), int(side[MINIMA * i + 1]))
+    triangle, side = probes.triangle, probes.side
+    sides = (int(side[i, 0]), int(side[i, 1]))
     first, first_side = followed[0], sides[0]
-    if first[0] == NOTHING or settle(body, wall, first, a, b, first_side)[2] >= 0.0:
+    if first[0] == NOTHING or contact_of(body, wall, first, a, b, first_side)[2] >= 0.0:
         first = closest(body, wall, a, b, reach + SKIN_M, first[0])
         first_side = _remembered_side(first, followed, sides, hint)
     _note_seen(body, wall, probes, i, ends, first, reach)
-    triangle[MINIMA * i] = triangle[MINIMA * i + 1] = NOTHING
+    triangle[i, 0] = triangle[i, 1] = NOTHING
     if first[0] == NOTHING:
         return
-    _store(probes, i, 0, settle(body, wall, first, a, b, first_side))
+    _store(probes, i, 0, contact_of(body, wall, first, a, b, first_side))
     away = offset(body, wall, first, a, b)
     if dot(away, away) == 0.0:
         return
     second = closest_opposite(body, wall, a, b, reach + SKIN_M, scaled(unit(away), -1.0))
     if second[0] == NOTHING:
         return
-    contact = settle(body, wall, second, a, b, _remembered_side(second, followed, sides, hint))
+    contact = contact_of(body, wall, second, a, b, _remembered_side(second, followed, sides, hint))
     # Through a wall one sees the back of the opposite one, which nobody has been pushed through.
     if contact[2] >= 0.0 or hint == UNKNOWN or _remembered_side(second, followed, sides, _NEW) != _NEW:
         _store(probes, i, 1, contact)
@@ -240,10 +233,10 @@ def _note_seen(
     body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], first: Touch, reach: float
 ) -> None:
     """Note where the search was made and how far it has looked."""
-    start, seen = floats(probes.searched_at), floats(probes.seen)
-    put(start, 2 * i, ends[0])
-    put(start, 2 * i + 1, ends[1])
-    floats(probes.travel)[i] = body.travel_noted
+    seen = probes.seen
+    for end in range(2):
+        put_row_of(probes.searched_at, i, end, ends[end])
+    probes.travel[i] = body.travel_noted
     seen[i] = reach + SKIN_M
     if first[0] == NOTHING:
         seen[i] = max(seen[i], distance_to_all(body, wall, ends[0], ends[1]))
@@ -262,12 +255,9 @@ def _remembered_side(found: Touch, followed: tuple[Touch, Touch], sides: tuple[i
 @kernel
 def _store(probes: Probes, i: int, k: int, contact: Contact) -> None:
     touch, normal, distance, side = contact
-    row = MINIMA * i + k
-    ints(probes.triangle)[row] = touch[0]
-    flags(probes.side)[row] = side
-    place = floats(probes.place)
-    place[4 * row] = touch[2]
-    for corner in range(3):
-        place[4 * row + 1 + corner] = touch[3][corner]
-    put(floats(probes.normal), row, normal)
-    floats(probes.distance)[row] = distance
+    probes.triangle[i, k] = touch[0]
+    probes.side[i, k] = side
+    probes.parameter[i, k] = touch[2]
+    put_row_of(probes.weights, i, k, touch[3])
+    put_row_of(probes.normal, i, k, normal)
+    probes.distance[i, k] = distance

@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 
 from services.mechanics.collision.boxes import OPPOSITE, distance2_below, join_children
+from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.primitives import closest_on_triangle, closest_segment_triangle
-from services.mechanics.collision.surface import (
-    Body,
-    Patch,
-    corner_positions,
-)
+from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.collision.tree import LEAF
-from services.mechanics.compiled import floats, ints, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance, subtract
 
 Touch = tuple[int, float, float, Vector]
@@ -50,9 +47,9 @@ def better_neighbour(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vecto
     best, w = touch, touch[3]
     for corner in range(3):
         if w[corner] == 1.0:
-            return _best_round(body, patch, ints(patch.triangles)[3 * touch[0] + corner], best, a, b)
+            return _best_round(body, patch, patch.triangles[touch[0], corner], best, a, b)
     for edge in range(3):
-        other = ints(patch.neighbour)[3 * touch[0] + edge]
+        other = patch.neighbour[touch[0], edge]
         if w[(edge + 2) % 3] == 0.0 and other != NO_NEIGHBOUR:
             best = _closer(best, touch_triangle(body, patch, other, a, b))
     return best
@@ -61,7 +58,7 @@ def better_neighbour(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vecto
 @kernel
 def _best_round(body: Body, patch: Patch, vertex: int, best: Touch, a: Vector, b: Vector) -> Touch:
     """Return the closest touch on the triangles round a vertex, ``best`` if none is closer."""
-    start, ring = ints(patch.ring_start), ints(patch.ring)
+    start, ring = patch.ring_start, patch.ring
     for k in range(start[vertex], start[vertex + 1]):
         best = _closer(best, touch_triangle(body, patch, ring[k], a, b))
     return best
@@ -70,14 +67,14 @@ def _best_round(body: Body, patch: Patch, vertex: int, best: Touch, a: Vector, b
 @kernel
 def _best_touching(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector) -> Touch:
     """Return the closest touch on the triangles that share a corner with the touched one; none is looked at twice."""
-    best, corner, start, ring = touch, ints(patch.triangles), ints(patch.ring_start), ints(patch.ring)
-    neighbour = ints(patch.neighbour)
-    first, second, third = neighbour[3 * touch[0]], neighbour[3 * touch[0] + 1], neighbour[3 * touch[0] + 2]
+    best, corner, start, ring = touch, patch.triangles, patch.ring_start, patch.ring
+    neighbour = patch.neighbour
+    first, second, third = neighbour[touch[0], 0], neighbour[touch[0], 1], neighbour[touch[0], 2]
     for other in (first, second, third):
         if other != NO_NEIGHBOUR:
             best = _closer(best, touch_triangle(body, patch, other, a, b))
     for k in range(3):
-        vertex = corner[3 * touch[0] + k]
+        vertex = corner[touch[0], k]
         for place in range(start[vertex], start[vertex + 1]):
             other = ring[place]
             if other != touch[0] and other not in (first, second, third):
@@ -137,7 +134,7 @@ def closest_opposite(body: Body, patch: Patch, a: Vector, b: Vector, radius: flo
 @kernel
 def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direction: Vector) -> Touch:
     """Depth-first search, nearer child first; a zero ``direction`` asks for the closest touch of all."""
-    child, stack, bound = ints(patch.child), ints(patch.stack), floats(patch.bound)
+    child, stack, bound = patch.child, patch.stack, patch.bound
     stack[0], bound[0] = 0, distance2_below(body, patch, 0, a, b, best[1], direction)
     top = 1
     while top > 0:
@@ -145,7 +142,7 @@ def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direct
         node = stack[top]
         if bound[top] >= best[1]:
             continue
-        left, right = child[2 * node], child[2 * node + 1]
+        left, right = child[node, 0], child[node, 1]
         if left == LEAF:
             best = _search_leaf(body, patch, node, a, b, best, direction)
             continue
@@ -172,8 +169,8 @@ def distance_to_all(body: Body, patch: Patch, a: Vector, b: Vector) -> float:
 @kernel
 def _search_leaf(body: Body, patch: Patch, node: int, a: Vector, b: Vector, best: Touch, direction: Vector) -> Touch:
     wants_opposite = dot(direction, direction) > 0.0
-    span, order = ints(patch.span), ints(patch.order)
-    for k in range(span[2 * node], span[2 * node + 1]):
+    span, order = patch.span, patch.order
+    for k in range(span[node, 0], span[node, 1]):
         touch = touch_triangle(body, patch, order[k], a, b)
         if touch[1] >= best[1]:
             continue

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.capsules import CapsuleMemory, meet, memory_at, row_of
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
-from services.mechanics.collision.writer import PairWriter, rows_at, write_pair
-from services.mechanics.compiled import flags, kernel
-from services.mechanics.compiled.vectors import along, squared_distance
+from services.mechanics.collision.capsules import CapsuleMemory, capsules_at, meet
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at
+from services.mechanics.collision.writer import write_pair
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import along, row, squared_distance
 
 
 class SelfContactDetector:
@@ -32,8 +33,7 @@ class SelfContactDetector:
         self._sizes = (2.0 * radius_m, margin_m)
         self._n_apart = n_apart
         self._shape = (n_particles, 3)
-        self._memory = CapsuleMemory(max(n_particles - 1, 0), max(n_particles - 1, 0))
-        self._writer = PairWriter()
+        self._memory = CapsuleMemory.zeros(m=max(n_particles - 1, 0), n=max(n_particles - 1, 0))
 
     def reset(self) -> None:
         """Forget the past."""
@@ -43,31 +43,32 @@ class SelfContactDetector:
         """Append the pairs of this tick for positions (n, 3)."""
         if particle_positions_m.shape != self._shape:
             raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
-        rows = self._writer.open(pairs_out)
-        _detect(self._memory.address, particle_positions_m, self._n_apart, self._sizes, rows)
-        self._writer.close()
+        _detect(self._memory.address, particle_positions_m, self._n_apart, self._sizes, pairs_out.address)
 
 
 @kernel
 def _detect(
-    memory_address: int, particles: FloatArray, n_apart: int, sizes: tuple[float, float], rows_address: int
+    memory_address: Address[CapsuleMemory],
+    particles: FloatArray,
+    n_apart: int,
+    sizes: tuple[float, float],
+    pairs_address: Address[ContactPairs],
 ) -> None:
-    memory, rows = memory_at(memory_address), rows_at(rows_address)
+    memory, pairs = capsules_at(memory_address), pairs_at(pairs_address)
     thickness, margin = sizes
-    n = memory.n_second
+    n = memory.active.shape[0]
     for i in range(n):
-        a, b = row_of(particles, i), row_of(particles, i + 1)
+        a, b = row(particles, i), row(particles, i + 1)
         for j in range(i + n_apart, n):
-            c, d = row_of(particles, j), row_of(particles, j + 1)
-            pair = i * n + j
+            c, d = row(particles, j), row(particles, j + 1)
             half = 0.5 * (math.sqrt(squared_distance(a, b)) + math.sqrt(squared_distance(c, d)))
             # Midpoints further than both halves and the reach cannot meet.
             middles = squared_distance(along(a, b, 1.0), along(c, d, 1.0))
             if middles > 4.0 * (half + thickness + margin) ** 2:
-                flags(memory.active)[pair] = 0
+                memory.active[i, j] = 0
                 continue
-            s, t, distance, normal = meet(memory, pair, (a, b), (c, d), thickness + margin)
+            s, t, distance, normal = meet(memory, i, j, (a, b), (c, d), thickness + margin)
             # At a particle two segments meet the other: the later one of them stands for both.
             if distance - thickness < margin and (s < 1.0 or i == n - 1) and (t < 1.0 or j == n - 1):
-                write = (NO_TOOL, 0, i, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
-                write_pair(rows, write, distance - thickness, normal)
+                pair = (NO_TOOL, 0, i, CATHETER_SEGMENT, j, s, (1.0 - t, t, 0.0))
+                write_pair(pairs, pair, distance - thickness, normal)

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 
+from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.search import NOTHING, Touch, offset, walk
-from services.mechanics.collision.surface import Body, Patch, corner_positions
+from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
-from services.mechanics.compiled import flags, ints, kernel
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, scaled, subtract, unit
 
 INSIDE, UNKNOWN, OUTSIDE = -1, 0, 1
@@ -40,10 +41,10 @@ def surface_normal(body: Body, patch: Patch, touch: Touch) -> Vector:
     triangle, w = touch[0], touch[3]
     for corner in range(3):
         if w[corner] == 1.0:
-            return _corner_normal(body, patch, ints(patch.triangles)[3 * triangle + corner])
+            return _corner_normal(body, patch, patch.triangles[triangle, corner])
     normal = triangle_normal(body, patch, triangle)
     for edge in range(3):
-        other = ints(patch.neighbour)[3 * triangle + edge]
+        other = patch.neighbour[triangle, edge]
         if w[(edge + 2) % 3] == 0.0 and other != NO_NEIGHBOUR:
             return unit(along(normal, triangle_normal(body, patch, other), 1.0))
     return normal
@@ -53,13 +54,13 @@ def surface_normal(body: Body, patch: Patch, touch: Touch) -> Vector:
 def _corner_normal(body: Body, patch: Patch, vertex: int) -> Vector:
     """Return the mean of the normals round a vertex, weighted by the angle of each triangle there."""
     total = (0.0, 0.0, 0.0)
-    start, ring, corner = ints(patch.ring_start), ints(patch.ring), ints(patch.triangles)
+    start, ring, corner = patch.ring_start, patch.ring, patch.triangles
     for k in range(start[vertex], start[vertex + 1]):
         triangle = ring[k]
         p0, p1, p2 = corner_positions(body, patch, triangle)
-        if corner[3 * triangle + 1] == vertex:
+        if corner[triangle, 1] == vertex:
             p0, p1, p2 = p1, p2, p0
-        elif corner[3 * triangle + 2] == vertex:
+        elif corner[triangle, 2] == vertex:
             p0, p1, p2 = p2, p0, p1
         u, v = subtract(p1, p0), subtract(p2, p0)
         n = cross(u, v)
@@ -75,15 +76,16 @@ def is_on_rim(patch: Patch, touch: Touch) -> bool:
     triangle, w = touch[0], touch[3]
     for corner in range(3):
         if w[corner] == 1.0:
-            return bool(flags(patch.on_rim)[ints(patch.triangles)[3 * triangle + corner]] != 0)
+            return bool(patch.on_rim[patch.triangles[triangle, corner]] != 0)
     for edge in range(3):
-        if w[(edge + 2) % 3] == 0.0 and ints(patch.neighbour)[3 * triangle + edge] == NO_NEIGHBOUR:
+        is_touched = w[(edge + 2) % 3] == 0.0
+        if is_touched and patch.neighbour[triangle, edge] == NO_NEIGHBOUR:
             return True
     return False
 
 
 @kernel
-def settle(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: int) -> Contact:
+def contact_of(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: int) -> Contact:
     """Turn a touch into a contact for a probe that is on ``side``; `UNKNOWN` takes the side it is found on."""
     away = offset(body, patch, touch, a, b)
     distance = math.sqrt(dot(away, away))
@@ -98,8 +100,8 @@ def settle(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: i
         start = height if touch[1] > 0.0 else dot(_above(body, patch, touch, a), normal)
         side = OUTSIDE if start >= 0.0 else INSIDE
     if a != b and (touch[1] == 0.0 or side * height < 0.0):
-        return _settle_deepest_end(body, patch, touch, a, b, side)
-    return _settle_point(touch, away, distance, normal, side)
+        return _contact_at_deepest_end(body, patch, touch, a, b, side)
+    return _contact_on_side(touch, away, distance, normal, side)
 
 
 @kernel
@@ -110,7 +112,7 @@ def _above(body: Body, patch: Patch, touch: Touch, p: Vector) -> Vector:
 
 
 @kernel
-def _settle_point(touch: Touch, away: Vector, distance: float, normal: Vector, side: int) -> Contact:
+def _contact_on_side(touch: Touch, away: Vector, distance: float, normal: Vector, side: int) -> Contact:
     w = touch[3]
     height = dot(away, normal)
     inside_triangle = w[0] > 0.0 and w[1] > 0.0 and w[2] > 0.0
@@ -121,7 +123,7 @@ def _settle_point(touch: Touch, away: Vector, distance: float, normal: Vector, s
 
 
 @kernel
-def _settle_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: int) -> Contact:
+def _contact_at_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: int) -> Contact:
     """Measure an axis that has crossed the wall at whichever end is deeper beyond it."""
     normal = surface_normal(body, patch, touch)
     from_a = dot(_above(body, patch, touch, a), normal)
@@ -132,4 +134,4 @@ def _settle_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b: Ve
         return (touch, scaled(normal, float(side)), 0.0, side)
     there: Touch = (found[0], found[1], s, found[3])
     away = offset(body, patch, there, a, b)
-    return _settle_point(there, away, math.sqrt(dot(away, away)), surface_normal(body, patch, there), side)
+    return _contact_on_side(there, away, math.sqrt(dot(away, away)), surface_normal(body, patch, there), side)

@@ -13,29 +13,43 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.primitives import vector
-from services.mechanics.compiled import Struct, floats, ints, kernel, longs
-from services.mechanics.compiled.vectors import dot
+from services.mechanics.collision.shell import Body, Shell, shell_at
+from services.mechanics.collision.turned import note_turns
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import dot, row
 
 #: A bound of motion at which the anchor follows: more than what trembles, little against the skin of the searches.
 ANCHOR_M = 20e-6
 
 
 @kernel
-def take_state(body: Struct, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
+def start_tick(address: Address[Shell], q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
+    """Take over q (r,) and the residuals (l, 3) of ``nodes`` (l,), and return whether they are sound."""
+    return _take_state(shell_at(address).body, q, nodes, residuals)
+
+
+@kernel
+def end_turn(address: Address[Shell]) -> None:
+    """Count what the sections of a turned wall have done in this tick, once they are where they are."""
+    note_turns(shell_at(address).body)
+
+
+@kernel
+def _take_state(body: Body, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
     """Take over q and the residuals if they are sound; add this tick's largest possible node motion to the travel."""
-    omega, anchor, own = floats(body.omega), floats(body.anchor), floats(body.q)
+    omega, anchor, own = body.omega, body.anchor, body.q
     norm, away, nothing = 0.0, 0.0, 0.0
-    for k in range(body.n_modes):
+    for k in range(omega.shape[0]):
         norm += (omega[k] * q[k]) ** 2
         away += (omega[k] * (q[k] - anchor[k])) ** 2
     for k in range(residuals.shape[0]):
         nothing += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0
-        if nodes[k] < 0 or nodes[k] >= body.n_nodes:
+        if nodes[k] < 0 or nodes[k] >= body.rest.shape[0]:
             return False
     if not math.isfinite(norm + away + nothing):
         return False
-    for k in range(body.n_modes):
+    for k in range(omega.shape[0]):
         own[k] = q[k]
     body.tick += 1
     body.norm = math.sqrt(norm)
@@ -48,11 +62,11 @@ def take_state(body: Struct, q: FloatArray, nodes: IntArray, residuals: FloatArr
 
 
 @kernel
-def _count_travel(body: Struct, away: float) -> None:
+def _count_travel(body: Body, away: float) -> None:
     """Count the energy travel in a state this far from the anchor; let the anchor follow if that is far."""
     if body.largest_reach * away > ANCHOR_M:
-        own, anchor = floats(body.q), floats(body.anchor)
-        for k in range(body.n_modes):
+        own, anchor = body.q, body.anchor
+        for k in range(own.shape[0]):
             anchor[k] = own[k]
         body.anchor_norm = body.norm
         body.anchor_travel += away
@@ -62,32 +76,32 @@ def _count_travel(body: Struct, away: float) -> None:
 
 
 @kernel
-def _grown(body: Struct, norm: float) -> float:
+def _grown(body: Body, norm: float) -> float:
     """Return (1 + beta E)^2, which is one on a straight wall."""
     growth: float = 1.0 + body.growth * norm
     return growth * growth
 
 
 @kernel
-def _replace_residuals(body: Struct, nodes: IntArray, residuals: FloatArray) -> float:
+def _replace_residuals(body: Body, nodes: IntArray, residuals: FloatArray) -> float:
     """Forget the last tick's residuals, set this tick's, return the largest change of any node's."""
-    residual, loaded, stamp = floats(body.residual), ints(body.loaded), longs(body.load_stamp)
+    residual, loaded, stamp = body.residual, body.loaded, body.load_stamp
     largest, change = 0.0, 0.0
     for k in range(nodes.shape[0]):
         stamp[nodes[k]] = body.tick
     for k in range(body.n_loaded):
         node = loaded[k]
         if stamp[node] != body.tick:
-            old = vector(residual, node)
+            old = row(residual, node)
             change = max(change, dot(old, old))
             for axis in range(3):
-                residual[3 * node + axis] = 0.0
+                residual[node, axis] = 0.0
     for k in range(nodes.shape[0]):
         step2, size2 = 0.0, 0.0
         for axis in range(3):
-            step2 += (residuals[k, axis] - residual[3 * nodes[k] + axis]) ** 2
+            step2 += (residuals[k, axis] - residual[nodes[k], axis]) ** 2
             size2 += residuals[k, axis] ** 2
-            residual[3 * nodes[k] + axis] = residuals[k, axis]
+            residual[nodes[k], axis] = residuals[k, axis]
         change, largest = max(change, step2), max(largest, size2)
         loaded[k] = nodes[k]
     body.n_loaded = nodes.shape[0]

@@ -17,8 +17,6 @@ from services.mechanics.collision.bounds import MotionBounds
 
 LEAF_TRIANGLES = 4
 LEAF = -1
-# A depth-first walk of a balanced binary tree holds one sibling a level.
-MAX_DEPTH = 64
 _CHUNK = 4096
 
 
@@ -26,7 +24,7 @@ class BoundingTree(NamedTuple):
     """Box tree as arrays, one row a node, the root first."""
 
     box: FloatArray
-    """(k, 6) rest bounds: low xyz, high xyz."""
+    """(k, 2, 3) rest bounds: lowest and highest corner."""
     child: IntArray
     """(k, 2) children, or (`LEAF`, `LEAF`)."""
     span: IntArray
@@ -45,20 +43,20 @@ def build_tree(vertices_m: FloatArray, triangles: IntArray, bounds: MotionBounds
     """Build the tree over triangles (m, 3)."""
     order, span, child = _split(vertices_m[triangles].mean(axis=1))
     k = len(span)
-    box = np.empty((k, 6))
+    box = np.empty((k, 2, 3))
     representative = np.empty(k, np.int32)
     members: list[IntArray] = []
     for node, (first, last) in enumerate(span):
         corners = np.unique(triangles[order[first:last]])
         if not len(corners):
             # A patch without triangles: a box that nothing is near.
-            box[node] = [np.inf] * 3 + [-np.inf] * 3
+            box[node, 0], box[node, 1] = np.inf, -np.inf
             representative[node] = 0
             members.append(corners)
             continue
         points = vertices_m[corners]
-        box[node] = [*points.min(axis=0), *points.max(axis=0)]
-        middle = 0.5 * (box[node, :3] + box[node, 3:])
+        box[node] = points.min(axis=0), points.max(axis=0)
+        middle = 0.5 * (box[node, 0] + box[node, 1])
         representative[node] = corners[np.argmin(((points - middle) ** 2).sum(axis=1))]
         members.append(corners)
     owner = np.repeat(np.arange(k, dtype=np.int32), [len(corners) for corners in members])

@@ -1,56 +1,15 @@
-"""Writing contact pairs into the solver's arrays; when they are full the deepest are kept."""
+"""Writing contact pairs; where there is no more room the deepest are kept."""
 
 from __future__ import annotations
 
-import numpy as np
-
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.collision.primitives import put
-from services.mechanics.compiled import Struct, fill, flags, floats, ints, kernel, struct_reader, struct_type
-from services.mechanics.compiled.vectors import Vector, dot
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, dot, put_row
 
 FULL = -1
 
-Rows = Struct
-_ARRAYS = (
-    "tool",
-    "tool_segment",
-    "particle",
-    "target_kind",
-    "target",
-    "tool_parameter",
-    "target_weights",
-    "normal",
-    "gap_m",
-)
-ROWS = struct_type(arrays=_ARRAYS, counts=("used", "dropped", "capacity"))
-rows_at = struct_reader(ROWS)
-
 Pair = tuple[int, int, int, int, int, float, Vector]
 """(tool, tool segment, particle, kind of target, target, place on the first body, weights in the target)."""
-
-
-class PairWriter:
-    """Kernel view of the pairs that a detector fills; made anew only when another set is handed in."""
-
-    def __init__(self) -> None:
-        self._storage = np.zeros(1, ROWS)
-        self._rows: Rows = self._storage[0]
-        self._counts = self._storage.view(np.int64)[-3:]  # used, dropped, capacity
-        self._address: int = self._storage.ctypes.data
-        self._pairs = ContactPairs.allocate(0)
-
-    def open(self, pairs: ContactPairs) -> int:
-        """Return the address of the rows of ``pairs``, appending after those already there."""
-        if self._pairs is not pairs:
-            fill(self._rows, capacity=pairs.capacity, **{name: getattr(pairs, name) for name in _ARRAYS})
-            self._pairs = pairs
-        self._counts[0], self._counts[1] = pairs.count, pairs.dropped
-        return self._address
-
-    def close(self) -> None:
-        """Tell the pairs how many rows are used now."""
-        self._pairs.count, self._pairs.dropped = int(self._counts[0]), int(self._counts[1])
 
 
 @kernel
@@ -60,30 +19,30 @@ def is_due(gap_m: float, normal: Vector, motion: Vector, margin_m: float) -> boo
 
 
 @kernel
-def write_pair(rows: Rows, pair: Pair, gap_m: float, normal: Vector) -> None:
+def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) -> None:
     """Write one pair; where there is no room it replaces the shallowest, if that is shallower."""
-    row = _free_row(rows, gap_m)
-    if row == FULL:
+    place = _free_place(pairs, gap_m)
+    if place == FULL:
         return
-    flags(rows.tool)[row] = pair[0]
-    flags(rows.tool_segment)[row] = pair[1]
-    ints(rows.particle)[row] = pair[2]
-    flags(rows.target_kind)[row] = pair[3]
-    ints(rows.target)[row] = pair[4]
-    floats(rows.tool_parameter)[row] = pair[5]
-    put(floats(rows.target_weights), row, pair[6])
-    put(floats(rows.normal), row, normal)
-    floats(rows.gap_m)[row] = gap_m
+    pairs.tool[place] = pair[0]
+    pairs.tool_segment[place] = pair[1]
+    pairs.particle[place] = pair[2]
+    pairs.target_kind[place] = pair[3]
+    pairs.target[place] = pair[4]
+    pairs.tool_parameter[place] = pair[5]
+    put_row(pairs.target_weights, place, pair[6])
+    put_row(pairs.normal, place, normal)
+    pairs.gap_m[place] = gap_m
 
 
 @kernel
-def _free_row(rows: Rows, gap_m: float) -> int:
-    if rows.used < rows.capacity:
-        rows.used += 1
-        return int(rows.used - 1)
-    rows.dropped += 1
-    gaps, shallowest = floats(rows.gap_m), FULL
-    for k in range(rows.capacity):
+def _free_place(pairs: ContactPairs, gap_m: float) -> int:
+    if pairs.count < pairs.gap_m.shape[0]:
+        pairs.count += 1
+        return int(pairs.count - 1)
+    pairs.dropped += 1
+    gaps, shallowest = pairs.gap_m, FULL
+    for k in range(gaps.shape[0]):
         if gaps[k] > gap_m and (shallowest == FULL or gaps[k] > gaps[shallowest]):
             shallowest = k
     return shallowest

@@ -68,3 +68,23 @@ def combine(w: Vector, a: Vector, b: Vector, c: Vector) -> Vector:
 def row(array: FloatArray | Float32Array, i: int) -> Vector:
     """Row i of an (n, 3) array as a tuple, which stays in registers."""
     return (array[i, 0], array[i, 1], array[i, 2])
+
+
+@kernel
+def row_of(array: FloatArray, i: int, k: int) -> Vector:
+    """Entry k of row i of an (n, m, 3) array as a tuple."""
+    return (array[i, k, 0], array[i, k, 1], array[i, k, 2])
+
+
+@kernel
+def put_row(array: FloatArray, i: int, v: Vector) -> None:
+    """Write v into row i of an (n, 3) array."""
+    for axis in range(3):
+        array[i, axis] = v[axis]
+
+
+@kernel
+def put_row_of(array: FloatArray, i: int, k: int, v: Vector) -> None:
+    """Write v into entry k of row i of an (n, m, 3) array."""
+    for axis in range(3):
+        array[i, k, axis] = v[axis]

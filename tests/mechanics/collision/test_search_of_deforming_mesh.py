@@ -21,7 +21,7 @@ EVERYWHERE_M = 1.0
 def closest(surface, ends, radius=EVERYWHERE_M, guess=search.NOTHING):
     a, b = (tuple(map(float, end)) for end in ends)
     shell = surface.shell
-    return search.closest(shell["body"], shell["wall"], a, b, radius, guess)
+    return search.closest(shell.body, shell.wall, a, b, radius, guess)
 
 
 def points_about(rng, n):
@@ -111,9 +111,9 @@ def test_second_minimum_is_the_other_wall_of_a_collapsed_duct():
     p, shell = (20e-3, 0.3e-3, 0.0), surface.shell
     first = closest(surface, (p, p))
     assert np.sqrt(first[1]) == pytest.approx(0.9e-3, abs=0.02e-3)
-    second = search.closest_opposite(shell["body"], shell["wall"], p, p, 2e-3, (0.0, 1.0, 0.0))
+    second = search.closest_opposite(shell.body, shell.wall, p, p, 2e-3, (0.0, 1.0, 0.0))
     assert np.sqrt(second[1]) == pytest.approx(1.5e-3, abs=0.02e-3)
-    none = search.closest_opposite(shell["body"], shell["wall"], p, p, 1.4e-3, (0.0, 1.0, 0.0))
+    none = search.closest_opposite(shell.body, shell.wall, p, p, 1.4e-3, (0.0, 1.0, 0.0))
     assert none[0] == search.NOTHING
 
 

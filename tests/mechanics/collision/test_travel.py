@@ -26,11 +26,11 @@ def test_no_node_has_moved_further_than_the_travel_since_it_was_noted(surface):
     for q in random_walk(rng, 120):
         loaded = rng.choice(surface.mesh.n_vertices, 3, replace=False).astype(np.int32)
         surface.update(q, loaded, rng.normal(size=(3, 3)) * 2e-6)
-        body, shape = surface.shell["body"], deformed(surface)
+        body, shape = surface.shell.body, deformed(surface)
         for before, then in zip(noted, shapes, strict=True):
             moved_m = np.linalg.norm(shape - then, axis=1).max()
-            assert moved_m <= (body["travel"] - before) * (1.0 + 1e-12)
-        noted.append(float(body["travel_noted"]))
+            assert moved_m <= (body.travel - before) * (1.0 + 1e-12)
+        noted.append(float(body.travel_noted))
         shapes.append(shape)
 
 
@@ -38,11 +38,11 @@ def test_a_wall_that_trembles_does_not_travel(surface):
     rng = np.random.default_rng(2)
     where = random_coordinates(rng, 1e-3)
     surface.update(where)
-    body = surface.shell["body"]
-    noted = float(body["travel_noted"])
+    body = surface.shell.body
+    noted = float(body.travel_noted)
     for _ in range(2000):
         surface.update(where + random_coordinates(rng, 0.3e-6))
-    assert body["travel"] - noted <= 2.0 * ANCHOR_M
+    assert body.travel - noted <= 2.0 * ANCHOR_M
 
 
 def test_from_one_side_of_the_anchor_to_the_other(surface):
@@ -50,7 +50,7 @@ def test_from_one_side_of_the_anchor_to_the_other(surface):
     q = random_coordinates(np.random.default_rng(4), 0.3e-6)
     surface.update(np.zeros_like(q))
     surface.update(q)
-    there, noted = deformed(surface), float(surface.shell["body"]["travel_noted"])
+    there, noted = deformed(surface), float(surface.shell.body.travel_noted)
     surface.update(-q)
     moved_m = np.linalg.norm(deformed(surface) - there, axis=1).max()
-    assert 0.0 < moved_m <= surface.shell["body"]["travel"] - noted
+    assert 0.0 < moved_m <= surface.shell.body.travel - noted

@@ -58,7 +58,7 @@ def test_closest_point_equals_brute_force_on_a_wall_that_bends_far(duct, surface
         for p in vertices[rng.integers(0, mesh.n_vertices, 6)] + rng.normal(size=(6, 3)) * 2e-3:
             expected = distances_to_triangles(p, vertices, mesh.triangles).min()
             at = tuple(map(float, p))
-            found = search.closest(shell["body"], shell["wall"], at, at, 1.0, search.NOTHING)
+            found = search.closest(shell.body, shell.wall, at, at, 1.0, search.NOTHING)
             assert np.sqrt(found[1]) == pytest.approx(expected, abs=1e-12)
 
 
@@ -68,7 +68,7 @@ def test_no_vertex_moves_farther_than_its_bounds_say(duct, surface):
     bounds, rng = TurnedBounds(warp, basis.omega_rad_s), np.random.default_rng(3)
     vertex, other = rng.integers(0, mesh.n_vertices, (2, 400))
     reach, spread = bounds.reach(np.arange(mesh.n_vertices)), bounds.spread(vertex, other)
-    body, nearest = surface.shell["body"], 0.0
+    body, nearest = surface.shell.body, 0.0
     for _ in range(40):
         q, step = (bent_far(rng, basis, warp) for _ in range(2))
         # The whole way, and a small step at the far end of it.
@@ -79,12 +79,12 @@ def test_no_vertex_moves_farther_than_its_bounds_say(duct, surface):
             relative = np.linalg.norm(shift[vertex] - shift[other], axis=1)
             assert (relative <= spread * moved + 1e-15).all()
             surface.update(start)
-            before = float(body["turned_travel"])
+            before = float(body.turned_travel)
             surface.update(end)
-            carried = float(body["turned_travel"]) - before
+            carried = float(body.turned_travel) - before
             alone = np.linalg.norm(shift, axis=1)
             assert (alone <= reach * moved + carried + 1e-15).all()
             from_rest = np.linalg.norm(warp.positions(end) - mesh.vertices_m, axis=1)
-            assert (from_rest <= reach * moved + body["turned_shift"] + 1e-15).all() or start.any()
+            assert (from_rest <= reach * moved + body.turned_shift + 1e-15).all() or start.any()
             nearest = max(nearest, alone.max() / (reach.max() * moved + carried))
     assert nearest > 0.3, "bounds this loose would find nothing"

@@ -1,0 +1,171 @@
+"""Detection of the catheter's particles and segments against the wall: what runs in every tick."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.folds import flank_on, is_new_flank, may_be_flank
+from services.mechanics.collision.inside import Lumen, cap_clearance, follow_caps
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
+from services.mechanics.collision.probes import (
+    EARLY_SEARCHES,
+    MINIMA,
+    SKIN_M,
+    Probes,
+    advance,
+    forget,
+    is_near,
+    motion_to,
+)
+from services.mechanics.collision.rim import RimMemory, detect_rims
+from services.mechanics.collision.search import NOTHING, walk
+from services.mechanics.collision.shell import Shell
+from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, Contact, contact_of
+from services.mechanics.collision.writer import is_due, write_pair
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, row_of
+
+# A flank of 12 degrees is in sight from 0.21 of the thickness before the fold on. Who moves further than that in a tick
+# also looks for flanks from where it will be.
+UNSEEN = 0.21
+STILL = (0.0, 0.0, 0.0)
+
+
+class CatheterState(Struct):
+    """What detection of n particles works on, and what a tick leaves for the next."""
+
+    shell: Shell
+    probes: Probes  # a particle each
+    lumen: Lumen
+    rims: RimMemory
+    motion: Annotated[FloatArray, "n", 3]  # of the particles since the last tick
+    thickness_m: float  # radius of the catheter and half that of the wall
+    margin_m: float
+
+
+catheter_at = reader(CatheterState)
+
+
+@kernel
+def detect_catheter(
+    address: Address[CatheterState], positions: FloatArray, pairs_address: Address[ContactPairs]
+) -> None:
+    """Append the pairs of this tick; see `catheter.CatheterContactDetector.detect`."""
+    state, pairs = catheter_at(address), pairs_at(pairs_address)
+    sizes = (state.thickness_m, state.margin_m)
+    for i in range(positions.shape[0]):
+        put_row(state.motion, i, motion_to(state.probes, i, row(positions, i)))
+    detect_rims(state.shell, state.rims, positions, state.motion, sizes, pairs)
+    state.probes.early = EARLY_SEARCHES
+    for i in range(positions.shape[0]):
+        p = row(positions, i)
+        if is_near(p):
+            _detect_particle(state, i, p, row(state.motion, i), pairs)
+        else:
+            forget(state.probes, i)
+
+
+@kernel
+def _detect_particle(state: CatheterState, i: int, p: Vector, motion: Vector, pairs: ContactPairs) -> None:
+    thickness, margin, start = state.thickness_m, state.margin_m, pairs.count
+    moved = math.sqrt(dot(motion, motion))
+    reach = thickness + margin + moved
+    _follow_particle(state, i, p, (thickness + margin, reach))
+    is_touched = False
+    for k in range(MINIMA):
+        is_touched = _write_minimum(state, i, k, motion, pairs) or is_touched
+    for k in range(MINIMA):
+        if is_touched and state.probes.triangle[i, k] != NOTHING:
+            _write_flanks(state, (i, k), (p, STILL), motion, reach, pairs, start)
+            if moved > UNSEEN * thickness:
+                _write_flanks(state, (i, k), (p, motion), motion, reach, pairs, start)
+
+
+@kernel
+def _write_minimum(state: CatheterState, i: int, k: int, motion: Vector, pairs: ContactPairs) -> bool:
+    """Append the pair of a minimum, if it is due, and return whether it is."""
+    probes = state.probes
+    triangle, normal = probes.triangle[i, k], row_of(probes.normal, i, k)
+    gap = probes.distance[i, k] - state.thickness_m
+    if triangle == NOTHING or not is_due(gap, normal, motion, state.margin_m):
+        return False
+    weights = row_of(probes.weights, i, k)
+    write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, triangle, 0.0, weights), gap, normal)
+    return True
+
+
+@kernel
+def _write_flanks(
+    state: CatheterState,
+    minimum: tuple[int, int],
+    place: tuple[Vector, Vector],
+    motion: Vector,
+    reach: float,
+    pairs: ContactPairs,
+    start: int,
+) -> None:
+    """Append pairs with the other flanks of the fold that a minimum (particle, which of its two) lies in; see `folds`.
+
+    ``place`` holds the particle and how far ahead of it to look.
+    """
+    body, wall, probes, (i, k), (p, ahead) = state.shell.body, state.shell.wall, state.probes, minimum, place
+    triangle, side, q = probes.triangle[i, k], probes.side[i, k], along(p, ahead, 1.0)
+    middle = triangle
+    if dot(ahead, ahead) > 0.0:
+        middle = walk(body, wall, triangle, q, q, reach)[0]
+    if middle == NOTHING:
+        return
+    begin, ring, normal = wall.ring_start, wall.ring, row_of(probes.normal, i, k)
+    for corner in range(3):
+        vertex = wall.triangles[middle, corner]
+        for at in range(begin[vertex], begin[vertex + 1]):
+            if not may_be_flank(body, wall, ring[at], normal):
+                continue
+            touch = flank_on(body, wall, triangle, ring[at], (q, q), reach)
+            if touch[0] != NOTHING:
+                _write_flank(state, i, contact_of(body, wall, touch, q, q, side), ahead, motion, pairs, start)
+
+
+@kernel
+def _write_flank(
+    state: CatheterState,
+    i: int,
+    contact: Contact,
+    ahead: Vector,
+    motion: Vector,
+    pairs: ContactPairs,
+    start: int,
+) -> None:
+    """Append the pair of a flank as seen from ``ahead`` of a particle, if it is due.
+
+    What lies ahead cannot overlap yet: a plane that seems to is that of a flank round a corner, which is not there
+    where the particle is.
+    """
+    touch, normal, distance, _ = contact
+    distance -= dot(ahead, normal)
+    least, gap = state.thickness_m if dot(ahead, ahead) > 0.0 else 0.0, distance - state.thickness_m
+    is_near_it = distance > least and is_due(gap, normal, motion, state.margin_m)
+    if is_near_it and is_new_flank(pairs, start, normal):
+        write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, touch[0], 0.0, touch[3]), gap, normal)
+
+
+@kernel
+def _follow_particle(state: CatheterState, i: int, p: Vector, reaches: tuple[float, float]) -> None:
+    """Update flag and minima of one particle; each vouches for the other where it alone can know.
+
+    ``reaches`` is how far it looks on its way to p and how far from there.
+    """
+    shell, probes, lumen, first = state.shell, state.probes, state.lumen, 0
+    follow_caps(shell, lumen, i, row_of(probes.ends, i, 0), p, probes.triangle[i, first])
+    clearance, side = cap_clearance(shell.body, lumen, i, p), INSIDE if lumen.inside[i] else OUTSIDE
+    on_the_way = (reaches[0], side if clearance > reaches[0] + SKIN_M else UNKNOWN)
+    there = (reaches[1], side if clearance > reaches[1] + SKIN_M else UNKNOWN)
+    advance(shell.body, shell.wall, probes, i, (p, p), on_the_way, there)
+    distance, side = probes.distance[i, first], probes.side[i, first]
+    if probes.triangle[i, first] == NOTHING or side == UNKNOWN or distance <= 0.0:
+        return
+    if cap_clearance(shell.body, lumen, i, p) > distance:
+        lumen.inside[i] = 1 if side == INSIDE else 0

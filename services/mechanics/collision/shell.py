@@ -1,0 +1,94 @@
+"""The deforming wall as the kernels of detection see it: patches of triangles on nodes that move."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.compiled.struct import Struct, reader
+
+# A depth-first walk of a balanced binary tree holds one sibling a level.
+MAX_DEPTH = 64
+
+
+class Body(Struct):
+    """The deformation, shared by the patches of one surface; t is n where cross-sections turn, else 0."""
+
+    rest: Annotated[FloatArray, "n", 3]  # undeformed positions
+    Phi: Annotated[FloatArray, "n", 3, "r"]  # modes; turned walls: without the sections' rigid motion
+    omega: Annotated[FloatArray, "r"]  # weights of the displacement bound
+    q: Annotated[FloatArray, "r"]  # modal coordinates of this tick
+    anchor: Annotated[FloatArray, "r"]  # those from which the travel is counted, see `tick`
+    residual: Annotated[FloatArray, "n", 3]  # displacement beyond the modes, zero but at loaded nodes
+    loaded: Annotated[IntArray, "n"]  # loaded nodes, the first n_loaded count
+    load_stamp: Annotated[LongArray, "n"]  # last tick in which a node was loaded
+    position: Annotated[FloatArray, "n", 3]  # deformed positions, valid where the stamp is this tick's
+    stamp: Annotated[LongArray, "n"]
+    arm: Annotated[FloatArray, "t", 3]  # of each node from the axis
+    segment: Annotated[IntArray, "t"]  # between which stations of the axis
+    fraction: Annotated[FloatArray, "t"]  # how far between
+    turn: Annotated[FloatArray, "s", 3]  # rotation vectors of the stations in this tick
+    centre: Annotated[FloatArray, "s", 3]  # and where they are
+    last_turn: Annotated[FloatArray, "s", 3]  # the same in the last tick
+    last_centre: Annotated[FloatArray, "s", 3]
+    rest_centre: Annotated[FloatArray, "s", 3]
+    largest_reach: float  # of the wall's tree
+    growth: float  # beta: see `bounds`; 0 on a straight wall
+    largest_arm: float = 0.0
+    norm: float = 0.0  # E = |omega q|
+    energy_norm: float = 0.0  # E (1 + beta E)^2, what reach and spread multiply
+    largest_residual: float = 0.0
+    anchor_norm: float = 0.0  # E there
+    anchor_travel: float = 0.0  # energy travel up to there
+    energy_travel: float = 0.0  # changes of E, grown alike; less what was noted it bounds the change since
+    energy_noted: float = 0.0  # what is to be noted of it in this tick
+    residual_travel: float = 0.0  # sum of the largest changes of a residual
+    turned_shift: float = 0.0  # turned walls: how far the sections' motion has carried any node from rest
+    turned_travel: float = 0.0  # and the sum of that of each tick
+    travel: float = 0.0  # the same of how far any node has moved
+    travel_noted: float = 0.0
+    n_loaded: int = 0
+    tick: int = 0
+    triangle_tests: int = 0
+    tree_visits: int = 0
+    nodes_placed: int = 0
+    searches: int = 0
+
+
+class Patch(Struct):
+    """Triangles to search, with topology and tree of boxes: the wall itself, the caps of its openings, or its rims."""
+
+    triangles: Annotated[IntArray, "m", 3]
+    neighbour: Annotated[IntArray, "m", 3]  # triangle across edge k -> k + 1
+    ring_start: Annotated[IntArray, "n + 1"]
+    ring: Annotated[IntArray, "3 m"]  # triangles round each vertex
+    on_rim: Annotated[ByteArray, "n"]
+    box: Annotated[FloatArray, "k", 2, 3]  # this and what follows: see `tree.BoundingTree`
+    child: Annotated[IntArray, "k", 2]
+    span: Annotated[IntArray, "k", 2]
+    order: Annotated[IntArray, "m"]
+    representative: Annotated[IntArray, "k"]
+    reach: Annotated[FloatArray, "k"]
+    spread: Annotated[FloatArray, "k"]
+    seen_box: Annotated[FloatArray, "k", 2, 3]  # bounds of the deformed triangles when they were last looked at
+    seen_normal: Annotated[FloatArray, "k", 3]  # a leaf's mean normal at the same moment
+    seen_slab: Annotated[FloatArray, "k", 2]  # lowest and highest offset of its triangles along that
+    seen_at: Annotated[FloatArray, "k", 3]  # the representative vertex then
+    seen_energy: Annotated[FloatArray, "k"]  # the surface's energy travel then; -inf if never
+    seen_residual: Annotated[FloatArray, "k"]  # its residual travel then
+    seen_turned: Annotated[FloatArray, "k"]  # and that of its sections
+    stack: Annotated[IntArray, MAX_DEPTH]  # nodes still to visit
+    bound: Annotated[FloatArray, MAX_DEPTH]  # their distances
+
+
+class Shell(Struct):
+    """What a detector's kernel needs of a surface."""
+
+    body: Body
+    wall: Patch
+    caps: Patch
+    rims: Patch
+    rim_owner: Annotated[IntArray, "e"]  # 3 * wall triangle + edge
+
+
+shell_at = reader(Shell)

@@ -1,0 +1,143 @@
+"""Detection of shafts and jaws against the wall and the catheter: what runs in every tick."""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, segment_ends
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs, pairs_at
+from services.mechanics.collision.primitives import clamp01
+from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, advance, forget
+from services.mechanics.collision.search import NOTHING
+from services.mechanics.collision.shell import Shell
+from services.mechanics.collision.sides import UNKNOWN
+from services.mechanics.collision.writer import write_pair
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import Vector, along, dot, row_of, scaled, squared_distance, subtract
+
+N_SEGMENTS = 3
+# Probes per segment. The shaft's are of PIECE_M, counted from the junction, the last reaching to the port: they
+# stay where they are in the instrument while it slides through the port. A jaw's share the jaw.
+SHAFT_PROBES, JAW_PROBES = 13, 5
+PROBES_PER_TOOL = SHAFT_PROBES + 2 * JAW_PROBES
+PIECE_M = 5e-3
+# Cosine between normals from which two contacts at one place count as the same.
+SAME_WAY = 0.5
+
+
+class ToolsState(Struct):
+    """What detection works on, and what a tick leaves for the next."""
+
+    shell: Shell
+    probes: Probes  # `PROBES_PER_TOOL` a tool
+    capsules: CapsuleMemory  # segments of tools against those of the catheter
+    half_thickness_m: float
+    catheter_radius_m: float
+    margin_m: float
+
+
+tools_at = reader(ToolsState)
+
+
+@kernel
+def detect_tools(
+    address: Address[ToolsState], tools: Tools, particles: FloatArray, pairs_address: Address[ContactPairs]
+) -> None:
+    """Append the pairs of this tick; see `tools.ToolContactDetector.detect`."""
+    state, pairs = tools_at(address), pairs_at(pairs_address)
+    _detect_wall(state, tools, pairs)
+    detect_capsules(state.capsules, tools, particles, (state.catheter_radius_m, state.margin_m), pairs)
+
+
+@kernel
+def _detect_wall(state: ToolsState, tools: Tools, pairs: ContactPairs) -> None:
+    state.probes.early = EARLY_SEARCHES
+    for tool in range(tools[0].shape[0]):
+        first = tool * PROBES_PER_TOOL
+        for segment in range(N_SEGMENTS):
+            count = SHAFT_PROBES if segment == SHAFT else JAW_PROBES
+            if tools[2][tool]:
+                ends, thickness = segment_ends(tools, tool, segment), tools[1][tool, segment] + state.half_thickness_m
+                for k in range(count):
+                    _advance_piece(state, first + k, _piece(segment, k, ends), thickness + state.margin_m)
+                _write_segment(state, (tool, segment), (first, first + count), ends, thickness, pairs)
+            else:
+                for k in range(count):
+                    forget(state.probes, first + k)
+            first += count
+
+
+@kernel
+def _advance_piece(state: ToolsState, i: int, ends: tuple[Vector, Vector], reach: float) -> None:
+    if ends[0] == ends[1]:
+        # Beyond the port: this part of the shaft is outside the patient.
+        forget(state.probes, i)
+    else:
+        advance(state.shell.body, state.shell.wall, state.probes, i, ends, (reach, UNKNOWN), (reach, UNKNOWN))
+
+
+@kernel
+def _piece(segment: int, k: int, ends: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """Return the ends of probe k of a segment; a shaft's are counted from its far end back."""
+    p, axis = ends[0], subtract(ends[1], ends[0])
+    if segment != SHAFT:
+        return (along(p, axis, k / JAW_PROBES), along(p, axis, (k + 1) / JAW_PROBES))
+    length = math.sqrt(dot(axis, axis))
+    piece = PIECE_M / length if length > 0.0 else 1.0
+    start = 0.0 if k == SHAFT_PROBES - 1 else max(1.0 - (k + 1) * piece, 0.0)
+    return (along(p, axis, start), along(p, axis, max(1.0 - k * piece, 0.0)))
+
+
+@kernel
+def _write_segment(
+    state: ToolsState,
+    who: tuple[int, int],
+    span: tuple[int, int],
+    ends: tuple[Vector, Vector],
+    thickness: float,
+    pairs: ContactPairs,
+) -> None:
+    """Write the contacts of one segment; of two neighbours meeting at one point the deeper stands for both."""
+    probes, axis = state.probes, subtract(ends[1], ends[0])
+    length2 = dot(axis, axis)
+    for i in range(span[0], span[1]):
+        for k in range(MINIMA):
+            gap, triangle = probes.distance[i, k] - thickness, probes.triangle[i, k]
+            if triangle == NOTHING or not gap < state.margin_m or _is_repeated(probes, i, k, span):
+                continue
+            s = dot(subtract(_axis_point(probes, i, k), ends[0]), axis) / length2
+            weights = row_of(probes.weights, i, k)
+            pair = (who[0], who[1], -1, DUCT_TRIANGLE, triangle, clamp01(s), weights)
+            write_pair(pairs, pair, gap, row_of(probes.normal, i, k))
+
+
+@kernel
+def _axis_point(probes: Probes, i: int, k: int) -> Vector:
+    s = probes.parameter[i, k]
+    return along(scaled(row_of(probes.ends, i, 0), 1.0 - s), row_of(probes.ends, i, 1), s)
+
+
+@kernel
+def _is_repeated(probes: Probes, i: int, k: int, span: tuple[int, int]) -> bool:
+    """Return whether the probe before or after has a deeper contact of the same direction close by."""
+    mine = probes.distance[i, k]
+    point, normal = _axis_point(probes, i, k), row_of(probes.normal, i, k)
+    for j in (i - 1, i + 1):
+        if j < span[0] or j >= span[1]:
+            continue
+        near2 = 0.25 * min(_length2(probes, i), _length2(probes, j))
+        for other in range(MINIMA):
+            deeper = probes.distance[j, other] - mine
+            if probes.triangle[j, other] == NOTHING or deeper > 0.0 or (deeper == 0.0 and j > i):
+                continue
+            is_same_way = dot(normal, row_of(probes.normal, j, other)) > SAME_WAY
+            if is_same_way and squared_distance(point, _axis_point(probes, j, other)) < near2:
+                return True
+    return False
+
+
+@kernel
+def _length2(probes: Probes, i: int) -> float:
+    return squared_distance(row_of(probes.ends, i, 0), row_of(probes.ends, i, 1))
