@@ -2,9 +2,6 @@ from __future__ import annotations
 
 import pytest
 
-# To be removed with the function `services.mechanics.compiled.struct_type`: the module of that name hides it from those
-# who import it later.
-import services.mechanics.collision  # noqa: F401
 from services.gateway import canbus
 from services.gateway.drivers import grasp_simulated
 from services.runtime.errors import DeviceError

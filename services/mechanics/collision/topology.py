@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import building_kernel
 
 NO_NEIGHBOUR = -1
 
@@ -59,7 +59,7 @@ def fill_rim(vertices_m: FloatArray, rim: IntArray) -> IntArray:
     return np.array(triangles, np.int32).reshape(-1, 3)
 
 
-@njit(cache=True, nogil=True, fastmath=False)
+@building_kernel
 def _least_area_splits(points: FloatArray) -> IntArray:
     n = points.shape[0]
     cost = np.zeros((n, n))

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import building_kernel
 from services.mechanics.fem import ShellModel
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import BATCH, Progress, ignore_progress, residual_response
@@ -123,7 +123,7 @@ def _default_distance_m(vertices_m: FloatArray, radius_m: float) -> float:
     return max(2.0 * radius_m, _radius_of_pairs(vertices_m, 3 * MOST_COLOURS * len(vertices_m)))
 
 
-@njit(cache=True)
+@building_kernel
 def colour_apart(vertices_m: FloatArray, distance_m: float) -> IntArray:
     """Return a colour (n,) for each vertex; vertices of one colour are more than ``distance_m`` apart.
 
@@ -155,7 +155,7 @@ def colour_apart(vertices_m: FloatArray, distance_m: float) -> IntArray:
     return colours
 
 
-@njit(cache=True)
+@building_kernel
 def _read_patches(
     starts: IntArray,
     neighbours: IntArray,

@@ -13,11 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array, identity, tril
 from scipy.sparse.linalg import SuperLU
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from services.mechanics.compiled import building_kernel
 from services.mechanics.reduction.residual.blocks import BlockArray, find_sorted
 
 
@@ -69,7 +69,7 @@ class SelectedInverse:
         return known
 
 
-@njit(cache=True)
+@building_kernel
 def complete_pattern(starts: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
     """Return the pattern of L for a lower pattern by columns: starts (f + 1,) and ascending rows, diagonal first."""
     n = starts.shape[0] - 1
@@ -102,7 +102,7 @@ def complete_pattern(starts: IntArray, rows: IntArray) -> tuple[IntArray, IntArr
     return out_starts, out[:size].copy()
 
 
-@njit(cache=True)
+@building_kernel
 def spread_values(starts: IntArray, rows: IntArray, lower: tuple[IntArray, IntArray, FloatArray]) -> FloatArray:
     """Return the values of ``lower`` (column starts, rows, values) in a pattern that holds its own, zero elsewhere."""
     values, place = np.zeros(rows.shape[0]), np.zeros(starts.shape[0], np.int64)
@@ -114,7 +114,7 @@ def spread_values(starts: IntArray, rows: IntArray, lower: tuple[IntArray, IntAr
     return values
 
 
-@njit(cache=True)
+@building_kernel
 def invert_within_pattern(starts: IntArray, rows: IntArray, L: FloatArray, d: FloatArray) -> FloatArray:
     """Return Z in the pattern of L; each column's diagonal comes first."""
     n = d.shape[0]
@@ -143,7 +143,7 @@ def invert_within_pattern(starts: IntArray, rows: IntArray, L: FloatArray, d: Fl
     return Z
 
 
-@njit(cache=True)
+@building_kernel
 def read_blocks(
     inverse: tuple[IntArray, IntArray, IntArray, FloatArray],
     unknown: IntArray,
@@ -171,7 +171,7 @@ def read_blocks(
                     out[b, i, j] = block[i, j]
 
 
-@njit(cache=True)
+@building_kernel
 def find_entry(inverse: tuple[IntArray, IntArray, IntArray, FloatArray], first: int, second: int) -> int:
     """Return where the entry of two unknowns lies, -1 outside the pattern."""
     place, starts, rows, _ = inverse
