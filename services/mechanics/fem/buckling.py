@@ -20,12 +20,18 @@ SHIFT = 0.9
 
 @dataclass(frozen=True)
 class BucklingModes:
-    """Lowest load factors in ascending order, with the shapes that the shell buckles into."""
+    """Lowest load factors in ascending order, with the shapes that the shell buckles into.
+
+    Attributes
+    ----------
+    load_factor
+        (k,) positive multiples of the load; above the first the shell is unstable.
+    Phi
+        (n, 3, k) translations, the largest of each shape 1; zero at held dofs.
+    """
 
     load_factor: FloatArray
-    """(k,) positive multiples of the load; above the first the shell is unstable."""
     Phi: FloatArray
-    """(n, 3, k) translations, the largest of each shape 1; zero at held dofs."""
 
 
 def compute_buckling(

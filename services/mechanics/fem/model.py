@@ -31,16 +31,24 @@ PENALTY = 1e8
 
 @dataclass(frozen=True)
 class StaticSolution:
-    """Equilibrium under one load case."""
+    """Equilibrium under one load case.
+
+    Attributes
+    ----------
+    displacement_m
+        (n, 3).
+    rotation_rad
+        (n, 3) small rotation vectors.
+    reaction
+        (n, 6) force (N) and moment (N m) that the supports exert on the shell, zero at free dofs.
+    residual
+        Norm of the unbalanced free forces over that of load and reactions, at most `RESIDUAL_LIMIT`.
+    """
 
     displacement_m: FloatArray
-    """(n, 3)."""
     rotation_rad: FloatArray
-    """(n, 3) small rotation vectors."""
     reaction: FloatArray
-    """(n, 6) force (N) and moment (N m) that the supports exert on the shell, zero at free dofs."""
     residual: float
-    """Norm of the unbalanced free forces over that of load and reactions, at most `RESIDUAL_LIMIT`."""
 
 
 def factorise(K: csc_array[np.float64]) -> SuperLU:

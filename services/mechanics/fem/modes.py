@@ -14,14 +14,21 @@ from services.mechanics.fem.model import ShellModel
 
 @dataclass(frozen=True)
 class EigenModes:
-    """Lowest natural modes in ascending order, mass normalised: sum over nodes of mass |Phi|² is one."""
+    """Lowest natural modes in ascending order, mass normalised: sum over nodes of mass |Phi|² is one.
+
+    Attributes
+    ----------
+    omega_rad_s
+        (r,) natural frequencies.
+    Phi
+        (n, 3, r) translations, zero at held dofs.
+    rotations
+        (n, 3, r) rotation vectors that go with them, rad per unit of modal coordinate.
+    """
 
     omega_rad_s: FloatArray
-    """(r,) natural frequencies."""
     Phi: FloatArray
-    """(n, 3, r) translations, zero at held dofs."""
     rotations: FloatArray
-    """(n, 3, r) rotation vectors that go with them, rad per unit of modal coordinate."""
 
     @property
     def frequency_hz(self) -> FloatArray:

@@ -14,14 +14,20 @@ class Orthotropy:
     """A stiffer and a softer direction in the plane of the wall.
 
     ``youngs_modulus_pa`` and ``poisson_ratio`` of the section then mean E1 and nu12, along the axis.
+
+    Attributes
+    ----------
+    axis
+        (3,) or (m, 3) material direction 1 in global components, projected into each triangle's plane.
+    modulus_ratio
+        E2 / E1, stiffness across the axis over stiffness along it.
+    shear_modulus_ratio
+        G12 / E1.
     """
 
     axis: FloatArray
-    """(3,) or (m, 3) material direction 1 in global components, projected into each triangle's plane."""
     modulus_ratio: float
-    """E2 / E1, stiffness across the axis over stiffness along it."""
     shear_modulus_ratio: float
-    """G12 / E1."""
 
 
 @dataclass(frozen=True)

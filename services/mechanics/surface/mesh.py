@@ -17,14 +17,20 @@ class TriangleMesh:
     """A surface of flat triangles with named sets of vertices.
 
     On a duct wall the triangles are wound so that normals point away from the lumen.
+
+    Attributes
+    ----------
+    vertices_m
+        (n, 3) positions.
+    triangles
+        (m, 3) vertex indices, counter-clockwise seen from outside.
+    vertex_sets
+        Name to vertex indices; ``clamped`` and ``mouth`` on a duct, rims in order round the rim.
     """
 
     vertices_m: FloatArray
-    """(n, 3) positions."""
     triangles: IntArray
-    """(m, 3) vertex indices, counter-clockwise seen from outside."""
     vertex_sets: Mapping[str, IntArray] = field(default_factory=dict)
-    """Name to vertex indices; ``clamped`` and ``mouth`` on a duct, rims in order round the rim."""
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices_m, dtype=np.float64)

@@ -26,8 +26,15 @@ class StiffnessKernel(Protocol):
 
 @dataclass(frozen=True)
 class Element:
-    """One row of a table of elements."""
+    """One row of a table of elements.
+
+    Attributes
+    ----------
+    stiffness
+        Of many triangles at once.
+    is_reference_only
+        Fails the patch test or depends on which node comes first: to compare with, not to compute with.
+    """
 
     stiffness: StiffnessKernel
     is_reference_only: bool = False
-    """Fails the patch test or depends on which node comes first: to compare with, not to compute with."""
