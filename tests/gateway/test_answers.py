@@ -39,6 +39,7 @@ def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
     chain.answers.ask(4, 1_000)
     chain.come(4, 301_000)
     assert [stub.accepted for stub in chain.instruments] == [[(0.02, 1_000, 7)]] * 2
+    assert [stub.model_sequence for stub in chain.instruments] == [4, 4]
     assert (chain.arrival.latency.total, chain.arrival.latency.max_ns) == (1, 300_000)
     chain.answers.applied(1_001_000)
     assert chain.force.latency.max_ns == 1_000_000

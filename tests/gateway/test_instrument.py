@@ -51,8 +51,10 @@ class FakeGrasp(GraspHandle):
 
     def __init__(self) -> None:
         self.written_nm = 0.0
+        self.is_open = False
 
-    def open(self) -> None: ...
+    def open(self) -> None:
+        self.is_open = True
 
     def enable(self) -> None:
         self.ready = True
@@ -63,7 +65,8 @@ class FakeGrasp(GraspHandle):
     def write(self, torque_nm: float) -> None:
         self.written_nm = torque_nm
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        self.is_open = False
 
 
 class Bench:
@@ -103,6 +106,16 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 def test_motors_are_switched_on_once_when_force_begins(bench: Bench) -> None:
     assert bench.arm.enabled == 1
     assert bench.grasp.ready
+
+
+def test_both_devices_are_opened_and_closed(bench: Bench) -> None:
+    bench.run(20, PUSH)
+    assert bench.grasp.is_open
+    assert np.linalg.norm(bench.arm.written) > 0.0
+    bench.instrument.close()
+    assert not bench.grasp.is_open
+    np.testing.assert_array_equal(bench.arm.written, 0.0)
+    assert bench.instrument.state().state == "off"
 
 
 def test_force_goes_to_the_arm_in_its_own_frame(bench: Bench) -> None:

@@ -65,6 +65,17 @@ def test_a_reader_of_state_gets_the_newest_frame_once(make: Make, eventually: Ev
     assert reader.latest(STATE) is None
 
 
+def test_what_a_newer_frame_has_replaced_is_counted() -> None:
+    hub = MemoryHub()
+    sender, reader = MemoryBus(hub, publishes=[STATE]), MemoryBus(hub, reads=[STATE])
+    for sent in (1, 4, 2):
+        for _ in range(sent):
+            sender.publish(STATE, state(0))
+        assert reader.latest(STATE) is not None
+    report = reader.reports()[0]
+    assert (report.received, report.superseded, report.dropped) == (3, 4, 0)
+
+
 def test_a_reader_of_every_frame_gets_all_in_order(make: Make, eventually: Eventually) -> None:
     sender, reader = make(publishes=[STATE]), make(reads_every=[STATE])
     connected(sender, eventually)

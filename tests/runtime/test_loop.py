@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
-from protocol import bodies
+from protocol import TOPICS, bodies
 from services.runtime import loop
 from services.runtime.loop import SHARE, DutyCycleLimiter, LoopMeter, TickClock, follow, ticks
 from services.runtime.memory_bus import MemoryBus, MemoryHub
@@ -46,6 +47,8 @@ def test_a_tick_is_due_on_the_grid_whatever_the_work_took(clock: Clock) -> None:
         clock.now += (tick.index * 37) % 900 * 1000  # work of 0 to 0.9 ms
     assert {b - a for a, b in itertools.pairwise(starts)} == {1_000_000}
     assert (meter.ticks, meter.misses, meter.skipped) == (50, 0, 0)
+    assert (meter.period.total, meter.period.max_ns, meter.lateness.max_ns) == (49, 1_000_000, 0)
+    assert meter.work.sum_ns == sum(index * 37 % 900 * 1000 for index in range(50))
 
 
 def test_lost_ticks_are_counted_not_caught_up(clock: Clock) -> None:
@@ -83,6 +86,8 @@ def test_stepping_the_wall_clock_changes_nothing(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(time, "time", forbidden)
     monkeypatch.setattr(time, "time_ns", forbidden)
+    row = TOPICS["gateway.state"]
+    monkeypatch.setitem(TOPICS, "gateway.state", replace(row, stale_after_s=1.0))  # a busy machine may look late
     hub = MemoryHub()
     sender, reader = MemoryBus(hub, publishes=["gateway.state"]), MemoryBus(hub, reads=["gateway.state"])
     meter, stop = LoopMeter(1000.0), after(5)

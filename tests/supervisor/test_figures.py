@@ -99,6 +99,33 @@ def figures_array(length: int) -> object:
     return pack(np.ones(length), "<i8")
 
 
+def test_a_difference_is_of_every_count() -> None:
+    older, newer = (
+        health(
+            "gateway",
+            uptime_s=float(k),
+            loop=loop_report(1000 * k, misses=3 * k, skipped=k),
+            paths=(bodies.PathLatency(name="servo", latency=histogram([MS] * 10 * k), answered=99 * k, asked=100 * k),),
+            topics=(
+                bodies.TopicReport(
+                    topic="x", sent=5 * k, received=7 * k, superseded=2 * k, dropped=k, age=histogram([MS] * 4 * k)
+                ),
+            ),
+        )
+        for k in (1, 3)
+    )
+    since = figures.of(newer) - figures.of(older)
+    assert since.seconds == 2.0
+    assert since.loop is not None
+    assert (since.loop.ticks, since.loop.misses, since.loop.skipped) == (2000, 6, 2)
+    assert [part.total for part in (since.loop.lateness, since.loop.work, since.loop.period)] == [2000] * 3
+    path, topic = since.paths["servo"], since.topics["x"]
+    assert (path.latency.total, path.answered, path.asked) == (20, 198, 200)
+    assert (topic.sent, topic.received, topic.superseded, topic.dropped) == (10, 14, 4, 2)
+    assert topic.age is not None
+    assert topic.age.total == 8
+
+
 def test_traffic_of_all_readers_adds_up() -> None:
     a = figures.Traffic(received=10, dropped=1, refused={"flood": 2}, age=figures.Latencies.of(histogram([MS])))
     b = figures.Traffic(sent=12, refused={"flood": 1, "body": 3}, age=figures.Latencies.of(histogram([2 * MS])))

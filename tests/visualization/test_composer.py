@@ -110,6 +110,18 @@ def test_the_layout_changes_with_tools_and_particles_and_with_nothing_else():
     assert rig.composer.layout.n_particles == 4
 
 
+def test_the_catheter_is_where_physics_says_and_as_far_in():
+    rig = Rig()
+    line = np.linspace([0.06, 0.0, 0.0], [0.03, 0.01, 0.0], 5)
+    body = bodies.Catheter(
+        tick=1, position_m=pack(line), velocity_m_s=pack(0.0 * line), radius_m=1e-3, inserted_length_m=0.012
+    )
+    rig.out.publish("physics.catheter", body)
+    picture = rig.composer.compose()
+    np.testing.assert_array_equal(picture.centreline_m, line.astype(np.float32))
+    assert picture.inserted_length_m == 0.012
+
+
 def test_a_tool_in_free_space_is_where_the_hand_is_and_a_touching_one_where_its_proxy_is():
     rig = Rig()
     hand, proxy = (0.01, 0.02, 0.03), (0.011, 0.02, 0.035)
