@@ -8,26 +8,20 @@ import numpy as np
 import numpy.typing as npt
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.bodies.forceps import Grasp, JawState, ToolBody
+from services.mechanics.bodies.forceps import Grasp, JawState
+from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.geometry import Bodies
-from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.persistence import PressedPoints
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.search import ContactSearch, DuctSearch
-from services.mechanics.contact.strategies import STRATEGIES
-from services.mechanics.contact.system import ContactSystem, DroppedContacts
+from services.mechanics.contact.search import ContactSearch
+from services.mechanics.contact.system import DroppedContacts
 from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
 from services.mechanics.effects import build_effects, by_stage
-from services.mechanics.reduction import ExactOscillator, ModalIntegrator, ModalState, Newmark, ReducedDuct
+from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
-from services.mechanics.simulation.scene_catheter import scene_rod
-from services.mechanics.simulation.scene_duct import constant_load_n
-from services.mechanics.world import World
+from services.mechanics.simulation.scene_world import build_world
 
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
@@ -51,52 +45,25 @@ class Simulation:
         self.scene = scene
         self.effects = build_effects(scene)
         self._stages = by_stage(self.effects.values())
-        capacity = scene.contact.capacity
-        self.duct = DuctBody(duct, _integrator(scene, duct), capacity)
-        self.catheter = CatheterBody(
-            scene.catheter,
-            scene_rod(scene, self._stages["modify_rod"]),
-            may_sleep=scene.sleeping,
-            acts_in_next_step=STRATEGIES[scene.contact.model].acts_in_next_step,
-        )
-        self.tools = ToolBody(scene.forceps)
-        self.bodies = Bodies(self.duct, self.catheter, self.tools, 0.5 * scene.duct.thickness_m)
-        self.system = ContactSystem(self.bodies, scene.contact)
-        self.holds = HoldRegistry(scene.forceps, self.system)
+        self.world = world = build_world(scene, duct, self._stages, search)
+        self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
+        self.system, self.holds, self.search = world.system, world.holds, world.search
         segment_length_m = self.catheter.properties.segment_length_m
         self.grasps = tuple(
             Grasp(tool, forceps, duct.mesh, segment_length_m) for tool, forceps in enumerate(scene.forceps)
         )
-        if search is None:
-            search = DuctSearch(scene, duct)
-        self.search = search
         self.tool_results = ToolResults()
-        self._mouth = Mouth(duct)
         self.max_penetration_m = 0.0
         self.quality_level = 0
-        self._pressed = PressedPoints(self.bodies.half_thickness_m, scene.contact.margin_m)
-        self._catheter_pairs = ContactPairs.allocate(capacity)
-        self._tool_pairs = ContactPairs.allocate(capacity)
-        self._tool_force = np.zeros((N_TOOLS, 4))
+        self._mouth = Mouth(duct)
+        self._pressed = PressedPoints(self.system.bodies.half_thickness_m, scene.contact.margin_m)
+        self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
+        self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._cost_ns = np.zeros(len(STAGE_NAMES), np.int64)
         self._mark_ns = 0
-        load = constant_load_n(self._stages["constant_load_n"], duct.mesh)
-        if load is not None:
-            self.duct.set_constant_load(load)
-        self.world = World(
-            scene,
-            self.duct,
-            self.catheter,
-            self.tools,
-            self.system,
-            self.holds,
-            self.search,
-            self._catheter_pairs,
-            self._body_acceleration_m_s2(),
-        )
         for effect in self._stages["prepare"]:
-            effect.prepare(self.world)
+            effect.prepare(world)
 
     def step(self, tools: ToolInputs, pairs: ContactPairs | None = None, dt_s: float = 1e-3) -> None:
         """Advance everything by one tick.
@@ -198,12 +165,6 @@ class Simulation:
     def _iterations(self) -> int:
         return self.scene.quality[self.quality_level].iterations
 
-    def _body_acceleration_m_s2(self) -> FloatArray:
-        total = np.zeros(3)
-        for effect in self._stages["body_acceleration_m_s2"]:
-            total += effect.body_acceleration_m_s2()
-        return total
-
     def _lap(self, stage: int) -> None:
         now = perf_counter_ns()
         self._cost_ns[stage] = now - self._mark_ns
@@ -230,12 +191,13 @@ class Simulation:
             self.search.tool_pairs(self.catheter, self.tools, pairs)
         self._pressed.append_to(pairs, self.search, system.geometry)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
-        self._catheter_pairs.clear()
-        self.search.catheter_pairs(self.catheter, self._catheter_pairs)
+        catheter_pairs = self.world.pairs
+        catheter_pairs.clear()
+        self.search.catheter_pairs(self.catheter, catheter_pairs)
         for effect in self._stages["add_pairs"]:
             effect.add_pairs(self.world, dt_s)
         system.append(pairs)
-        system.append(self._catheter_pairs)
+        system.append(catheter_pairs)
         for effect in self._stages["add_rows"]:
             effect.add_rows(self.world, dt_s)
         self.holds.append_rows()
@@ -275,8 +237,3 @@ class Simulation:
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         wants_stiffness = self.system.strategy.knows_stiffness
         self.max_penetration_m = report(*addresses, bool(self.holds.active), wants_stiffness)
-
-
-def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:
-    kind = ExactOscillator if scene.duct.integrator == "exact" else Newmark
-    return kind(duct.basis.omega_rad_s, duct.damping_ratio)

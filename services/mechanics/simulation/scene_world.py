@@ -1,0 +1,66 @@
+"""From a scene and its duct to the world that a simulation steps: bodies, contacts and collision detection."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps import ToolBody
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.contact.geometry import Bodies
+from services.mechanics.contact.holds import HoldRegistry
+from services.mechanics.contact.search import ContactSearch, DuctSearch
+from services.mechanics.contact.strategies import STRATEGIES
+from services.mechanics.contact.system import ContactSystem
+from services.mechanics.effects import Effect
+from services.mechanics.reduction import ExactOscillator, ModalIntegrator, Newmark, ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.simulation.scene_catheter import scene_rod
+from services.mechanics.simulation.scene_duct import constant_load_n
+from services.mechanics.world import World
+
+
+def build_world(
+    scene: SceneModel, duct: ReducedDuct, stages: Mapping[str, Iterable[Effect]], search: ContactSearch | None
+) -> World:
+    """Return everything at rest, the duct in equilibrium with its constant loads; ``stages`` as of `by_stage`."""
+    capacity = scene.contact.capacity
+    duct_body = DuctBody(duct, _integrator(scene, duct), capacity)
+    load_n = constant_load_n(stages["constant_load_n"], duct.mesh)
+    if load_n is not None:
+        duct_body.set_constant_load(load_n)
+    catheter = CatheterBody(
+        scene.catheter,
+        scene_rod(scene, stages["modify_rod"]),
+        may_sleep=scene.sleeping,
+        acts_in_next_step=STRATEGIES[scene.contact.model].acts_in_next_step,
+    )
+    tools = ToolBody(scene.forceps)
+    system = ContactSystem(Bodies(duct_body, catheter, tools, 0.5 * scene.duct.thickness_m), scene.contact)
+    return World(
+        scene=scene,
+        duct=duct_body,
+        catheter=catheter,
+        tools=tools,
+        system=system,
+        holds=HoldRegistry(scene.forceps, system),
+        search=search or DuctSearch(scene, duct),
+        pairs=ContactPairs.allocate(capacity),
+        acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),
+    )
+
+
+def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:
+    kind = ExactOscillator if scene.duct.integrator == "exact" else Newmark
+    return kind(duct.basis.omega_rad_s, duct.damping_ratio)
+
+
+def _body_acceleration_m_s2(effects: Iterable[Effect]) -> FloatArray:
+    total = np.zeros(3)
+    for effect in effects:
+        total += effect.body_acceleration_m_s2()
+    return total
