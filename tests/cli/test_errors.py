@@ -114,3 +114,17 @@ def test_missing_mesh(rig_file: Path) -> None:
     assert "nowhere/duct.stl" in ran.stderr
     assert "Traceback" not in ran.stderr
     assert ran.stderr.strip().count("\n") == 0, ran.stderr
+
+
+@pytest.mark.rig
+def test_missing_vendor_library(rig_file: Path) -> None:
+    """The sentence comes from the gateway, which loads what drives its arms when it opens them."""
+    arm = "{driver: phantom_hdapi, device: touch, settings: {library: libHD-that-nobody-has.so}}"
+    instrument = f"{{name: left, port_m: [0.0, 0.0, 0.1], arm: {arm}}}"
+    others = ", ".join(f"{name}: {{enabled: false}}" for name in ("visualization", "physics", "haptics", "recorder"))
+    rig_file.write_text(f"{rig_file.read_text()}processes: {{{others}}}\ngateway: {{instruments: [{instrument}]}}\n")
+    command = [sys.executable, "-m", "services.cli.app", "up", "--rig", str(rig_file)]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT)
+    assert ran.returncode == 4, ran.stderr
+    assert "instrument 'left': OpenHaptics cannot be loaded: libHD-that-nobody-has.so" in ran.stderr
+    assert ran.stderr.strip().count("\n") == 0, ran.stderr

@@ -27,6 +27,7 @@ class HdapiBench:
 
     def __init__(self, standin: StandIn, device: str = "touch") -> None:
         self.by_law = False
+        self.damping_n_s_m = 0.0  # that the passivity controller may use
         self.standin = standin
         self.c = standin.c
         self.device = device
@@ -62,6 +63,11 @@ class HdapiBench:
                 self.order(driver, force)
             self.wait(1)
 
+    def begin(self, left: tuple[float, float, float], right: tuple[float, float, float]) -> None:
+        """Ask for nothing until arms are calibrated and trusted, then for forces: they cannot begin otherwise."""
+        self.run(400, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self.run(50, left, right)
+
     def order(self, driver: Driver, force: np.ndarray, stiffness_n_m: float = 0.0, ttl_s: float = TTL_S) -> None:
         """Tell an arm what to do in this tick."""
         if not self.by_law:
@@ -73,6 +79,7 @@ class HdapiBench:
         model[layout.MODEL_CONTACT] = 1.0
         limits[layout.LIMIT_FORCE] = limits[layout.LIMIT_CONTINUOUS_FORCE] = 20.0
         limits[layout.LIMIT_RATE] = RATE_N_S
+        limits[layout.LIMIT_DAMPING] = self.damping_n_s_m
         now[layout.NOW_TTL], now[layout.NOW_GAIN] = ttl_s, 1.0
         driver.evaluate(model, np.zeros(6), limits, now, self.memories[driver])
 

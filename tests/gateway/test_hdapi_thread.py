@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -72,6 +73,22 @@ def test_the_last_to_leave_ends_the_thread(bench: HdapiBench) -> None:
     frames = bench.standin.look(1).frames
     time.sleep(0.02)
     assert bench.standin.look(1).frames == frames
+
+
+def test_the_thread_runs_one_above_a_loop_that_has_become_real_time(bench: HdapiBench) -> None:
+    """It was started while the process was an ordinary one, and shares its core."""
+    priority = 10
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        pytest.skip("this user may not be real-time")
+    try:
+        bench.run(40, (0.0,) * 3, (0.0,) * 3)
+        others = {int(task.name) for task in Path("/proc/self/task").iterdir()} - {threading.get_native_id()}
+        real_time = [each for each in others if os.sched_getscheduler(each) == os.SCHED_FIFO]
+        assert [os.sched_getparam(each).sched_priority for each in real_time] == [priority + 1]
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _assert_never_a_kick(rig: Bench) -> None:

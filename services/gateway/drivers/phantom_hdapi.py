@@ -29,6 +29,8 @@ _START_S, _LET_GO_S = 1.0, 0.05
 _SILENT_READS = 20
 #: So many frames in a row may refuse force; a person who moves too fast for a moment is no fault.
 _REFUSED_FRAMES = 200
+#: How often to look whether this process has become real-time, as it does when its loop begins.
+_RAISE_EVERY = 16
 _PROMPTS = {
     Style.AUTO: "move the arm a little until it has calibrated itself",
     Style.INKWELL: "put the stylus into its inkwell: the arm is not calibrated",
@@ -64,6 +66,8 @@ class Driver(Arm):
         self._arm: session.OpenArm | None = None
         self._enabled = False
         self._armed = 0
+        self._reads = 0
+        self._raised = False
         self._silent = 0
         self._read_at = 0.0
         self._was_calibrated = False
@@ -88,14 +92,12 @@ class Driver(Arm):
         if not self._wait(arm, _START_S, lambda seen: seen[cells.SEEN_TIME] > 0.0):
             why = self._problem(arm.port.newest.tolist()) or "the scheduler of OpenHaptics does not run"
             raise DeviceError(f"{self._where}: {why}")
-        self._silent = 0
+        self._silent, self._raised = 0, False
         self._warm()
 
     def enable(self) -> None:
-        """Let force through, once the arm is calibrated; the scheduler's thread is real-time from here on."""
-        if self._session is not None:
-            self._enabled = True
-            self._session.raise_priority()
+        """Let force through, once the arm is calibrated."""
+        self._enabled = self._arm is not None
 
     def clear_fault(self) -> None:
         """Try again; also what calibrates an arm that a person holds in its reset posture."""
@@ -109,8 +111,12 @@ class Driver(Arm):
         arm = self._arm
         if arm is None:
             reading[:READ_TEMPERATURE] = 0.0
-        elif exchange.look(arm.port.address, arm.has_roll, reading):
+            return
+        if exchange.look(arm.port.address, arm.has_roll, reading):
             self._judge(arm, arm.port.newest.tolist())
+        self._reads += 1
+        if not self._raised and self._reads % _RAISE_EVERY == 0 and self._session is not None:
+            self._raised = self._session.raise_priority()
 
     def evaluate(
         self, model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
@@ -161,10 +167,18 @@ class Driver(Arm):
         self._read_at = seen[cells.SEEN_TIME]
         self.buttons = int(seen[cells.SEEN_BUTTONS])
         self.calibrated = seen[cells.SEEN_CALIBRATION] == Calibration.OK
-        self.prompt = "" if self.calibrated else f"{self._shown}: {_PROMPTS[arm.style]}"
+        self.prompt = self._ask(arm, seen)
         if seen[cells.SEEN_ARMED] == self._armed or self._silent >= _SILENT_READS:  # else an error that was forgiven
             self.fault = self.fault or self._problem(seen)
         self._was_calibrated = self._was_calibrated or self.calibrated
+
+    def _ask(self, arm: session.OpenArm, seen: list[float]) -> str:
+        if not self.calibrated:
+            return f"{self._shown}: {_PROMPTS[arm.style]}"
+        if self._enabled and seen[cells.SEEN_TRUST] == 0.0 and seen[cells.SEEN_REFUSAL]:
+            why = describe(int(seen[cells.SEEN_REFUSAL]))
+            return f"{self._shown} has refused force, {why}: move out of the contact"
+        return ""
 
     def _problem(self, seen: list[float]) -> str:
         if seen[cells.SEEN_ERROR]:

@@ -21,13 +21,13 @@ ORDER_MODEL = ORDER_LIMITS + LIMIT_SIZE
 ORDER_SIZE = ORDER_MODEL + MODEL_SIZE
 
 # To the gateway: time of the newest reading, calibration, buttons, error that ended the arm's or everybody's work, the
-# newest refusal of force and how many frames in a row had one, frames that came late, the newest ORDER_ARMED; then the
-# reading, the force applied, and what the law remembers.
+# newest refusal of force and how many frames in a row had one, frames that came late, the newest ORDER_ARMED, how far
+# orders are trusted; then the reading, the force applied, and what the law remembers.
 (
     SEEN_TIME, SEEN_CALIBRATION, SEEN_BUTTONS, SEEN_ERROR, SEEN_STOPPED, SEEN_REFUSAL, SEEN_REFUSED, SEEN_LATE,
-    SEEN_ARMED, SEEN_POSITION,
-) = range(10)  # fmt: skip
-SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 12, 15, 16, 17, 20
+    SEEN_ARMED, SEEN_TRUST, SEEN_POSITION,
+) = range(11)  # fmt: skip
+SEEN_VELOCITY, SEEN_TEMPERATURE, SEEN_ROLL, SEEN_FORCE, SEEN_MEMORY = 13, 16, 17, 18, 21
 SEEN_SIZE = SEEN_MEMORY + MEMORY_SIZE
 
 # Where in `ArmCell.numbers`, which C writes: position, gimbal angles, temperatures, force.

@@ -118,6 +118,4 @@ def _load(path: str, where: str) -> ctypes.CDLL:
             return ctypes.CDLL(name)
         except OSError as error:
             first = first or error
-    raise DeviceError(
-        f"{where}: OpenHaptics cannot be loaded: {first}; `trocar doctor --rig` with this rig says what to do"
-    )
+    raise DeviceError(f"{where}: OpenHaptics cannot be loaded: {first}; `trocar doctor` of this rig says what to do")

@@ -6,7 +6,8 @@ evaluates it so that the force is not a tick old (docs/decisions/hdapi-callback.
 
 Beyond the law a force can only be taken back here: on any doubt (a model at the end of its life, a gateway that orders
 forces and is silent for `STALE_NS`, motors not wanted, not calibrated, an error, a number that is not finite) it goes
-to zero at the rig's rate limit, and comes back, when there is none, over `TRUST_S`.
+to zero at the rig's rate limit. When there is none, it comes back as in `engagement`: once little is asked for, since a
+force that appears in the middle of a contact would give energy, and over `TRUST_S`.
 
 An arm with an error that is no mere refusal of force is let go and stays so until a person arms the rig; the others go
 on. An arm that cannot be reached gets no more frames, so that nobody waits for it. An error of the scheduler itself
@@ -21,6 +22,7 @@ from typing import Any
 
 from numba import cfunc, types
 
+from services.gateway.engagement import SMALL_FORCE_N
 from services.gateway.hdapi import native
 from services.gateway.hdapi.cells import (
     FORCE,
@@ -50,6 +52,7 @@ from services.gateway.hdapi.cells import (
     SEEN_STOPPED,
     SEEN_TEMPERATURE,
     SEEN_TIME,
+    SEEN_TRUST,
     SEEN_VELOCITY,
     TEMPERATURE,
     ArmCell,
@@ -77,6 +80,7 @@ from services.gateway.hdapi.constants import (
 from services.gateway.hdapi.handover import put, take
 from services.gateway.layout import (
     LIMIT_SIZE,
+    MEMORY_DEMAND,
     MEMORY_FORCE,
     MEMORY_SIZE,
     MODEL_SIZE,
@@ -89,6 +93,7 @@ from services.gateway.layout import (
 from services.gateway.pose import force_to_arm, to_world
 from services.gateway.servo_law import servo_force
 from services.gateway.velocity_filter import low_pass
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
@@ -265,11 +270,14 @@ def _apply(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
         young = now_ns - order[ORDER_TIME] <= STALE_NS
         for axis in range(3):
             arm.wanted_n[axis] = order[ORDER_FORCE + axis]
+        arm.memory[MEMORY_DEMAND] = _norm(arm.wanted_n)
     sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0
     wanted = sound and order[ORDER_ENABLED] != 0.0
-    finite = math.isfinite(arm.wanted_n[0] + arm.wanted_n[1] + arm.wanted_n[2])
+    finite = math.isfinite(_norm(arm.wanted_n))
     refused = arm.refused_now or arm.refused > 0
     trusted = wanted and young and finite and not refused and now_ns - arm.read_ns <= STALE_NS
+    if arm.trust == 0.0 and not arm.memory[MEMORY_DEMAND] < SMALL_FORCE_N:
+        trusted = False
     arm.trust = min(1.0, arm.trust + dt_s / TRUST_S) if trusted else 0.0
     _approach(arm, arm.max_force_rate_n_s * dt_s)
     if by_law:
@@ -284,6 +292,11 @@ def _apply(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
         arm.motors_on = False
     if arm.motors_on:
         _push(servo.functions, arm)
+
+
+@kernel
+def _norm(vector: FloatArray) -> float:
+    return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
 
 
 @kernel
@@ -321,10 +334,10 @@ def _approach(arm: ArmCell, step_n: float) -> None:
         target = (0.0, 0.0, 0.0)
     else:
         wanted, share = arm.wanted_n, arm.trust
-        x, y, z = share * wanted[0], share * wanted[1], share * wanted[2]
-        norm = math.sqrt(x * x + y * y + z * z)
-        shrink = arm.max_force_n / norm if norm > arm.max_force_n else 1.0
-        target = (shrink * x, shrink * y, shrink * z)
+        norm = share * _norm(wanted)
+        if norm > arm.max_force_n:
+            share *= arm.max_force_n / norm
+        target = (share * wanted[0], share * wanted[1], share * wanted[2])
     force = arm.force_n
     dx, dy, dz = target[0] - force[0], target[1] - force[1], target[2] - force[2]
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -355,6 +368,7 @@ def _report(servo: Servo, arm: ArmCell) -> None:
     report[SEEN_REFUSED] = arm.refused
     report[SEEN_LATE] = arm.late
     report[SEEN_ARMED] = arm.armed
+    report[SEEN_TRUST] = arm.trust
     for axis in range(3):
         report[SEEN_FORCE + axis] = arm.force_n[axis] if arm.motors_on else 0.0
     for k in range(MEMORY_SIZE):

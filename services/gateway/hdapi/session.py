@@ -116,18 +116,20 @@ class Session:
         self._library.take_error()
         self._arms.clear()
 
-    def raise_priority(self) -> None:
-        """Put the scheduler's thread one above the calling one, if that is real-time and the library has not done so.
+    def raise_priority(self) -> bool:
+        """Put the scheduler's thread one above the calling one; return whether that is real-time by now.
 
-        It was started by an ordinary process and must not wait for a tick of the gateway, whose core it shares.
+        The process that started it was an ordinary one still, and it shares the gateway's core. A thread that the
+        library has made real-time itself stays as it is.
         """
         if os.sched_getscheduler(0) != os.SCHED_FIFO:
-            return
+            return False
         above = os.sched_param(os.sched_getparam(0).sched_priority + 1)
         for thread in self._threads:
-            with contextlib.suppress(OSError):  # gone, or not allowed: then it stays as it is
+            with contextlib.suppress(OSError):  # gone, or not allowed: then it stays as it is, and is late at times
                 if os.sched_getscheduler(thread) == os.SCHED_OTHER:
                     os.sched_setscheduler(thread, os.SCHED_FIFO, above)
+        return True
 
     def _start(self, where: str) -> None:
         if not self._arms:
