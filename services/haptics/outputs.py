@@ -5,25 +5,18 @@ from __future__ import annotations
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts, ToolState
-from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.collision.pairs import TOOL_COLUMNS, ContactPairs
 from services.mechanics.scene.tools import GraspHold
 
 
 def tool_contacts(tick: int, tools: tuple[ToolState, ...], pairs: ContactPairs, holds: list[GraspHold]) -> ToolContacts:
     """Return tools, the first ``pairs.count`` pairs, and the grasps in force as they travel."""
-    n = pairs.count
+    columns = {name: getattr(pairs, name)[: pairs.count] for name in TOOL_COLUMNS}
     return ToolContacts(
         tick=tick,
         tools=tools,
-        tool=pack(pairs.tool[:n], "|i1"),
-        tool_segment=pack(pairs.tool_segment[:n], "|i1"),
-        target_kind=pack(pairs.target_kind[:n], "|i1"),
-        target=pack(pairs.target[:n], "<i4"),
-        tool_parameter=pack(pairs.tool_parameter[:n]),
-        target_weights=pack(pairs.target_weights[:n]),
-        normal=pack(pairs.normal[:n]),
-        gap_m=pack(pairs.gap_m[:n]),
         holds=tuple(_hold(hold) for hold in holds),
+        **{name: pack(column, column.dtype.str) for name, column in columns.items()},
     )
 
 

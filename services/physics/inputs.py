@@ -12,13 +12,12 @@ from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
 from services.mechanics.arrays import IntArray
 from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, TOOL_COLUMNS, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 
 Column = NDArray[Any]
-_COLUMNS = ("tool", "tool_segment", "target_kind", "target", "tool_parameter", "target_weights", "normal", "gap_m")
 
 
 class ContactsReader:
@@ -43,16 +42,22 @@ class ContactsReader:
 
     def take(self, body: ToolContacts) -> bool:
         """Copy `body` into `tools` and `pairs`; False, and nothing copied, if it names something that is not there."""
-        columns = tuple(getattr(body, name).view() for name in _COLUMNS)
-        if not (all(self._is_there(hold) for hold in body.holds) and indices_are_there(columns[:4], self._n_targets)):
+        columns = {name: getattr(body, name).view() for name in TOOL_COLUMNS}
+        indices = columns["tool"], columns["tool_segment"], columns["target_kind"], columns["target"]
+        if not (all(self._is_there(hold) for hold in body.holds) and indices_are_there(indices, self._n_targets)):
             self.refused += 1
             return False
         self._take_tools(body)
-        pairs = self.pairs
-        pairs.clear()
-        pairs.count = copy_columns(columns, tuple(getattr(pairs, name) for name in _COLUMNS), pairs.particle)
-        pairs.dropped = len(columns[0]) - pairs.count
+        self._take_pairs(columns)
         return True
+
+    def _take_pairs(self, columns: dict[str, Column]) -> None:
+        pairs, n_sent = self.pairs, len(columns["tool"])
+        pairs.count = n = min(n_sent, pairs.capacity)
+        pairs.dropped = n_sent - n
+        pairs.particle[:n] = -1
+        for name, column in columns.items():
+            getattr(pairs, name)[:n] = column[:n]
 
     def compile_kernels(self) -> None:
         """Read an empty frame as it comes off the wire."""
@@ -89,20 +94,6 @@ def indices_are_there(indices: tuple[Column, ...], n_targets: IntArray) -> bool:
         if not (named and 0 <= target[row] < n_targets[kind[row]]):
             return False
     return True
-
-
-@kernel
-def copy_columns(source: tuple[Column, ...], out: tuple[Column, ...], particle: IntArray) -> int:
-    """Copy as many rows as there is room for, and return how many."""
-    tool, segment, kind, target, parameter, weights, normal, gap = source
-    n: int = min(tool.shape[0], particle.shape[0])
-    for row in range(n):
-        out[0][row], out[1][row], out[2][row], out[3][row] = tool[row], segment[row], kind[row], target[row]
-        out[4][row], out[7][row] = parameter[row], gap[row]
-        particle[row] = -1
-        for axis in range(3):
-            out[5][row, axis], out[6][row, axis] = weights[row, axis], normal[row, axis]
-    return n
 
 
 def _hold(body: HoldBody) -> GraspHold:

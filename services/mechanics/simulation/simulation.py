@@ -12,7 +12,7 @@ from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.persistence import PressedPoints
+from services.mechanics.contact.manifold import ContactManifold
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
@@ -56,7 +56,7 @@ class Simulation:
         self.max_penetration_m = 0.0
         self.quality_level = 0
         self._mouth = Mouth(duct)
-        self._pressed = PressedPoints(self.system.bodies.half_thickness_m, scene.contact.margin_m)
+        self._manifold = ContactManifold(self.system.geometry.wall, scene.contact.margin_m)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
@@ -131,7 +131,7 @@ class Simulation:
     def dropped_contacts(self) -> DroppedContacts:
         """What found no room since the start; a scene that drops contacts needs a larger ``contact.capacity``."""
         system = self.system
-        pairs = system.dropped_pairs + self._pressed.dropped
+        pairs = system.dropped_pairs + self._manifold.dropped
         return DroppedContacts(pairs, system.rows.dropped, self.holds.dropped)
 
     @property
@@ -189,7 +189,7 @@ class Simulation:
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)
-        self._pressed.append_to(pairs, self.search, system.geometry)
+        self._manifold.append_to(pairs, self.search, system.geometry)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
         catheter_pairs = self.world.pairs
         catheter_pairs.clear()
@@ -226,7 +226,7 @@ class Simulation:
     def _correct(self, dt_s: float) -> None:
         system = self.system
         self.holds.slide()
-        self._pressed.keep(system.rows)
+        self._manifold.keep(system.rows)
         load_tools(system.address, self._tool_force)
         system.apply(self._tool_force)
         for effect in self._stages["after_solve"]:

@@ -54,9 +54,10 @@ def test_signorini_and_coulomb_hold_at_the_solution(seed):
     force, motion, sweeps = solve(W, free, law, limit)
     assert sweeps < 200
     assert np.allclose(motion, W @ force + free, atol=1e-15)
-    slides = who_slides(law, limit, force)
+    slides, seen = who_slides(law, limit, force), set()
     for block, mu in enumerate(limit):
         f, u = force[3 * block : 3 * block + 3], motion[3 * block : 3 * block + 3]
+        seen.add((int(law[block]), bool(slides[block]), bool(f[0] > 0.0)))
         if law[block] == HOLD:
             assert np.linalg.norm(f) <= mu * (1 + 1e-9)
             assert slides[block] or np.linalg.norm(u) < 1e-11
@@ -71,6 +72,8 @@ def test_signorini_and_coulomb_hold_at_the_solution(seed):
             assert abs(f[1] * u[2] - f[2] * u[1]) <= 1e-7 * np.linalg.norm(f[1:]) * np.linalg.norm(u[1:]) + 1e-18
         elif f[0] > 0.0 and mu > 0.0:
             assert np.linalg.norm(u[1:]) < 1e-11
+    # Open contacts, and pressed ones that slide.
+    assert {(UNILATERAL, False, False), (UNILATERAL, True, True)} <= seen
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 from services.mechanics.surface.mesh import TriangleMesh
@@ -113,19 +114,17 @@ class Grasp:
 
 def deepest_touch(pairs: ContactPairs, tool: int, segment: int, target_kind: int) -> int:
     """Return the pair of a jaw that touches this kind of target closest, -1 where none touches."""
-    columns = (pairs.tool, pairs.tool_segment, pairs.target_kind)
-    found: int = _deepest(columns, pairs.gap_m, pairs.count, (tool, segment, target_kind))
+    found: int = find_deepest_touch(pairs.address, tool, segment, target_kind)
     return found
 
 
 @kernel
-def _deepest(
-    columns: tuple[ByteArray, ByteArray, ByteArray], gap_m: FloatArray, count: int, wanted: tuple[int, int, int]
-) -> int:
-    best = -1
-    for i in range(count):
-        if columns[0][i] != wanted[0] or columns[1][i] != wanted[1] or columns[2][i] != wanted[2]:
-            continue
-        if gap_m[i] < TOUCHING_M and (best < 0 or gap_m[i] < gap_m[best]):
+def find_deepest_touch(pairs_address: Address[ContactPairs], tool: int, segment: int, target_kind: int) -> int:
+    """Return what `deepest_touch` does."""
+    pairs, best = pairs_at(pairs_address), -1
+    for i in range(pairs.count):
+        is_it = pairs.tool[i] == tool and pairs.tool_segment[i] == segment and pairs.target_kind[i] == target_kind
+        gap_m = pairs.gap_m[i]
+        if is_it and gap_m < TOUCHING_M and (best < 0 or gap_m < pairs.gap_m[best]):
             best = i
     return best

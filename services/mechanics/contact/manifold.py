@@ -1,8 +1,8 @@
-"""Contacts of tools with the wall that outlive detection, so that a tool rests on several points at once.
+"""The contact manifold: points of the wall that outlive detection, so that a tool rests on several of them at once.
 
 Detection reports the closest point. A wall that gives way under a force is then closest somewhere else, and a single
 contact would hop round its own dent. Points of the wall that were pressed in the last tick stay candidates until
-they are let go: a contact manifold, as rigid-body engines keep for boxes.
+they are let go, as rigid-body engines keep the corners of a box.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
 from services.mechanics.collision.primitives import clamp01
+from services.mechanics.collision.writer import write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, combine, dot, subtract
 from services.mechanics.compiled.vectors import row as row_of
 from services.mechanics.contact import laws
-from services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from services.mechanics.contact.geometry import ContactGeometry, WallGeometry, geometry_at
 from services.mechanics.contact.identity import target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.rows import ContactRows, rows_at
 
@@ -36,13 +37,14 @@ class NodePositions(Protocol):
         """Write the positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
 
 
-class PressedPoints:
+class ContactManifold:
     """Points of the wall that tools pressed on in the last tick."""
 
-    def __init__(self, half_thickness_m: float, margin_m: float) -> None:
-        self._sizes = (half_thickness_m, margin_m)
+    def __init__(self, wall: WallGeometry, margin_m: float) -> None:
+        self._sizes = (wall.half_thickness, margin_m)
+        self._triangles = wall.triangles
         self._pairs = ContactPairs.allocate(CAPACITY)
-        self._nodes = np.zeros(3 * CAPACITY, np.int32)
+        self._nodes = np.zeros((CAPACITY, 3), np.int32)
         self._corners = np.zeros((3 * CAPACITY, 3))
 
     @property
@@ -52,45 +54,31 @@ class PressedPoints:
 
     def keep(self, rows: ContactRows) -> None:
         """Remember the pressed points of the rows just solved."""
-        keep_pressed(rows.address, self._pairs.address, self._nodes)
+        keep_pressed(rows.address, self._pairs.address)
 
     def append_to(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
         """Append those that are still within reach and that ``pairs`` does not have, as far as there is room."""
         kept = self._pairs.count
         if kept == 0:
             return
-        corners = self._corners[: 3 * kept]
-        wall.node_positions(self._nodes[: 3 * kept], corners)
+        nodes, corners = self._nodes[:kept], self._corners[: 3 * kept]
+        np.take(self._triangles, self._pairs.target[:kept], axis=0, out=nodes)
+        wall.node_positions(nodes.reshape(-1), corners)
         append_pressed(geometry.address, self._pairs.address, corners, self._sizes, pairs.address)
 
 
 @kernel
-def keep_pressed(rows_address: Address[ContactRows], pairs_address: Address[ContactPairs], nodes: IntArray) -> None:
-    """Make pairs of the pressed contacts of tools with the wall; their names are decoded from the rows.
-
-    ``nodes`` (3 C,) takes the corners of their triangles.
-    """
+def keep_pressed(rows_address: Address[ContactRows], pairs_address: Address[ContactPairs]) -> None:
+    """Make pairs of the pressed contacts of tools with the wall; their names are decoded from the rows."""
     rows, out = rows_at(rows_address), pairs_at(pairs_address)
     out.count = 0
     for row in range(rows.n_contacts):
-        on_wall = target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
+        tool, identity = rows.tool[row], rows.identity[row]
         presses = laws.HAS_GAP[rows.law[row]] and rows.force_n[row, 0] > 0.0
-        if not presses or rows.tool[row] == NO_TOOL or not on_wall:
-            continue
-        count = out.count
-        if count == out.target.shape[0]:
-            out.dropped += 1
-            continue
-        out.tool[count] = rows.tool[row]
-        out.tool_segment[count] = tool_segment_of(rows.identity[row])
-        out.particle[count] = -1
-        out.target_kind[count] = DUCT_TRIANGLE
-        out.target[count] = target_of(rows.identity[row])
-        for axis in range(3):
-            nodes[3 * count + axis] = rows.duct_node[row, axis]
-            out.target_weights[count, axis] = rows.duct_weight[row, axis]
-            out.normal[count, axis] = rows.frame[row, 0, axis]
-        out.count = count + 1
+        if presses and tool != NO_TOOL and target_kind_of(identity) == DUCT_TRIANGLE:
+            weights, segment = row_of(rows.duct_weight, row), tool_segment_of(identity)
+            pair = (tool, segment, -1, DUCT_TRIANGLE, target_of(identity), 0.0, weights)
+            write_pair(out, pair, rows.gap_m[row], row_of(rows.frame[row], 0))
 
 
 @kernel
@@ -123,16 +111,8 @@ def append_pressed(
         if dot(away, row_of(kept.normal, i)) < FACING * distance:
             continue
         normal = (away[0] / distance, away[1] / distance, away[2] / distance)
-        place = out.count
-        if place == out.target.shape[0]:
-            out.dropped += 1
-            continue
-        out.tool[place], out.tool_segment[place], out.particle[place] = tool, segment, -1
-        out.target_kind[place], out.target[place] = DUCT_TRIANGLE, kept.target[i]
-        out.tool_parameter[place], out.gap_m[place] = s, distance - thickness
-        for axis in range(3):
-            out.target_weights[place, axis], out.normal[place, axis] = weights[axis], normal[axis]
-        out.count = place + 1
+        pair = (tool, segment, -1, DUCT_TRIANGLE, kept.target[i], s, weights)
+        write_pair(out, pair, distance - thickness, normal)
 
 
 @kernel
