@@ -59,7 +59,7 @@ def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None
         stretch_j=float(stretch_energy(model, work)),
         bending_j=float(bending_energy(model, work)) + _wall_energy(model, work),
         twist_j=twist_energy(twist, state) if twist is not None else 0.0,
-        support_j=float(introducer_energy(model, work)) if model.introducer.size else 0.0,
+        support_j=float(introducer_energy(model, work)) if model.introducer.is_there else 0.0,
     )
 
 

@@ -22,5 +22,5 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_sc
         add_stretch_tangent(model, work, scale)
     add_bending(model, work, scale)
     add_wall_joints(model, work, scale)
-    if model.introducer.shape[0] > 0:
+    if model.introducer.is_there:
         add_introducer(model, work, (scale[1], damping_scale))

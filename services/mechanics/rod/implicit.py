@@ -83,26 +83,28 @@ class ImplicitIntegrator:
         self._dt_s = dt_s
         motion = (state.position_m, state.velocity_m_s)
         step = (dt_s, self.theta, self.max_iterations)
+        addresses = (self.model.address, self.work.address)
         if self.twist is not None:
             np.copyto(self._external, external_force_n)
             add_frame_forces(self.twist, state, self._external)
             external_force_n = self._external
-        self.iterations = kernels.predict(self.model, self.work, motion, external_force_n, self.held_target_m, step)
+        self.iterations = kernels.predict(addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
         """Fill ``out`` (n, 3, m) with the end-of-step position changes of ``force_n`` (n, 3, m), m right-hand sides."""
-        kernels.solve_many(self.model, self.work.band, self.position_gain_s2, self._columns, force_n, out)
+        kernels.solve_many(self.model.address, self.work.band, self.position_gain_s2, self._columns, force_n, out)
 
     def compliance(self, particles: IntArray, out: FloatArray) -> None:
         """Fill ``out`` (3k, 3k) with the end-of-step position change of k particles per unit force on each [m/N].
 
         ``particles`` (k,) ascending and distinct. Symmetric positive semidefinite; zero rows for held particles.
         """
-        kernels.compliance(self.model, self.work.band, self.position_gain_s2, self._columns, particles, out)
+        kernels.compliance(self.model.address, self.work.band, self.position_gain_s2, self._columns, particles, out)
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
         """Add to ``state`` in place what contact forces (n, 3), constant over the step, change since `predict`."""
         motion = (state.position_m, state.velocity_m_s)
-        kernels.correct(self.model, self.work, motion, contact_force_n, (self._dt_s, self.theta))
+        addresses = (self.model.address, self.work.address)
+        kernels.correct(addresses, motion, contact_force_n, (self._dt_s, self.theta))

@@ -8,11 +8,13 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
 from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.model import RodModel, RodWork
+from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
 
 Motion = tuple[FloatArray, FloatArray]
+Addresses = tuple[Address[RodModel], Address[RodWork]]
 
 _TOLERANCE = 1e-3  # unasked stretch energy left by a step, over the energy in motion
 _STILL = 1e-4  # of a segment length per step: what moves less than that is not refined
@@ -21,8 +23,7 @@ _HALVINGS = 6
 
 @kernel
 def predict(
-    model: RodModel,
-    work: RodWork,
+    addresses: Addresses,
     motion: Motion,
     external: FloatArray,
     target: FloatArray,
@@ -35,7 +36,7 @@ def predict(
     would raise that, and no more follow one that leaves behind unasked stretch within _TOLERANCE of the energy in
     motion. So large rotations in one step do not become stretch, and stretch not motion.
     """
-    x, v = motion
+    model, work, (x, v) = model_at(addresses[0]), work_at(addresses[1]), motion
     dt_s, theta, max_iterations = step
     dv = work.velocity_change
     energy = _start(model, work, motion, target, (dt_s, theta))
@@ -207,9 +208,9 @@ def _remove_held(model: RodModel, work: RodWork) -> None:
 
 
 @kernel
-def correct(model: RodModel, work: RodWork, motion: Motion, force: FloatArray, step: tuple[float, float]) -> None:
+def correct(addresses: Addresses, motion: Motion, force: FloatArray, step: tuple[float, float]) -> None:
     """Add to motion = (x, v) what forces (n, 3), constant over the step, change: dv = dt A^-1 f, dx = theta dt dv."""
-    x, v = motion
+    model, work, (x, v) = model_at(addresses[0]), work_at(addresses[1]), motion
     dt_s, theta = step
     n = x.shape[0]
     for i in range(n):
@@ -225,10 +226,15 @@ def correct(model: RodModel, work: RodWork, motion: Motion, force: FloatArray, s
 
 @kernel
 def compliance(
-    model: RodModel, band: FloatArray, gain: float, columns: FloatArray, particles: IntArray, out: FloatArray
+    address: Address[RodModel],
+    band: FloatArray,
+    gain: float,
+    columns: FloatArray,
+    particles: IntArray,
+    out: FloatArray,
 ) -> None:
     """Fill ``out`` (3k, 3k) with gain * A^-1 between ``particles`` (k,), given in ascending order."""
-    k = particles.shape[0]
+    model, k = model_at(address), particles.shape[0]
     for start in range(0, 3 * k, RHS_BLOCK):
         stop = min(start + RHS_BLOCK, 3 * k)
         first = 3 * particles[start // 3]
@@ -246,10 +252,10 @@ def compliance(
 
 @kernel
 def solve_many(
-    model: RodModel, band: FloatArray, gain: float, columns: FloatArray, force: FloatArray, out: FloatArray
+    address: Address[RodModel], band: FloatArray, gain: float, columns: FloatArray, force: FloatArray, out: FloatArray
 ) -> None:
     """Fill ``out`` (n, 3, m) with gain * A^-1 force, RHS_BLOCK right-hand sides at a time."""
-    n, _, m = force.shape
+    model, (n, _, m) = model_at(address), force.shape
     for start in range(0, m, RHS_BLOCK):
         stop = min(start + RHS_BLOCK, m)
         columns[:] = 0.0

@@ -15,12 +15,6 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot, row
 from services.mechanics.rod.elasticity import Scale
 from services.mechanics.rod.introducer_passage import (
-    FRICTION,
-    LENGTH,
-    SEAL,
-    SLIP_SPEED,
-    STIFFNESS,
-    STOP_STIFFNESS,
     axial_position,
     closest_on_segment,
     depth_weight,
@@ -45,7 +39,7 @@ def add_introducer(model: RodModel, work: RodWork, scale: Scale) -> None:
     if passage.has_entry:
         _hold_end(model, work, passage.first - 1, 0.0, scale)
     if passage.has_exit:
-        _hold_end(model, work, passage.last, model.introducer[LENGTH], scale)
+        _hold_end(model, work, passage.last, model.introducer.length, scale)
     i, over = stop_overlap(model, work.position, passage)
     if over != 0.0:
         _stop(model, work, i, over, scale)
@@ -64,33 +58,33 @@ def introducer_energy(model: RodModel, work: RodWork) -> float:
         o = closest_on_segment(x, passage.first - 1, end_point(model.introducer, 0.0))[1]
         total += dot(o, o)
     if passage.has_exit:
-        o = closest_on_segment(x, passage.last, end_point(model.introducer, model.introducer[LENGTH]))[1]
+        o = closest_on_segment(x, passage.last, end_point(model.introducer, model.introducer.length))[1]
         total += dot(o, o)
     over = stop_overlap(model, x, passage)[1]
-    return 0.5 * float(model.introducer[STIFFNESS] * total + model.introducer[STOP_STIFFNESS] * over * over)
+    return 0.5 * float(model.introducer.stiffness * total + model.introducer.stop_stiffness * over * over)
 
 
 @kernel
 def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: Scale) -> None:
-    k = model.introducer[STOP_STIFFNESS]
+    k = model.introducer.stop_stiffness
     for c in range(3):
-        work.force[i, c] -= k * over * model.introducer[3 + c]
+        work.force[i, c] -= k * over * model.introducer.axis[c]
         if scale[0] > 0.0:
             for b in range(c, 3):
-                work.band[3 * i + c, b - c] += scale[0] * k * model.introducer[3 + c] * model.introducer[3 + b]
+                work.band[3 * i + c, b - c] += scale[0] * k * model.introducer.axis[c] * model.introducer.axis[b]
 
 
 @kernel
 def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
-    a = (model.introducer[3], model.introducer[4], model.introducer[5])
+    a = (model.introducer.axis[0], model.introducer.axis[1], model.introducer.axis[2])
     o = offset_from_axis(model.introducer, work.position, i)
     weight, slope = depth_weight(model, i, axial)
-    k = model.introducer[STIFFNESS] * weight
-    along = 0.5 * model.introducer[STIFFNESS] * slope * dot(o, o)
+    k = model.introducer.stiffness * weight
+    along = 0.5 * model.introducer.stiffness * slope * dot(o, o)
     for c in range(3):
         work.force[i, c] -= k * o[c] + along * a[c]
     before = offset_from_axis(model.introducer, work.previous_position, i)
-    drag = _friction(model, work, (i, 0.0), model.introducer[FRICTION] * k * math.sqrt(dot(before, before)), scale)
+    drag = _friction(model, work, (i, 0.0), model.introducer.friction * k * math.sqrt(dot(before, before)), scale)
     if scale[0] > 0.0:
         _add_tangent(model, work, (i, 0.0), a, (scale[0] * k, scale[1] * drag))
 
@@ -100,13 +94,13 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale
     """Hold segment i to an end of the axis where it is nearest to it: the push is normal to the rod at any angle."""
     end = end_point(model.introducer, axial)
     s, o = closest_on_segment(work.position, i, end)
-    k = model.introducer[STIFFNESS]
+    k = model.introducer.stiffness
     for c in range(3):
         work.force[i, c] -= (1.0 - s) * k * o[c]
         work.force[i + 1, c] -= s * k * o[c]
-    most = model.introducer[FRICTION] * k * _distance_before(work, i, end)
+    most = model.introducer.friction * k * _distance_before(work, i, end)
     if axial > 0.0:
-        most += model.introducer[SEAL]
+        most += model.introducer.seal
     drag = _friction(model, work, (i, s), most, scale)
     if scale[0] > 0.0:
         # A particle that is nearest itself, at a kink, is held in every direction.
@@ -137,12 +131,12 @@ def _friction(model: RodModel, work: RodWork, at: tuple[int, float], most: float
     i, s = at
     j = i + 1 if s > 0.0 else i
     speed = _axial_speed(model, work.velocity, i, s)
-    drag = most / max(abs(_axial_speed(model, work.previous_velocity, i, s)), model.introducer[SLIP_SPEED])
+    drag = most / max(abs(_axial_speed(model, work.previous_velocity, i, s)), model.introducer.slip_speed)
     if scale[0] == 0.0 and scale[1] > 0.0:
         drag = min(drag, 0.25 * model.mass[i] / scale[1])
     for c in range(3):
-        work.force[i, c] -= (1.0 - s) * drag * speed * model.introducer[3 + c]
-        work.force[j, c] -= s * drag * speed * model.introducer[3 + c]
+        work.force[i, c] -= (1.0 - s) * drag * speed * model.introducer.axis[c]
+        work.force[j, c] -= s * drag * speed * model.introducer.axis[c]
     return float(drag)
 
 
@@ -152,7 +146,7 @@ def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
     j = i + 1 if s > 0.0 else i
     speed = 0.0
     for c in range(3):
-        speed += ((1.0 - s) * v[i, c] + s * v[j, c]) * model.introducer[3 + c]
+        speed += ((1.0 - s) * v[i, c] + s * v[j, c]) * model.introducer.axis[c]
     return speed
 
 
@@ -165,7 +159,7 @@ def _add_tangent(
     lateral, drag = factor
     for c in range(3):
         for b in range(3):
-            value = drag * model.introducer[3 + c] * model.introducer[3 + b] - lateral * along[c] * along[b]
+            value = drag * model.introducer.axis[c] * model.introducer.axis[b] - lateral * along[c] * along[b]
             if b == c:
                 value += lateral
             if b >= c:

@@ -14,15 +14,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot
 from services.mechanics.rod.model import RodModel
-
-# Places in the introducer's array after its entry (3) and unit axis (3); see `supports.Introducer.as_array`.
-LENGTH = 6
-STIFFNESS = 7
-FRICTION = 8
-SLIP_SPEED = 9
-SEAL = 10
-STOP_STIFFNESS = 11
-LEAST_TIP = 12
+from services.mechanics.rod.supports import IntroducerSprings
 
 
 class Passage(NamedTuple):
@@ -38,32 +30,32 @@ class Passage(NamedTuple):
 
 
 @kernel
-def axial_position(introducer: FloatArray, x: FloatArray, i: int) -> float:
+def axial_position(introducer: IntroducerSprings, x: FloatArray, i: int) -> float:
     """Distance of particle i beyond the entry plane."""
     total = 0.0
     for c in range(3):
-        total += (x[i, c] - introducer[c]) * introducer[3 + c]
+        total += (x[i, c] - introducer.entry[c]) * introducer.axis[c]
     return total
 
 
 @kernel
-def offset_from_axis(introducer: FloatArray, x: FloatArray, i: int) -> Vector:
+def offset_from_axis(introducer: IntroducerSprings, x: FloatArray, i: int) -> Vector:
     """From the axis to particle i."""
     along = axial_position(introducer, x, i)
     return (
-        x[i, 0] - introducer[0] - along * introducer[3],
-        x[i, 1] - introducer[1] - along * introducer[4],
-        x[i, 2] - introducer[2] - along * introducer[5],
+        x[i, 0] - introducer.entry[0] - along * introducer.axis[0],
+        x[i, 1] - introducer.entry[1] - along * introducer.axis[1],
+        x[i, 2] - introducer.entry[2] - along * introducer.axis[2],
     )
 
 
 @kernel
-def end_point(introducer: FloatArray, axial: float) -> Vector:
+def end_point(introducer: IntroducerSprings, axial: float) -> Vector:
     """The point of the axis at an axial position."""
     return (
-        introducer[0] + axial * introducer[3],
-        introducer[1] + axial * introducer[4],
-        introducer[2] + axial * introducer[5],
+        introducer.entry[0] + axial * introducer.axis[0],
+        introducer.entry[1] + axial * introducer.axis[1],
+        introducer.entry[2] + axial * introducer.axis[2],
     )
 
 
@@ -90,7 +82,7 @@ def _closest_segment(x: FloatArray, count: int, p: Vector) -> tuple[int, float]:
 
 
 @kernel
-def find_passage(introducer: FloatArray, x: FloatArray) -> Passage:
+def find_passage(introducer: IntroducerSprings, x: FloatArray) -> Passage:
     """The part of the rod at ``x`` (n, 3) that is in the introducer.
 
     The springs keep the rod at both ends of the axis, so what is nearest to them passes there; as the energy is that of
@@ -98,7 +90,7 @@ def find_passage(introducer: FloatArray, x: FloatArray) -> Passage:
     itself, and inside, means that nothing passes.
     """
     n = x.shape[0]
-    length = introducer[LENGTH]
+    length = introducer.length
     last, at = _closest_segment(x, n - 1, end_point(introducer, length))
     if last == 0 and at == 0.0 and axial_position(introducer, x, 0) > length:
         return Passage(0, 0, False, False)
@@ -117,7 +109,7 @@ def depth_weight(model: RodModel, i: int, axial: float) -> tuple[float, float]:
 
     The ends of the rod stay held where they are beyond the far plane: a stop gives way a little.
     """
-    length = model.introducer[LENGTH]
+    length = model.introducer.length
     ramp = min(model.rest_length, 0.5 * length)
     if axial < ramp and i < model.mass.shape[0] - 1:
         return max(axial, 0.0) / ramp, 1.0 / ramp if axial > 0.0 else 0.0
@@ -134,13 +126,13 @@ def stop_overlap(model: RodModel, x: FloatArray, passage: Passage) -> tuple[int,
     ``least_tip_m`` before the tip stops at the exit. Both are the ends of what may slide: a rod cannot leave its
     introducer.
     """
-    length = model.introducer[LENGTH]
+    length = model.introducer.length
     n = x.shape[0]
     if not passage.has_entry and passage.first == 0:
         over = axial_position(model.introducer, x, 0) - (length - min(2.0 * model.rest_length, 0.5 * length))
         if over > 0.0:
             return 0, over
-    bead = max(n - 1 - int(np.ceil(model.introducer[LEAST_TIP] / model.rest_length)), 0)
+    bead = max(n - 1 - int(np.ceil(model.introducer.least_tip / model.rest_length)), 0)
     if passage.last >= bead:
         short = axial_position(model.introducer, x, bead) - length
         if short < 0.0:

@@ -9,8 +9,8 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.implicit_kernels import Motion
-from services.mechanics.rod.model import RodModel, RodWork, allocate_work, build_model
+from services.mechanics.rod.implicit_kernels import Addresses, Motion
+from services.mechanics.rod.model import RodModel, RodWork, allocate_work, build_model, model_at, work_at
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.stability import stable_time_step
 from services.mechanics.rod.state import RodState
@@ -94,7 +94,8 @@ class SemiImplicitIntegrator:
             external_force_n = self._external
         motion = (state.position_m, state.velocity_m_s)
         step = (dt_s, self.substeps(dt_s))
-        if not _predict(self.model, self.work, motion, external_force_n, self.held_target_m, step):
+        addresses = (self.model.address, self.work.address)
+        if not _predict(addresses, motion, external_force_n, self.held_target_m, step):
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
@@ -115,9 +116,10 @@ class SemiImplicitIntegrator:
 
 @kernel
 def _predict(
-    model: RodModel, work: RodWork, motion: Motion, external: FloatArray, target: FloatArray, step: tuple[float, int]
+    addresses: Addresses, motion: Motion, external: FloatArray, target: FloatArray, step: tuple[float, int]
 ) -> bool:
     """All substeps; False where a number is not finite."""
+    model, work = model_at(addresses[0]), work_at(addresses[1])
     dt_s, substeps = step
     _set_held_velocity(model, motion, target, dt_s)
     for _ in range(substeps):

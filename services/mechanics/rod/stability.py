@@ -9,8 +9,8 @@ from scipy.linalg import eigvals_banded
 
 from services.mechanics.rod.banded import HALF_BANDWIDTH
 from services.mechanics.rod.forces import add_internal_forces
-from services.mechanics.rod.introducer_passage import STIFFNESS, STOP_STIFFNESS
 from services.mechanics.rod.model import RodModel, allocate_work
+from services.mechanics.rod.supports import IntroducerSprings
 
 
 def largest_frequency_rad_s(model: RodModel) -> float:
@@ -24,11 +24,23 @@ def largest_frequency_rad_s(model: RodModel) -> float:
     work = allocate_work(n)
     work.position[:, 0] = model.rest_length * np.arange(n)
     walls = np.where(np.isnan(model.walls), np.nan, [1.0, 0.0, 0.0])
-    straight = model._replace(walls=walls, introducer=np.zeros(0), beta=0.0)
+    straight = RodModel(
+        mass=model.mass,
+        drag=model.drag,
+        EA=model.EA,
+        joint_stiffness=model.joint_stiffness,
+        rest_length=model.rest_length,
+        beta=0.0,
+        walls=walls,
+        wall_stiffness=model.wall_stiffness,
+        introducer=IntroducerSprings.zeros(),
+        held=model.held,
+        is_held=model.is_held,
+    )
     add_internal_forces(straight, work, (1.0, 1.0), 0.0)
-    if model.introducer.size:
-        work.band[: 3 * n, 0] += np.tile([0.0, 2.0, 2.0], n) * model.introducer[STIFFNESS]
-        work.band[0 : 3 * n : 3, 0] += model.introducer[STOP_STIFFNESS]
+    if model.introducer.is_there:
+        work.band[: 3 * n, 0] += np.tile([0.0, 2.0, 2.0], n) * model.introducer.stiffness
+        work.band[0 : 3 * n : 3, 0] += model.introducer.stop_stiffness
     scale = np.repeat(np.where(model.is_held, 0.0, 1.0 / np.sqrt(model.mass)), 3)
     padded = np.concatenate((scale, np.zeros(HALF_BANDWIDTH)))
     band = np.stack([work.band[: 3 * n, a] * scale * padded[a : a + 3 * n] for a in range(HALF_BANDWIDTH + 1)])

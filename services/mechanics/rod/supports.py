@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled.struct import Struct
+
+
+class IntroducerSprings(Struct):
+    """An introducer as kernels see it: see `Introducer` for what the numbers mean."""
+
+    entry: Annotated[FloatArray, 3]
+    axis: Annotated[FloatArray, 3]  # unit vector from entry to exit
+    length: float
+    stiffness: float
+    friction: float
+    slip_speed: float
+    seal: float
+    stop_stiffness: float
+    least_tip: float
+    is_there: bool = False  # a rod without an introducer has one of zeros
 
 
 @dataclass(frozen=True)
@@ -46,15 +63,15 @@ class Introducer:
     stop_stiffness_n_m: float = 2e4
     least_tip_m: float = 5e-3
 
-    def as_array(self) -> FloatArray:
-        """Return (13,) entry, unit axis, and what `introducer_passage` names.
+    def springs(self) -> IntroducerSprings:
+        """Return it as the kernels see it.
 
         Raises
         ------
         ValueError
             A number makes no sense; the message names it.
         """
-        entry = np.asarray(self.entry_m, dtype=np.float64)
+        entry = np.array(self.entry_m, dtype=np.float64)
         axis = np.asarray(self.exit_m, dtype=np.float64) - entry
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
@@ -63,9 +80,18 @@ class Introducer:
             raise ValueError("an introducer needs positive stiffnesses and slip speed")
         if not min(self.friction, self.seal_friction_n, self.least_tip_m) >= 0.0:
             raise ValueError("the friction of an introducer, of its seal, and least_tip_m must be at least 0")
-        spring = [length, self.lateral_stiffness_n_m]
-        friction = [self.friction, self.slip_speed_m_s, self.seal_friction_n]
-        return np.concatenate((entry, axis / length, spring, friction, [self.stop_stiffness_n_m, self.least_tip_m]))
+        return IntroducerSprings(
+            entry=entry,
+            axis=axis / length,
+            length=length,
+            stiffness=self.lateral_stiffness_n_m,
+            friction=self.friction,
+            slip_speed=self.slip_speed_m_s,
+            seal=self.seal_friction_n,
+            stop_stiffness=self.stop_stiffness_n_m,
+            least_tip=self.least_tip_m,
+            is_there=True,
+        )
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,13 @@ balanced by what prescribes the roll.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, cross, dot, row
 from services.mechanics.rod.elasticity import SHORTEST, bending_angle
 from services.mechanics.rod.material_frame import Frame, follow, initial_frame, rotate_frame
@@ -27,18 +28,18 @@ from services.mechanics.rod.state import RodState
 _SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradient grows no further (a fold of 168 deg)
 
 
-class TwistModel(NamedTuple):
-    """Per joint (n-2,): torsional and bending stiffness [N m/rad], rest rotation (n-2, 3) [rad] in the material frame.
+class TwistModel(Struct):
+    """The material frame of a rod of n particles, and the tridiagonal system of its angles."""
 
-    A segment crushed below ``shortest`` [m] counts as that long. ``work`` (2, n-1) holds the tridiagonal system of the
-    angles, so that a step allocates nothing.
-    """
+    torsion: Annotated[FloatArray, "n - 2"]  # of the joints, N m/rad
+    bending: Annotated[FloatArray, "n - 2"]
+    rest_rotation: Annotated[FloatArray, "n - 2", 3]  # in the material frame, rad
+    diagonal: Annotated[FloatArray, "n - 1"]
+    angle: Annotated[FloatArray, "n - 1"]
+    shortest: float  # a segment crushed below this counts as that long, m
 
-    torsion: FloatArray
-    bending: FloatArray
-    rest_rotation: FloatArray
-    shortest: float
-    work: FloatArray
+
+twist_at = reader(TwistModel)
 
 
 def build_twist_model(properties: RodProperties) -> TwistModel | None:
@@ -53,7 +54,8 @@ def build_twist_model(properties: RodProperties) -> TwistModel | None:
         bending=properties.joint_stiffness_n_m(),
         rest_rotation=rest,
         shortest=SHORTEST * properties.segment_length_m,
-        work=np.zeros((2, properties.n_segments)),
+        diagonal=np.zeros(properties.n_segments),
+        angle=np.zeros(properties.n_segments),
     )
 
 
@@ -66,7 +68,7 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) ->
     if state.frame is None:
         state.frame = initial_frame(state.position_m)
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-    _update(model, state.position_m, frame, state.frame.end_is_held, force_n)
+    _update(model.address, state.position_m, frame, state.frame.end_is_held, force_n)
 
 
 def twist_energy(model: TwistModel, state: RodState) -> float:
@@ -78,7 +80,8 @@ def twist_energy(model: TwistModel, state: RodState) -> float:
 
 
 @kernel
-def _update(model: TwistModel, x: FloatArray, frame: Frame, end_is_held: bool, f: FloatArray) -> None:
+def _update(address: Address[TwistModel], x: FloatArray, frame: Frame, end_is_held: bool, f: FloatArray) -> None:
+    model = twist_at(address)
     follow(x, frame)
     relax(model, frame, end_is_held)
     add_forces(model, x, frame, f)
@@ -90,7 +93,7 @@ def relax(model: TwistModel, frame: Frame, end_is_held: bool) -> None:
 
     The matrix is the torsion's tridiagonal one plus the positive part of what rest curvature adds to the diagonal.
     """
-    diagonal, angle = model.work
+    diagonal, angle = model.diagonal, model.angle
     n = angle.shape[0]
     last = n - 1 if end_is_held else n
     for j in range(n):
@@ -141,7 +144,7 @@ def _rest_vector(model: TwistModel, frame: Frame, i: int, j: int) -> tuple[Vecto
 
 @kernel
 def _add_rest_curvature_moments(model: TwistModel, frame: Frame, i: int) -> None:
-    diagonal, angle = model.work
+    diagonal, angle = model.diagonal, model.angle
     w = _joint_rotation(frame, i)
     for j in (i, i + 1):
         rest, turned = _rest_vector(model, frame, i, j)

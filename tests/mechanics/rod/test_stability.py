@@ -113,7 +113,7 @@ def growth(properties, supports, ratio, steps=3000):
         for _ in range(100):
             step = (ratio * integrator.stable_time_step_s, 1)
             motion = (state.position_m, state.velocity_m_s)
-            _predict(integrator.model, integrator.work, motion, NO_LOAD, target, step)
+            _predict((integrator.model.address, integrator.work.address), motion, NO_LOAD, target, step)
         energy = rod_energy(integrator.model, state).total_j / start
         if not energy < 1e6:
             return np.inf

@@ -58,7 +58,7 @@ def run(scenario: Scenario, duct, *, books=False):
     scenario.write_inputs(0.0, tools)
     simulation.step(tools)
     course = Course(simulation, EnergyBook(simulation) if books else None)
-    introducer = rod_supports(scenario.scene.catheter).introducer.as_array()
+    introducer = rod_supports(scenario.scene.catheter).introducer.springs()
     for tick in range(round(1000 * scenario.duration_s)):
         scenario.write_inputs(1e-3 * tick, tools)
         (course.book or simulation).step(tools)
@@ -66,8 +66,8 @@ def run(scenario: Scenario, duct, *, books=False):
         course.force_n.append(simulation.tool_results.force_n.copy())
         course.penetration_m.append(simulation.max_penetration_m)
         course.depth_m.append(simulation.inserted_length_m)
-        course.hub_m.append((rod.position_m[0] - introducer[:3]) @ introducer[3:6])
-        course.tip_m.append((rod.position_m[-1] - introducer[:3]) @ introducer[3:6] - introducer[6])
+        course.hub_m.append((rod.position_m[0] - introducer.entry) @ introducer.axis)
+        course.tip_m.append((rod.position_m[-1] - introducer.entry) @ introducer.axis - introducer.length)
         course.speed_m_s.append(np.abs(rod.velocity_m_s).max())
     return course
 
