@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -10,7 +11,7 @@ from tests.recipes.tree_copy import TreeCopy
 
 #: Physics sends; haptics reads, visualization and the supervisor observe, each with the sockets that its process opens.
 RUN = """
-import json, sys, time
+import json, sys, threading, time
 from protocol.arrays import pack
 from protocol.bodies.physics import Temperature
 from services.runtime.process import Options, load_process_config, open_process
@@ -20,16 +21,25 @@ def opened(name):
 
 physics, haptics, visualization, supervisor = map(opened, ("physics", "haptics", "visualization", "supervisor"))
 topic, body = "physics.temperature", Temperature(tick=7, node=pack([3], "<i4"), temperature_k=pack([311.0]))
+def send():  # the only user of this bus until it is over
+    while not over.is_set():
+        physics.bus.publish(topic, body, origin_ns=time.monotonic_ns())
+        time.sleep(1e-3)
+
+over = threading.Event()
+sender = threading.Thread(target=send)
+sender.start()
 found = {}
 until_s = time.monotonic() + float(sys.argv[1])
 while not supervisor.stop() and time.monotonic() < until_s and len(found) < int(sys.argv[2]):
-    physics.bus.publish(topic, body, origin_ns=time.monotonic_ns())
     frame = haptics.bus.latest(topic)
     if frame is not None and haptics.bus.is_fresh(topic):
         found["haptics"] = frame.body == body
     for observer in (visualization, supervisor):
-        for frame in observer.bus.sample([topic], time.monotonic_ns() + 2_000_000).values():
+        for frame in observer.bus.sample([topic], time.monotonic_ns() + 50_000_000).values():
             found[observer.name] = frame.body == body
+over.set()
+sender.join()
 from services.supervisor import dashboard, figures
 windows = {name: figures.of(each.health._body(1.0)) for name, each in (("physics", physics), ("haptics", haptics))}
 found["dashboard"] = [row.publisher for row in dashboard.topic_rows(windows) if row.topic == topic]
@@ -45,22 +55,37 @@ print(len(messages), messages[0].body.tick, list(messages[0].body.temperature_k)
 """
 
 
-@pytest.fixture
-def recipe(tree: TreeCopy) -> TreeCopy:
+WAIT = """
+import time
+from services.runtime import config
+from services.runtime.zmq_bus import ZmqBus
+bus = ZmqBus(config.load_rig("rig.yaml").transport, reads=["recorder.health"])
+recorded, until_ns = 0, time.monotonic_ns() + 60_000_000_000
+while recorded < 10 and bus.wait("recorder.health", until_ns):
+    for frame in bus.drain("recorder.health"):
+        recorded = frame.body.gauges.get("recorded_frames", 0)
+assert recorded >= 10, recorded
+"""
+
+
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory: pytest.TempPathFactory) -> TreeCopy:
+    tree = TreeCopy(tmp_path_factory.mktemp("recipe") / "tree")
     (tree.root / "rig.yaml").write_text("{name: r, transport: {directory: bus}, recorder: {directory: recordings}}\n")
     tree.follow("Adding a topic")
     return tree
 
 
 def test_a_frame_goes_from_the_publisher_to_everybody_whom_the_row_names(recipe: TreeCopy) -> None:
-    told = json.loads(recipe.python(RUN, "20", "3"))
+    told = json.loads(recipe.python(RUN, "60", "3"))
     assert told == {"haptics": True, "visualization": True, "supervisor": True, "dashboard": ["physics"]}
     recipe.pytest("tests/runtime/test_sockets_of_processes.py")
 
 
 def test_it_is_recorded_sniffed_and_written_down(recipe: TreeCopy) -> None:
-    with recipe.start("-m", "services.recorder", "--rig", "rig.yaml"), recipe.start("-c", RUN, "30", "99"):
+    with recipe.start("-m", "services.recorder", "--rig", "rig.yaml"), recipe.start("-c", RUN, "90", "99"):
         sniffed = recipe.run("trocar", "sniff", "physics.temperature", "--rig", "rig.yaml", "--count", "3", "--json")
+        recipe.python(WAIT)
     assert json.loads(sniffed.splitlines()[0])["body"]["temperature_k"]["values"] == [311.0]
     count, tick, temperature_k = recipe.python(READ).split()
     assert int(count) > 0
@@ -68,9 +93,10 @@ def test_it_is_recorded_sniffed_and_written_down(recipe: TreeCopy) -> None:
     assert "| `physics.temperature` | haptics |" in (recipe.root / "docs" / "wire.md").read_text()
 
 
-def test_its_body_changes_and_old_bytes_are_still_understood(recipe: TreeCopy) -> None:
-    recipe.follow("Changing a body")
-    lifted = recipe.python(
+def test_its_body_changes_and_old_bytes_are_still_understood(recipe: TreeCopy, tmp_path: Path) -> None:
+    tree = TreeCopy(tmp_path / "tree", recipe.root)
+    tree.follow("Changing a body")
+    lifted = tree.python(
         "from pathlib import Path; import protocol;"
         "old = Path('tests/protocol/golden/physics.temperature.v1.msgpack').read_bytes();"
         "print(protocol.decode(old).body.rise_k.view() + 310.15)"

@@ -25,13 +25,13 @@ _LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap"
 class TreeCopy:
     """The sources, tests, configuration and documents in a folder of their own."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, source: Path = ROOT) -> None:
         self.root = root
         for name in _COPIED:
-            if (ROOT / name).is_dir():
-                shutil.copytree(ROOT / name, root / name, ignore=_LEFT_OUT)
+            if (source / name).is_dir():
+                shutil.copytree(source / name, root / name, ignore=_LEFT_OUT)
             else:
-                shutil.copy2(ROOT / name, root / name)
+                shutil.copy2(source / name, root / name)
 
     def follow(self, section: str) -> None:
         """Do every step of the section ``## section`` of this copy's docs/recipes.md, from top to bottom."""
