@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, Self
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
@@ -81,10 +82,10 @@ class DuctBody:
         n = len(nodes)
         self._motion.gather(nodes, weights, self.modes[: 3 * n])
         corners = self._corners
-        u = list_corners(nodes, weights, self._slot, corners)
+        u = list_corners(nodes, weights, self._slot, corners.address)
         load_nodes, loads = self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads]
         self.reduced.residual.apply(load_nodes, loads, corners.node[:u], corners.displacement_m[:u])
-        take_corners(weights, corners, u, self.residual_start, self.residual_change)
+        take_corners(weights, corners.address, u, self.residual_start, self.residual_change)
         self._motion.add_bend(nodes, weights, self.modes[: 3 * n], self.q_start, self.residual_start[:n])
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
@@ -134,24 +135,27 @@ class DuctBody:
         self._gains_dt_s = dt_s
 
 
-class ContactCorners(NamedTuple):
+class ContactCorners(Struct):
     """Corners of the triangles touched, each once: neighbouring contacts share them, and each costs a row of R."""
 
-    node: IntArray  # (3 C,)
-    displacement_m: FloatArray  # (3 C, 3)
-    place: IntArray  # (C, 3) of each contact's corners among them
+    node: Annotated[IntArray, "3 c"]
+    displacement_m: Annotated[FloatArray, "3 c", 3]
+    place: Annotated[IntArray, "c", 3]  # of each contact's corners among them
 
     @classmethod
-    def allocate(cls, capacity: int) -> ContactCorners:
+    def allocate(cls, capacity: int) -> Self:
         """Return room for the corners of ``capacity`` contacts."""
-        node, place = np.zeros(3 * capacity, np.int32), np.zeros((capacity, 3), np.int32)
-        return cls(node, np.zeros((3 * capacity, 3)), place)
+        node = np.zeros(3 * capacity, np.int32)
+        return cls.zeros(node=node, displacement_m=np.zeros((len(node), 3)), c=capacity)
+
+
+corners_at = reader(ContactCorners)
 
 
 @kernel
-def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, out: ContactCorners) -> int:
+def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, address: Address[ContactCorners]) -> int:
     """List the corners (k, 3) that have a weight, each once, and return how many; ``slot`` (n,) is scratch, all -1."""
-    count = 0
+    out, count = corners_at(address), 0
     for point in range(nodes.shape[0]):
         for corner in range(3):
             out.place[point, corner] = 0
@@ -165,12 +169,13 @@ def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, out: Cont
 
 @kernel
 def take_corners(
-    weights: FloatArray, corners: ContactCorners, count: int, start: FloatArray, change: FloatArray
+    weights: FloatArray, address: Address[ContactCorners], count: int, start: FloatArray, change: FloatArray
 ) -> None:
     """Move the displacements of the ``count`` corners to the points of ``weights`` (k, 3); zero is left there.
 
     ``start`` takes the displacements of the points, ``change`` what lets go of them.
     """
+    corners = corners_at(address)
     moved = corners.displacement_m
     for point in range(weights.shape[0]):
         for axis in range(3):

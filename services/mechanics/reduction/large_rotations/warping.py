@@ -21,6 +21,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.large_rotations.sections import Sections, cut_sections
 from services.mechanics.reduction.large_rotations.warping_kernels import (
+    WarpedTube,
     node_positions,
     node_rotations,
     node_rows,
@@ -91,34 +92,39 @@ class SectionFrame:
     def __init__(self, warp: TubeWarp) -> None:
         stations, _, modes = warp.turn.shape
         sections = warp.sections
-        self._warp = warp
-        self._q = np.zeros(modes)
-        self._rest = (sections.centres_m, warp.turn, warp.stretch)
-        self._tube = (sections.segment, sections.fraction, warp.arm_m, warp.local)
-        self._axis = (np.zeros((stations, 3)), np.zeros((stations, 3)), np.zeros((stations, 3, modes)))
-        self._scratch = (np.zeros((9, 3)), np.zeros((3, modes)), np.zeros((1, 3, modes)))
+        self._tube = WarpedTube.zeros(
+            s=stations,
+            r=modes,
+            rest_centre=sections.centres_m,
+            turn_modes=warp.turn,
+            stretch_modes=warp.stretch,
+            segment=sections.segment,
+            fraction=sections.fraction,
+            arm=warp.arm_m,
+            local=warp.local,
+        )
         self._rates_are_stale = True
-        self.update(self._q)
+        self.update(self._tube.q)
 
     @property
     def centres_m(self) -> FloatArray:
         """Points of the axis (s + 1, 3) in this state; a live view."""
-        return self._axis[1]
+        return self._tube.centre
 
     @property
     def turns(self) -> FloatArray:
         """Rotation vectors of the stations (s + 1, 3) in this state; a live view."""
-        return self._axis[0]
+        return self._tube.turn
 
     def update(self, q: FloatArray) -> None:
         """Integrate the axis for modal coordinates q (r,)."""
-        self._q[:] = q
-        string_axis(self._rest, self._q, self._axis, self._scratch)
+        self._tube.q[:] = q
+        string_axis(self._tube.address)
         self._rates_are_stale = True
 
     def _refresh_rates(self) -> None:
         if self._rates_are_stale:
-            string_rates(self._rest, self._axis, self._scratch)
+            string_rates(self._tube.address)
             self._rates_are_stale = False
 
     def node_positions(self, nodes: IntArray, extra_m: FloatArray, out: FloatArray) -> None:
@@ -127,12 +133,12 @@ class SectionFrame:
         ``extra_m`` (k, 3) is a displacement in the undeformed axes that is carried along, such as the residual
         compliance's.
         """
-        node_positions(nodes, self._tube, self._axis, self._q, extra_m, out, self._scratch)
+        node_positions(self._tube.address, nodes, extra_m, out)
 
     def node_rows(self, nodes: IntArray, out: FloatArray) -> None:
         """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi."""
         self._refresh_rates()
-        node_rows(nodes, self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
+        node_rows(self._tube.address, nodes, out)
 
     def gather_rows(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
         """Write d position / d q at points of triangles into ``out`` (3 k, r), as `gather_modes` does for Phi.
@@ -141,26 +147,26 @@ class SectionFrame:
         through these rows too: then their power is that of the warped points.
         """
         self._refresh_rates()
-        point_rows((nodes, weights), self._tube, self._axis, self._warp.turn, self._q, out, self._scratch)
+        point_rows(self._tube.address, (nodes, weights), out)
 
     def turn_blocks(self, nodes: IntArray, out: FloatArray) -> None:
         """Turn a compliance ``out`` (3 k, 3 k) between ``nodes`` (k,), in place, from undeformed into world axes.
 
         The residual compliance belongs to the wall and turns with its sections: Q_a R_ab Q_b^T.
         """
-        turn_blocks(nodes, self._tube, self._axis, out, self._scratch)
+        turn_blocks(self._tube.address, nodes, out)
 
     def turn_vectors(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
         """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from undeformed into world axes; ``out`` (k, 3) may be the same."""
-        turn_vectors(nodes, self._tube, self._axis, False, vectors, out, self._scratch)
+        turn_vectors(self._tube.address, nodes, False, vectors, out)
 
     def turn_back(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
         """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from world into undeformed axes; ``out`` (k, 3) may be the same."""
-        turn_vectors(nodes, self._tube, self._axis, True, vectors, out, self._scratch)
+        turn_vectors(self._tube.address, nodes, True, vectors, out)
 
     def node_rotations(self, nodes: IntArray, out: FloatArray) -> None:
         """Write the rotations of the sections of ``nodes`` (k,) into ``out`` (k, 3, 3)."""
-        node_rotations(nodes, self._tube, self._axis, out, self._scratch)
+        node_rotations(self._tube.address, nodes, out)
 
 
 def _section_motion(mesh: TriangleMesh, basis: ModalBasis, sections: Sections) -> tuple[FloatArray, FloatArray]:

@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 
-Scratch = tuple[FloatArray, FloatArray, FloatArray]
-"""Room for a few 3-vectors (9, 3), for rows at a section (3, r) and at a node (1, 3, r)."""
-Rest = tuple[FloatArray, FloatArray, FloatArray]
-"""Of the stations: centres (s + 1, 3), turn modes (s + 1, 3, r), stretch modes (s, 3, r)."""
-Axis = tuple[FloatArray, FloatArray, FloatArray]
-"""Of the stations in a state: turns (s + 1, 3), centres (s + 1, 3), derivatives of the centres (s + 1, 3, r)."""
-Tube = tuple[IntArray, FloatArray, FloatArray, FloatArray]
-"""Of the nodes: segment (n,), fraction (n,), arm (n, 3), local modes (n, 3, r)."""
+
+class WarpedTube(Struct):
+    """A duct of n nodes along s stations of its axis, with r modes, and its axis in one state."""
+
+    rest_centre: Annotated[FloatArray, "s", 3]  # of the stations
+    turn_modes: Annotated[FloatArray, "s", 3, "r"]
+    stretch_modes: Annotated[FloatArray, "s - 1", 3, "r"]
+    segment: Annotated[IntArray, "n"]  # where each node is along the axis, and how far along that segment
+    fraction: Annotated[FloatArray, "n"]
+    arm: Annotated[FloatArray, "n", 3]
+    local: Annotated[FloatArray, "n", 3, "r"]  # modes
+    q: Annotated[FloatArray, "r"]  # the state, and what the stations are in it
+    turn: Annotated[FloatArray, "s", 3]
+    centre: Annotated[FloatArray, "s", 3]
+    rate: Annotated[FloatArray, "s", 3, "r"]  # derivatives of the centres
+    small: Annotated[FloatArray, 9, 3]  # scratch: a few vectors, rows at a section, rows at a node
+    between: Annotated[FloatArray, 3, "r"]
+    row: Annotated[FloatArray, 1, 3, "r"]
+
+
+tube_at = reader(WarpedTube)
 SMALL_ANGLE = 1e-4
 """Below it the series are exact to rounding; the quotients lose digits."""
 
@@ -112,10 +127,11 @@ def _add_rotated(R: FloatArray, modes: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def string_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None:
-    """String the stations together at modal coordinates q (r,), writing turns and centres of ``axis``."""
-    (centres, turn_modes, stretch), (turn, centre, _) = rest, axis
-    small = scratch[0]
+def string_axis(address: Address[WarpedTube]) -> None:
+    """String the stations together at the tube's q, writing their turns and centres."""
+    tube = tube_at(address)
+    centres, turn_modes, stretch, q = tube.rest_centre, tube.turn_modes, tube.stretch_modes, tube.q
+    turn, centre, small = tube.turn, tube.centre, tube.small
     R, middle, piece, step = small[:3], small[6], small[7], small[8]
     for station in range(turn.shape[0]):
         _product(turn_modes[station], q, turn[station])
@@ -133,10 +149,11 @@ def string_axis(rest: Rest, q: FloatArray, axis: Axis, scratch: Scratch) -> None
 
 
 @kernel
-def string_rates(rest: Rest, axis: Axis, scratch: Scratch) -> None:
-    """Write the derivatives of the centres by q, for the turns and centres that ``axis`` holds."""
-    (_, turn_modes, stretch), (turn, centre, rate) = rest, axis
-    small, between, _ = scratch
+def string_rates(address: Address[WarpedTube]) -> None:
+    """Write the derivatives of the centres by q, for the turns and centres that there are."""
+    tube = tube_at(address)
+    turn_modes, stretch, turn, centre, rate = tube.turn_modes, tube.stretch_modes, tube.turn, tube.centre, tube.rate
+    small, between = tube.small, tube.between
     R, A, middle, step = small[:3], small[3:6], small[6], small[8]
     rate[0] = 0.0
     for k in range(stretch.shape[0]):
@@ -153,12 +170,11 @@ def string_rates(rest: Rest, axis: Axis, scratch: Scratch) -> None:
 
 
 @kernel
-def node_positions(
-    nodes: IntArray, tube: Tube, axis: Axis, q: FloatArray, extra: FloatArray, out: FloatArray, scratch: Scratch
-) -> None:
+def node_positions(address: Address[WarpedTube], nodes: IntArray, extra: FloatArray, out: FloatArray) -> None:
     """Write the warped positions (k, 3) of ``nodes`` (k,); ``extra`` (k, 3) rides along."""
-    (segment, fraction, arm, local), (turn, centre, _) = tube, axis
-    small = scratch[0]
+    tube = tube_at(address)
+    segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
+    turn, centre, small = tube.turn, tube.centre, tube.small
     R, vector, carried = small[:3], small[6], small[7]
     for index in range(nodes.shape[0]):
         node = nodes[index]
@@ -174,12 +190,15 @@ def node_positions(
 
 
 @kernel
-def node_rows(
-    nodes: IntArray, tube: Tube, axis: Axis, turn_modes: FloatArray, q: FloatArray, out: FloatArray, scratch: Scratch
-) -> None:
+def node_rows(address: Address[WarpedTube], nodes: IntArray, out: FloatArray) -> None:
     """Write the derivatives (k, 3, r) of the warped positions of ``nodes`` (k,) by q."""
-    (segment, fraction, arm, local), (turn, _, rate) = tube, axis
-    small, between, _ = scratch
+    _node_rows(tube_at(address), nodes, out)
+
+
+@kernel
+def _node_rows(tube: WarpedTube, nodes: IntArray, out: FloatArray) -> None:
+    segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
+    turn, rate, turn_modes, small, between = tube.turn, tube.rate, tube.turn_modes, tube.small, tube.between
     R, A, vector, carried = small[:3], small[3:6], small[6], small[7]
     for index in range(nodes.shape[0]):
         node = nodes[index]
@@ -209,30 +228,22 @@ def weigh_rows(weights: FloatArray, point: int, corner: int, row: FloatArray, ou
 
 
 @kernel
-def point_rows(
-    points: tuple[IntArray, FloatArray],
-    tube: Tube,
-    axis: Axis,
-    turn_modes: FloatArray,
-    q: FloatArray,
-    out: FloatArray,
-    scratch: Scratch,
-) -> None:
+def point_rows(address: Address[WarpedTube], points: tuple[IntArray, FloatArray], out: FloatArray) -> None:
     """Weigh the rows at the corners of points, (nodes (k, 3), weights (k, 3)), into ``out`` (3 k, r)."""
-    (nodes, weights), row = points, scratch[2]
+    tube, (nodes, weights) = tube_at(address), points
     for point in range(nodes.shape[0]):
         for corner in range(3):
-            node_rows(nodes[point, corner : corner + 1], tube, axis, turn_modes, q, row, scratch)
-            weigh_rows(weights, point, corner, row[0], out)
+            _node_rows(tube, nodes[point, corner : corner + 1], tube.row)
+            weigh_rows(weights, point, corner, tube.row[0], out)
 
 
 @kernel
-def turn_blocks(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
+def turn_blocks(address: Address[WarpedTube], nodes: IntArray, out: FloatArray) -> None:
     """Replace each block (a, b) of ``out`` (3 k, 3 k) by Q_a block Q_b^T, with the nodes' rotations Q."""
-    small = scratch[0]
-    Q, vector, column = small[:3], small[6], small[7]
+    tube = tube_at(address)
+    Q, vector, column = tube.small[:3], tube.small[6], tube.small[7]
     for a in range(nodes.shape[0]):
-        interpolate_turn(axis[0], tube[0][nodes[a]], tube[1][nodes[a]], vector)
+        interpolate_turn(tube.turn, tube.segment[nodes[a]], tube.fraction[nodes[a]], vector)
         rotation_matrix(vector, Q)
         for other in range(out.shape[0]):
             for i in range(3):
@@ -248,13 +259,13 @@ def turn_blocks(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratc
 
 @kernel
 def turn_vectors(
-    nodes: IntArray, tube: Tube, axis: Axis, back: bool, vectors: FloatArray, out: FloatArray, scratch: Scratch
+    address: Address[WarpedTube], nodes: IntArray, back: bool, vectors: FloatArray, out: FloatArray
 ) -> None:
     """Write ``vectors`` (k, 3) of nodes turned with their sections, or ``back`` from there, into ``out`` (k, 3)."""
-    small = scratch[0]
-    Q, turn = small[:3], small[6]
+    tube = tube_at(address)
+    Q, turn = tube.small[:3], tube.small[6]
     for k in range(nodes.shape[0]):
-        interpolate_turn(axis[0], tube[0][nodes[k]], tube[1][nodes[k]], turn)
+        interpolate_turn(tube.turn, tube.segment[nodes[k]], tube.fraction[nodes[k]], turn)
         rotation_matrix(turn, Q)
         if back:
             _rotate_back(Q, vectors[k], out[k])
@@ -263,9 +274,10 @@ def turn_vectors(
 
 
 @kernel
-def node_rotations(nodes: IntArray, tube: Tube, axis: Axis, out: FloatArray, scratch: Scratch) -> None:
+def node_rotations(address: Address[WarpedTube], nodes: IntArray, out: FloatArray) -> None:
     """Write the rotations (k, 3, 3) of the sections of ``nodes`` (k,)."""
-    turn = scratch[0][6]
+    tube = tube_at(address)
+    turn = tube.small[6]
     for k in range(nodes.shape[0]):
-        interpolate_turn(axis[0], tube[0][nodes[k]], tube[1][nodes[k]], turn)
+        interpolate_turn(tube.turn, tube.segment[nodes[k]], tube.fraction[nodes[k]], turn)
         rotation_matrix(turn, out[k])
