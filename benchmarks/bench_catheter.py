@@ -25,7 +25,6 @@ from services.mechanics.rod import (
     SemiImplicitIntegrator,
     Supports,
     clamped,
-    smooth_centreline,
     straight_rod,
 )
 from services.studies.rod_problems import GJ, X, elastica_tip, example_rod
@@ -104,7 +103,6 @@ def contact_calls() -> dict[str, Callable[[], None]]:
     calls["solve, 90 right-hand sides of 153 unknowns"] = lambda: integrator.solve(force, changes)
     contact = np.zeros((51, 3))
     calls["correct"] = lambda: integrator.correct(state, contact)
-    calls["smooth centreline for drawing, 201 points"] = lambda: smooth_centreline(state.position_m)
     return calls
 
 

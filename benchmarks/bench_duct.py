@@ -35,7 +35,7 @@ from services.mechanics.reduction import (
     ResidualChoice,
     reduce_duct,
 )
-from services.mechanics.reduction.basis import add_modal_force, gather_modes
+from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
@@ -145,6 +145,7 @@ class ContactTick:
         self.state, self.force = ModalState.at_rest(r), np.zeros(r)
         self.modes, self.scratch = np.zeros((3 * k, r)), np.zeros(3 * k * r)
         self.W = np.zeros((3 * k, 3 * k))
+        self.contact_forces = np.ones(3 * k)
         self.loads, self.out = np.ones((self.loaded.size, 3)), np.zeros((self.loaded.size, 3))
 
     def step(self) -> None:
@@ -154,8 +155,7 @@ class ContactTick:
         gather_modes(self.triangles, self.weights, self.basis.Phi, self.modes)
         self.residual.gather_points(self.triangles, self.weights, self.W)
         add_modal_compliance(self.modes, self.gain, self.scratch, self.W)
-        self.force[:] = 0.0
-        add_modal_force(self.loaded, self.loads, self.basis.Phi, self.force)
+        np.dot(self.contact_forces, self.modes, out=self.force)
         self.out[:] = 0.0
         self.residual.apply(self.loaded, self.loads, self.loaded, self.out)
 

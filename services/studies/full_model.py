@@ -10,6 +10,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ShellModel
 from services.mechanics.reduction.free_dofs import factorise, free_load, nodal_translations
 from services.mechanics.reduction.newmark import NewmarkConstants
+from services.mechanics.reduction.state import ModalState
 
 
 class DirectNewmark:
@@ -132,3 +133,15 @@ class CondensedStiffness:
         start = np.random.default_rng(0).standard_normal(size)
         highest = eigsh(operator, k=1, which="LA", v0=start, return_eigenvectors=False, tol=1e-6)
         return 2.0 / float(np.sqrt(highest[0] * (1.0 + 1e-6)))
+
+
+def rayleigh_damping_ratio(omega_rad_s: FloatArray, alpha_1_s: float, beta_s: float) -> FloatArray:
+    """Return the damping ratios (r,) of B = alpha M + beta K; the paper has beta = 0."""
+    return 0.5 * (alpha_1_s / omega_rad_s + beta_s * omega_rad_s)
+
+
+def modal_reaction(state: ModalState, omega_rad_s: FloatArray, damping_ratio: FloatArray) -> FloatArray:
+    """Return f = q'' + 2 omega zeta q' + omega^2 q (r,): the modal force the state balances (Appendix B, step 4)."""
+    damping = 2.0 * omega_rad_s * damping_ratio
+    reaction: FloatArray = state.qddot + damping * state.qdot + omega_rad_s**2 * state.q
+    return reaction

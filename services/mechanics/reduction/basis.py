@@ -74,17 +74,6 @@ def node_displacements(nodes: IntArray, Phi: FloatArray, q: FloatArray, out: Flo
 
 
 @kernel
-def add_modal_force(nodes: IntArray, forces: FloatArray, Phi: FloatArray, out: FloatArray) -> None:
-    """Add to ``out`` (r,) the modal force of ``forces`` (k, 3), in N, acting on ``nodes`` (k,)."""
-    for k in range(nodes.shape[0]):
-        for axis in range(3):
-            force = forces[k, axis]
-            if force != 0.0:
-                for mode in range(out.shape[0]):
-                    out[mode] += Phi[nodes[k], axis, mode] * force
-
-
-@kernel
 def gather_modes(nodes: IntArray, weights: FloatArray, Phi: FloatArray, out: FloatArray) -> None:
     """Write the modes' rows at points of triangles into ``out`` (3 k, r).
 

@@ -70,8 +70,3 @@ class ReducedDuct:
         every_node = np.arange(self.basis.n_nodes, dtype=np.int32)
         self.residual.apply(load_nodes, load_forces_n, every_node, field)
         return field
-
-
-def rayleigh_damping_ratio(omega_rad_s: FloatArray, alpha_1_s: float, beta_s: float) -> FloatArray:
-    """Return the damping ratios (r,) of B = alpha M + beta K; the paper has beta = 0."""
-    return 0.5 * (alpha_1_s / omega_rad_s + beta_s * omega_rad_s)

@@ -36,8 +36,8 @@ class ResidualChoice:
     budget_bytes: int = 512 * MIB
     patch_radius_m: float | None = None
 
-    def settled_kind(self, n_nodes: int) -> Literal["full", "patches", "none"]:
-        """Return the kind, with "auto" settled by what fits the budget."""
+    def resolved_kind(self, n_nodes: int) -> Literal["full", "patches", "none"]:
+        """Return the kind, with "auto" resolved by what fits the budget."""
         if self.kind != "auto":
             return self.kind
         return "full" if full_residual_bytes(n_nodes) <= self.budget_bytes else "patches"

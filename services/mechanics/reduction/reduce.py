@@ -79,7 +79,7 @@ def fetch_residual_displacement(
 
 def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> Residual:
     choice = maker.recipe.residual
-    kind = choice.settled_kind(basis.n_nodes)
+    kind = choice.resolved_kind(basis.n_nodes)
     if kind == "none":
         return Residual.none(basis.n_nodes)
     if kind == "full":
@@ -89,21 +89,6 @@ def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> Residual:
     name = f"residual-{hash_content(basis.content_hash, kind, size, PATCH_FORMAT)}"
     entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
     return Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.load("blocks"))
-
-
-def find_basis(content_hash: str, cache_dir: Path) -> ModalBasis:
-    """Return the basis that a frame on the bus names by its hash.
-
-    Raises
-    ------
-    CacheError
-        The cache holds no such basis.
-    """
-    for manifest in cache_dir.glob(f"basis-*/{cache.MANIFEST}"):
-        entry = cache.Entry(manifest.parent)
-        if entry.facts.get("content_hash") == content_hash:
-            return load_basis(entry)
-    raise cache.CacheError(f"no modal basis {content_hash} in {cache_dir}")
 
 
 def load_basis(entry: cache.Entry) -> ModalBasis:

@@ -64,10 +64,3 @@ def correct(state: ModalState, modal_force: FloatArray, gains: ModalGains) -> No
     state.q += gains.position * modal_force
     state.qdot += gains.velocity * modal_force
     state.qddot += gains.acceleration * modal_force
-
-
-def modal_reaction(state: ModalState, omega_rad_s: FloatArray, damping_ratio: FloatArray) -> FloatArray:
-    """Return f = q'' + 2 omega zeta q' + omega^2 q (r,): the modal force the state balances (Appendix B, step 4)."""
-    damping = 2.0 * omega_rad_s * damping_ratio
-    reaction: FloatArray = state.qddot + damping * state.qdot + omega_rad_s**2 * state.q
-    return reaction

@@ -6,7 +6,6 @@ from services.mechanics.rod.integrator import RodIntegrator, build_integrator
 from services.mechanics.rod.material_frame import MaterialFrame, initial_frame, roll
 from services.mechanics.rod.properties import RodProperties, RoundTube
 from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
-from services.mechanics.rod.spline import smooth_centreline
 from services.mechanics.rod.state import RodState, rod_along, straight_rod
 from services.mechanics.rod.supports import Introducer, Supports, clamped
 
@@ -27,6 +26,5 @@ __all__ = [
     "rod_along",
     "rod_energy",
     "roll",
-    "smooth_centreline",
     "straight_rod",
 ]

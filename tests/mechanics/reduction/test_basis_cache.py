@@ -9,7 +9,7 @@ import pytest
 
 from services.mechanics.effects.insufflation import InsufflationSettings
 from services.mechanics.fem import ElementChoice, ShellSection, clamp
-from services.mechanics.reduction import CacheError, DuctRecipe, ResidualChoice, cache, find_basis, reduce_duct
+from services.mechanics.reduction import CacheError, DuctRecipe, ResidualChoice, cache, reduce_duct
 from services.mechanics.reduction.content_hash import hash_content
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
@@ -88,13 +88,6 @@ def test_auto_takes_patches_beyond_the_budget(tmp_path):
     duct = reduce_duct(small_recipe(residual=ResidualChoice(budget_bytes=100_000)), 0.05, tmp_path)
     assert duct.residual.starts.size
     assert duct.residual.blocks.nbytes < 100_000
-
-
-def test_a_basis_is_found_by_the_hash_a_frame_carries(tmp_path):
-    duct = reduce_duct(small_recipe(), 0.05, tmp_path)
-    assert np.array_equal(find_basis(duct.basis.content_hash, tmp_path).Phi, duct.basis.Phi)
-    with pytest.raises(CacheError, match="no modal basis 1234"):
-        find_basis("1234", tmp_path)
 
 
 def test_changed_bytes_are_refused_by_name(tmp_path):

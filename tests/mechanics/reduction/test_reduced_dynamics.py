@@ -8,11 +8,15 @@ from services.mechanics.reduction import (
     ExactOscillator,
     ModalState,
     Newmark,
+)
+from services.mechanics.reduction.free_dofs import factorise
+from services.studies.full_model import (
+    CentralDifference,
+    CondensedStiffness,
+    DirectNewmark,
     modal_reaction,
     rayleigh_damping_ratio,
 )
-from services.mechanics.reduction.free_dofs import factorise
-from services.studies.full_model import CentralDifference, CondensedStiffness, DirectNewmark
 
 DT_S, STEPS = 1e-3, 500
 # Tissue damps what is fast as well as what is slow: 10 % of critical in the first mode, loss factor 0.13 at 100 Hz.
