@@ -10,7 +10,14 @@ from scipy.sparse.csgraph import connected_components
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.frames import DEGENERATE_HEIGHT_RATIO
-from services.mechanics.surface.mesh import TriangleMesh, half_edges, triangle_areas_m2, unique_edges, vertex_components
+from services.mechanics.surface.mesh import (
+    TriangleMesh,
+    edge_of_half_edges,
+    half_edges,
+    triangle_areas_m2,
+    unique_edges,
+    vertex_components,
+)
 from services.meshes.crossings import crossing_triangles
 from services.meshes.winding import flipped_edges
 
@@ -28,8 +35,12 @@ class Finding:
         return f"{self.count} {self.defect}, the first at {place_mm} mm"
 
 
-def check_surface(mesh: TriangleMesh) -> list[Finding]:
-    """Defects that keep a surface from being one orientable shell with open ends; empty when there are none."""
+def check_surface(mesh: TriangleMesh, is_used: bool = True) -> list[Finding]:
+    """Defects that keep a surface from being one orientable shell with open ends; empty when there are none.
+
+    On a surface that is only the source of another (not ``is_used``) triangles that cut through others, by far the
+    longest search, are left to the check of that other.
+    """
     edges, shared = unique_edges(mesh)
     tests = (
         ("triangles without area", mesh.triangles[_degenerate(mesh)]),
@@ -37,7 +48,7 @@ def check_surface(mesh: TriangleMesh) -> list[Finding]:
         ("vertices where separate sheets touch", _touching_vertices(mesh)[:, None]),
         ("edges whose two triangles are wound against each other", flipped_edges(mesh)),
         ("vertices outside the largest connected piece", _stray_vertices(mesh)[:, None]),
-        ("triangles that cut through others", mesh.triangles[crossing_triangles(mesh)]),
+        ("triangles that cut through others", mesh.triangles[crossing_triangles(mesh) if is_used else []]),
     )
     return [Finding(name, len(items), mesh.vertices_m[items[0]].mean(axis=0)) for name, items in tests if len(items)]
 
@@ -57,16 +68,16 @@ def _stray_vertices(mesh: TriangleMesh) -> IntArray:
 def _touching_vertices(mesh: TriangleMesh) -> IntArray:
     """Vertices whose triangles do not all hang together by edges, so that two sheets meet in a point."""
     directed = half_edges(mesh)
-    _, edge = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
+    _, edge, _ = edge_of_half_edges(mesh)
     start = np.arange(len(directed))
     end = start - start % 3 + (start + 1) % 3
     is_up = directed[:, 0] < directed[:, 1]
     low, high = np.where(is_up, start, end), np.where(is_up, end, start)
-    order = np.argsort(edge.ravel(), kind="stable")
-    joined = order[:-1][np.diff(edge.ravel()[order]) == 0], order[1:][np.diff(edge.ravel()[order]) == 0]
+    order = np.argsort(edge, kind="stable")
+    joined = order[:-1][np.diff(edge[order]) == 0], order[1:][np.diff(edge[order]) == 0]
     rows = np.concatenate([low[joined[0]], high[joined[0]]])
     columns = np.concatenate([low[joined[1]], high[joined[1]]])
     links = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(start),) * 2)
     _, fan = connected_components(links, directed=False)
-    fans = np.unique(np.stack([mesh.triangles.ravel(), fan], axis=1), axis=0)
-    return np.flatnonzero(np.bincount(fans[:, 0], minlength=mesh.n_vertices) > 1).astype(np.int32)
+    fans = np.unique(mesh.triangles.ravel() * np.int64(len(start)) + fan)
+    return np.flatnonzero(np.bincount(fans // len(start), minlength=mesh.n_vertices) > 1).astype(np.int32)

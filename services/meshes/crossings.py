@@ -11,6 +11,8 @@ from services.mechanics.surface.mesh import TriangleMesh
 
 CHUNK = 2048
 """Triangles whose candidate partners are held at the same time."""
+SIZE_CLASS = 1.3
+"""Triangles whose radii differ by less are looked for within the same distance."""
 CORNER_PAIRS = ((0, 1), (1, 2), (2, 0))
 
 
@@ -23,28 +25,38 @@ def crossing_triangles(mesh: TriangleMesh) -> IntArray:
     corners = mesh.vertices_m[mesh.triangles]
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    tree = cKDTree(centres)
+    boxes = corners.min(axis=1), corners.max(axis=1)
     crossing = np.zeros(mesh.n_triangles, bool)
-    for start in range(0, mesh.n_triangles, CHUNK):
-        chunk = np.arange(start, min(start + CHUNK, mesh.n_triangles))
-        # Every pair is found from its larger triangle, so that one long sliver does not make all look far.
-        near = tree.query_ball_point(centres[chunk], 2.0 * radii[chunk])
-        larger = np.repeat(chunk, [len(found) for found in near])
-        smaller = np.concatenate([np.asarray(found, np.int64) for found in near])
-        is_ordered = (radii[smaller] < radii[larger]) | ((radii[smaller] == radii[larger]) & (smaller < larger))
-        pairs = _candidates(mesh, corners, np.stack([larger[is_ordered], smaller[is_ordered]], axis=1))
-        one, other = corners[pairs[:, 0]], corners[pairs[:, 1]]
-        crossing[pairs[_edges_pierce(one, other) | _edges_pierce(other, one)].ravel()] = True
+    # Every pair is found from its larger triangle, so that one long sliver does not make all look far.
+    by_size = np.argsort(radii, kind="stable")
+    first = 0
+    while first < mesh.n_triangles:
+        last = int(np.searchsorted(radii[by_size], SIZE_CLASS * radii[by_size[first]], side="right"))
+        smaller = cKDTree(centres[by_size[:last]])
+        for start in range(first, last, CHUNK):
+            chunk = by_size[start : min(start + CHUNK, last)]
+            reach = 2.0 * radii[chunk].max()
+            near = cKDTree(centres[chunk]).sparse_distance_matrix(smaller, reach, output_type="ndarray")
+            pairs = np.stack([chunk[near["i"]], by_size[near["j"]]], axis=1)
+            rank = start + near["i"] > near["j"]
+            pairs = _candidates(mesh, boxes, pairs[rank])
+            one, other = corners[pairs[:, 0]], corners[pairs[:, 1]]
+            crossing[pairs[_edges_pierce(one, other) | _edges_pierce(other, one)].ravel()] = True
+        first = last
     return np.flatnonzero(crossing).astype(np.int32)
 
 
-def _candidates(mesh: TriangleMesh, corners: FloatArray, pairs: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _candidates(
+    mesh: TriangleMesh, boxes: tuple[FloatArray, FloatArray], pairs: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:
     """Those pairs whose boxes overlap and which share no vertex."""
-    one, other = corners[pairs[:, 0]], corners[pairs[:, 1]]
-    overlap = (one.min(axis=1) <= other.max(axis=1)) & (other.min(axis=1) <= one.max(axis=1))
-    pairs = pairs[overlap.all(axis=1)]
-    names = mesh.triangles[pairs]
-    shared = (names[:, 0, :, None] == names[:, 1, None, :]).any(axis=(1, 2))
+    low, high = boxes
+    for axis in range(3):
+        one, other = pairs.T
+        pairs = pairs[(low[one, axis] <= high[other, axis]) & (low[other, axis] <= high[one, axis])]
+    shared = np.zeros(len(pairs), bool)
+    for k in range(3):
+        shared |= (mesh.triangles[pairs[:, 0], k, None] == mesh.triangles[pairs[:, 1]]).any(axis=1)
     separate: npt.NDArray[np.int64] = pairs[~shared]
     return separate
 

@@ -69,7 +69,7 @@ def decimate(mesh: TriangleMesh, n_triangles: int) -> TriangleMesh:
         return mesh
     surface = pyvista.PolyData.from_regular_faces(mesh.vertices_m, mesh.triangles)
     result = surface.decimate(1.0 - n_triangles / mesh.n_triangles)
-    return _accept(mesh, TriangleMesh(result.points, result.regular_faces), f"{n_triangles} triangles")
+    return _accept(mesh, TriangleMesh(result.points, result.regular_faces), f"{n_triangles} triangles", is_used=False)
 
 
 def vertices_for_edge(mesh: TriangleMesh, edge_m: float) -> int:
@@ -78,8 +78,8 @@ def vertices_for_edge(mesh: TriangleMesh, edge_m: float) -> int:
     return round(float(triangle_areas_m2(mesh).sum() / area_per_vertex))
 
 
-def _accept(before: TriangleMesh, after: TriangleMesh, wanted: str) -> TriangleMesh:
-    findings = check_surface(after)
+def _accept(before: TriangleMesh, after: TriangleMesh, wanted: str, is_used: bool = True) -> TriangleMesh:
+    findings = check_surface(after, is_used)
     if findings:
         raise MeshError(f"remeshing to {wanted} breaks the surface: " + "; ".join(map(str, findings)))
     rims = len(boundary_loops(before)), len(boundary_loops(after))

@@ -28,8 +28,10 @@ class Repaired:
     actions: list[str]
 
 
-def repair_surface(mesh: TriangleMesh) -> Repaired:
+def repair_surface(mesh: TriangleMesh, is_used: bool = True) -> Repaired:
     """Merge, drop, cut loose, orient and close pinholes until nothing is left to find.
+
+    ``is_used`` says whether the triangles are used as they are; see `check_surface`.
 
     Raises
     ------
@@ -39,7 +41,7 @@ def repair_surface(mesh: TriangleMesh) -> Repaired:
     actions: list[str] = []
     for step in (merge_and_drop, _keep_largest_piece, _wind_consistently, _close_pinholes):
         mesh = step(mesh, actions)
-    findings = check_surface(mesh)
+    findings = check_surface(mesh, is_used)
     if findings:
         raise MeshError("surface cannot be repaired: " + "; ".join(map(str, findings)))
     if enclosed_volume_m3(mesh) < 0.0:

@@ -7,14 +7,15 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.surface.mesh import TriangleMesh, half_edges, triangle_areas_m2
+from services.mechanics.surface.mesh import TriangleMesh, half_edges, paired_half_edges, triangle_areas_m2
 
 
 def flipped_edges(mesh: TriangleMesh) -> IntArray:
     """(k, 2) edges that two triangles run along in the same direction, as on no orientable surface."""
-    directed, times = np.unique(half_edges(mesh), axis=0, return_counts=True)
-    flipped: IntArray = directed[times > 1]
-    return flipped
+    directed = half_edges(mesh).astype(np.int64)
+    found, times = np.unique(directed[:, 0] * mesh.n_vertices + directed[:, 1], return_counts=True)
+    flipped = np.stack(np.divmod(found[times > 1], mesh.n_vertices), axis=1)
+    return flipped.astype(np.int32)
 
 
 def wind_consistently(mesh: TriangleMesh, actions: list[str], most_turned: float = 0.5) -> TriangleMesh:
@@ -56,10 +57,7 @@ def face_outwards(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:
 def _joined_triangles(mesh: TriangleMesh) -> tuple[IntArray, IntArray, BoolArray]:
     """(k,) and (k,) triangles on both sides of each edge that two share, and (k,) whether they run it the same way."""
     directed = half_edges(mesh)
-    _, edge, times = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    edge = edge.ravel()
-    order = np.argsort(edge, kind="stable")
-    pairs = order[times[edge[order]] == 2].reshape(-1, 2)
+    pairs = paired_half_edges(mesh)
     is_same = directed[pairs[:, 0], 0] == directed[pairs[:, 1], 0]
     return (pairs[:, 0] // 3).astype(np.int32), (pairs[:, 1] // 3).astype(np.int32), is_same
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.section import ShellSection
-from services.mechanics.surface.mesh import TriangleMesh, half_edges, triangle_area_vectors
+from services.mechanics.surface.mesh import TriangleMesh, half_edges, paired_half_edges, triangle_area_vectors
 
 CREASE_RAD = np.radians(60.0)
 """Triangles that meet at more than this make a crease, not a curved wall."""
@@ -35,9 +35,7 @@ def drilling_excess(mesh: TriangleMesh, section: ShellSection) -> float:
 def _inner_edges(mesh: TriangleMesh, section: ShellSection) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(e,) angle between the two triangles of each inner edge, its length, and the wall's thickness there."""
     directed = half_edges(mesh)
-    _, edge, times = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    order = np.argsort(edge.ravel(), kind="stable")
-    pairs = order[times[edge.ravel()[order]] == 2].reshape(-1, 2)
+    pairs = paired_half_edges(mesh)
     one, other = pairs.T // 3
     area_vectors = triangle_area_vectors(mesh)
     sine = np.linalg.norm(np.cross(area_vectors[one], area_vectors[other]), axis=1)

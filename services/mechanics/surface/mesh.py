@@ -106,10 +106,29 @@ def half_edges(mesh: TriangleMesh) -> IntArray:
     return mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
 
+def edge_of_half_edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray]:
+    """(e, 2) undirected edges, lower index first and ascending, (3 m,) which of them each half-edge runs along, and
+    (e,) how many triangles share each.
+    """
+    directed = half_edges(mesh).astype(np.int64)
+    keys = directed.min(axis=1) * mesh.n_vertices + directed.max(axis=1)
+    found, edge, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    edges = np.stack(np.divmod(found, mesh.n_vertices), axis=1)
+    return edges.astype(np.int32), edge.ravel().astype(np.int32), counts.astype(np.int32)
+
+
 def unique_edges(mesh: TriangleMesh) -> tuple[IntArray, IntArray]:
     """(e, 2) undirected edges, lower index first, and (e,) how many triangles share each."""
-    edges, counts = np.unique(np.sort(half_edges(mesh), axis=1), axis=0, return_counts=True)
-    return edges.astype(np.int32), counts.astype(np.int32)
+    edges, _, counts = edge_of_half_edges(mesh)
+    return edges, counts
+
+
+def paired_half_edges(mesh: TriangleMesh) -> IntArray:
+    """(k, 2) the half-edges on both sides of every edge that exactly two triangles share; triangle h // 3 has h."""
+    _, edge, counts = edge_of_half_edges(mesh)
+    order = np.argsort(edge, kind="stable")
+    pairs: IntArray = order[counts[edge[order]] == 2].reshape(-1, 2).astype(np.int32)
+    return pairs
 
 
 def vertex_adjacency(mesh: TriangleMesh) -> csr_array[np.int8]:
@@ -135,8 +154,8 @@ def boundary_loops(mesh: TriangleMesh) -> list[IntArray]:
         A rim branches at a vertex, so the surface is not a manifold there.
     """
     directed = half_edges(mesh)
-    _, inverse, counts = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    boundary = directed[counts[inverse.ravel()] == 1]
+    _, edge, counts = edge_of_half_edges(mesh)
+    boundary = directed[counts[edge] == 1]
     successor = dict(boundary.tolist())
     if len(successor) != len(boundary):
         starts, times = np.unique(boundary[:, 0], return_counts=True)
