@@ -13,7 +13,7 @@ from services.mechanics.reduction.cache import Entry, fetch
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.surface.mesh import TriangleMesh
 from services.meshes.errors import MeshError
-from services.meshes.loading import SurfaceSettings, load_duct_surface
+from services.meshes.loading import OnStep, SurfaceSettings, load_duct_surface
 
 MESH_LIBRARIES = ("trimesh", "pyvista", "pyacvd")
 
@@ -26,6 +26,7 @@ def load_mesh(
     edge_m: float | None = None,
     lumen_diameter_m: float | None = None,
     cache_dir: Path | None = None,
+    on_step: OnStep = lambda step: None,
 ) -> TriangleMesh:
     """Return the duct in a surface file, from the cache if this file was made into it before.
 
@@ -45,7 +46,7 @@ def load_mesh(
     name = "mesh-" + hash_content(path.read_bytes(), path.suffix, dataclasses.asdict(settings), libraries, code)
 
     def make(entry: Entry) -> None:
-        duct = load_duct_surface(path, settings)
+        duct = load_duct_surface(path, settings, on_step)
         entry.save("vertices_m", duct.mesh.vertices_m)
         entry.save("triangles", duct.mesh.triangles)
         for set_name, vertices in duct.mesh.vertex_sets.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 from services.meshes.errors import MeshError
 from services.meshes.openings import Opening, find_openings, lumen_diameter_m, name_ends, place_by_ends
+from services.meshes.plausibility import judge_unit
 from services.meshes.reading import read_surface
 from services.meshes.remeshing import remesh
 from services.meshes.repairing import repair_surface
@@ -43,7 +45,15 @@ class DuctSurface:
     actions: list[str]
 
 
-def load_duct_surface(path: Path, settings: SurfaceSettings) -> DuctSurface:
+OnStep = Callable[[str], None]
+"""Told what is begun: reading, repairing, remeshing."""
+
+
+def _silent(step: str) -> None:
+    """Follow nothing."""
+
+
+def load_duct_surface(path: Path, settings: SurfaceSettings, on_step: OnStep = _silent) -> DuctSurface:
     """Load any triangle surface file as a duct; its clamped end is put at the origin and its mouth on +x.
 
     Raises
@@ -51,19 +61,24 @@ def load_duct_surface(path: Path, settings: SurfaceSettings) -> DuctSurface:
     MeshError
         The surface cannot be used; the sentence names the file, the reason and the place.
     """
+    on_step("reading")
     raw = read_surface(path, settings.units)
     try:
-        return _make_duct(raw, settings)
+        if settings.lumen_diameter_m is None:
+            judge_unit(raw, settings.units)
+        return _make_duct(raw, settings, on_step)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from error
 
 
-def _make_duct(raw: TriangleMesh, settings: SurfaceSettings) -> DuctSurface:
+def _make_duct(raw: TriangleMesh, settings: SurfaceSettings, on_step: OnStep) -> DuctSurface:
     """Scaling comes last, so that places in messages are those of the file."""
+    on_step("repairing")
     repaired = repair_surface(raw, is_used=settings.edge_m is None)
     mesh, actions = repaired.mesh, list(repaired.actions)
     factor = 1.0 if settings.lumen_diameter_m is None else _lumen_factor(mesh, settings.lumen_diameter_m)
     if settings.edge_m is not None:
+        on_step("remeshing")
         mesh = remesh(mesh, settings.edge_m / factor)
         actions.append(f"remeshed from {repaired.mesh.n_triangles} to {mesh.n_triangles} triangles")
     _refuse_slivers(mesh)

@@ -8,9 +8,10 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.units import METRES_PER_UNIT
+from services.meshes.announced import judge_file
 from services.meshes.errors import MeshError
 
-METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 25.4e-3}
 READABLE = (".stl", ".obj", ".ply", ".vtp")
 
 
@@ -27,7 +28,7 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
     Raises
     ------
     MeshError
-        The file is missing, unreadable, of another kind, or holds no triangles.
+        The file is missing, unreadable, cut off, of another kind, too large, or holds no triangles.
     """
     if units not in METRES_PER_UNIT:
         raise MeshError(f"{path}: unknown units '{units}'; known: {', '.join(METRES_PER_UNIT)}")
@@ -35,14 +36,17 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
         raise MeshError(f"{path}: cannot read '{path.suffix}' files; readable: {', '.join(READABLE)}")
     if not path.is_file():
         raise MeshError(f"{path}: no such file")
+    judge_file(path)
     read = _read_vtp if path.suffix.lower() == ".vtp" else _read_with_trimesh
     try:
         vertices, triangles = read(path)
-        return TriangleMesh(vertices * METRES_PER_UNIT[units], triangles)
+        if len(triangles):
+            return TriangleMesh(vertices * METRES_PER_UNIT[units], triangles)
     except ModuleNotFoundError as error:
         raise MeshError(f"{path}: reading it needs the package '{error.name}', install trocar[mesh]") from error
     except Exception as error:  # The readers raise whatever a broken file trips them over.
         raise MeshError(f"{path}: not a readable triangle surface ({error})") from error
+    raise MeshError(f"{path}: the file holds no triangles")
 
 
 def _read_with_trimesh(path: Path) -> tuple[FloatArray, IntArray]:

@@ -9,6 +9,7 @@ import numpy as np
 from services.mechanics.surface.mesh import TriangleMesh, boundary_loops, triangle_areas_m2
 from services.meshes.checking import check_surface
 from services.meshes.errors import MeshError
+from services.meshes.plausibility import judge_remeshing
 
 FEWEST_VERTICES = 32
 """Below this no tube keeps its ends."""
@@ -26,13 +27,14 @@ def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
     Raises
     ------
     MeshError
-        The edge is too long for the surface: rims close, or sheets touch.
+        The edge is too short for the surface: too many triangles; or too long: rims close, or sheets touch.
     """
     if not edge_m > 0.0:
         raise MeshError(f"edge_m must be positive, is {edge_m}")
     n_vertices = vertices_for_edge(mesh, edge_m)
     if n_vertices < FEWEST_VERTICES:
         raise MeshError(f"edges of {1e3 * edge_m:.3g} mm are too long for a surface this small")
+    judge_remeshing(n_vertices, edge_m)
     source = decimate(mesh, 2 * MOST_SAMPLES_PER_CLUSTER * n_vertices)
     growth = SAMPLES_PER_CLUSTER * n_vertices / source.n_vertices
     subdivisions = max(0, int(np.ceil(np.log(growth) / np.log(4.0))))

@@ -42,4 +42,5 @@ def _mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh | No
         duct.mesh_edge_m,
         duct.mesh_lumen_diameter_m,
         cache / "meshes",
+        lambda step: progress(f"surface file: {step}", 0.0),
     )

@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from services.mechanics.fem.elements import BendingName, MembraneName
+from services.mechanics.surface.units import LengthUnit
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Dof = Literal["ux", "uy", "uz", "rx", "ry", "rz"]
-Units = Literal["m", "cm", "mm", "um", "in"]
 
 
 class Part(BaseModel):
@@ -50,7 +50,7 @@ class DuctFile(Part):
     """A tube from a surface file, repaired, with named open ends; see `services.meshes.loading.SurfaceSettings`."""
 
     path: Path
-    units: Units
+    units: LengthUnit
     clamped: tuple[str, ...] = ("end_0",)
     mouth: str = "end_1"
     edge_m: Positive | None = None
@@ -61,7 +61,7 @@ class SurfaceFile(Part):
     """Any triangle surface as it stands, with no open ends asked for."""
 
     path: Path
-    units: Units
+    units: LengthUnit
 
 
 class Mesh(Part):

@@ -70,7 +70,7 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
         One sentence that names the key, the mesh file or the place that is wrong.
     """
     on_stage("mesh", 1)
-    mesh, actions = build_mesh(case, folder)
+    mesh, actions = build_mesh(case, folder, on_stage)
     on_stage("assembly", 1)
     model, imposed = build_model(case, mesh)
     for name, where in case.probes.items():
@@ -111,14 +111,15 @@ def _cautions(model: ShellModel) -> list[str]:
     return cautions
 
 
-def build_mesh(case: FemCase, folder: Path) -> tuple[TriangleMesh, list[str]]:
+def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tuple[TriangleMesh, list[str]]:
     """The case's mesh, and what was done to a file to get it."""
     source = case.mesh
     if source.parametric is not None:
         return parametric_duct(DuctGeometry(**source.parametric.model_dump(), wall_thickness_m=case.thickness_m)), []
     if source.duct_file is not None:
         settings = source.duct_file.model_dump(exclude={"path"})
-        duct = load_duct_surface(folder / source.duct_file.path, SurfaceSettings(**settings))
+        path = folder / source.duct_file.path
+        duct = load_duct_surface(path, SurfaceSettings(**settings), lambda step: on_stage(f"mesh: {step}", 1))
         return duct.mesh, duct.actions
     actions: list[str] = []
     if source.surface_file is None:

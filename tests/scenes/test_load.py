@@ -46,6 +46,7 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
         ("effects: [gravity]", r"a.yaml: effects: input should be an object"),
         ("duct: {n_modes: 12.5}", r"duct.n_modes: input should be a valid integer"),
         ("duct: {radius_m: '4e-3'}", r"duct.radius_m: input should be a valid number"),
+        ("duct: {mesh_unit: furlong}", r"a.yaml: duct.mesh_unit: input should be 'm', 'cm', 'mm', 'um' or 'in'"),
         ("duct: {radius_m: .nan}", r"duct.radius_m: input should be a finite number"),
         ("catheter: {length_m: true}", r"catheter.length_m: input should be a valid number"),
         ("forceps: [{}]", r"forceps.1: this key is missing"),

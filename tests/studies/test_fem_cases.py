@@ -261,6 +261,14 @@ def test_stages_are_reported_in_order(tmp_path):
             "case.yaml: duct: wall_thickness_m leaves no lumen",
         ),
         ({"mesh": {"duct_file": {"path": "no.stl", "units": "mm"}}}, "no.stl: no such file"),
+        (
+            {"mesh": {"duct_file": {"path": "no.stl", "units": "furlong"}}},
+            "case.yaml: mesh.duct_file.units: input should be 'm', 'cm', 'mm', 'um' or 'in'",
+        ),
+        (
+            {"mesh": {"parametric": {"radius_m": 0.004, "length_m": 0.04, "n_around": 9999, "n_along": 9999}}},
+            r"case.yaml: duct: n_around times n_along make 2e\+08 triangles",
+        ),
         ({"supports": []}, "case.yaml: supports: .* at least 1"),
         ({"supports": [{"where": {"vertex": 3}}]}, None),
         ({"supports": [{"where": {"vertex": 3}, "dofs": ["ux"]}]}, "case.yaml: supports: .* rigidly in 5 of 6 ways"),

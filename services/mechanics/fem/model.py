@@ -14,6 +14,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.accuracy import IllConditionedError, condition_estimate, refine, stiffness_span
 from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
+from services.mechanics.fem.memory import check_memory
 from services.mechanics.fem.section import ShellSection
 from services.mechanics.fem.supports import Support, check_supported, held_dofs
 from services.mechanics.fem.thinness import check_thin
@@ -71,7 +72,7 @@ class ShellModel:
     Raises
     ------
     ValueError
-        The mesh is degenerate, thicker than wide, or not supported; the message says where.
+        The mesh is too large, degenerate, thicker than wide, or not supported; the message says where.
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class ShellModel:
         self.section = section
         self.elements = elements or ElementChoice()
         self.constraints = constraints
+        check_memory(mesh.n_vertices)
         self.held_dofs: IntArray = held_dofs(mesh, supports)
         check_supported(mesh, self.held_dofs)
         check_thin(mesh, section)

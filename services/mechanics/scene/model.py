@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from services.mechanics.fem.elements import BendingName, MembraneName
+from services.mechanics.surface.units import LengthUnit
 
 Vector3 = tuple[float, float, float]
 
@@ -31,7 +32,7 @@ class DuctScene:
     slit_length_m: float = 0.0
     slit_width_m: float = 0.0
     mesh_file: str | None = None
-    mesh_unit: str = "mm"
+    mesh_unit: LengthUnit = "mm"
     mesh_clamped: tuple[str, ...] = ("end_0",)
     mesh_mouth: str = "end_1"
     mesh_edge_m: float | None = None

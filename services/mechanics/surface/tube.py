@@ -10,6 +10,9 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
 
+MOST_TRIANGLES = 2_000_000
+"""No mesh has more; one that is smaller may still take more memory than there is, which is asked when it is solved."""
+
 
 @dataclass(frozen=True)
 class DuctGeometry:
@@ -56,6 +59,11 @@ class DuctGeometry:
                 raise ValueError(f"duct: {name} must be positive, is {getattr(self, name)}")
         if self.n_around < 3 or self.n_along < 1:
             raise ValueError("duct: n_around must be at least 3 and n_along at least 1")
+        if 2 * self.n_around * self.n_along > MOST_TRIANGLES:
+            raise ValueError(
+                f"duct: n_around times n_along make {2.0 * self.n_around * self.n_along:.2g} triangles, at most "
+                f"{MOST_TRIANGLES:.2g} can be solved"
+            )
         if self.wall_thickness_m >= 2.0 * self.mouth_radius_m:
             raise ValueError("duct: wall_thickness_m leaves no lumen at the mouth")
         if abs(self.curvature_1_m) * max(self.radius_m, self.mouth_radius_m) >= 1.0:
