@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import msgspec
+import pytest
 
 import protocol.bodies as bodies
 from services.supervisor.dashboard import snapshot
@@ -77,6 +78,10 @@ def test_the_agreed_keys() -> None:
     assert path_row["limit_p99"] == 800
     assert 370 < path_row["p50"] < 430
     assert shown["answered_next_tick"] == 0.99
+    physics = next(row for row in shown["processes"] if row["name"] == "physics")
+    assert physics["state"] == "ready"
+    assert physics["loop"]["rate_hz"] == pytest.approx(1000.0, rel=0.01)
+    assert physics["loop"]["contract_ok"]
     heat = shown["heat"]["gateway"]
     assert len(heat["counts"]) == len(heat["edges_us"]) + 1
     assert 1000.0 in heat["edges_us"]

@@ -191,6 +191,12 @@ def test_metrics_are_what_prometheus_reads(client: Client) -> None:
         for sample in family.samples
     }
     assert value["trocar_deadline_misses_total", (("loop", "haptics"),)] == 7
+    assert value["trocar_loop_iterations_total", (("loop", "haptics"),)] == 1000
+    states = {dict(labels)["state"]: v for (name, labels), v in value.items() if name == "trocar_rig_state"}
+    assert [state for state, is_in in states.items() if is_in] == ["degraded"]
+    assert len(states) == 6
+    seconds = value["trocar_path_latency_seconds_sum", (("path", "device_model"),)]
+    assert seconds == pytest.approx(99 * 300e-6 + 1.5e-3)
     assert value["trocar_service_restarts_total", (("service", "haptics"),)] == 2
     assert value["trocar_service_up", (("service", "physics"),)] == 0
     assert value["trocar_gauge", (("name", "dropped_contacts"), ("service", "haptics"))] == 3
