@@ -128,15 +128,19 @@ def test_apply_superposes_the_loads(duct):
     assert out == pytest.approx(expected, rel=1e-12)
 
 
-def test_patches_with_exact_columns_hold_the_full_blocks(model, duct):
-    patches = build_patches(model, duct.basis, 5e-3)
+@pytest.fixture(scope="module")
+def exact_patches(model, basis):
+    return build_patches(model, basis, 6e-3)
+
+
+def test_patches_with_exact_columns_hold_the_full_blocks(duct, exact_patches):
     full = full_blocks(duct)
-    rows = np.repeat(np.arange(duct.basis.n_nodes), np.diff(patches.starts))
-    assert patches.blocks == pytest.approx(full[rows, patches.neighbours], abs=1e-6 * np.abs(full).max())
+    rows = np.repeat(np.arange(duct.basis.n_nodes), np.diff(exact_patches.starts))
+    assert exact_patches.blocks == pytest.approx(full[rows, exact_patches.neighbours], abs=1e-6 * np.abs(full).max())
 
 
-def test_patch_kernels_equal_the_full_ones_within_the_radius_and_drop_the_rest(model, duct):
-    patches = build_patches(model, duct.basis, 6e-3)
+def test_patch_kernels_equal_the_full_ones_within_the_radius_and_drop_the_rest(duct, exact_patches):
+    patches = exact_patches
     near = np.flatnonzero(np.linalg.norm(duct.mesh.vertices_m - duct.mesh.vertices_m[310], axis=1) < 2.9e-3)
     far = np.array([310, 610], np.int32)
     for nodes in (near.astype(np.int32), far):
@@ -163,7 +167,7 @@ def test_wider_patches_leave_less_error(model, duct):
     assert all(wide < 0.6 * narrow for narrow, wide in pairwise(dropped))
 
 
-def test_probing_costs_few_solves_and_little_error(model, duct):
+def test_probing_costs_few_solves_and_little_error(model, duct, exact_patches):
     radius = 6e-3
     colours = colour_apart(duct.mesh.vertices_m, 2.0 * radius)
     pairs = colours[:, None] == colours[None]
@@ -171,7 +175,7 @@ def test_probing_costs_few_solves_and_little_error(model, duct):
     assert distance[pairs & ~np.eye(len(colours), dtype=bool)].min() > 2.0 * radius
     assert colours.max() + 1 < 0.7 * len(colours)
     probed = build_patches(model, duct.basis, radius, apart_m=2.0 * radius)
-    exact = build_patches(model, duct.basis, radius)
+    exact = exact_patches
     error = np.linalg.norm(probed.blocks - exact.blocks, axis=(1, 2))
     own = np.flatnonzero(np.repeat(np.arange(620), np.diff(exact.starts)) == exact.neighbours)
     assert error.max() < 0.1 * np.linalg.norm(exact.blocks[own], axis=(1, 2)).max()
