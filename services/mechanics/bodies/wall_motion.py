@@ -52,7 +52,7 @@ class TurnedMotion:
         self._frame = SectionFrame(warp)
         self.reduced = replace(reduced, residual=TurnedResidual.of(reduced.residual, self._frame, n_points))
         self._corners_m = np.zeros((3 * n_points, 3))
-        self._nothing_m = np.zeros((3 * n_points, 3))
+        self._no_residual_m = np.zeros((3 * n_points, 3))
 
     def update(self, q: FloatArray) -> None:
         """String the sections together at q."""
@@ -65,7 +65,7 @@ class TurnedMotion:
     def add_bend(self, nodes: IntArray, weights: FloatArray, rows: FloatArray, q: FloatArray, out: FloatArray) -> None:
         """Add to ``out`` (k, 3) what is in the displacement of points beside ``rows`` (3 k, r) times q."""
         corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
-        self._frame.node_positions(flat, self._nothing_m[: nodes.size], corners)
+        self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
         add_displacement_beside_rows((flat, weights), self.reduced.mesh.vertices_m, corners, rows, q, out)
 
     def positions(self, nodes: IntArray, q: FloatArray) -> FloatArray:

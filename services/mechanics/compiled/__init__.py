@@ -21,6 +21,16 @@ def kernel(function: F) -> F:
     return compiled
 
 
+def made_kernel(function: F) -> F:
+    """Compile a kernel that another function makes, once for each table or the like; decorator.
+
+    All those made in one place have one name, so none is kept on disk by itself: each is part of its callers.
+    """
+    compile_it = njit(nogil=True, fastmath=False, error_model="numpy", _nrt=False)
+    compiled: F = compile_it(function)
+    return compiled
+
+
 def summing_kernel(function: F) -> F:
     """Compile a long sum in vectorised parts: only the order of its terms is left to the compiler; decorator."""
     compile_it = njit(cache=True, nogil=True, fastmath={"reassoc"}, error_model="numpy", _nrt=False)

@@ -76,7 +76,7 @@ class HoldRegistry:
         self._lost: set[int] = set()
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
-        self._tools_know = False
+        self._stops_jaws = False
         for tool, each in enumerate(forceps):
             width_m = 3.0 * each.jaw_radius_m
             self._arrays.reach[tool] = width_m, each.jaw_length_m + width_m
@@ -95,11 +95,11 @@ class HoldRegistry:
             elif request.hold_id not in self._lost:
                 self._take_up(request)
 
-    def tell(self, tools: ToolBody) -> None:
-        """Tell the tools what they hold and where that stops their jaws."""
-        if not self.active and not self._tools_know:
+    def stop_jaws(self, tools: ToolBody) -> None:
+        """Write into the tools what they hold and where that stops their jaws."""
+        if not self.active and not self._stops_jaws:
             return
-        self._tools_know = bool(self.active)
+        self._stops_jaws = bool(self.active)
         tools.held[:] = False
         tools.jaw_stop_rad[:] = -math.inf
         for hold in self.active.values():

@@ -177,7 +177,7 @@ class Simulation:
             effect.add_loads(self.world, dt_s)
 
     def _predict_tools(self, tools: ToolInputs, dt_s: float) -> None:
-        self.holds.tell(self.tools)
+        self.holds.stop_jaws(self.tools)
         self.tools.predict(tools, dt_s)
 
     def _collect(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:

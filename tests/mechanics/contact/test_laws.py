@@ -80,7 +80,7 @@ def test_every_law_is_reached_by_its_number(law):
     assert laws.HAS_GAP[number_of(law)] == entry.has_gap
 
 
-def penalty(rows, gains=(100.0, 0.1, 1e-3)):
+def penalty(rows, gains=(100.0, 0.1, 1e-3, 1e-6)):
     write_penalties(rows, PenaltyGains(*gains))
     return rows.force_n[0]
 
@@ -103,4 +103,11 @@ def test_penalty_of_a_film_is_its_viscosity_times_the_rate(viscosity):
     """b v with v the slip over the step; the spring of the contacts has no part in it."""
     dt_s, b = 1e-3, viscosity * 1e-2
     rows = row_of("film", slip_m=[5e-6, 3e-6, -2e-6], softness_m_n=[1e3, dt_s / b, dt_s / b])
-    assert penalty(rows, (1e4, 7.0, dt_s)) == pytest.approx([0.0, -b * 3e-3, b * 2e-3])
+    assert penalty(rows, (1e4, 7.0, dt_s, 1.0)) == pytest.approx([0.0, -b * 3e-3, b * 2e-3])
+
+
+def test_penalty_of_two_films_stops_a_particle_in_a_step_and_does_not_throw_it_back():
+    """However viscous: an explicit force that did would be larger in every step."""
+    dt_s, mass_kg, rate_m_s = 1e-3, 3e-6, 0.2
+    rows = row_of("film", slip_m=[0.0, rate_m_s * dt_s, 0.0], softness_m_n=[1e3, 1e-6, 1e-6])
+    assert 2.0 * penalty(rows, (1.0, 0.0, dt_s, mass_kg))[1] * dt_s == pytest.approx(-mass_kg * rate_m_s)

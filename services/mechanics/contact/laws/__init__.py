@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from services.mechanics.compiled import made_kernel
 from services.mechanics.contact.laws import film, hold, unilateral
 from services.mechanics.contact.laws.law import ContactLaw, Kernel
 
@@ -36,8 +36,7 @@ def number_of(law: str) -> int:
 def _either(number: int, kernel: Kernel, others: Kernel) -> Kernel:
     """Make a kernel that calls ``kernel`` for one law and ``others`` for the rest."""
 
-    # Not cached by itself, since its name would be that of all others: it is part of each kernel that calls it.
-    @njit(nogil=True, error_model="numpy", _nrt=False)
+    @made_kernel
     def choose(law: int, *arguments: Any) -> Any:
         if law == number:
             return kernel(*arguments)
@@ -48,7 +47,7 @@ def _either(number: int, kernel: Kernel, others: Kernel) -> Kernel:
 
 
 def _last(kernel: Kernel) -> Kernel:
-    @njit(nogil=True, error_model="numpy", _nrt=False)
+    @made_kernel
     def choose(_law: int, *arguments: Any) -> Any:
         return kernel(*arguments)
 

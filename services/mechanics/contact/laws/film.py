@@ -15,6 +15,8 @@ from services.mechanics.contact.rows import ContactRows
 
 # So soft along the normal that a film carries no load there: 1 N for a kilometre.
 NO_NORMAL_M_N = 1e3
+# Films that a particle between two walls shares its drag out to.
+N_FILMS = 2
 
 
 @kernel
@@ -54,9 +56,13 @@ def closed_axes(rows: ContactRows, row: int, is_sliding: bool) -> int:
 
 @kernel
 def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gains: PenaltyGains) -> None:
-    """Write the drag at the rate without contact: explicit, so stable only while b dt is below the mass it moves."""
+    """Write the drag at the rate without contact, but no more than stops a particle between two walls in a step.
+
+    More would throw it back, as the force is explicit.
+    """
     force, softness = rows.force_n[row], rows.softness_m_n[row]
-    force[0], force[1], force[2] = 0.0, -motion[1] / softness[1], -motion[2] / softness[2]
+    least = N_FILMS * gains.dt_s**2 / gains.lightest_kg
+    force[0], force[1], force[2] = 0.0, -motion[1] / max(softness[1], least), -motion[2] / max(softness[2], least)
 
 
 LAW = ContactLaw(

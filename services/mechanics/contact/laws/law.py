@@ -48,11 +48,12 @@ class Unknowns(Struct):
 
 
 class PenaltyGains(NamedTuple):
-    """Spring and damper of penalty contact, and the step."""
+    """Spring and damper of penalty contact, the step, and the lightest mass that a contact acts on."""
 
     stiffness_n_m: float
     damping_n_s_m: float
     dt_s: float
+    lightest_kg: float
 
 
 Kernel = Callable[..., Any]

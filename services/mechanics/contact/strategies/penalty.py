@@ -6,11 +6,13 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.free_motion import free_motion
+from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.laws.law import PenaltyGains
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
+from services.mechanics.scene import ContactSettings
 
 
 class PenaltyStrategy(ContactStrategy):
@@ -23,13 +25,18 @@ class PenaltyStrategy(ContactStrategy):
     acts_in_next_step = True
     knows_stiffness = False
 
+    def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
+        super().__init__(bodies, settings, state)
+        self._lightest_kg = float(bodies.catheter.properties.particle_mass_kg().min())
+
     def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
         """Nothing: a penalty asks no body how it gives way."""
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Write the penalty of every contact."""
         settings = self._settings
-        gains = PenaltyGains(settings.penalty_stiffness_n_m, settings.penalty_damping_n_s_m, dt_s)
+        lightest_kg = self._lightest_kg
+        gains = PenaltyGains(settings.penalty_stiffness_n_m, settings.penalty_damping_n_s_m, dt_s, lightest_kg)
         solve_by_penalty(self._address, gains)
         return 0
 
