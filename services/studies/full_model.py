@@ -8,7 +8,8 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ShellModel
-from services.mechanics.reduction.free_dofs import factorise, free_load, nodal_translations
+from services.mechanics.fem.factors import factorise
+from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.newmark import NewmarkConstants
 from services.mechanics.reduction.state import ModalState
 

@@ -9,8 +9,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.fem.factors import factorise
 from services.mechanics.fem.geometric import geometric_stiffness, membrane_forces, pressure_stiffness
-from services.mechanics.fem.model import ShellModel, StaticSolution, factorise
+from services.mechanics.fem.model import ShellModel, StaticSolution
 
 ESTIMATE = 0.01
 """Relative error to which the first load factor is estimated to place the shift."""

@@ -9,11 +9,12 @@ from typing import Literal
 
 import numpy as np
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import SuperLU
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem.accuracy import IllConditionedError, condition_estimate, refine, stiffness_span
 from services.mechanics.fem.assembly import ElementChoice, assemble_lumped_mass, assemble_stiffness
+from services.mechanics.fem.factors import factorise
 from services.mechanics.fem.memory import check_memory
 from services.mechanics.fem.section import ShellSection
 from services.mechanics.fem.supports import Support, check_supported, held_dofs
@@ -50,11 +51,6 @@ class StaticSolution:
     rotation_rad: FloatArray
     reaction: FloatArray
     residual: float
-
-
-def factorise(K: csc_array[np.float64]) -> SuperLU:
-    """Sparse factors of a symmetric positive definite matrix; symmetric pivots keep the fill low."""
-    return splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 class ShellModel:

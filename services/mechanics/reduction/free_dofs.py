@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import SuperLU, splu
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ShellModel
@@ -23,12 +21,3 @@ def nodal_translations(model: ShellModel, free: FloatArray) -> FloatArray:
     full = np.zeros((model.n_dofs, *free.shape[1:]))
     full[model.free_dofs] = free
     return full.reshape(-1, 6, *free.shape[1:])[:, :3]
-
-
-def factorise(matrix: csc_array) -> SuperLU:
-    """Factorise a symmetric positive definite sparse matrix once, for many solves.
-
-    SuperLU in symmetric mode: minimum degree on A + A^T and pivots from the diagonal, which positive
-    definiteness allows without loss of stability, at a fraction of the unsymmetric default's fill.
-    """
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, diags_array
 
+from services.mechanics.fem.factors import factorise
 from services.mechanics.reduction import (
     ExactOscillator,
     ModalState,
     Newmark,
 )
-from services.mechanics.reduction.free_dofs import factorise
 from services.studies.full_model import (
     CentralDifference,
     CondensedStiffness,
