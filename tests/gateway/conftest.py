@@ -1,10 +1,16 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from services.gateway import canbus
+from services.gateway.bench import BenchUnavailable
 from services.gateway.drivers import grasp_simulated
 from services.runtime.errors import DeviceError
+from tests.gateway.hdapi_bench import LEFT, RIGHT, HdapiBench, two_arms
 
 
 @pytest.fixture(scope="session")
@@ -14,3 +20,23 @@ def multicast() -> None:
         canbus.open_bus(grasp_simulated.private_bus(), "test").shutdown()
     except DeviceError as error:
         pytest.skip(str(error))
+
+
+@pytest.fixture
+def arms(tmp_path: Path) -> Iterator[HdapiBench]:
+    """Return two arms of a stand-in of the vendor's library, not yet open."""
+    try:
+        with two_arms(tmp_path) as bench:
+            yield bench
+    except BenchUnavailable as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.fixture(params=["force", "law"])
+def pushing(arms: HdapiBench, request: pytest.FixtureRequest) -> HdapiBench:
+    """Return both arms under the full force that was asked for: ordered as it is, or as a law."""
+    arms.by_law = request.param == "law"
+    arms.open()
+    arms.begin(LEFT, RIGHT)
+    np.testing.assert_allclose(arms.forces[-1], [LEFT, RIGHT])
+    return arms

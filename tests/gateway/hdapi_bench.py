@@ -17,6 +17,10 @@ from services.runtime.rig import DriverSettings, Mount
 RATE_N_S = 200.0
 TTL_MS = 20
 TTL_S = 1e-3 * TTL_MS
+FREE = (0.0, 0.0, 0.0)
+LEFT, RIGHT = (0.3, -0.2, 2.0), (0.0, 1.0, 0.0)
+#: A step at the rate limit, and what rounding adds.
+STEP_N = RATE_N_S * 1e-3 + 1e-12
 
 
 class HdapiBench:

@@ -16,6 +16,7 @@ from services.gateway.driver import Arm, Place
 from services.gateway.hdapi import cells, exchange, host_checks, session
 from services.gateway.hdapi.constants import Calibration, Style, describe
 from services.gateway.hdapi.library import DEFAULT
+from services.gateway.hdapi.open_arm import OpenArm, Terms
 from services.gateway.host_check import HostCheck
 from services.gateway.layout import LIMIT_SIZE, MEMORY_SIZE, MODEL_SIZE, NOW_SIZE, NOW_TTL, READ_SIZE, READ_TEMPERATURE
 from services.mechanics.arrays import FloatArray
@@ -59,11 +60,11 @@ class Driver(Arm):
         self._shown = "the arm" if own.name is None else f"the arm {own.name!r}"
         self._where = f"instrument {place.instrument!r}"
         self._clock = place.clock
-        self._terms = session.Terms(
+        self._terms = Terms(
             file.max_force_n, place.force_rate_n_s, file.velocity_filter_hz, file.openhaptics_centre_m, place.mount
         )
         self._session: session.Session | None = None
-        self._arm: session.OpenArm | None = None
+        self._arm: OpenArm | None = None
         self._enabled = False
         self._armed = 0
         self._reads = 0
@@ -75,7 +76,7 @@ class Driver(Arm):
         self._reading = np.zeros(READ_SIZE)
 
     @property
-    def arm(self) -> session.OpenArm | None:
+    def arm(self) -> OpenArm | None:
         """What the device has said of itself; None while it is not open."""
         return self._arm
 
@@ -150,10 +151,10 @@ class Driver(Arm):
         self.evaluate(np.zeros(MODEL_SIZE), np.zeros(6), np.ones(LIMIT_SIZE), now, np.zeros(MEMORY_SIZE))
         self.write(self._no_force)
 
-    def _order(self, arm: session.OpenArm, force_n: FloatArray) -> None:
+    def _order(self, arm: OpenArm, force_n: FloatArray) -> None:
         exchange.give_force(arm.port.address, self._clock.monotonic_ns(), self._enabled, self._armed, force_n)
 
-    def _wait(self, arm: session.OpenArm, patience_s: float, condition: Callable[[list[float]], bool]) -> bool:
+    def _wait(self, arm: OpenArm, patience_s: float, condition: Callable[[list[float]], bool]) -> bool:
         until_ns = self._clock.monotonic_ns() + round(1e9 * patience_s)
         while True:
             if exchange.look(arm.port.address, False, self._reading) and condition(arm.port.newest.tolist()):
@@ -162,7 +163,7 @@ class Driver(Arm):
                 return False
             self._clock.sleep(1e-3)
 
-    def _judge(self, arm: session.OpenArm, seen: list[float]) -> None:
+    def _judge(self, arm: OpenArm, seen: list[float]) -> None:
         self._silent = 0 if seen[cells.SEEN_TIME] != self._read_at else self._silent + 1
         self._read_at = seen[cells.SEEN_TIME]
         self.buttons = int(seen[cells.SEEN_BUTTONS])
@@ -172,7 +173,7 @@ class Driver(Arm):
             self.fault = self.fault or self._problem(seen)
         self._was_calibrated = self._was_calibrated or self.calibrated
 
-    def _ask(self, arm: session.OpenArm, seen: list[float]) -> str:
+    def _ask(self, arm: OpenArm, seen: list[float]) -> str:
         if not self.calibrated:
             return f"{self._shown}: {_PROMPTS[arm.style]}"
         if self._enabled and seen[cells.SEEN_TRUST] == 0.0 and seen[cells.SEEN_REFUSAL]:

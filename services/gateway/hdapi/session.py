@@ -7,70 +7,20 @@ the scheduler stands, so opening a second arm stops it for a moment; the last on
 from __future__ import annotations
 
 import contextlib
-import ctypes
-import math
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from services.gateway.bench import Clock
-from services.gateway.hdapi import cells
-from services.gateway.hdapi.cells import ArmCell, Functions, Port, Servo
-from services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, STYLES, Parameter, Style, describe
-from services.gateway.hdapi.handover import Box
+from services.gateway.hdapi.cells import ArmCell, Functions, Servo
+from services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
 from services.gateway.hdapi.library import Library
+from services.gateway.hdapi.open_arm import OpenArm, Terms, find_functions, open_arm
 from services.gateway.hdapi.servo_callback import callback
-from services.gateway.pose import pack_mount
-from services.gateway.velocity_filter import butterworth
 from services.runtime.errors import DeviceError
-from services.runtime.rig import Mount, Vector3
 
 RATE_HZ = 1000
-
-
-@dataclass(frozen=True, slots=True)
-class Terms:
-    """What an arm is to keep to.
-
-    Attributes
-    ----------
-    centre_m
-        Middle of the workspace in the axes of the library: right, up, toward the user.
-    mount
-        Where the arm stands in the world.
-    """
-
-    max_force_n: float
-    max_force_rate_n_s: float
-    velocity_filter_hz: float
-    centre_m: Vector3
-    mount: Mount
-
-
-@dataclass(slots=True)
-class OpenArm:
-    """An arm that the scheduler serves.
-
-    Attributes
-    ----------
-    model : str
-        What the device says that it is, with its serial number.
-    style : Style
-        How it is calibrated.
-    nominal_max_force_n : float
-        What it says that it can bear.
-    has_roll : bool
-        Whether it measures how the stylus is turned.
-    """
-
-    cell: ArmCell
-    port: Port
-    model: str
-    style: Style
-    nominal_max_force_n: float
-    has_roll: bool
 
 
 class Session:
@@ -78,7 +28,7 @@ class Session:
 
     def __init__(self, library: Library, clock: Clock) -> None:
         self._library = library
-        self._functions = _functions(library, clock)
+        self._functions = find_functions(library, clock)
         self._arms: dict[str | None, OpenArm] = {}
         self._users: set[str | None] = set()
         self._servo: Servo | None = None
@@ -99,7 +49,7 @@ class Session:
         if name not in self._arms:
             self._stop()
             try:
-                self._arms[name] = _open(self._library, name, terms, where)
+                self._arms[name] = open_arm(self._library, name, terms, where)
             finally:
                 self._start(where)
         self._users.add(name)
@@ -173,44 +123,6 @@ def find_session(path: str, clock: Clock, where: str) -> Session:
     return _sessions[path]
 
 
-def _open(library: Library, name: str | None, terms: Terms, where: str) -> OpenArm:
-    handle = library.open_device(name, where)
-    c = library.c
-    c.hdMakeCurrentDevice(handle)
-    model = f"{library.string(Parameter.MODEL_TYPE)} {library.string(Parameter.SERIAL_NUMBER)}"
-    nominal = library.doubles(Parameter.NOMINAL_MAX_FORCE)
-    has_roll = library.integer(Parameter.INPUT_DOF) == 6
-    styles = library.integer(Parameter.CALIBRATION_STYLE) or 0
-    style = next((style for style in STYLES if styles & style), Style.AUTO)
-    c.hdBeginFrame(handle)
-    has_temperature = library.doubles(Parameter.MOTOR_TEMPERATURE) is not None
-    has_roll = has_roll and library.doubles(Parameter.CURRENT_GIMBAL_ANGLES) is not None
-    c.hdEndFrame(handle)
-    library.take_error()
-    orders = Box.zeros(n=cells.ORDER_SIZE)
-    seen = Box.zeros(n=cells.SEEN_SIZE)
-    numbers, integers = np.zeros(cells.NUMBERS), np.zeros(8, np.int32)
-    cell = ArmCell.zeros(
-        orders=orders,
-        seen=seen,
-        numbers=numbers,
-        integers=integers,
-        numbers_at=numbers.ctypes.data,
-        integers_at=integers.ctypes.data,
-        centre_m=np.array(terms.centre_m),
-        mount=pack_mount(terms.mount),
-        filter=butterworth(terms.velocity_filter_hz),
-        handle=handle,
-        style=int(style),
-        has_temperature=has_temperature,
-        has_gimbal=has_roll,
-        max_force_n=terms.max_force_n,
-        max_force_rate_n_s=terms.max_force_rate_n_s,
-    )
-    port = Port.zeros(orders=orders, seen=seen)
-    return OpenArm(cell, port, model, style, nominal[0] if nominal else math.inf, has_roll)
-
-
 def _servo(functions: Functions, arms: list[ArmCell]) -> Servo:
     time = np.zeros(2, np.int64)
     return Servo(
@@ -219,31 +131,6 @@ def _servo(functions: Functions, arms: list[ArmCell]) -> Servo:
         time=time,
         time_at=time.ctypes.data,
     )
-
-
-def _functions(library: Library, clock: Clock) -> Functions:
-    return Functions(
-        make_current=library.address("hdMakeCurrentDevice"),
-        begin_frame=library.address("hdBeginFrame"),
-        end_frame=library.address("hdEndFrame"),
-        enable=library.address("hdEnable"),
-        disable=library.address("hdDisable"),
-        get_integers=library.address("hdGetIntegerv"),
-        get_doubles=library.address("hdGetDoublev"),
-        set_doubles=library.address("hdSetDoublev"),
-        get_error=library.address("hdGetError"),
-        check_calibration=library.address("hdCheckCalibration"),
-        update_calibration=library.address("hdUpdateCalibration"),
-        clock_gettime=_clock_address(clock),
-    )
-
-
-def _clock_address(clock: Clock) -> int:
-    """Return C's ``clock_gettime``, or that of a bench whose time only passes when it is told to."""
-    own: int | None = getattr(clock, "gettime_address", None)
-    if own is not None:
-        return own
-    return ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value or 0
 
 
 def _threads() -> set[int]:

@@ -1,0 +1,157 @@
+"""The force that the scheduler's thread applies: what the law, or the gateway, wants, as far as it can be trusted.
+
+Beyond the law a force can only be taken back here: on any doubt (a model at the end of its life, a gateway that orders
+forces and is silent for `STALE_NS`, motors not wanted, not calibrated, an error, a number that is not finite) it goes
+to zero at the rig's rate limit. When there is none, it comes back as in `engagement`: once little is asked for, since a
+force that appears in the middle of a contact would give energy, and over `TRUST_S`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.gateway.engagement import SMALL_FORCE_N
+from services.gateway.hdapi import native
+from services.gateway.hdapi.cells import (
+    FORCE,
+    ORDER_AGE,
+    ORDER_ENABLED,
+    ORDER_FORCE,
+    ORDER_GAIN,
+    ORDER_LAW,
+    ORDER_LIMITS,
+    ORDER_MODEL,
+    ORDER_TIME,
+    ORDER_TTL,
+    SEEN_POSITION,
+    SEEN_TEMPERATURE,
+    SEEN_VELOCITY,
+    ArmCell,
+    Functions,
+    Servo,
+)
+from services.gateway.hdapi.constants import FORCE_OUTPUT, Calibration, Parameter
+from services.gateway.layout import (
+    LIMIT_SIZE,
+    MEMORY_DEMAND,
+    MEMORY_FORCE,
+    MODEL_SIZE,
+    NOW_AGE,
+    NOW_DT,
+    NOW_GAIN,
+    NOW_TEMPERATURE,
+    NOW_TTL,
+)
+from services.gateway.pose import force_to_arm, to_world
+from services.gateway.servo_law import servo_force
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+
+#: An order of plain force older than this is doubted, and a pose. With 15 ms from 3 N to nothing the hand is free
+#: before a model's life of 20 ms.
+STALE_NS = 4_000_000
+TRUST_S = 0.1
+_FORCE, _CALIBRATED = int(Parameter.CURRENT_FORCE), int(Calibration.OK)
+
+
+@kernel
+def apply_order(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
+    """Apply, within a frame, what the newest order wants; switch the motors as it says, off only without force."""
+    young = _want(arm, now_ns, dt_s)
+    sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0
+    motors = sound and arm.order[ORDER_ENABLED] != 0.0
+    trusted = motors and young and _is_believable(arm, now_ns)
+    arm.trust = min(1.0, arm.trust + dt_s / TRUST_S) if trusted else 0.0
+    _approach(arm, arm.max_force_rate_n_s * dt_s)
+    _remember(arm)
+    _push(servo.functions, arm, motors)
+
+
+@kernel
+def _want(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
+    """Write the wanted force and the demand; return whether the order is young enough."""
+    if arm.order[ORDER_LAW] != 0.0:
+        return _evaluate(arm, now_ns, dt_s)
+    for axis in range(3):
+        arm.wanted_n[axis] = arm.order[ORDER_FORCE + axis]
+    arm.memory[MEMORY_DEMAND] = _norm(arm.wanted_n)
+    return bool(now_ns - arm.order[ORDER_TIME] <= STALE_NS)
+
+
+@kernel
+def _is_believable(arm: ArmCell, now_ns: int) -> bool:
+    refused = arm.refused_now or arm.refused > 0
+    may_begin = arm.trust > 0.0 or arm.memory[MEMORY_DEMAND] < SMALL_FORCE_N
+    return not refused and may_begin and math.isfinite(_norm(arm.wanted_n)) and now_ns - arm.read_ns <= STALE_NS
+
+
+@kernel
+def _norm(vector: FloatArray) -> float:
+    return math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+
+
+@kernel
+def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
+    """Write what the law wants at the present pose into `wanted_n`; return whether its model still lives."""
+    order, now, report, motion, mount = arm.order, arm.now, arm.report, arm.motion, arm.mount
+    for k in range(LIMIT_SIZE):
+        arm.limits[k] = order[ORDER_LIMITS + k]
+    for k in range(MODEL_SIZE):
+        arm.model[k] = order[ORDER_MODEL + k]
+    now[NOW_DT] = dt_s
+    now[NOW_AGE] = order[ORDER_AGE] + 1e-9 * (now_ns - order[ORDER_TIME])
+    now[NOW_TTL] = order[ORDER_TTL]
+    now[NOW_GAIN] = order[ORDER_GAIN]
+    now[NOW_TEMPERATURE] = report[SEEN_TEMPERATURE]
+    to_world(report, SEEN_POSITION, mount, motion, 0)
+    to_world(report, SEEN_VELOCITY, mount, motion, 3)
+    for axis in range(3):
+        motion[axis] += mount[2 + axis]
+    servo_force(arm.model, motion, arm.limits, now, arm.memory)
+    force_to_arm(arm.memory[MEMORY_FORCE : MEMORY_FORCE + 3], mount, arm.wanted_n)
+    return bool(now[NOW_AGE] < now[NOW_TTL])
+
+
+@kernel
+def _remember(arm: ArmCell) -> None:
+    """Let the law go on from the force that was applied: its rate limit and its observer count on that."""
+    to_world(arm.force_n, 0, arm.mount, arm.memory, MEMORY_FORCE)
+
+
+@kernel
+def _approach(arm: ArmCell, step_n: float) -> None:
+    """Move the applied force towards what is trusted of the wanted one, by at most `step_n`."""
+    if arm.trust == 0.0:
+        target = (0.0, 0.0, 0.0)
+    else:
+        wanted, share = arm.wanted_n, arm.trust
+        norm = share * _norm(wanted)
+        if norm > arm.max_force_n:
+            share *= arm.max_force_n / norm
+        target = (share * wanted[0], share * wanted[1], share * wanted[2])
+    force = arm.force_n
+    dx, dy, dz = target[0] - force[0], target[1] - force[1], target[2] - force[2]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if distance <= step_n:
+        force[0], force[1], force[2] = target[0], target[1], target[2]
+        return
+    force[0] += step_n / distance * dx
+    force[1] += step_n / distance * dy
+    force[2] += step_n / distance * dz
+
+
+@kernel
+def _push(functions: Functions, arm: ArmCell, motors: bool) -> None:
+    limp = arm.force_n[0] == 0.0 and arm.force_n[1] == 0.0 and arm.force_n[2] == 0.0
+    if motors and not arm.motors_on:
+        native.call_unsigned(functions.enable, FORCE_OUTPUT)
+        arm.motors_on = True
+    if not arm.motors_on:
+        return
+    arm.numbers[FORCE] = arm.force_n[1]
+    arm.numbers[FORCE + 1] = arm.force_n[2]
+    arm.numbers[FORCE + 2] = arm.force_n[0]
+    native.call_unsigned_pointer(functions.set_doubles, _FORCE, arm.numbers_at + 8 * FORCE)
+    if limp and not motors:
+        native.call_unsigned(functions.disable, FORCE_OUTPUT)
+        arm.motors_on = False

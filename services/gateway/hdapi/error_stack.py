@@ -1,0 +1,58 @@
+"""The library's stack of errors in the scheduler's thread: emptied in every frame, each error judged once."""
+
+from __future__ import annotations
+
+from services.gateway.hdapi import native
+from services.gateway.hdapi.cells import ArmCell, Servo, arm_at
+from services.gateway.hdapi.constants import (
+    FIRST_LINK_ERROR,
+    FIRST_REFUSAL,
+    INVALID_PRIORITY,
+    LAST_LINK_ERROR,
+    LAST_REFUSAL,
+    SCHEDULER_FULL,
+    TIMER_ERROR,
+    WARM_MOTORS,
+)
+from services.mechanics.compiled import kernel
+
+#: A bound on the time of a frame; what is left is taken by the next.
+_ERRORS_A_DRAIN = 32
+
+
+@kernel
+def drain(servo: Servo, arm: ArmCell) -> None:
+    """Empty the error stack. An error may belong to another arm than the one whose turn it is."""
+    for _ in range(_ERRORS_A_DRAIN):
+        code, handle = native.take_error(servo.functions.get_error)
+        if code == 0:
+            return
+        noted = False
+        for k in range(servo.arms.shape[0]):
+            other = arm_at(servo.arms[k])
+            if other.handle == handle:
+                _note(servo, other, code)
+                noted = True
+        if not noted:
+            _note(servo, arm, code)
+
+
+@kernel
+def _note(servo: Servo, arm: ArmCell, code: int) -> None:
+    if code == WARM_MOTORS:
+        arm.warm = True
+    elif FIRST_REFUSAL <= code <= LAST_REFUSAL:
+        arm.refused_now = True
+        arm.refusal = code
+    elif code in (TIMER_ERROR, INVALID_PRIORITY, SCHEDULER_FULL):
+        servo.stopped_by = code
+    else:
+        arm.failed_now = True
+        if arm.error == 0:
+            arm.error = code
+
+
+@kernel
+def unreachable(error: int) -> bool:
+    """Return whether an arm with this error cannot be reached any more."""
+    return FIRST_LINK_ERROR <= error <= LAST_LINK_ERROR

@@ -1,0 +1,132 @@
+"""Opening one arm: what it says of itself, what it can measure, and the memory that its frames work on."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.gateway.bench import Clock
+from services.gateway.hdapi import cells
+from services.gateway.hdapi.cells import ArmCell, Functions, Port
+from services.gateway.hdapi.constants import STYLES, Parameter, Style
+from services.gateway.hdapi.handover import Box
+from services.gateway.hdapi.library import Library
+from services.gateway.pose import pack_mount
+from services.gateway.velocity_filter import butterworth
+from services.runtime.rig import Mount, Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What an arm is to keep to.
+
+    Attributes
+    ----------
+    centre_m
+        Middle of the workspace in the axes of the library: right, up, toward the user.
+    mount
+        Where the arm stands in the world.
+    """
+
+    max_force_n: float
+    max_force_rate_n_s: float
+    velocity_filter_hz: float
+    centre_m: Vector3
+    mount: Mount
+
+
+@dataclass(slots=True)
+class OpenArm:
+    """An arm that the scheduler serves.
+
+    Attributes
+    ----------
+    model : str
+        What the device says that it is, with its serial number.
+    style : Style
+        How it is calibrated.
+    nominal_max_force_n : float
+        What it says that it can bear.
+    has_roll : bool
+        Whether it measures how the stylus is turned.
+    """
+
+    cell: ArmCell
+    port: Port
+    model: str
+    style: Style
+    nominal_max_force_n: float
+    has_roll: bool
+
+
+def open_arm(library: Library, name: str | None, terms: Terms, where: str) -> OpenArm:
+    """Open the device that the vendor's set-up calls `name`; its motors are off. The scheduler stands still.
+
+    Raises
+    ------
+    DeviceError
+        one sentence, if it is not there.
+    """
+    handle = library.open_device(name, where)
+    c = library.c
+    c.hdMakeCurrentDevice(handle)
+    model = f"{library.string(Parameter.MODEL_TYPE)} {library.string(Parameter.SERIAL_NUMBER)}"
+    nominal = library.doubles(Parameter.NOMINAL_MAX_FORCE)
+    has_roll = library.integer(Parameter.INPUT_DOF) == 6
+    styles = library.integer(Parameter.CALIBRATION_STYLE) or 0
+    style = next((style for style in STYLES if styles & style), Style.AUTO)
+    c.hdBeginFrame(handle)
+    has_temperature = library.doubles(Parameter.MOTOR_TEMPERATURE) is not None
+    has_roll = has_roll and library.doubles(Parameter.CURRENT_GIMBAL_ANGLES) is not None
+    c.hdEndFrame(handle)
+    library.take_error()
+    cell = _cell(terms, handle=handle, style=int(style), has_temperature=has_temperature, has_gimbal=has_roll)
+    port = Port.zeros(orders=cell.orders, seen=cell.seen)
+    return OpenArm(cell, port, model, style, nominal[0] if nominal else math.inf, has_roll)
+
+
+def _cell(terms: Terms, **of_the_device: int) -> ArmCell:
+    numbers, integers = np.zeros(cells.NUMBERS), np.zeros(8, np.int32)
+    return ArmCell.zeros(
+        orders=Box.zeros(n=cells.ORDER_SIZE),
+        seen=Box.zeros(n=cells.SEEN_SIZE),
+        numbers=numbers,
+        integers=integers,
+        numbers_at=numbers.ctypes.data,
+        integers_at=integers.ctypes.data,
+        centre_m=np.array(terms.centre_m),
+        mount=pack_mount(terms.mount),
+        filter=butterworth(terms.velocity_filter_hz),
+        max_force_n=terms.max_force_n,
+        max_force_rate_n_s=terms.max_force_rate_n_s,
+        **of_the_device,
+    )
+
+
+def find_functions(library: Library, clock: Clock) -> Functions:
+    """Return what the callback calls: of the library, and of a clock."""
+    return Functions(
+        make_current=library.address("hdMakeCurrentDevice"),
+        begin_frame=library.address("hdBeginFrame"),
+        end_frame=library.address("hdEndFrame"),
+        enable=library.address("hdEnable"),
+        disable=library.address("hdDisable"),
+        get_integers=library.address("hdGetIntegerv"),
+        get_doubles=library.address("hdGetDoublev"),
+        set_doubles=library.address("hdSetDoublev"),
+        get_error=library.address("hdGetError"),
+        check_calibration=library.address("hdCheckCalibration"),
+        update_calibration=library.address("hdUpdateCalibration"),
+        clock_gettime=_clock_address(clock),
+    )
+
+
+def _clock_address(clock: Clock) -> int:
+    """Return C's ``clock_gettime``, or that of a bench whose time only passes when it is told to."""
+    own: int | None = getattr(clock, "gettime_address", None)
+    if own is not None:
+        return own
+    return ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value or 0

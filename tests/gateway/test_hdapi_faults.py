@@ -1,0 +1,208 @@
+"""What goes wrong with a library, its scheduler, an arm or the gateway, and what each hand feels of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from services.gateway import layout
+from services.gateway.engagement import SMALL_FORCE_N
+from services.gateway.hdapi.constants import ERRORS, Style
+from services.gateway.hdapi.library import Library
+from tests.gateway.hdapi_bench import FREE, LEFT, RATE_N_S, RIGHT, STEP_N, TTL_MS, HdapiBench
+
+REFUSALS, SCHEDULER, WARM = (0x0201, 0x0202, 0x0203, 0x0204), (0x0304, 0x0500, 0x0501), 0x0200
+UNKNOWN = 0x0777
+LATCHED = [*sorted(set(ERRORS) - {*REFUSALS, *SCHEDULER, WARM}), UNKNOWN]
+
+
+@pytest.mark.parametrize("code", [*REFUSALS, WARM], ids=hex)
+def test_a_refusal_of_force_is_survived(pushing: HdapiBench, code: int) -> None:
+    pushing.c.standin_inject(1, code)
+    pushing.run(150, LEFT, RIGHT)
+    left, right = pushing.forces[-1]
+    np.testing.assert_array_equal(left, LEFT if code == WARM else FREE)  # it does not begin in the middle of a contact
+    np.testing.assert_array_equal(right, RIGHT)
+    assert pushing.left.fault == ""
+    assert ("the arm 'Left' has refused force" in pushing.left.prompt) == (code != WARM)
+    pushing.begin(LEFT, RIGHT)
+    assert pushing.left.prompt == ""
+    np.testing.assert_allclose(pushing.forces[-1], [LEFT, RIGHT])
+    assert pushing.largest_step_n() <= STEP_N
+
+
+@pytest.mark.parametrize("code", REFUSALS, ids=hex)
+def test_an_arm_that_refuses_force_all_the_time_is_a_fault(pushing: HdapiBench, code: int) -> None:
+    pushing.c.standin_inject_every(1, code)
+    pushing.run(250, LEFT, RIGHT)
+    assert f"the arm 'Left' refuses force again and again: {ERRORS[code][0]}" in pushing.left.fault
+    np.testing.assert_allclose(pushing.forces[-1], [FREE, RIGHT])
+
+
+@pytest.mark.parametrize("code", LATCHED, ids=hex)
+def test_any_other_error_lets_one_arm_go_until_the_rig_is_armed_and_the_other_goes_on(
+    pushing: HdapiBench, code: int
+) -> None:
+    pushing.c.standin_inject(1, code)
+    pushing.run(TTL_MS, LEFT, RIGHT)
+    assert ERRORS.get(code, ("HD error 0x0777",))[0] in pushing.left.fault
+    pushing.run(300, LEFT, RIGHT)
+    np.testing.assert_array_equal(pushing.forces[-301][0], 0.0)  # within ttl_s
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, RIGHT])
+    np.testing.assert_array_equal([right for _, right in pushing.forces[-300:]], [RIGHT] * 300)
+    assert not pushing.standin.look(1).motors_on
+    assert pushing.right.fault == ""
+    pushing.left.clear_fault()
+    pushing.begin(LEFT, RIGHT)
+    np.testing.assert_allclose(pushing.forces[-1], [LEFT, RIGHT])
+    assert pushing.left.fault == ""
+    assert pushing.largest_step_n() <= STEP_N
+
+
+@pytest.mark.parametrize("code", SCHEDULER, ids=hex)
+def test_an_error_of_the_scheduler_lets_both_go_and_ends_the_callback(pushing: HdapiBench, code: int) -> None:
+    pushing.c.standin_inject(1, code)
+    pushing.run(TTL_MS, LEFT, RIGHT)
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, FREE])
+    assert pushing.largest_step_n() <= STEP_N
+    assert not pushing.standin.look(1).scheduled
+    for driver in (pushing.left, pushing.right):
+        assert f"the scheduler of OpenHaptics has ended: {ERRORS[code][0]}" in driver.fault
+
+
+def test_an_error_counts_for_the_arm_that_it_names(pushing: HdapiBench) -> None:
+    pushing.c.standin_raise(0x0302, 2)  # found on the stack in the left arm's turn
+    pushing.run(TTL_MS, LEFT, RIGHT)
+    assert pushing.left.fault == ""
+    assert "the arm 'Right' reports HD_COMM_ERROR" in pushing.right.fault
+    np.testing.assert_array_equal(pushing.forces[-1], [LEFT, FREE])
+
+
+def test_the_error_stack_is_empty_after_every_frame(pushing: HdapiBench) -> None:
+    for _ in range(20):
+        pushing.c.standin_raise(0x0201, 1)
+    pushing.run(2, LEFT, RIGHT)
+    assert Library(str(pushing.standin.path), "here").take_error() == 0
+
+
+def test_an_unplugged_arm_is_left_alone_and_comes_back_when_the_rig_is_armed(pushing: HdapiBench) -> None:
+    pushing.c.standin_unplug(1, 1)
+    pushing.run(40, LEFT, RIGHT)
+    assert "HD_COMM_ERROR" in pushing.left.fault
+    frames = pushing.standin.look(1).frames
+    pushing.run(100, LEFT, RIGHT)
+    assert pushing.standin.look(1).frames == frames, "nobody waits for an arm that is gone"
+    np.testing.assert_array_equal(pushing.forces[-1][1], RIGHT)
+    pushing.c.standin_unplug(1, 0)
+    pushing.run(10, LEFT, RIGHT)
+    assert pushing.left.fault, "not by itself"
+    pushing.left.clear_fault()
+    pushing.begin(LEFT, RIGHT)
+    np.testing.assert_allclose(pushing.forces[-1], [LEFT, RIGHT])
+
+
+def test_a_gateway_that_falls_silent_leaves_limp_arms_within_a_models_life(pushing: HdapiBench) -> None:
+    pushing.wait(TTL_MS)
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, FREE])
+    np.testing.assert_array_equal(pushing.forces[-TTL_MS], [LEFT, RIGHT])  # a tick that comes late is no reason
+    pushing.run(150, LEFT, RIGHT)
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, FREE])  # not in the middle of a contact
+    pushing.begin(LEFT, RIGHT)
+    np.testing.assert_allclose(pushing.forces[-1], [LEFT, RIGHT])
+    assert pushing.largest_step_n() <= STEP_N
+
+
+@pytest.mark.parametrize("code", [*REFUSALS, WARM, *LATCHED], ids=hex)
+def test_no_error_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, code: int) -> None:
+    """A hand presses into a spring and comes back, again and again, while force is refused and comes back.
+
+    It may come back where less than SMALL_FORCE_N is asked for: with what a spring that is held so holds, no more.
+    """
+    stiffness_n_m = 400.0
+    arms.by_law, arms.damping_n_s_m = True, 5.0
+    arms.open()
+    arms.run(300, FREE, FREE)
+    taken_j, returns, last_m = 0.0, 0, arms.standin.look(1).position_m
+    for k in range(2000):
+        arms.standin.put("hand", 1, np.array([0.0, -0.006 * np.sin(4 * np.pi * 1e-3 * k) ** 2, 0.0]))
+        if k % 137 == 0:
+            arms.c.standin_inject(1, code)
+            returns += code != WARM
+        if k % 411 == 300:
+            arms.left.clear_fault()
+        arms.left.read(0, arms.readings[arms.left])
+        arms.order(arms.left, np.zeros(3), stiffness_n_m)
+        force_n = arms.standin.look(1).force_n
+        arms.wait(1)
+        position_m = arms.standin.look(1).position_m
+        taken_j += force_n @ (position_m - last_m)
+        last_m = position_m
+    assert taken_j < 1e-4 + returns * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m
+    assert arms.largest_step_n() <= STEP_N
+
+
+def test_what_the_law_refuses_is_counted_with_what_the_torque_refuses(arms: HdapiBench) -> None:
+    arms.by_law = True
+    arms.open()
+    memory = arms.memories[arms.left]
+    memory[layout.MEMORY_REFUSED] += 5.0  # by the torque's law, in the gateway
+    memory[layout.MEMORY_TORQUE] = 0.1
+    arms.run(10, (0.0, np.nan, 0.0), RIGHT)
+    arms.run(3, LEFT, RIGHT)
+    assert memory[layout.MEMORY_REFUSED] == 15.0
+    assert memory[layout.MEMORY_TORQUE] == 0.1
+
+
+@pytest.mark.parametrize("nonsense", [np.nan, np.inf])
+def test_an_order_that_is_no_number_is_none(pushing: HdapiBench, nonsense: float) -> None:
+    pushing.run(TTL_MS, (0.0, nonsense, 0.0), RIGHT)
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, RIGHT])
+    assert np.isfinite(pushing.forces).all()
+    assert pushing.largest_step_n() <= STEP_N
+
+
+def test_a_huge_order_is_held_to_what_the_device_can_bear(pushing: HdapiBench) -> None:
+    pushing.run(100, (0.0, 0.0, 1e9), RIGHT)
+    np.testing.assert_allclose(pushing.forces[-1], [(0.0, 0.0, 3.3), RIGHT], atol=1e-12)
+    assert pushing.left.fault == ""
+
+
+def test_a_pose_that_is_no_number_is_not_passed_on(pushing: HdapiBench) -> None:
+    pushing.c.standin_not_a_number(1, 1)
+    pushing.run(10, LEFT, RIGHT)
+    assert np.isfinite(pushing.readings[pushing.left]).all()
+    pushing.run(20, LEFT, RIGHT)
+    assert "nothing was read of the arm 'Left' for 20 ms" in pushing.left.fault
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, RIGHT])
+
+
+def test_a_scheduler_that_stalls_for_a_moment_is_survived_and_earns_no_step(pushing: HdapiBench) -> None:
+    pushing.run(50, LEFT, RIGHT)
+    pushing.c.standin_stall(10)
+    pushing.run(12, FREE, RIGHT)
+    assert pushing.left.fault == ""
+    assert pushing.largest_step_n() <= RATE_N_S * 3e-3 + 1e-12
+    assert pushing.left.arm is not None
+    assert pushing.left.arm.cell.late == 1
+
+
+def test_a_scheduler_that_stalls_for_long_is_a_fault(pushing: HdapiBench) -> None:
+    pushing.c.standin_stall(1000)
+    pushing.run(30, LEFT, RIGHT)
+    for driver in (pushing.left, pushing.right):
+        assert "nothing was read of" in driver.fault
+
+
+def test_a_process_that_was_stopped_as_a_whole_has_no_fault(pushing: HdapiBench) -> None:
+    pushing.c.standin_stall(500)
+    pushing.wait(500)
+    pushing.run(5, LEFT, RIGHT)
+    assert pushing.left.fault == pushing.right.fault == ""
+
+
+def test_a_lost_calibration_is_a_fault(pushing: HdapiBench) -> None:
+    pushing.c.standin_style(1, int(Style.INKWELL))  # which it cannot find again by itself
+    pushing.c.standin_uncalibrate(1)
+    pushing.run(1100, LEFT, RIGHT)
+    assert "the arm 'Left' has lost its calibration" in pushing.left.fault
+    np.testing.assert_array_equal(pushing.forces[-1], [FREE, RIGHT])
