@@ -112,6 +112,23 @@ def test_force_is_off_until_enabled_then_as_written_and_gone_after_close(opened:
     assert opened.output() == 0.0, "it pushes after it was closed"
 
 
+def test_an_arm_evaluates_the_law_and_one_with_a_servo_of_its_own_applies_it(opened: Subject) -> None:
+    arm = opened.device
+    if not isinstance(arm, Arm):
+        return
+    model, limits = np.zeros(layout.MODEL_SIZE), np.ones(layout.LIMIT_SIZE)
+    model[layout.MODEL_F0 + 2], limits[layout.LIMIT_RATE] = WRITTEN, 200.0
+    now, memory = np.zeros(layout.NOW_SIZE), np.zeros(layout.MEMORY_SIZE)
+    now[layout.NOW_TTL], now[layout.NOW_GAIN], now[layout.NOW_DT] = 0.02, 1.0, TICK_S
+    arm.enable()
+    for _ in range(round(SOON_S / TICK_S)):
+        arm.read(opened.bench.clock.monotonic_ns(), np.zeros(layout.READ_SIZE))
+        arm.evaluate(model, np.zeros(6), limits, now, memory)
+        opened.bench.clock.sleep(TICK_S)
+    np.testing.assert_allclose(memory[layout.MEMORY_FORCE :][:3], [0.0, 0.0, WRITTEN])
+    assert opened.output() == pytest.approx(WRITTEN if arm.own_servo else 0.0)
+
+
 def test_a_device_on_its_bench_has_no_fault_also_after_arming_anew(opened: Subject) -> None:
     device = opened.device
     device.enable()

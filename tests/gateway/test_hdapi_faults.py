@@ -87,7 +87,10 @@ def test_the_error_stack_is_empty_after_every_frame(pushing: HdapiBench) -> None
 
 def test_an_unplugged_arm_is_left_alone_and_comes_back_when_the_rig_is_armed(pushing: HdapiBench) -> None:
     pushing.c.standin_unplug(1, 1)
+    read = pushing.readings[pushing.left].copy()
+    pushing.standin.put("place", 1, np.array([0.0, 0.3, 0.0]))
     pushing.run(40, LEFT, RIGHT)
+    np.testing.assert_allclose(pushing.readings[pushing.left][:3], read[:3], atol=1e-3)  # a failed frame says nothing
     assert "HD_COMM_ERROR" in pushing.left.fault
     frames = pushing.standin.look(1).frames
     pushing.run(100, LEFT, RIGHT)
@@ -139,6 +142,17 @@ def test_no_error_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, cod
         last_m = position_m
     assert taken_j < 1e-4 + returns * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m
     assert arms.largest_step_n() <= STEP_N
+
+
+def test_the_law_goes_on_from_the_force_that_was_applied(arms: HdapiBench) -> None:
+    arms.by_law = True
+    arms.open()
+    arms.begin(LEFT, RIGHT)
+    arms.c.standin_inject(1, REFUSALS[0])
+    arms.run(5, LEFT, RIGHT)
+    np.testing.assert_allclose(arms.memories[arms.left][layout.MEMORY_FORCE :][:3], arms.forces[-2][0])
+    arms.run(20, LEFT, RIGHT)
+    np.testing.assert_array_equal(arms.memories[arms.left][layout.MEMORY_FORCE :][:3], FREE)
 
 
 def test_what_the_law_refuses_is_counted_with_what_the_torque_refuses(arms: HdapiBench) -> None:

@@ -6,7 +6,7 @@
 #include <string.h>
 
 enum {
-    INVALID_ENUM = 0x0100, BAD_HANDLE = 0x0104,
+    INVALID_ENUM = 0x0100, INVALID_OPERATION = 0x0102, BAD_HANDLE = 0x0104,
     EXCEEDED_MAX_FORCE = 0x0201, EXCEEDED_MAX_VELOCITY = 0x0203,
     DEVICE_FAULT = 0x0300, ALREADY_INITIATED = 0x0301, COMM_ERROR = 0x0302,
     ILLEGAL_BEGIN = 0x0400, ILLEGAL_END = 0x0401, FRAME_ERROR = 0x0402,
@@ -20,6 +20,7 @@ StandInArm arms[ARMS];
 static ErrorInfo errors[ERRORS];
 static int n_errors, current = -1;
 unsigned refuse_init;
+int running; /* the scheduler: devices are added while it stands */
 
 void raise_error(unsigned code, unsigned handle)
 {
@@ -51,7 +52,7 @@ unsigned hdInitDevice(const char *name)
     int k = 0;
     while (name != NULL && k < ARMS && strcmp(name, NAMES[k]) != 0)
         k++;
-    unsigned failure = refuse_init ? refuse_init : k == ARMS ? DEVICE_FAULT : arms[k].open ? ALREADY_INITIATED : 0;
+    unsigned failure = refuse_init ? refuse_init : running ? INVALID_OPERATION : k == ARMS ? DEVICE_FAULT : arms[k].open ? ALREADY_INITIATED : 0;
     if (failure) {
         raise_error(failure, 0xFFFFFFFFu);
         return 0xFFFFFFFFu;

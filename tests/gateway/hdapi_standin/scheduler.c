@@ -11,11 +11,12 @@
 enum { CALLBACK_CONTINUE = 1, KEPT = 1 << 16, TICK_NS = 1000000 };
 
 extern unsigned refuse_init;
+extern int running;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* a test's hook waits for the end of a tick */
 static pthread_t thread;
 static Callback callback;
 static void *user_data;
-static int threaded, running, scheduled, stalled, overrun_us;
+static int threaded, scheduled, stalled, overrun_us;
 static atomic_int stopping;
 static unsigned refuse_start;
 static int64_t stepped_ns, durations[KEPT];
