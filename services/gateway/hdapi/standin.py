@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import functools
 import shutil
@@ -105,7 +106,9 @@ def _compile() -> Path:
     sources = sorted(SOURCES.glob("*.c"))
     if not sources:
         raise BenchUnavailable(f"the sources of the stand-in of libHD.so are not there: {SOURCES}")
-    out = Path(tempfile.mkdtemp(prefix="trocar-hdapi-")) / "libHD.so"
+    folder = tempfile.mkdtemp(prefix="trocar-hdapi-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    out = Path(folder) / "libHD.so"
     flags = ["-std=c11", "-O1", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", "-pthread"]
     subprocess.run([compiler, *flags, *map(str, sources), "-o", str(out), "-lm"], check=True)
     return out
