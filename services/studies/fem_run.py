@@ -23,6 +23,7 @@ from services.mechanics.fem import (
     pressure_load,
     surface_load,
 )
+from services.mechanics.fem.elements import MEMBRANE_ELEMENTS
 from services.mechanics.fem.facets import drilling_excess
 from services.mechanics.fem.supports import DOF_NAMES
 from services.mechanics.fem.thinness import DOUBTFUL_RATIO, thickness_over_width
@@ -103,9 +104,10 @@ def _cautions(model: ShellModel) -> list[str]:
             "which a Kirchhoff shell lacks, counts there"
         )
     excess = drilling_excess(model.mesh, model.section)
-    if model.elements.membrane == "andes" and excess > DOUBTFUL_EXCESS:
+    name = model.elements.membrane
+    if MEMBRANE_ELEMENTS[name].has_stiff_drilling and excess > DOUBTFUL_EXCESS:
         cautions.append(
-            f"elements.membrane: 'andes' makes torsion of this wall about {100 * excess:.2g} % too stiff, its cells "
+            f"elements.membrane: '{name}' makes torsion of this wall about {100 * excess:.2g} % too stiff, its cells "
             "are short beside the angle between them; 'cst' or longer cells do not"
         )
     return cautions

@@ -31,6 +31,7 @@ WRONG_ROWS = {
     "tocher_as_if_consistent": ("Element(tocher.stiffness)", "patch_test_on"),
     "dkt_as_if_for_comparison": ("Element(dkt.stiffness, is_reference_only=True)", "comparison_only"),
     "a_membrane_that_shall_bend": ("Element(cst.stiffness)", "rigid_motions"),
+    "dkt_as_if_it_had_drilling": ("Element(dkt.stiffness, has_stiff_drilling=True)", "drilling_is_stiff"),
 }
 FREQUENCIES = """
 from pathlib import Path

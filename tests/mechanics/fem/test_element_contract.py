@@ -14,6 +14,7 @@ from services.mechanics.fem.assembly import assemble_stiffness
 from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS
 from services.mechanics.fem.elements.element import Element
 from services.mechanics.fem.supports import rigid_body_modes
+from services.mechanics.fem.triangle import signed_areas
 from services.mechanics.surface.mesh import TriangleMesh
 from services.studies.shell_problems import mapped_patch
 from tests.mechanics.fem.patches import (
@@ -155,6 +156,18 @@ def test_an_isotropic_triangle_may_be_turned_in_its_plane(row):
     turned = row.element.stiffness(xy @ turn.T, rigidity)
     straight = row.element.stiffness(xy, rigidity)
     assert np.abs(T.T @ turned @ T - straight).max() < 1e-12 * np.abs(straight).max()
+
+
+@every
+def test_a_row_says_whether_drilling_is_stiff(row):
+    """Against the shear of the triangle: a penalty that only removes the singularity is a thousandth of it."""
+    if row.kind == "bending":
+        assert not row.element.has_stiff_drilling
+        return
+    xy, rigidity = some_triangles(), isotropic()
+    drilling = row.element.stiffness(xy, rigidity)[:, [2, 5, 8], [2, 5, 8]].mean(axis=1)
+    of_shear = drilling / (rigidity[:, 2, 2] * signed_areas(xy))
+    assert (of_shear > 0.01).all() if row.element.has_stiff_drilling else (of_shear < 0.01).all()
 
 
 def patch_test_error(row, kind):

@@ -10,7 +10,7 @@ from services.mechanics.fem.elements.element import Element
 
 MEMBRANE_ELEMENTS: dict[str, Element] = {
     "cst": Element(cst.stiffness),
-    "andes": Element(andes.stiffness),
+    "andes": Element(andes.stiffness, has_stiff_drilling=True),
 }
 BENDING_ELEMENTS: dict[str, Element] = {
     "dkt": Element(dkt.stiffness),

@@ -34,7 +34,11 @@ class Element:
         Of many triangles at once.
     is_reference_only
         Fails the patch test or depends on which node comes first: to compare with, not to compute with.
+    has_stiff_drilling
+        Of a membrane: its drilling rotations are about as stiff as its shear, which makes torsion of a thick wall of
+        short flat triangles too stiff (`facets.drilling_excess`).
     """
 
     stiffness: StiffnessKernel
     is_reference_only: bool = False
+    has_stiff_drilling: bool = False
