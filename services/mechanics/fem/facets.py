@@ -18,12 +18,12 @@ EXCESS_PER_SQUARE = 0.1
 def drilling_excess(mesh: TriangleMesh, section: ShellSection) -> float:
     """Return the part by which stiff drilling freedoms make torsion of a curved wall too stiff, about.
 
-    It is 0.1 (h phi / l)², the median over edges, as measured with `andes`. h is the thickness, phi the angle between the triangles at an edge and l the edge's length; zero on flat walls. The
-    cause: membrane shear gamma turns a line along the wall by gamma / 2 more than it turns the wall itself. A true
-    drilling freedom is the turn of the wall; seen from a facet that is tilted by phi / 2 it bends the edge, which the
-    translations of the edge's ends do not. Both angles shrink with the facets, and so does the edge over which the
-    mismatch is bent: what remains depends on the cells' shape alone, and fades with h² / R². The drilling freedom of
-    `cst` is held so weakly that it follows.
+    It is 0.1 (h phi / l)², the median over edges, as measured with `andes`: h is the thickness, phi the angle between
+    the triangles at an edge and l the edge's length; zero on flat walls. The cause: membrane shear gamma turns a line
+    along the wall by gamma / 2 more than it turns the wall itself. A true drilling freedom is the turn of the wall;
+    seen from a facet that is tilted by phi / 2 it bends the edge, which the translations of the edge's ends do not.
+    Both angles shrink with the facets, and so does the edge over which the mismatch is bent: what remains depends on
+    the cells' shape alone, and fades with h² / R². The drilling freedom of `cst` is held so weakly that it follows.
     """
     angle, length, thickness = _inner_edges(mesh, section)
     is_curved = (angle > FLAT_RAD) & (angle < CREASE_RAD)
