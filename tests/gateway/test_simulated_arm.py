@@ -105,14 +105,22 @@ def test_the_velocity_filter_is_scipys(cut_off_hz: float) -> None:
     np.testing.assert_allclose(velocity_filter.butterworth(cut_off_hz), [*b, *a[1:]], rtol=1e-10)
 
 
-def test_winding_reaches_its_limit_at_the_catalogues_current() -> None:
+def test_winding_comes_to_rest_at_its_limit_with_the_catalogues_current() -> None:
     # 1.24 A for ever makes 100 degrees in the catalogue; the two-node model needs 75 K / 17.1 K/W = 4.39 W.
-    heat = np.full((2, 3), simulated_arm.ROOM_C)
+    cold_w = 1.24**2 * simulated_arm.RESISTANCE_OHM
+    rise_k_w = simulated_arm.WINDING_K_W + simulated_arm.HOUSING_K_W
+    warmer_k = cold_w * rise_k_w / (1.0 - simulated_arm.COPPER_1_K * cold_w * rise_k_w)  # copper resists more when warm
+    assert simulated_arm.ROOM_C + warmer_k == pytest.approx(100.0, abs=2.0)
     motor = np.full(3, 1.24 * simulated_arm.TORQUE_NM_A)
-    step = simulated_arm._warm
-    for _ in range(4_000_000):  # 4000 s: six and a half of the housing's time constants
-        step(motor, heat)
-    np.testing.assert_allclose(heat[0], 100.0, atol=2.0)
+    housing_c = simulated_arm.ROOM_C + warmer_k * simulated_arm.HOUSING_K_W / rise_k_w
+    for winding_off_k, housing_off_k in ((0.0, 0.0), (5.0, 0.0), (-5.0, 0.0), (0.0, 5.0), (0.0, -5.0)):
+        off_k = np.array([[winding_off_k] * 3, [housing_off_k] * 3])
+        rest = np.array([[simulated_arm.ROOM_C + warmer_k] * 3, [housing_c] * 3])
+        heat = rest + off_k
+        simulated_arm._warm(motor, heat)
+        if not off_k.any():
+            np.testing.assert_allclose(heat, rest, rtol=1e-12)
+        assert (np.abs(heat - rest)[off_k != 0.0] < 5.0).all(), "back towards rest"
 
 
 def test_temperature_is_told_as_a_share_of_the_limit() -> None:

@@ -120,21 +120,21 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
     }  # they wait until haptics and physics say that they are ready
 
 
-@pytest.mark.parametrize(("name", "number"), [("haptics", signal.SIGKILL), ("physics", signal.SIGSTOP)])
-def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes, name: str, number: signal.Signals) -> None:
+def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes) -> None:
     def scenario(supervisor: Supervisor) -> Scenario:
-        yield from until_running(supervisor)
-        member = supervisor.crew.members[name]
-        others = {n: m.pid for n, m in supervisor.crew.members.items() if n != name}
-        first = member.pid
-        os.kill(first, number)
-        yield from until(lambda: supervisor.state is RigState.DEGRADED)
-        assert name in supervisor.reason
-        yield from until(lambda: member.up and member.pid != first)
-        yield from until_running(supervisor)
-        assert member.restarts.count == 1
-        assert {n: m.pid for n, m in supervisor.crew.members.items() if n != name} == others
-        assert not supervisor.body().safe_stop
+        for name, number in (("haptics", signal.SIGKILL), ("physics", signal.SIGSTOP)):
+            yield from until_running(supervisor)
+            member = supervisor.crew.members[name]
+            others = {n: m.pid for n, m in supervisor.crew.members.items() if n != name}
+            first = member.pid
+            os.kill(first, number)
+            yield from until(lambda: supervisor.state is RigState.DEGRADED)
+            assert name in supervisor.reason
+            yield from until(lambda member=member, first=first: member.up and member.pid != first)
+            yield from until_running(supervisor)
+            assert member.restarts.count == 1
+            assert {n: m.pid for n, m in supervisor.crew.members.items() if n != name} == others
+            assert not supervisor.body().safe_stop
 
     fakes.play(scenario)
 
@@ -173,19 +173,6 @@ def test_a_process_that_cannot_start_ends_the_rig_with_its_sentence(fakes: Fakes
     assert all(gone(pid) for pid in set(pids))
 
 
-def test_a_process_that_does_not_end_is_killed(fakes: Fakes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("services.supervisor.crew.END_S", 0.5)
-    pids: list[int] = []
-
-    def scenario(supervisor: Supervisor) -> Scenario:
-        yield from until_running(supervisor)
-        pids.append(supervisor.crew.members["recorder"].pid)
-
-    events = fakes.play(scenario, recorder="stubborn")
-    assert gone(pids[0])
-    assert any(event.startswith("recorder: did not end within") for event in events)
-
-
 def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> None:
     report: list[run_report.RunReport] = []
 
@@ -218,17 +205,23 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     assert any(fact["name"] == "scheduling" for fact in result["realtime"]["gateway"])
 
 
-def test_report_ends_when_the_rig_is_asked_to_end(fakes: Fakes, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_does_not_end_is_killed_and_counts_no_longer(
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("services.supervisor.crew.END_S", 1.5)
     report: list[run_report.RunReport] = []
+    pids: list[int] = []
 
     def scenario(supervisor: Supervisor) -> Scenario:
         report.append(run_report.RunReport(supervisor))
         while report[0].measured_s < 1.0:
             report[0].turn(time.monotonic())
             yield
+        pids.append(supervisor.crew.members["recorder"].pid)
 
-    fakes.play(scenario, recorder="stubborn")  # goes on for another 1.5 s
+    events = fakes.play(scenario, recorder="stubborn")  # goes on for another 1.5 s
+    assert gone(pids[0])
+    assert any(event.startswith("recorder: did not end within") for event in events)
     loop = report[0].result()["loops"]["recorder"]
     assert 0.5 < loop["ticks"] / loop["rate_hz"] < 1.4
 
