@@ -89,9 +89,16 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     return scene, duct
 
 
+def _say_what_is_approximate(process: Process, duct: ReducedDuct) -> None:
+    sentence = None if duct.residual_error is None else duct.residual_error.sentence()
+    if sentence is not None:
+        process.log.warning("%s", sentence)
+
+
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Step on each new tick of the rig's clock."""
     physics = Physics(process, *prepared)
+    _say_what_is_approximate(process, prepared[1])
     meter = LoopMeter(RATE_HZ)
     clock = TickClock(meter)
     process.ready(meter)

@@ -12,6 +12,7 @@ from services.mechanics.reduction.basis import ModalBasis, node_displacements
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.residual.blocks import Residual
+from services.mechanics.reduction.residual.patch_error import PatchError
 from services.mechanics.reduction.state import ModalState
 from services.mechanics.surface.mesh import TriangleMesh
 
@@ -37,6 +38,8 @@ class ReducedDuct:
     warp : TubeWarp, optional
         Turns the cross-sections where large rotations are wanted. Whoever places points of the wall asks for it;
         `displacements` and `node_displacements` stay the linear ones.
+    residual_error : PatchError, optional
+        How far the residual is from the whole of it; none where it is the whole.
     """
 
     mesh: TriangleMesh
@@ -46,6 +49,7 @@ class ReducedDuct:
     recipe: DuctRecipe | None = None
     cache_dir: Path | None = None
     warp: TubeWarp | None = None
+    residual_error: PatchError | None = None
 
     def __post_init__(self) -> None:
         if self.basis.n_nodes != self.mesh.n_vertices:

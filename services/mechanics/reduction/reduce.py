@@ -17,10 +17,11 @@ from services.mechanics.reduction.content_hash import hash_content
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.residual.blocks import Residual
+from services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
 from services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
 
-PATCH_FORMAT = 2
-"""Raised when patches of the residual change: since 2 with an exact near field."""
+PATCH_FORMAT = 3
+"""Raised when patches of the residual change: since 2 with an exact near field, since 3 with their error."""
 
 
 def reduce_duct(
@@ -45,9 +46,9 @@ def reduce_duct(
     folder = cache_dir or cache_directory()
     maker = _Maker(recipe, progress)
     basis = load_basis(cache.fetch(folder, f"basis-{recipe.key()}", maker.make_basis))
-    residual = _fetch_residual(folder, maker, basis)
+    residual, error = _fetch_residual(folder, maker, basis)
     ratio = np.broadcast_to(np.asarray(damping_ratio, np.float64), (basis.n_modes,)).copy()
-    return ReducedDuct(recipe.mesh, basis, residual, ratio, recipe, folder)
+    return ReducedDuct(recipe.mesh, basis, residual, ratio, recipe, folder, residual_error=error)
 
 
 def fetch_residual_displacement(
@@ -77,18 +78,20 @@ def fetch_residual_displacement(
     return np.array(entry.load("displacement"))
 
 
-def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> Residual:
+def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> tuple[Residual, PatchError | None]:
     choice = maker.recipe.residual
     kind = choice.resolved_kind(basis.n_nodes)
     if kind == "none":
-        return Residual.none(basis.n_nodes)
+        return Residual.none(basis.n_nodes), None
     if kind == "full":
         name = f"residual-{hash_content(basis.content_hash, kind)}"
-        return Residual.full(cache.fetch(folder, name, partial(maker.make_full_residual, basis)).load("blocks"))
+        entry = cache.fetch(folder, name, partial(maker.make_full_residual, basis))
+        return Residual.full(entry.load("blocks")), None
     size = choice.patch_radius_m or choice.budget_bytes
     name = f"residual-{hash_content(basis.content_hash, kind, size, PATCH_FORMAT)}"
     entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
-    return Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.load("blocks"))
+    patches = Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.load("blocks"))
+    return patches, PatchError(entry.facts["error_kept"], entry.facts["error_dropped"])
 
 
 def load_basis(entry: cache.Entry) -> ModalBasis:
@@ -130,7 +133,9 @@ class _Maker:
         entry.save("starts", residual.starts)
         entry.save("neighbours", residual.neighbours)
         entry.save("blocks", residual.blocks)
-        entry.describe(content_hash=basis.content_hash, kind="patches", radius_m=radius_m)
+        error = measure_patches(self._model, basis, residual)
+        facts = {"radius_m": radius_m, "error_kept": error.kept, "error_dropped": error.dropped}
+        entry.describe(content_hash=basis.content_hash, kind="patches", **facts)
 
     @cached_property
     def _model(self) -> ShellModel:

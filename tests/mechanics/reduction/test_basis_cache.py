@@ -88,6 +88,10 @@ def test_auto_takes_patches_beyond_the_budget(tmp_path):
     duct = reduce_duct(small_recipe(residual=ResidualChoice(budget_bytes=100_000)), 0.05, tmp_path)
     assert duct.residual.starts.size
     assert duct.residual.blocks.nbytes < 100_000
+    again = reduce_duct(small_recipe(residual=ResidualChoice(budget_bytes=100_000)), 0.05, tmp_path)
+    assert again.residual_error == duct.residual_error
+    assert duct.residual_error.kept < 1e-5 < duct.residual_error.dropped
+    assert reduce_duct(small_recipe(), 0.05, tmp_path).residual_error is None
 
 
 def test_changed_bytes_are_refused_by_name(tmp_path):

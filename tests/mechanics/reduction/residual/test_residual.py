@@ -1,5 +1,6 @@
 """Residual compliance: static answers equal the full model's; patches approach it; kernels agree with algebra."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from services.mechanics.reduction import ModalState, ReducedDuct, Residual
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.build import residual_response
+from services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
 from services.mechanics.reduction.residual.patches import build_patches, colour_apart, largest_radius_m, patch_pattern
 from services.mechanics.reduction.residual.selected_inverse import SelectedInverse
 from services.mechanics.surface.mesh import vertex_adjacency, vertex_normals
@@ -194,6 +196,28 @@ def test_probing_leaves_the_loaded_node_and_its_neighbours_exact(model, duct):
     assert beside.sum() > 6 * n
     assert error[beside].max() < 1e-6 * scale
     assert error.max() > 1e-3 * scale, "else there is nothing to replace"
+
+
+@pytest.mark.parametrize("apart_m", [math.inf, 10e-3])
+def test_what_patches_leave_out_is_measured_and_said(model, duct, apart_m):
+    """Against the full blocks between all nodes, of which the measurement knows eight columns."""
+    patches, n = build_patches(model, duct.basis, 5e-3, apart_m), duct.basis.n_nodes
+    rows = np.repeat(np.arange(n), np.diff(patches.starts))
+    off = np.zeros((n, n, 3, 3))
+    off[rows, patches.neighbours] = patches.blocks
+    off -= full_blocks(duct)
+    flexible = duct.basis.Phi / duct.basis.omega_rad_s
+    own = np.linalg.norm(full_blocks(duct)[range(n), range(n)] + flexible @ flexible.transpose(0, 2, 1), 2, axis=(1, 2))
+    share = np.linalg.norm(off, 2, axis=(2, 3)) / np.maximum(own, 1e-300)[:, None]
+    is_kept = np.zeros((n, n), bool)
+    is_kept[rows, patches.neighbours] = True
+    free = own > 1e-6 * own.max()
+    kept, dropped = share[free][is_kept[free]].max(), share[free][~is_kept[free]].max()
+    measured = measure_patches(model, duct.basis, patches)
+    assert kept / 5.0 <= measured.kept <= kept * 1.01 + 1e-6
+    assert dropped / 5.0 <= measured.dropped <= dropped * 1.01
+    assert f"{100 * measured.dropped:.2g} % far from it" in measured.sentence()
+    assert PatchError(0.0, 1e-4).sentence() is None
 
 
 def test_selected_inverse_is_the_inverse_where_the_factor_has_entries(model):
