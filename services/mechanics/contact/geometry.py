@@ -79,3 +79,4 @@ class ContactGeometry(Struct):
 
 
 geometry_at = reader(ContactGeometry)
+wall_at = reader(WallGeometry)

@@ -21,7 +21,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, combine, dot, subtract
 from services.mechanics.compiled.vectors import row as row_of
 from services.mechanics.contact import laws
-from services.mechanics.contact.geometry import ContactGeometry, WallGeometry, geometry_at
+from services.mechanics.contact.geometry import ContactGeometry, WallGeometry, geometry_at, wall_at
 from services.mechanics.contact.identity import target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.rows import ContactRows, rows_at
 
@@ -42,9 +42,9 @@ class ContactManifold:
 
     def __init__(self, wall: WallGeometry, margin_m: float) -> None:
         self._sizes = (wall.half_thickness, margin_m)
-        self._triangles = wall.triangles
+        self._wall = wall
         self._pairs = ContactPairs.allocate(CAPACITY)
-        self._nodes = np.zeros((CAPACITY, 3), np.int32)
+        self._nodes = np.zeros(3 * CAPACITY, np.int32)
         self._corners = np.zeros((3 * CAPACITY, 3))
 
     @property
@@ -54,23 +54,30 @@ class ContactManifold:
 
     def keep(self, rows: ContactRows) -> None:
         """Remember the pressed points of the rows just solved."""
-        keep_pressed(rows.address, self._pairs.address)
+        keep_pressed(rows.address, self._wall.address, self._pairs.address, self._nodes)
 
     def append_to(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
         """Append those that are still within reach and that ``pairs`` does not have, as far as there is room."""
         kept = self._pairs.count
         if kept == 0:
             return
-        nodes, corners = self._nodes[:kept], self._corners[: 3 * kept]
-        np.take(self._triangles, self._pairs.target[:kept], axis=0, out=nodes)
-        wall.node_positions(nodes.reshape(-1), corners)
+        corners = self._corners[: 3 * kept]
+        wall.node_positions(self._nodes[: 3 * kept], corners)
         append_pressed(geometry.address, self._pairs.address, corners, self._sizes, pairs.address)
 
 
 @kernel
-def keep_pressed(rows_address: Address[ContactRows], pairs_address: Address[ContactPairs]) -> None:
-    """Make pairs of the pressed contacts of tools with the wall; their names are decoded from the rows."""
-    rows, out = rows_at(rows_address), pairs_at(pairs_address)
+def keep_pressed(
+    rows_address: Address[ContactRows],
+    wall_address: Address[WallGeometry],
+    pairs_address: Address[ContactPairs],
+    nodes: IntArray,
+) -> None:
+    """Make pairs of the pressed contacts of tools with the wall; their names are decoded from the rows.
+
+    ``nodes`` (3 C,) takes the corners of their triangles.
+    """
+    rows, wall, out = rows_at(rows_address), wall_at(wall_address), pairs_at(pairs_address)
     out.count = 0
     for row in range(rows.n_contacts):
         tool, identity = rows.tool[row], rows.identity[row]
@@ -79,6 +86,9 @@ def keep_pressed(rows_address: Address[ContactRows], pairs_address: Address[Cont
             weights, segment = row_of(rows.duct_weight, row), tool_segment_of(identity)
             pair = (tool, segment, -1, DUCT_TRIANGLE, target_of(identity), 0.0, weights)
             write_pair(out, pair, rows.gap_m[row], row_of(rows.frame[row], 0))
+    for i in range(out.count):
+        for corner in range(3):
+            nodes[3 * i + corner] = wall.triangles[out.target[i], corner]
 
 
 @kernel
