@@ -10,18 +10,17 @@ one.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse.linalg import LinearOperator, onenormest
+from scipy.sparse import bsr_array, csc_array
+from scipy.sparse.linalg import LinearOperator, SuperLU, onenormest
 
-from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.assembly import element_chunks
-from services.mechanics.surface.mesh import smallest_angles_rad
-
-if TYPE_CHECKING:
-    from services.mechanics.fem.model import ShellModel
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.fem.assembly import ElementChoice, element_chunks
+from services.mechanics.fem.section import ShellSection
+from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 
 LongFloatArray: TypeAlias = npt.NDArray[np.longdouble]
 
@@ -35,7 +34,34 @@ class IllConditionedError(ValueError):
     """The model's stiffness spans more than the digits of the computer; the sentence names the triangles."""
 
 
-def internal_forces(model: ShellModel, u: LongFloatArray) -> FloatArray:
+class Shell(Protocol):
+    """What is asked of a shell whose solution is judged; `ShellModel` documents it."""
+
+    mesh: TriangleMesh
+    section: ShellSection
+    elements: ElementChoice
+    constraints: Literal["elimination", "penalty"]
+    held_dofs: IntArray
+    K_full: bsr_array[np.float64]
+
+    @property
+    def n_dofs(self) -> int:
+        """Of all nodes."""
+
+    @property
+    def free_dofs(self) -> IntArray:
+        """Those that no support holds."""
+
+    @property
+    def K_free(self) -> csc_array[np.float64]:
+        """Stiffness over the free dofs."""
+
+    @property
+    def factor(self) -> SuperLU:
+        """Its factors."""
+
+
+def internal_forces(model: Shell, u: LongFloatArray) -> FloatArray:
     """(6 n,) forces in N and moments in N m that hold the shell at displacements ``u`` (6 n,)."""
     mesh = model.mesh
     force = np.zeros((mesh.n_vertices, 6))
@@ -63,7 +89,7 @@ def _without_rigid_motion(x: LongFloatArray, u: LongFloatArray) -> FloatArray:
     return left
 
 
-def refine(model: ShellModel, u: FloatArray, force: FloatArray, imposed: FloatArray) -> tuple[FloatArray, FloatArray]:
+def refine(model: Shell, u: FloatArray, force: FloatArray, imposed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (6 n,) displacements and internal forces refined until the residual falls no further.
 
     Parameters
@@ -96,7 +122,7 @@ def refine(model: ShellModel, u: FloatArray, force: FloatArray, imposed: FloatAr
     return best[0].astype(np.float64), best[1]
 
 
-def condition_estimate(model: ShellModel) -> float:
+def condition_estimate(model: Shell) -> float:
     """1-norm condition of the stiffness over the free dofs, scaled to a unit diagonal so that units do not matter.
 
     Higham and Tisseur's block estimate (SIAM J. Matrix Anal. Appl. 21:1185, 2000): seldom off by more than a factor of
@@ -115,7 +141,7 @@ def condition_estimate(model: ShellModel) -> float:
     return float(scaled_sums.max() * onenormest(operator))
 
 
-def stiffness_span(model: ShellModel) -> str:
+def stiffness_span(model: Shell) -> str:
     """Name the stiffest and the softest triangle in a clause: how much apart, where, and what they are made of."""
     chunks = element_chunks(model.mesh, model.section, model.elements)
     stiffness = np.concatenate([np.einsum("mii->mi", K)[:, TRANSLATIONS].sum(axis=1) for _, K in chunks])
@@ -126,7 +152,7 @@ def stiffness_span(model: ShellModel) -> str:
     )
 
 
-def _describe(model: ShellModel, triangle: int) -> str:
+def _describe(model: Shell, triangle: int) -> str:
     mesh, section = model.mesh, model.section
     place_mm = np.round(1e3 * mesh.vertices_m[mesh.triangles[triangle]].mean(axis=0), 2) + 0.0
     angle_deg = np.degrees(smallest_angles_rad(mesh)[triangle])
