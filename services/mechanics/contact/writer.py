@@ -71,7 +71,7 @@ def append_double(rows: ContactRows, source: int, law: int) -> int:
 
 @kernel
 def put_on_tool(rows: ContactRows, row: int, tools: ToolGeometry, tool: int, segment: int) -> None:
-    """Lay the first body on a tool; ``point_m`` holds p - J and becomes absolute. `NO_TOOL` as segment: on no jaw."""
+    """Lay the first body on a tool; ``point_m`` holds p - J and becomes absolute."""
     arm, lever = rows.point_m[row], rows.lever[row]
     rows.tool[row] = tool
     contact_lever(tools.frame[tool], tools.length[tool], segment, arm, lever)

@@ -13,7 +13,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, geometry_at
-from services.mechanics.contact.identity import pair_identity, with_stone
+from services.mechanics.contact.identity import STONE, pair_identity, with_stone
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
@@ -36,6 +36,8 @@ class GallstonesSettings:
     def __post_init__(self) -> None:
         if len(self.position_m) != len(self.radius_m) or not all(r > 0.0 for r in self.radius_m):
             raise ValueError("each stone needs a position_m and a positive radius_m")
+        if len(self.radius_m) >= STONE.size:
+            raise ValueError(f"{len(self.radius_m)} stones are too many to be told apart, at most {STONE.size - 1}")
         require_positive(self, "density_kg_m3")
 
 

@@ -9,6 +9,7 @@ from effect_runs import pressing_tools, run, state
 from services.mechanics.effects import EFFECTS, build_effects
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
+from services.mechanics.effects.gallstones import GallstonesSettings
 from services.mechanics.simulation import Simulation
 
 
@@ -49,3 +50,9 @@ def test_effect_with_nothing_to_do_is_bit_identical_to_none(with_effects, small_
     idle = state(run(with_effects(**{name: settings}), small_duct, tools=tools))
     assert np.abs(bare).max() > 0.0
     assert np.array_equal(bare, idle)
+
+
+def test_more_stones_than_identities_can_tell_apart_are_refused():
+    GallstonesSettings(position_m=((0.0, 0.0, 0.0),) * 127, radius_m=(1e-3,) * 127)
+    with pytest.raises(ValueError, match="128 stones are too many to be told apart, at most 127"):
+        GallstonesSettings(position_m=((0.0, 0.0, 0.0),) * 128, radius_m=(1e-3,) * 128)
