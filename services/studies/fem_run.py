@@ -38,6 +38,8 @@ from services.studies.fem_case import FemCase, Held, Load, Where
 OnStage = Callable[[str, int], None]
 """Told the name of a stage and how many steps it is expected to take; then called with "" and 1 a step."""
 
+LARGE_DISPLACEMENT = 0.1
+"""Part of the mesh's size beyond which a linear solution is no picture of what happens."""
 DOUBTFUL_EXCESS = 0.01
 """Part by which torsion may be too stiff without a word."""
 MOST_TURNED = 0.25
@@ -91,10 +93,10 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
         on_stage("buckling", 1)
         pressure_pa = sum(load.pressure_pa or 0.0 for load in case.loads)
         buckling = compute_buckling(model, static, case.buckling, pressure_pa)
-    return FemResult(case, model, actions, _cautions(model), static, modes, buckling)
+    return FemResult(case, model, actions, _cautions(model, static), static, modes, buckling)
 
 
-def _cautions(model: ShellModel) -> list[str]:
+def _cautions(model: ShellModel, static: StaticSolution | None) -> list[str]:
     cautions = []
     ratio, centre_m = thickness_over_width(model.mesh, model.section)
     if ratio > DOUBTFUL_RATIO:
@@ -109,6 +111,13 @@ def _cautions(model: ShellModel) -> list[str]:
         cautions.append(
             f"elements.membrane: '{name}' makes torsion of this wall about {100 * excess:.2g} % too stiff, its cells "
             "are short beside the angle between them; 'cst' or longer cells do not"
+        )
+    size_m = float(np.linalg.norm(np.ptp(model.mesh.vertices_m, axis=0)))
+    moved_m = 0.0 if static is None else float(np.linalg.norm(static.displacement_m, axis=1).max())
+    if moved_m > LARGE_DISPLACEMENT * size_m:
+        cautions.append(
+            f"the largest displacement is {moved_m / size_m:.2g} of the mesh's size: displacements are taken as small, "
+            "so only its proportion to the load means something"
         )
     return cautions
 

@@ -136,6 +136,12 @@ def test_a_wall_as_thick_as_a_third_of_its_width_is_solved_with_a_caution(tmp_pa
     assert run(write(tmp_path, DUCT), tmp_path)["cautions"] == []
 
 
+def test_a_displacement_that_is_not_small_is_a_caution(tmp_path):
+    pull = [{"force_n": [0, 1.0, 0], "where": {"vertex_set": "mouth"}}]
+    data = run(write(tmp_path, changed(loads=pull, modes=0)), tmp_path)
+    assert "of the mesh's size: displacements are taken as small" in data["cautions"][0]
+
+
 def test_torsion_that_drilling_freedoms_stiffen_is_a_caution(tmp_path):
     """Cells four times as wide as long on a wall a third as thick as its radius: 18 % (`test_thick_torsion`)."""
     mesh = {"parametric": {"radius_m": 0.004, "length_m": 0.024, "n_around": 24, "n_along": 96}}
