@@ -14,6 +14,7 @@ from services.mechanics.surface.mesh import (
     unique_edges,
 )
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from services.meshes import checking
 from services.meshes.cached import load_mesh
 from services.meshes.checking import check_surface
 from services.meshes.crossings import crossing_triangles
@@ -160,6 +161,18 @@ def test_a_needle_through_a_triangle_is_found_whichever_is_larger(swap, size):
     apart = np.array([[5.0, 0, 0], [6, 0, 0], [5, 1, 0]])
     mesh = TriangleMesh(np.concatenate([*parts, apart]), np.arange(9).reshape(3, 3))
     assert crossing_triangles(mesh).tolist() == [0, 1]
+
+
+def test_cuts_are_searched_on_the_surface_that_is_used_alone(tmp_path, monkeypatch):
+    """On the source of another they took a minute; what is made of it is searched, and refused."""
+    assert repair_surface(crossing_tubes(), is_used=False).mesh.n_triangles == CONE.n_triangles
+    path = save(crossing_tubes(), tmp_path / "cut.stl")
+    with pytest.raises(MeshError, match=r"remeshing to edges of 0.6 mm breaks the surface: .*cut through others"):
+        load_duct_surface(path, SurfaceSettings("m", edge_m=0.6e-3))
+    searched = []
+    monkeypatch.setattr(checking, "crossing_triangles", lambda mesh: searched.append(mesh.n_triangles) or [])
+    decimate(CONE, 1000)
+    assert searched == []
 
 
 def moebius_band():
