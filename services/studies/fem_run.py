@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse.linalg import ArpackNoConvergence
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import (
@@ -87,13 +89,25 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
     modes = None
     if case.modes:
         on_stage("modes", 3 * case.modes + 20)
-        modes = compute_modes(model, case.modes, lambda: on_stage("", 1))
+        with _naming("modes"):
+            modes = compute_modes(model, case.modes, lambda: on_stage("", 1))
     buckling = None
     if case.buckling and static is not None:
         on_stage("buckling", 1)
         pressure_pa = sum(load.pressure_pa or 0.0 for load in case.loads)
-        buckling = compute_buckling(model, static, case.buckling, pressure_pa)
+        with _naming("buckling"):
+            buckling = compute_buckling(model, static, case.buckling, pressure_pa)
     return FemResult(case, model, actions, _cautions(model, static), static, modes, buckling)
+
+
+@contextmanager
+def _naming(key: str) -> Iterator[None]:
+    """Make an iteration that gives up a sentence about the key that asked for it."""
+    try:
+        yield
+    except ArpackNoConvergence as error:
+        found = len(error.eigenvalues)
+        raise ValueError(f"{key}: the iteration gave up with {found} found to rounding; ask for fewer") from error
 
 
 def _cautions(model: ShellModel, static: StaticSolution | None) -> list[str]:

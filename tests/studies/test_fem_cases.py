@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.sparse.linalg import ArpackNoConvergence
 
 from services.cli.fem import fem_command
 from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime import config
 from services.runtime.errors import ConfigError
+from services.studies import fem_run
 from services.studies.fem_case import FemCase
 from services.studies.fem_output import to_json
 from services.studies.fem_run import solve_case
@@ -140,6 +142,16 @@ def test_a_displacement_that_is_not_small_is_a_caution(tmp_path):
     pull = [{"force_n": [0, 1.0, 0], "where": {"vertex_set": "mouth"}}]
     data = run(write(tmp_path, changed(loads=pull, modes=0)), tmp_path)
     assert "of the mesh's size: displacements are taken as small" in data["cautions"][0]
+
+
+@pytest.mark.parametrize("key", ["modes", "buckling"])
+def test_an_iteration_that_gives_up_is_one_sentence(tmp_path, monkeypatch, key):
+    def give_up(*args):
+        raise ArpackNoConvergence("no convergence", np.ones(1), np.ones((3, 1)))
+
+    monkeypatch.setattr(fem_run, f"compute_{key}", give_up)
+    with pytest.raises(ConfigError, match=f"case.yaml: {key}: the iteration gave up with 1 found to rounding"):
+        run(write(tmp_path, changed(loads=[{"pressure_pa": -1.0}], modes=0) | {key: 3}), tmp_path)
 
 
 def test_torsion_that_drilling_freedoms_stiffen_is_a_caution(tmp_path):
