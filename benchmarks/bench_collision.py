@@ -10,7 +10,7 @@ pinched by 1 mm and breathes at 3 Hz.
 import numpy as np
 from report import Row, measure, write_report
 
-from services.mechanics.collision import CatheterContactDetector, DuctSurface, ToolContactDetector
+from services.mechanics.collision import CatheterContactDetector, CollisionSurface, ToolContactDetector
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.fem import ShellModel, ShellSection
 from services.mechanics.fem.supports import clamp
@@ -33,7 +33,7 @@ class Tick:
         mesh = parametric_duct(DuctGeometry(radius_m=RADIUS_M, length_m=LENGTH_M, n_around=n_around, n_along=n_along))
         section = ShellSection(THICKNESS_M, 100e3, 0.45, 1060.0)
         basis = build_basis(ShellModel(mesh, section, supports=[clamp(mesh)]), N_MODES)
-        self.surface = DuctSurface(mesh, basis.Phi, basis.omega_rad_s, 0.5 * THICKNESS_M)
+        self.surface = CollisionSurface(mesh, basis.Phi, basis.omega_rad_s, 0.5 * THICKNESS_M)
         self.tools = ToolContactDetector(self.surface, N_PARTICLES, CATHETER_M, MARGIN_M)
         self.catheter = CatheterContactDetector(self.surface, N_PARTICLES, CATHETER_M, MARGIN_M)
         self.pairs = ContactPairs.allocate(96)

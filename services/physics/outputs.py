@@ -14,6 +14,8 @@ from protocol.vectors import Mat3, Vec3
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
 from services.runtime.bus import Bus
@@ -82,7 +84,7 @@ class Outputs:
         scalars = out.grasp_torque_nm, out.grasp_stiffness_nm_rad, out.proxy_jaw_angle_rad
         tabulate(vectors, out.stiffness_n_m, scalars, self._table)
         holds = s.holds.rows
-        count((rows.tool, rows.duct_weight), (holds.start, holds.stop), forces, self._kinds, self._table)
+        count(rows.address, (holds.start, holds.stop), forces, self._kinds, self._table)
         return PhysicsContacts(
             tick=tick,
             tools=tuple(map(_reaction, self._table.tolist(), tools)),
@@ -124,12 +126,15 @@ def tabulate(vectors: Arrays, stiffness: FloatArray, scalars: Arrays, table: Flo
 
 
 @kernel
-def count(rows: Arrays, holds: tuple[int, int], force: FloatArray, kinds: ByteArray, table: FloatArray) -> None:
+def count(
+    address: Address[ContactRows], holds: tuple[int, int], force: FloatArray, kinds: ByteArray, table: FloatArray
+) -> None:
     """Write the kind of each row for the wire, and count each tool's contacts.
 
     ``holds`` are the first row of a hold and the one after the last.
     """
-    tool, duct_weight = rows
+    rows = rows_at(address)
+    tool, duct_weight = rows.tool, rows.duct_weight
     table[:, _CONTACTS:] = 0.0
     for row in range(force.shape[0]):
         on_duct = duct_weight[row, 0] != 0.0 or duct_weight[row, 1] != 0.0 or duct_weight[row, 2] != 0.0

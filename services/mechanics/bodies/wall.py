@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision import DuctSurface
+from services.mechanics.collision import CollisionSurface
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.residual.field import ResidualField
@@ -16,12 +16,12 @@ class Wall:
 
     Attributes
     ----------
-    surface : DuctSurface
+    surface : CollisionSurface
     """
 
     def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
         basis = duct.basis
-        self.surface = DuctSurface(duct.mesh, basis.Phi, basis.omega_rad_s, half_thickness_m, duct.warp)
+        self.surface = CollisionSurface(duct.mesh, basis.Phi, basis.omega_rad_s, half_thickness_m, duct.warp)
         self._residual = ResidualField(duct, copies=not solves_contacts)
 
     def update(self, q: FloatArray, load_nodes: IntArray, load_force_n: FloatArray) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import ByteArray, FloatArray
-from services.mechanics.collision.catheter_kernels import CatheterState, detect_catheter
+from services.mechanics.collision.catheter_kernels import CatheterDetection, detect_catheter
 from services.mechanics.collision.inside import Lumen
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.probes import Probes
 from services.mechanics.collision.rim import RimMemory
-from services.mechanics.collision.surface import DuctSurface
+from services.mechanics.collision.surface import CollisionSurface
 
 
 class CatheterContactDetector:
@@ -16,7 +16,7 @@ class CatheterContactDetector:
 
     Parameters
     ----------
-    surface : DuctSurface
+    surface : CollisionSurface
         Updated by the caller before every `detect`.
     n_particles : int
     radius_m : float
@@ -25,12 +25,12 @@ class CatheterContactDetector:
         Pairs are reported from this gap on, so that the solver meets a contact before it happens.
     """
 
-    def __init__(self, surface: DuctSurface, n_particles: int, radius_m: float, margin_m: float) -> None:
+    def __init__(self, surface: CollisionSurface, n_particles: int, radius_m: float, margin_m: float) -> None:
         if not (radius_m > 0.0 and margin_m > 0.0):
             raise ValueError(f"radius_m and margin_m must be positive, got {radius_m} and {margin_m}")
         self.surface = surface
         self._shape = (n_particles, 3)
-        self._state = CatheterState.zeros(
+        self._detection = CatheterDetection.zeros(
             n=n_particles,
             shell=surface.shell,
             probes=Probes.allocate(n_particles),
@@ -43,13 +43,13 @@ class CatheterContactDetector:
     @property
     def inside(self) -> ByteArray:
         """(n,) one where a particle is in the lumen; a live view."""
-        return self._state.lumen.inside
+        return self._detection.lumen.inside
 
     def reset(self) -> None:
         """Forget the past: the next `detect` finds sides and insideness from the positions alone."""
-        self._state.probes.reset()
-        self._state.lumen.reset()
-        self._state.rims.reset()
+        self._detection.probes.reset()
+        self._detection.lumen.reset()
+        self._detection.rims.reset()
 
     def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
         """Append the pairs of this tick for positions (n, 3).
@@ -59,4 +59,4 @@ class CatheterContactDetector:
         """
         if particle_positions_m.shape != self._shape:
             raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
-        detect_catheter(self._state.address, particle_positions_m, pairs_out.address)
+        detect_catheter(self._detection.address, particle_positions_m, pairs_out.address)

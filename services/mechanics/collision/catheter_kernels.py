@@ -9,6 +9,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.folds import flank_on, is_new_flank, may_be_flank
 from services.mechanics.collision.inside import Lumen, cap_clearance, follow_caps
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
+from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import (
     EARLY_SEARCHES,
     MINIMA,
@@ -34,7 +35,7 @@ UNSEEN = 0.21
 STILL = (0.0, 0.0, 0.0)
 
 
-class CatheterState(Struct):
+class CatheterDetection(Struct):
     """What detection of n particles works on, and what a tick leaves for the next."""
 
     shell: Shell
@@ -46,51 +47,51 @@ class CatheterState(Struct):
     margin_m: float
 
 
-catheter_at = reader(CatheterState)
+catheter_detection_at = reader(CatheterDetection)
 
 
 @kernel
 def detect_catheter(
-    address: Address[CatheterState], positions: FloatArray, pairs_address: Address[ContactPairs]
+    address: Address[CatheterDetection], positions: FloatArray, pairs_address: Address[ContactPairs]
 ) -> None:
     """Append the pairs of this tick; see `catheter.CatheterContactDetector.detect`."""
-    state, pairs = catheter_at(address), pairs_at(pairs_address)
-    sizes = (state.thickness_m, state.margin_m)
+    detection, pairs = catheter_detection_at(address), pairs_at(pairs_address)
+    sizes = (detection.thickness_m, detection.margin_m)
     for i in range(positions.shape[0]):
-        put_row(state.motion, i, motion_to(state.probes, i, row(positions, i)))
-    detect_rims(state.shell, state.rims, positions, state.motion, sizes, pairs)
-    state.probes.early = EARLY_SEARCHES
+        put_row(detection.motion, i, motion_to(detection.probes, i, row(positions, i)))
+    detect_rims(detection.shell, detection.rims, positions, detection.motion, sizes, pairs)
+    detection.probes.early = EARLY_SEARCHES
     for i in range(positions.shape[0]):
         p = row(positions, i)
         if is_near(p):
-            _detect_particle(state, i, p, row(state.motion, i), pairs)
+            _detect_particle(detection, i, p, row(detection.motion, i), pairs)
         else:
-            forget(state.probes, i)
+            forget(detection.probes, i)
 
 
 @kernel
-def _detect_particle(state: CatheterState, i: int, p: Vector, motion: Vector, pairs: ContactPairs) -> None:
-    thickness, margin, start = state.thickness_m, state.margin_m, pairs.count
+def _detect_particle(detection: CatheterDetection, i: int, p: Vector, motion: Vector, pairs: ContactPairs) -> None:
+    thickness, margin, start = detection.thickness_m, detection.margin_m, pairs.count
     moved = math.sqrt(dot(motion, motion))
     reach = thickness + margin + moved
-    _follow_particle(state, i, p, (thickness + margin, reach))
+    _follow_particle(detection, i, p, (thickness + margin, reach))
     is_touched = False
     for k in range(MINIMA):
-        is_touched = _write_minimum(state, i, k, motion, pairs) or is_touched
+        is_touched = _write_minimum(detection, i, k, motion, pairs) or is_touched
     for k in range(MINIMA):
-        if is_touched and state.probes.triangle[i, k] != NOTHING:
-            _write_flanks(state, (i, k), (p, STILL), motion, reach, pairs, start)
+        if is_touched and detection.probes.triangle[i, k] != NOTHING:
+            _write_flanks(detection, (i, k), (p, STILL), motion, reach, pairs, start)
             if moved > UNSEEN * thickness:
-                _write_flanks(state, (i, k), (p, motion), motion, reach, pairs, start)
+                _write_flanks(detection, (i, k), (p, motion), motion, reach, pairs, start)
 
 
 @kernel
-def _write_minimum(state: CatheterState, i: int, k: int, motion: Vector, pairs: ContactPairs) -> bool:
+def _write_minimum(detection: CatheterDetection, i: int, k: int, motion: Vector, pairs: ContactPairs) -> bool:
     """Append the pair of a minimum, if it is due, and return whether it is."""
-    probes = state.probes
+    probes = detection.probes
     triangle, normal = probes.triangle[i, k], row_of(probes.normal, i, k)
-    gap = probes.distance[i, k] - state.thickness_m
-    if triangle == NOTHING or not is_due(gap, normal, motion, state.margin_m):
+    gap = probes.distance[i, k] - detection.thickness_m
+    if triangle == NOTHING or not is_due(gap, normal, motion, detection.margin_m):
         return False
     weights = row_of(probes.weights, i, k)
     write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, triangle, 0.0, weights), gap, normal)
@@ -99,7 +100,7 @@ def _write_minimum(state: CatheterState, i: int, k: int, motion: Vector, pairs: 
 
 @kernel
 def _write_flanks(
-    state: CatheterState,
+    detection: CatheterDetection,
     minimum: tuple[int, int],
     place: tuple[Vector, Vector],
     motion: Vector,
@@ -111,8 +112,14 @@ def _write_flanks(
 
     ``place`` holds the particle and how far ahead of it to look.
     """
-    body, wall, probes, (i, k), (p, ahead) = state.shell.body, state.shell.wall, state.probes, minimum, place
-    triangle, side, q = probes.triangle[i, k], probes.side[i, k], along(p, ahead, 1.0)
+    body, wall, probes, (i, k), (p, ahead) = (
+        detection.shell.body,
+        detection.shell.wall,
+        detection.probes,
+        minimum,
+        place,
+    )
+    triangle, side, q = index(probes.triangle[i, k]), index(probes.side[i, k]), along(p, ahead, 1.0)
     middle = triangle
     if dot(ahead, ahead) > 0.0:
         middle = walk(body, wall, triangle, q, q, reach)[0]
@@ -126,12 +133,12 @@ def _write_flanks(
                 continue
             touch = flank_on(body, wall, triangle, ring[at], (q, q), reach)
             if touch[0] != NOTHING:
-                _write_flank(state, i, contact_of(body, wall, touch, q, q, side), ahead, motion, pairs, start)
+                _write_flank(detection, i, contact_of(body, wall, touch, q, q, side), ahead, motion, pairs, start)
 
 
 @kernel
 def _write_flank(
-    state: CatheterState,
+    detection: CatheterDetection,
     i: int,
     contact: Contact,
     ahead: Vector,
@@ -146,19 +153,19 @@ def _write_flank(
     """
     touch, normal, distance, _ = contact
     distance -= dot(ahead, normal)
-    least, gap = state.thickness_m if dot(ahead, ahead) > 0.0 else 0.0, distance - state.thickness_m
-    is_near_it = distance > least and is_due(gap, normal, motion, state.margin_m)
+    least, gap = detection.thickness_m if dot(ahead, ahead) > 0.0 else 0.0, distance - detection.thickness_m
+    is_near_it = distance > least and is_due(gap, normal, motion, detection.margin_m)
     if is_near_it and is_new_flank(pairs, start, normal):
         write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, touch[0], 0.0, touch[3]), gap, normal)
 
 
 @kernel
-def _follow_particle(state: CatheterState, i: int, p: Vector, reaches: tuple[float, float]) -> None:
+def _follow_particle(detection: CatheterDetection, i: int, p: Vector, reaches: tuple[float, float]) -> None:
     """Update flag and minima of one particle; each vouches for the other where it alone can know.
 
     ``reaches`` is how far it looks on its way to p and how far from there.
     """
-    shell, probes, lumen, first = state.shell, state.probes, state.lumen, 0
+    shell, probes, lumen, first = detection.shell, detection.probes, detection.lumen, 0
     follow_caps(shell, lumen, i, row_of(probes.ends, i, 0), p, probes.triangle[i, first])
     clearance, side = cap_clearance(shell.body, lumen, i, p), INSIDE if lumen.inside[i] else OUTSIDE
     on_the_way = (reaches[0], side if clearance > reaches[0] + SKIN_M else UNKNOWN)

@@ -14,6 +14,7 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray
+from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import JUMP_M
 from services.mechanics.collision.search import NOTHING, Touch, closest, offset
 from services.mechanics.collision.shell import Body, Patch, Shell
@@ -73,12 +74,12 @@ def follow_caps(shell: Shell, lumen: Lumen, i: int, start: Vector, end: Vector, 
 @kernel
 def _look(shell: Shell, lumen: Lumen, i: int, p: Vector, guess: int) -> None:
     body, wall, caps = shell.body, shell.wall, shell.caps
-    cap = closest(body, caps, p, p, HORIZON_M, NOTHING)
+    cap = closest(body, caps, p, p, HORIZON_M, index(NOTHING))
     _note(body, lumen, i, p, math.sqrt(cap[1]))
     if cap[0] == NOTHING:
         return
     # An edge of the rim belongs to the wall and to the cap: nothing strictly closer means no opinion.
-    if closest(body, wall, p, p, math.sqrt(cap[1]) * (1.0 + 1e-9), guess)[0] == NOTHING:
+    if closest(body, wall, p, p, math.sqrt(cap[1]) * (1.0 + 1e-9), index(guess))[0] == NOTHING:
         lumen.inside[i] = _is_behind(body, caps, cap, p)
 
 
@@ -86,9 +87,9 @@ def _look(shell: Shell, lumen: Lumen, i: int, p: Vector, guess: int) -> None:
 def _look_everywhere(shell: Shell, lumen: Lumen, i: int, p: Vector) -> None:
     """Find the flag from nothing, by the closest point of the closed surface."""
     body, wall, caps = shell.body, shell.wall, shell.caps
-    cap = closest(body, caps, p, p, math.inf, NOTHING)
+    cap = closest(body, caps, p, p, math.inf, index(NOTHING))
     _note(body, lumen, i, p, math.sqrt(cap[1]))
-    side = closest(body, wall, p, p, math.inf, NOTHING)
+    side = closest(body, wall, p, p, math.inf, index(NOTHING))
     if side[1] < cap[1] * (1.0 - 1e-9):
         lumen.inside[i] = _is_behind(body, wall, side, p)
     elif cap[1] < side[1] * (1.0 - 1e-9):

@@ -15,7 +15,8 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
-from services.mechanics.collision.boxes import OPPOSITE
+from services.mechanics.collision.aabb_distance import OPPOSITE
+from services.mechanics.collision.primitives import index
 from services.mechanics.collision.search import (
     NOTHING,
     Touch,
@@ -159,9 +160,9 @@ def _update(
         _search(body, wall, probes, i, ends, (first, second), reach_and_hint)
         return
     if first[0] != NOTHING:
-        _store(probes, i, 0, contact_of(body, wall, first, ends[0], ends[1], side[i, 0]))
+        _store(probes, i, 0, contact_of(body, wall, first, ends[0], ends[1], index(side[i, 0])))
     if second[0] != NOTHING and _is_opposite(body, wall, first, second, ends):
-        _store(probes, i, 1, contact_of(body, wall, second, ends[0], ends[1], side[i, 1]))
+        _store(probes, i, 1, contact_of(body, wall, second, ends[0], ends[1], index(side[i, 1])))
     else:
         triangle[i, 1] = NOTHING
 
@@ -169,8 +170,8 @@ def _update(
 @kernel
 def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector], reach: float) -> Touch:
     if triangle == NOTHING:
-        return (NOTHING, math.inf, 0.0, (1.0, 0.0, 0.0))
-    return walk(body, wall, triangle, ends[0], ends[1], reach)
+        return (index(NOTHING), math.inf, 0.0, (1.0, 0.0, 0.0))
+    return walk(body, wall, index(triangle), ends[0], ends[1], reach)
 
 
 @kernel
@@ -206,7 +207,7 @@ def _search(
     a, b = ends
     reach, hint = reach_and_hint
     triangle, side = probes.triangle, probes.side
-    sides = (int(side[i, 0]), int(side[i, 1]))
+    sides = (index(side[i, 0]), index(side[i, 1]))
     first, first_side = followed[0], sides[0]
     if first[0] == NOTHING or contact_of(body, wall, first, a, b, first_side)[2] >= 0.0:
         first = closest(body, wall, a, b, reach + SKIN_M, first[0])
@@ -224,7 +225,7 @@ def _search(
         return
     contact = contact_of(body, wall, second, a, b, _remembered_side(second, followed, sides, hint))
     # Through a wall one sees the back of the opposite one, which nobody has been pushed through.
-    if contact[2] >= 0.0 or hint == UNKNOWN or _remembered_side(second, followed, sides, _NEW) != _NEW:
+    if contact[2] >= 0.0 or hint == UNKNOWN or _remembered_side(second, followed, sides, index(_NEW)) != _NEW:
         _store(probes, i, 1, contact)
 
 

@@ -11,6 +11,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.folds import flank_on, is_new_flank
 from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
+from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import SKIN_M
 from services.mechanics.collision.search import NOTHING, Touch, closest, distance_to_all, offset
 from services.mechanics.collision.shell import Shell
@@ -92,7 +93,7 @@ def _detect_segment(
     if _is_still_far(shell, memory, i, ends, moved):
         return
     reach = thickness + margin + moved
-    touch = closest(shell.body, shell.rims, ends[0], ends[1], reach + SKIN_M, NOTHING)
+    touch = closest(shell.body, shell.rims, ends[0], ends[1], reach + SKIN_M, index(NOTHING))
     memory.slack[i] = -1.0
     if not touch[1] < reach * reach:
         _note_far(shell, memory, i, ends, math.sqrt(touch[1]), thickness + margin)

@@ -1,4 +1,4 @@
-"""Closest triangle of a deforming patch to a short segment: by tree from nothing, by walking from a guess.
+"""Closest triangle of a deforming patch to a short segment: by AABB tree from nothing, by walking from a guess.
 
 A *probe* is a segment a -> b; a particle is a probe with a == b. A *touch* is where probe and surface come
 closest: (triangle, squared distance, s on the probe, barycentric weights).
@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 
-from services.mechanics.collision.boxes import OPPOSITE, distance2_below, join_children
+from services.mechanics.collision.aabb_distance import OPPOSITE, distance2_below, join_children
+from services.mechanics.collision.aabb_tree import LEAF
 from services.mechanics.collision.nodes import corner_positions
-from services.mechanics.collision.primitives import closest_on_triangle, closest_segment_triangle
+from services.mechanics.collision.primitives import closest_on_triangle, closest_segment_triangle, index
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
-from services.mechanics.collision.tree import LEAF
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance, subtract
 
@@ -26,6 +26,7 @@ WALK_LIMIT = 256
 def touch_triangle(body: Body, patch: Patch, triangle: int, a: Vector, b: Vector) -> Touch:
     """Return the touch of probe ab on one triangle."""
     body.triangle_tests += 1
+    triangle = index(triangle)
     p0, p1, p2 = corner_positions(body, patch, triangle)
     if a == b:
         w = closest_on_triangle(a, p0, p1, p2)
@@ -128,14 +129,15 @@ def closest_opposite(body: Body, patch: Patch, a: Vector, b: Vector, radius: flo
     ``direction`` is the unit vector from the probe to the closest touch. In a collapsed lumen this is the
     other wall.
     """
-    return _descend(body, patch, a, b, (NOTHING, radius * radius, 0.0, (1.0, 0.0, 0.0)), direction)
+    return _descend(body, patch, a, b, (index(NOTHING), radius * radius, 0.0, (1.0, 0.0, 0.0)), direction)
 
 
 @kernel
 def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direction: Vector) -> Touch:
     """Depth-first search, nearer child first; a zero ``direction`` asks for the closest touch of all."""
     child, stack, bound = patch.child, patch.stack, patch.bound
-    stack[0], bound[0] = 0, distance2_below(body, patch, 0, a, b, best[1], direction)
+    stack[0] = 0
+    bound[0] = distance2_below(body, patch, stack[0], a, b, best[1], direction)
     top = 1
     while top > 0:
         top -= 1
@@ -163,7 +165,8 @@ def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direct
 @kernel
 def distance_to_all(body: Body, patch: Patch, a: Vector, b: Vector) -> float:
     """Return a cheap lower bound of the distance from the probe to the whole patch."""
-    return math.sqrt(distance2_below(body, patch, 0, a, b, math.inf, (0.0, 0.0, 0.0)))
+    patch.stack[0] = 0
+    return math.sqrt(distance2_below(body, patch, patch.stack[0], a, b, math.inf, (0.0, 0.0, 0.0)))
 
 
 @kernel

@@ -33,7 +33,7 @@ class Body(Struct):
     last_centre: Annotated[FloatArray, "s", 3]
     rest_centre: Annotated[FloatArray, "s", 3]
     largest_reach: float  # of the wall's tree
-    growth: float  # beta: see `bounds`; 0 on a straight wall
+    growth: float  # beta: see `motion_bounds`; 0 on a straight wall
     largest_arm: float = 0.0
     norm: float = 0.0  # E = |omega q|
     energy_norm: float = 0.0  # E (1 + beta E)^2, what reach and spread multiply
@@ -63,7 +63,7 @@ class Patch(Struct):
     ring_start: Annotated[IntArray, "n + 1"]
     ring: Annotated[IntArray, "3 m"]  # triangles round each vertex
     on_rim: Annotated[ByteArray, "n"]
-    box: Annotated[FloatArray, "k", 2, 3]  # this and what follows: see `tree.BoundingTree`
+    box: Annotated[FloatArray, "k", 2, 3]  # this and what follows: see `aabb_tree.AabbTree`
     child: Annotated[IntArray, "k", 2]
     span: Annotated[IntArray, "k", 2]
     order: Annotated[IntArray, "m"]

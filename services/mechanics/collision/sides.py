@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.collision.nodes import corner_positions
+from services.mechanics.collision.primitives import index
 from services.mechanics.collision.search import NOTHING, Touch, offset, walk
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
@@ -129,7 +130,7 @@ def _contact_at_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b
     from_a = dot(_above(body, patch, touch, a), normal)
     from_b = dot(_above(body, patch, touch, b), normal)
     end, s = (a, 0.0) if side * from_a < side * from_b else (b, 1.0)
-    found = walk(body, patch, touch[0], end, end, math.inf)
+    found = walk(body, patch, index(touch[0]), end, end, math.inf)
     if found[0] == NOTHING:
         return (touch, scaled(normal, float(side)), 0.0, side)
     there: Touch = (found[0], found[1], s, found[3])

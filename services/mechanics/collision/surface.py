@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.bounds import LinearBounds, MotionBounds, TurnedBounds
+from services.mechanics.collision.aabb_tree import build_tree
+from services.mechanics.collision.motion_bounds import LinearBounds, MotionBounds, TurnedBounds
 from services.mechanics.collision.nodes import place_nodes
 from services.mechanics.collision.shell import Body, Patch, Shell
 from services.mechanics.collision.tick import end_turn, start_tick
@@ -19,7 +20,6 @@ from services.mechanics.collision.topology import (
     triangle_neighbours,
     triangles_round_vertices,
 )
-from services.mechanics.collision.tree import build_tree
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.surface.mesh import TriangleMesh, boundary_loops
 
@@ -34,7 +34,7 @@ class SearchCost:
     searches: int
 
 
-class DuctSurface:
+class CollisionSurface:
     """Mid-surface of a duct wall moved by modal coordinates and by residual displacements at loaded nodes.
 
     No node is placed before a query needs it, and none twice in a tick. Not for two threads at once, and not to

@@ -8,8 +8,8 @@ from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.collision.capsules import CapsuleMemory
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.probes import Probes
-from services.mechanics.collision.surface import DuctSurface
-from services.mechanics.collision.tools_kernels import N_SEGMENTS, PROBES_PER_TOOL, ToolsState, detect_tools
+from services.mechanics.collision.surface import CollisionSurface
+from services.mechanics.collision.tools_kernels import N_SEGMENTS, PROBES_PER_TOOL, ToolDetection, detect_tools
 
 
 class ToolContactDetector:
@@ -20,7 +20,7 @@ class ToolContactDetector:
 
     Parameters
     ----------
-    surface : DuctSurface
+    surface : CollisionSurface
         Updated by the caller before every `detect`.
     n_particles : int
         Particles of the catheter, one more than its segments; 0 without a catheter.
@@ -32,7 +32,7 @@ class ToolContactDetector:
 
     def __init__(
         self,
-        surface: DuctSurface,
+        surface: CollisionSurface,
         n_particles: int,
         catheter_radius_m: float,
         margin_m: float,
@@ -41,7 +41,7 @@ class ToolContactDetector:
         if not margin_m > 0.0:
             raise ValueError(f"margin_m must be positive, got {margin_m}")
         self.surface = surface
-        self._state = ToolsState(
+        self._detection = ToolDetection(
             shell=surface.shell,
             probes=Probes.allocate(n_tools * PROBES_PER_TOOL),
             capsules=CapsuleMemory.zeros(m=n_tools * N_SEGMENTS, n=max(n_particles - 1, 0)),
@@ -54,8 +54,8 @@ class ToolContactDetector:
 
     def reset(self) -> None:
         """Forget the past: the next `detect` finds the sides from the positions alone."""
-        self._state.probes.reset()
-        self._state.capsules.reset()
+        self._detection.probes.reset()
+        self._detection.capsules.reset()
 
     def detect(
         self,
@@ -81,4 +81,4 @@ class ToolContactDetector:
         shapes = (segments_m.shape, radii_m.shape, particle_positions_m.shape, who.shape)
         if shapes != self._shapes:
             raise ValueError(f"segments, radii, particles and present have shapes {shapes}, not {self._shapes}")
-        detect_tools(self._state.address, (segments_m, radii_m, who), particle_positions_m, pairs_out.address)
+        detect_tools(self._detection.address, (segments_m, radii_m, who), particle_positions_m, pairs_out.address)

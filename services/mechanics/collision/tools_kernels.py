@@ -7,7 +7,7 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, segment_ends
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs, pairs_at
-from services.mechanics.collision.primitives import clamp01
+from services.mechanics.collision.primitives import clamp01, index
 from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, advance, forget
 from services.mechanics.collision.search import NOTHING
 from services.mechanics.collision.shell import Shell
@@ -27,7 +27,7 @@ PIECE_M = 5e-3
 SAME_WAY = 0.5
 
 
-class ToolsState(Struct):
+class ToolDetection(Struct):
     """What detection works on, and what a tick leaves for the next."""
 
     shell: Shell
@@ -38,44 +38,48 @@ class ToolsState(Struct):
     margin_m: float
 
 
-tools_at = reader(ToolsState)
+tool_detection_at = reader(ToolDetection)
 
 
 @kernel
 def detect_tools(
-    address: Address[ToolsState], tools: Tools, particles: FloatArray, pairs_address: Address[ContactPairs]
+    address: Address[ToolDetection], tools: Tools, particles: FloatArray, pairs_address: Address[ContactPairs]
 ) -> None:
     """Append the pairs of this tick; see `tools.ToolContactDetector.detect`."""
-    state, pairs = tools_at(address), pairs_at(pairs_address)
-    _detect_wall(state, tools, pairs)
-    detect_capsules(state.capsules, tools, particles, (state.catheter_radius_m, state.margin_m), pairs)
+    detection, pairs = tool_detection_at(address), pairs_at(pairs_address)
+    _detect_wall(detection, tools, pairs)
+    detect_capsules(detection.capsules, tools, particles, (detection.catheter_radius_m, detection.margin_m), pairs)
 
 
 @kernel
-def _detect_wall(state: ToolsState, tools: Tools, pairs: ContactPairs) -> None:
-    state.probes.early = EARLY_SEARCHES
+def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) -> None:
+    detection.probes.early = EARLY_SEARCHES
     for tool in range(tools[0].shape[0]):
         first = tool * PROBES_PER_TOOL
         for segment in range(N_SEGMENTS):
             count = SHAFT_PROBES if segment == SHAFT else JAW_PROBES
             if tools[2][tool]:
-                ends, thickness = segment_ends(tools, tool, segment), tools[1][tool, segment] + state.half_thickness_m
+                ends, thickness = (
+                    segment_ends(tools, tool, segment),
+                    tools[1][tool, segment] + detection.half_thickness_m,
+                )
                 for k in range(count):
-                    _advance_piece(state, first + k, _piece(segment, k, ends), thickness + state.margin_m)
-                _write_segment(state, (tool, segment), (first, first + count), ends, thickness, pairs)
+                    _advance_piece(detection, first + k, _piece(segment, k, ends), thickness + detection.margin_m)
+                _write_segment(detection, (tool, segment), (first, first + count), ends, thickness, pairs)
             else:
                 for k in range(count):
-                    forget(state.probes, first + k)
+                    forget(detection.probes, first + k)
             first += count
 
 
 @kernel
-def _advance_piece(state: ToolsState, i: int, ends: tuple[Vector, Vector], reach: float) -> None:
+def _advance_piece(detection: ToolDetection, i: int, ends: tuple[Vector, Vector], reach: float) -> None:
     if ends[0] == ends[1]:
         # Beyond the port: this part of the shaft is outside the patient.
-        forget(state.probes, i)
+        forget(detection.probes, i)
     else:
-        advance(state.shell.body, state.shell.wall, state.probes, i, ends, (reach, UNKNOWN), (reach, UNKNOWN))
+        body, wall, look = detection.shell.body, detection.shell.wall, (reach, index(UNKNOWN))
+        advance(body, wall, detection.probes, i, ends, look, look)
 
 
 @kernel
@@ -92,7 +96,7 @@ def _piece(segment: int, k: int, ends: tuple[Vector, Vector]) -> tuple[Vector, V
 
 @kernel
 def _write_segment(
-    state: ToolsState,
+    detection: ToolDetection,
     who: tuple[int, int],
     span: tuple[int, int],
     ends: tuple[Vector, Vector],
@@ -100,12 +104,12 @@ def _write_segment(
     pairs: ContactPairs,
 ) -> None:
     """Write the contacts of one segment; of two neighbours meeting at one point the deeper stands for both."""
-    probes, axis = state.probes, subtract(ends[1], ends[0])
+    probes, axis = detection.probes, subtract(ends[1], ends[0])
     length2 = dot(axis, axis)
     for i in range(span[0], span[1]):
         for k in range(MINIMA):
             gap, triangle = probes.distance[i, k] - thickness, probes.triangle[i, k]
-            if triangle == NOTHING or not gap < state.margin_m or _is_repeated(probes, i, k, span):
+            if triangle == NOTHING or not gap < detection.margin_m or _is_repeated(probes, i, k, span):
                 continue
             s = dot(subtract(_axis_point(probes, i, k), ends[0]), axis) / length2
             weights = row_of(probes.weights, i, k)

@@ -94,7 +94,7 @@ class Struct:
             if name in given or name in cls._defaults or isinstance(field, StructField):
                 continue
             if isinstance(field, ScalarField):
-                values[name] = 0
+                values[name] = False if field.kind == "bool" else 0
                 continue
             lacking = [extent for extent in field.extents if isinstance(extent, str) and extent not in extents]
             if lacking:

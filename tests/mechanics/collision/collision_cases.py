@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.collision import DuctSurface
+from services.mechanics.collision import CollisionSurface
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -28,12 +28,12 @@ def wavy_modes(mesh: TriangleMesh, rng: np.random.Generator) -> tuple[np.ndarray
     return np.ascontiguousarray(Phi), np.linspace(1.0, 10.0, N_MODES)
 
 
-def wavy_surface(mesh: TriangleMesh, rng: np.random.Generator) -> DuctSurface:
-    return DuctSurface(mesh, *wavy_modes(mesh, rng), HALF_M)
+def wavy_surface(mesh: TriangleMesh, rng: np.random.Generator) -> CollisionSurface:
+    return CollisionSurface(mesh, *wavy_modes(mesh, rng), HALF_M)
 
 
-def rigid_surface(mesh: TriangleMesh) -> DuctSurface:
-    surface = DuctSurface(mesh, np.zeros((mesh.n_vertices, 3, 0)), np.zeros(0), HALF_M)
+def rigid_surface(mesh: TriangleMesh) -> CollisionSurface:
+    surface = CollisionSurface(mesh, np.zeros((mesh.n_vertices, 3, 0)), np.zeros(0), HALF_M)
     surface.update(np.zeros(0))
     return surface
 
@@ -42,7 +42,7 @@ def random_coordinates(rng: np.random.Generator, size_m: float) -> np.ndarray:
     return rng.normal(size=N_MODES) * size_m / np.sqrt(N_MODES)
 
 
-def deformed(surface: DuctSurface) -> np.ndarray:
+def deformed(surface: CollisionSurface) -> np.ndarray:
     """All deformed vertices, (n, 3)."""
     every = np.arange(surface.mesh.n_vertices, dtype=np.int32)
     out = np.empty((len(every), 3))

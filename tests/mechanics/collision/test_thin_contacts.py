@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision import CatheterContactDetector, DuctSurface, ToolContactDetector
+from services.mechanics.collision import CatheterContactDetector, CollisionSurface, ToolContactDetector
 from services.mechanics.collision.pairs import JAW_A, ContactPairs
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
@@ -13,7 +13,7 @@ RADIUS_M, HALF_M, CATHETER_M, MARGIN_M = 4e-3, 0.25e-3, 0.8e-3, 0.5e-3
 @pytest.fixture(scope="module")
 def surface():
     mesh = parametric_duct(DuctGeometry(radius_m=RADIUS_M, length_m=40e-3, n_around=48, n_along=40))
-    return DuctSurface(mesh, np.zeros((mesh.n_vertices, 3, 0)), np.zeros(0), HALF_M)
+    return CollisionSurface(mesh, np.zeros((mesh.n_vertices, 3, 0)), np.zeros(0), HALF_M)
 
 
 @pytest.mark.parametrize(("height_m", "side"), [(2.9e-3, -1.0), (5.1e-3, 1.0)])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from collision_cases import HALF_M, deformed, distances_to_triangles, duct_mesh
 
-from services.mechanics.collision import DuctSurface, search
-from services.mechanics.collision.bounds import TurnedBounds
+from services.mechanics.collision import CollisionSurface, search
+from services.mechanics.collision.motion_bounds import TurnedBounds
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
@@ -25,7 +25,7 @@ def duct():
 @pytest.fixture
 def surface(duct):
     mesh, basis, warp = duct
-    return DuctSurface(mesh, basis.Phi, basis.omega_rad_s, HALF_M, warp)
+    return CollisionSurface(mesh, basis.Phi, basis.omega_rad_s, HALF_M, warp)
 
 
 def bent_far(rng, basis, warp):

@@ -23,7 +23,7 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 
 class Material(Struct):
     density: float
-    is_soft: bool = False
+    is_soft: bool
 
 
 class Body(Struct):
@@ -46,7 +46,7 @@ def _values(n: int = 4, m: int = 2) -> dict[str, object]:
         "frame": np.arange(9.0 * n).reshape(n, 3, 3),
         "triangles": np.arange(3 * m, dtype=np.int32).reshape(m, 3),
         "held": np.zeros((2, 2), np.bool_),
-        "material": Material(density=1000.0),
+        "material": Material(density=1000.0, is_soft=False),
     }
 
 
@@ -148,7 +148,7 @@ def test_a_forgotten_field_is_refused_by_name(name: str) -> None:
     with pytest.raises(TypeError, match=rf"Body.{name}: is missing"):
         Body(**values)
     with pytest.raises(TypeError, match=r"Material.density: expected float, got '3e-4'"):
-        Material(density="3e-4")
+        Material(density="3e-4", is_soft=False)
 
 
 def test_later_changes_are_checked_too() -> None:
@@ -181,6 +181,7 @@ def test_zeros_have_the_extents_asked_for() -> None:
     body = Body.zeros(n=5, m=1, material=Material.zeros(), triangles=np.full((1, 3), 2, np.int32))
     assert (body.position.shape, body.frame.shape, body.tick) == ((5, 3), (5, 3, 3), 0)
     assert (body.triangles == 2).all()
+    assert body.material.is_soft is False
     with pytest.raises(TypeError, match=r"Body.triangles: extent 'm' is missing"):
         Body.zeros(n=5, material=Material.zeros())
     with pytest.raises(TypeError, match=r"Body.k: no such field"):
@@ -188,7 +189,7 @@ def test_zeros_have_the_extents_asked_for() -> None:
 
 
 def test_a_struct_is_neither_copied_nor_pickled() -> None:
-    material = Material(density=1.0)
+    material = Material(density=1.0, is_soft=True)
     for attempt in (copy.copy, copy.deepcopy, pickle.dumps):
         with pytest.raises(TypeError, match="a Material holds addresses"):
             attempt(material)

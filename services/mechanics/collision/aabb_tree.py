@@ -1,6 +1,6 @@
-"""A box tree over the rest shape that stays valid while the duct deforms.
+"""A tree of axis-aligned bounding boxes (AABB) over the rest shape that stays valid while the duct deforms.
 
-Nothing in it is refitted. Two numbers a tree node are enough (see `bounds`): how far its vertices can move
+Nothing in it is refitted. Two numbers a tree node are enough (see `motion_bounds`): how far its vertices can move
 (``reach``), and how far they can move against one representative vertex (``spread``), in m per sqrt(J) of the
 wall's |omega q|. A rest box moved by the representative's displacement and inflated by ``spread`` |omega q|
 contains the deformed triangles, always; deep in the tree it is tight.
@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.bounds import MotionBounds
+from services.mechanics.collision.motion_bounds import MotionBounds
 
 LEAF_TRIANGLES = 4
 LEAF = -1
 _CHUNK = 4096
 
 
-class BoundingTree(NamedTuple):
-    """Box tree as arrays, one row a node, the root first."""
+class AabbTree(NamedTuple):
+    """Tree of axis-aligned bounding boxes as arrays, one row a node, the root first."""
 
     box: FloatArray
     """(k, 2, 3) rest bounds: lowest and highest corner."""
@@ -39,7 +39,7 @@ class BoundingTree(NamedTuple):
     """(k,) bound of |u_i - u_representative| / |omega q|."""
 
 
-def build_tree(vertices_m: FloatArray, triangles: IntArray, bounds: MotionBounds) -> BoundingTree:
+def build_tree(vertices_m: FloatArray, triangles: IntArray, bounds: MotionBounds) -> AabbTree:
     """Build the tree over triangles (m, 3)."""
     order, span, child = _split(vertices_m[triangles].mean(axis=1))
     k = len(span)
@@ -62,7 +62,7 @@ def build_tree(vertices_m: FloatArray, triangles: IntArray, bounds: MotionBounds
     owner = np.repeat(np.arange(k, dtype=np.int32), [len(corners) for corners in members])
     vertex = np.concatenate(members)
     reach, spread = _displacement_bounds(bounds, vertex, owner, representative)
-    return BoundingTree(box, child, span, order, representative, reach, spread)
+    return AabbTree(box, child, span, order, representative, reach, spread)
 
 
 def _split(centroids: FloatArray) -> tuple[IntArray, IntArray, IntArray]:

@@ -1,7 +1,7 @@
-"""Distances to the boxes of the tree, as tight as what is known of the deformed triangles allows.
+"""Broad phase: distances to the boxes of the AABB tree, as tight as what is known of the deformed triangles allows.
 
 Three bounds hold at any time: the rest box inflated by how far its vertices can move; the rest box moved with its
-representative vertex and inflated by how far the others can move against that one (see `tree`); and the bounds
+representative vertex and inflated by how far the others can move against that one (see `aabb_tree`); and the bounds
 as they were last looked at, moved and inflated in the same way by what has happened since. Leaves are looked at
 when a search comes close, their parents are joined from them: the parts of the wall that are being touched soon
 have tight boxes, and no part that is not touched costs anything.
@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.aabb_tree import LEAF
 from services.mechanics.collision.nodes import corner_positions, node_position
 from services.mechanics.collision.shell import Body, Patch
-from services.mechanics.collision.tree import LEAF
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import (
     Vector,
