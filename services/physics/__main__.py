@@ -64,6 +64,7 @@ class Physics:
         gauges, dropped = self._process.health.gauges, self.simulation.dropped_contacts
         gauges["dropped_pairs"], gauges["dropped_contacts"] = float(dropped.pairs), float(dropped.rows)
         gauges["dropped_holds"] = float(dropped.holds)
+        gauges["refused_inputs"] = float(self.simulation.refused_inputs)
 
     def _reset(self) -> None:
         self.resets += 1

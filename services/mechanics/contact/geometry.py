@@ -32,6 +32,7 @@ class ToolGeometry(Struct):
     frame: Annotated[FloatArray, N_TOOLS, 3, 3]
     length: Annotated[FloatArray, N_TOOLS]
     motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    present: Annotated[BoolArray, N_TOOLS]
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
 
 
@@ -69,6 +70,7 @@ class ContactGeometry(Struct):
                 frame=tools.frame,
                 length=tools.length_m,
                 motion=tools.motion,
+                present=tools.present,
                 held=tools.held,
             ),
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),

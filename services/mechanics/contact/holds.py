@@ -6,11 +6,11 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
 from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import ForcepsScene
-from services.mechanics.scene.tools import GraspHold
+from services.mechanics.scene.tools import N_TOOLS, GraspHold
 
 # A grasp holds two points; more come only from a peer that has lost its mind.
 CAPACITY = 16
@@ -64,6 +64,8 @@ class HoldRegistry:
         Rows of the holds in this step; fewer than are active where rows ran out.
     dropped : int
         Requests that found no room since the start, each counted in every step.
+    refused : int
+        Requests since the start that name nothing that is there, or hold it with a NaN; counted in every step.
     dissipated_j : float
     """
 
@@ -72,19 +74,26 @@ class HoldRegistry:
         self.active: dict[int, ActiveHold] = {}
         self.rows = range(0)
         self.dropped = 0
+        self.refused = 0
         self.dissipated_j = 0.0
         self._lost: set[int] = set()
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
         self._stops_jaws = False
+        geometry = system.geometry
+        self._n_targets = {
+            DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
+            CATHETER_SEGMENT: geometry.rod.position.shape[0] - 1,
+        }
         for tool, each in enumerate(forceps):
             width_m = 3.0 * each.jaw_radius_m
             self._arrays.reach[tool] = width_m, each.jaw_length_m + width_m
 
     def follow(self, requests: list[GraspHold]) -> None:
-        """Take up new requests, update limits, drop what is no longer asked for."""
+        """Take up new requests, update limits, drop what is no longer asked for, or by a tool that is gone."""
         if not requests and not self.active:
             return
+        requests = [request for request in requests if self._is_sound(request) and self._tool_is_present(request)]
         asked = {request.hold_id for request in requests}
         for gone in [hold_id for hold_id in self.active if hold_id not in asked]:
             self._drop(gone)
@@ -142,6 +151,18 @@ class HoldRegistry:
         arrays.slipped_m[slot], arrays.lost[slot] = 0.0, False
         self.active[request.hold_id] = ActiveHold(request, slot, arrays)
         self._list_slots()
+
+    def _is_sound(self, request: GraspHold) -> bool:
+        """Whether a request means something; what does not is counted."""
+        is_sound = 0 <= request.tool < N_TOOLS and request.target_kind in self._n_targets
+        is_sound = is_sound and 0 <= request.target < self._n_targets[request.target_kind]
+        is_sound = is_sound and math.isfinite(sum(request.target_weights.tolist()) + request.jaw_angle_rad)
+        is_sound = is_sound and request.limit_n >= 0.0
+        self.refused += not is_sound
+        return is_sound
+
+    def _tool_is_present(self, request: GraspHold) -> bool:
+        return bool(self._system.geometry.tools.present[request.tool])
 
     def _held_point(self, request: GraspHold) -> FloatArray:
         if request.target_kind == CATHETER_SEGMENT:

@@ -28,12 +28,12 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
     """Append pairs to ``rows`` as unilateral contacts.
 
     Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws do
-    not collide with what they hold: the hold stands for both of them.
+    not collide with what they hold: the hold stands for both of them. Pairs of a tool that is gone are left out.
     """
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
         kind, target = pairs.target_kind[index], pairs.target[index]
-        if tool != NO_TOOL and segment != SHAFT and geometry.tools.held[tool, kind]:
+        if tool != NO_TOOL and not _touches(geometry.tools, tool, segment, kind):
             continue
         identity = pair_identity(tool, segment, pairs.particle[index], kind, target)
         row = append_row(rows, _UNILATERAL, identity)
@@ -48,6 +48,12 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
             _catheter_target(pairs, index, geometry.rod, rows, row)
         elif kind == DUCT_TRIANGLE:
             _wall_target(pairs, index, geometry.wall, rows, row)
+
+
+@kernel
+def _touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
+    """Whether a segment of a tool collides with this kind of target."""
+    return bool(tools.present[tool] and (segment == SHAFT or not tools.held[tool, kind]))
 
 
 @kernel

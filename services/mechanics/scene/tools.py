@@ -52,7 +52,7 @@ class ToolInputs:
     Attributes
     ----------
     present : (2,) bool
-        A tool that is absent touches nothing and feels nothing.
+        A tool that is absent touches nothing and feels nothing; one with a NaN or an infinity counts as absent.
     position_m : (2, 3) float64
         Junction point J of shaft and jaws.
     roll_rad : (2,) float64

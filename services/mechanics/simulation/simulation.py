@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from time import perf_counter_ns
 
 import numpy as np
@@ -76,7 +77,14 @@ class Simulation:
             Candidate pairs of the tools, as the haptics process found them; None finds them here.
         dt_s : float
             Length of the tick.
+
+        Raises
+        ------
+        ValueError
+            ``dt_s`` is not positive and finite; nothing has moved.
         """
+        if not 0.0 < dt_s < math.inf:
+            raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
         self._mark_ns = perf_counter_ns()
         self._add_loads(dt_s)
         self._lap(0)
@@ -133,6 +141,11 @@ class Simulation:
         system = self.system
         pairs = system.dropped_pairs + self._manifold.dropped
         return DroppedContacts(pairs, system.rows.dropped, self.holds.dropped)
+
+    @property
+    def refused_inputs(self) -> int:
+        """Tools and holds since the start whose numbers mean nothing; each was absent for the step that it came in."""
+        return self.tools.refused + self.holds.refused
 
     @property
     def slides(self) -> npt.NDArray[np.bool_]:
@@ -206,9 +219,11 @@ class Simulation:
         """Run the grasps of both tools; an absent tool holds nothing."""
         held: list[GraspHold] = []
         for tool, grasp in enumerate(self.grasps):
-            if tools.present[tool]:
+            if self.tools.present[tool]:
                 jaws = JawState(float(self.tools.proxy[tool, 3]), float(tools.jaw_angle_rad[tool]))
                 held += grasp.update(pairs, jaws)
+            else:
+                grasp.let_go()
         return held
 
     def _solve_contacts(self, dt_s: float) -> None:

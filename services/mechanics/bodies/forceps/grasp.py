@@ -57,6 +57,10 @@ class Grasp:
             self._try_to_close(pairs, jaws)
         return self.holds
 
+    def let_go(self) -> None:
+        """Hold nothing any more."""
+        self.holds.clear()
+
     def _torque_nm(self, squeeze_rad: float) -> float:
         return self.forceps.jaw_stiffness_nm_rad * squeeze_rad
 

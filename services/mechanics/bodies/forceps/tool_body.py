@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -33,6 +34,7 @@ class ToolArrays(Struct):
     frame: Annotated[FloatArray, N_TOOLS, 3, 3]
     length: Annotated[FloatArray, N_TOOLS]
     segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
+    refused: int = 0
 
 
 tools_at = reader(ToolArrays)
@@ -65,6 +67,8 @@ class ToolBody:
     radius_m : (2, 3) float64
     compliance : (2, 4) float64
         Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N m)).
+    present : (2,) bool
+        Tools that are there and whose input a shaft can have; the others touch nothing.
     """
 
     def __init__(self, forceps: tuple[ForcepsScene, ...]) -> None:
@@ -85,10 +89,16 @@ class ToolBody:
         self.jaw_stop_rad = a.jaw_stop
         self.frame, self.length_m, self.segments = a.frame, a.length, a.segments
 
+    @property
+    def refused(self) -> int:
+        """Inputs since the start that no instrument can have: a NaN, an infinity, J in the port itself."""
+        return self._arrays.refused
+
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and find where the proxies go without contact; poses stay those of the start.
 
-        A tool that appears starts with its proxy at the hand. Jaws that hold something do not close further.
+        A tool that appears starts with its proxy at the hand. Jaws that hold something do not close further. A tool
+        whose input is refused is absent for the step, and stays where it was.
         """
         hands = (inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad)
         predict_proxies(self.address, inputs.present, hands, dt_s)
@@ -110,15 +120,20 @@ def predict_proxies(
     tools = tools_at(address)
     position, opening, roll = hands
     for tool in range(present.shape[0]):
-        for axis in range(3):
-            tools.hand[tool, axis] = position[tool, axis]
-        tools.hand[tool, 3] = opening[tool]
-        tools.roll[tool] = roll[tool]
-        if present[tool] and not tools.present[tool]:
+        is_there = present[tool]
+        if _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool]):
+            for axis in range(3):
+                tools.hand[tool, axis] = position[tool, axis]
+            tools.hand[tool, 3] = opening[tool]
+            tools.roll[tool] = roll[tool]
+        elif is_there:
+            tools.refused += 1
+            is_there = False
+        if is_there and not tools.present[tool]:
             for axis in range(tools.hand.shape[1]):
                 tools.stretch[tool, axis] = 0.0
                 tools.proxy[tool, axis] = tools.hand[tool, axis]
-        tools.present[tool] = present[tool]
+        tools.present[tool] = is_there
         for axis in range(tools.hand.shape[1]):
             rate = tools.damping[tool, axis] / dt_s
             tools.compliance[tool, axis] = 1.0 / (tools.stiffness[tool, axis] + rate)
@@ -130,6 +145,15 @@ def predict_proxies(
         for axis in range(tools.hand.shape[1]):
             tools.motion[tool, axis] = tools.free[tool, axis] - tools.proxy[tool, axis]
     _update_poses(tools)
+
+
+@kernel
+def _is_sound(junction: FloatArray, port: FloatArray, opening: float, roll: float) -> bool:
+    """Whether there is a pose for these numbers: all of them finite, and some shaft inside the port."""
+    length_2 = 0.0
+    for axis in range(3):
+        length_2 += (junction[axis] - port[axis]) ** 2
+    return bool(0.0 < length_2 < math.inf and math.isfinite(opening) and math.isfinite(roll))
 
 
 @kernel

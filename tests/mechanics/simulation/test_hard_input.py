@@ -1,0 +1,163 @@
+"""What a caller may hand in that no hand can do: tools that vanish, numbers that are none, ticks without a length."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
+from services.mechanics.scene.tools import GraspHold, ToolInputs
+from services.mechanics.simulation import Simulation
+
+PRESSING_M = (20e-3, 0.0, 15e-3 + 1.5e-3)
+AWAY_M = (60e-3, 0.0, 60e-3)
+HOLD = GraspHold(3, 1, CATHETER_SEGMENT, 10, np.array([1.0, 0.0, 0.0]), 0.7, 0.3)
+
+
+def state(simulation):
+    duct, rod = simulation.duct_state, simulation.catheter.state
+    return np.concatenate([duct.q, duct.qdot, rod.position_m.ravel(), rod.velocity_m_s.ravel()])
+
+
+@pytest.fixture
+def pressed(small_scene, small_duct):
+    """Tool 0 presses the wall from above, tool 1 is away."""
+    simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
+    for tick in range(100):
+        tools.position_m[:] = np.add(PRESSING_M, (0.0, 0.0, max(3e-3 - tick * 6e-5, 0.0))), AWAY_M
+        simulation.step(tools)
+    assert np.linalg.norm(simulation.tool_results.force_n[0]) > 0.05
+    return simulation, tools
+
+
+def test_a_tool_that_vanishes_presses_no_more_and_returns_with_its_proxy_at_the_hand(pressed):
+    simulation, tools = pressed
+    tools.present[0] = False
+    simulation.step(tools)
+    assert not simulation.tool_results.force_n.any()
+    assert not (simulation.contacts.tool[: simulation.contacts.n_contacts] == 0).any()
+    for _ in range(20):
+        simulation.step(tools)
+        assert not simulation.tool_results.force_n.any()
+    tools.present[0], tools.position_m[0], tools.jaw_angle_rad[0] = True, AWAY_M, 0.2
+    simulation.step(tools)
+    np.testing.assert_array_equal(simulation.tools.proxy[0], [*AWAY_M, 0.2])
+    assert not simulation.tool_results.force_n.any()
+
+
+def test_pairs_that_come_with_a_tool_that_is_gone_are_no_contacts(pressed, small_scene):
+    """Those of the haptics process may be a tick old."""
+    simulation, tools = pressed
+    pairs = simulation._tool_pairs
+    assert (pairs.tool[: pairs.count] == 0).any()
+    tools.present[0] = False
+    simulation.step(tools, pairs)
+    assert not (simulation.contacts.tool[: simulation.contacts.n_contacts] == 0).any()
+
+
+def hold_on(simulation, tools):
+    """Put tool 1 above the catheter, and return its hold."""
+    tools.present[0] = False
+    tools.position_m[1] = simulation.catheter.state.position_m[10] + np.array([0.0, 0.0, 8e-3])
+    return [HOLD]
+
+
+@pytest.mark.parametrize("asked_by_caller", [True, False])
+def test_a_tool_that_vanishes_lets_go_of_what_it_holds_and_does_not_hold_it_when_it_is_back(
+    small_scene, small_duct, asked_by_caller
+):
+    simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
+    holds = hold_on(simulation, tools)
+    if asked_by_caller:
+        tools.holds = holds
+    else:
+        grasp = simulation.grasps[1]
+        grasp.holds[:], grasp._lever_m = holds, 1e-2
+    for _ in range(5):
+        simulation.step(tools)
+    assert list(simulation.holds.active) == [3]
+    tools.present[1] = False
+    simulation.step(tools)
+    assert not simulation.holds.active
+    assert not simulation.contact_force_n.any()
+    tools.present[1] = True
+    simulation.step(tools)
+    assert list(simulation.holds.active) == ([3] if asked_by_caller else [])
+
+
+def at_port(tools, simulation):
+    tools.position_m[0] = simulation.tools.port_m[0]
+
+
+UNSOUND = {
+    "nan in a position": lambda tools, simulation: tools.position_m.__setitem__((0, 1), np.nan),
+    "infinite position": lambda tools, simulation: tools.position_m.__setitem__((0, 2), -np.inf),
+    "position whose square overflows": lambda tools, simulation: tools.position_m.__setitem__((0, 0), 1e200),
+    "nan in the roll": lambda tools, simulation: tools.roll_rad.__setitem__(0, np.nan),
+    "infinite roll": lambda tools, simulation: tools.roll_rad.__setitem__(0, np.inf),
+    "nan in the opening": lambda tools, simulation: tools.jaw_angle_rad.__setitem__(0, np.nan),
+    "infinite opening": lambda tools, simulation: tools.jaw_angle_rad.__setitem__(0, np.inf),
+    "junction in the port": at_port,
+}
+
+
+@pytest.mark.parametrize("spoil", UNSOUND.values(), ids=UNSOUND.keys())
+@pytest.mark.parametrize("present", [True, False])
+def test_a_tool_whose_numbers_mean_nothing_is_absent_for_that_tick(pressed, spoil, present):
+    simulation, tools = pressed
+    tools.present[0] = present
+    spoil(tools, simulation)
+    simulation.step(tools)
+    assert simulation.refused_inputs == int(present)
+    assert np.isfinite(state(simulation)).all()
+    assert np.isfinite(simulation.tool_results.proxy_position_m).all()
+    assert not simulation.tool_results.force_n.any()
+    back = ToolInputs()
+    back.position_m[:] = PRESSING_M, AWAY_M
+    for _ in range(100):
+        simulation.step(back)
+    assert np.isfinite(state(simulation)).all()
+    assert 0.05 < np.linalg.norm(simulation.tool_results.force_n[0]) < 0.5
+    assert simulation.refused_inputs == int(present)
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        {"limit_n": np.nan},
+        {"limit_n": -1.0},
+        {"jaw_angle_rad": np.inf},
+        {"target_weights": np.array([np.nan, 0.0, 0.0])},
+        {"target": -1},
+        {"target": 30},
+        {"target": 10**6, "target_kind": DUCT_TRIANGLE},
+        {"target_kind": 2},
+        {"tool": 2},
+        {"tool": -1},
+    ],
+)
+def test_a_hold_whose_numbers_mean_nothing_is_none(small_scene, small_duct, spoilt):
+    simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
+    tools.holds = hold_on(simulation, tools)
+    simulation.step(tools)
+    tools.holds = [replace(HOLD, **spoilt)]
+    simulation.step(tools)
+    assert simulation.refused_inputs == 1
+    assert not simulation.holds.active
+    tools.holds = [HOLD]
+    for _ in range(5):
+        simulation.step(tools)
+    assert list(simulation.holds.active) == [3]
+    assert np.isfinite(state(simulation)).all()
+    assert np.isfinite(simulation.tool_results.force_n).all()
+
+
+@pytest.mark.parametrize("dt_s", [0.0, -1e-3, np.nan, np.inf])
+def test_a_tick_without_a_length_is_refused_before_anything_moves(pressed, dt_s):
+    simulation, tools = pressed
+    before = state(simulation)
+    tools.present[0] = False
+    with pytest.raises(ValueError, match="dt_s must be positive and finite"):
+        simulation.step(tools, dt_s=dt_s)
+    np.testing.assert_array_equal(state(simulation), before)
+    assert simulation.tools.present.all()
