@@ -1,28 +1,33 @@
 """Whether a decoded body is what it declares: the check that every frame passes, made once per body type.
 
 `declared.fault` walks a body and names what is wrong with it; that takes longer than decoding. Here the walk is done
-once, over the type, and what is left for each frame are a few additions: a sum is finite only if every term is. A body
-that does not pass may still be faultless (finite terms can add up to infinity): `declared.fault` has the last word.
+once, over the type, and what is left for each frame are a few calls: a norm is finite only if every number is, the
+numbers of all arrays are taken together, and a layout of arrays that was found good once is known. A body that does not
+pass may still be faultless (the norm of finite numbers can be infinite): `declared.fault` has the last word.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from math import isfinite
+from collections.abc import Callable, Iterator
+from functools import cache, reduce
+from itertools import chain
+from math import hypot, isfinite
 from operator import attrgetter
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from protocol.arrays import MAX_DIMENSION, Array
-from protocol.fields import Field, Form, arrays, fields
+from protocol.arrays import MAX_DIMENSION, Array, Spec
+from protocol.fields import Field, Form, fields
 
 Check = Callable[[Any], bool]
+Leaf = tuple[str, Field]
+#: Of each array dtype, shape and number of bytes.
+Layout = tuple[tuple[str, tuple[int, ...], int], ...]
 
-#: Below this, Python adds up the numbers of an array faster than numpy.
-_SHORT_BYTES = 64 * 8
+#: Layouts that are remembered of a body type: those of a rig's contacts come and go.
+_LAYOUTS = 256
 
 
 @cache
@@ -36,24 +41,34 @@ def check(kind: type[msgspec.Struct], *, finite_scalars: bool) -> Check:
     finite_scalars
         Whether numbers outside arrays must be finite: so for commands.
     """
-    checks = [*_of_arrays(kind), *_of_fields(kind, finite_scalars)]
-    if len(checks) == 1:
-        return checks[0]
-    return lambda body: all(passes(body) for passes in checks)
+    leaves = list(_leaves(kind))
+    checks = [*_of_arrays(leaves), *_of_fields(leaves, finite_scalars)]
+    return reduce(_both, checks) if checks else lambda body: True
 
 
-def _of_fields(kind: type[msgspec.Struct], finite: bool) -> list[Check]:
-    """Return the checks of everything in `kind` that is not an array."""
-    checks = [_of_bodies(field, check(field.body, finite_scalars=finite)) for field in fields(kind) if field.body]
+def _both(first: Check, second: Check) -> Check:
+    return lambda body: first(body) and second(body)
+
+
+def _leaves(kind: type[msgspec.Struct], path: str = "") -> Iterator[Leaf]:
+    """Yield the fields of `kind` with their dotted names, those of a body that is always there in its place."""
+    for field in fields(kind):
+        if field.form is Form.ONE and field.body:
+            yield from _leaves(field.body, f"{path}{field.name}.")
+        else:
+            yield path + field.name, field
+
+
+def _of_fields(leaves: list[Leaf], finite: bool) -> list[Check]:
+    """Return the checks of everything that is not an array."""
+    checks = [_of_bodies(name, field, check(field.body, finite_scalars=finite)) for name, field in leaves if field.body]
     if finite:
-        checks += _of_numbers([field for field in fields(kind) if field.item is float])
+        checks += _of_numbers([(name, field) for name, field in leaves if field.item is float])
     return checks
 
 
-def _of_bodies(field: Field, passes: Check) -> Check:
-    get = attrgetter(field.name)
-    if field.form is Form.ONE:
-        return lambda body: passes(get(body))
+def _of_bodies(name: str, field: Field, passes: Check) -> Check:
+    get = attrgetter(name)
     if field.form is Form.OPTIONAL:
         return lambda body: (value := get(body)) is None or passes(value)
     if field.form is Form.MAP:
@@ -61,52 +76,72 @@ def _of_bodies(field: Field, passes: Check) -> Check:
     return lambda body: all(map(passes, get(body)))
 
 
-def _of_numbers(numbers: list[Field]) -> list[Check]:
-    """Return the checks that all these numbers are finite: one sum a form."""
+def _of_numbers(numbers: list[Leaf]) -> list[Check]:
+    """Return the checks that all these numbers are finite: one norm a form."""
     checks: list[Check] = []
     if scalars := _getter(numbers, Form.ONE):
-        checks.append(lambda body: isfinite(sum(scalars(body))))
+        checks.append(lambda body: isfinite(hypot(*scalars(body))))
     if vectors := _getter(numbers, Form.FIXED, Form.MANY):
-        checks.append(lambda body: isfinite(sum(map(sum, vectors(body)))))
+        checks.append(lambda body: isfinite(hypot(*chain.from_iterable(vectors(body)))))
     if maps := _getter(numbers, Form.MAP):
-        checks.append(lambda body: isfinite(sum(sum(values.values()) for values in maps(body))))
+        checks.append(lambda body: isfinite(hypot(*chain.from_iterable(m.values() for m in maps(body)))))
     if optional := _getter(numbers, Form.OPTIONAL):
-        checks.append(lambda body: isfinite(sum(value for value in optional(body) if value is not None)))
+        checks.append(lambda body: isfinite(hypot(*(value for value in optional(body) if value is not None))))
     return checks
 
 
-def _getter(numbers: list[Field], *forms: Form) -> Callable[[Any], tuple[Any, ...]] | None:
-    names = [field.name for field in numbers if field.form in forms]
-    return attrgetter(*names, names[0]) if names else None  # the first twice: attrgetter of one name is no tuple
+def _getter(numbers: list[Leaf], *forms: Form) -> Callable[[Any], tuple[Any, ...]] | None:
+    names = [name for name, field in numbers if field.form in forms]
+    return _getter_of(names) if names else None
 
 
-def _of_arrays(kind: type[msgspec.Struct]) -> list[Check]:
+def _getter_of(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
+    return attrgetter(*names, names[0])  # the first twice: attrgetter of one name is no tuple
+
+
+def _of_arrays(leaves: list[Leaf]) -> list[Check]:
     """Return the check that arrays have the declared dtype, agree in shape, have their bytes, and are finite."""
-    rows = [
-        (attrgetter(name), spec.dtype, spec.shape, len(spec.shape), int(spec.dtype[2:]), spec.must_be_finite)
-        for name, spec in arrays(kind)
-    ]
+    rows = [(name.rpartition(".")[0], field.spec) for name, field in leaves if field.spec is not None]
+    names = [name for name, field in leaves if field.spec is not None]
+    if not rows:
+        return []
+    get, n = _getter_of(names), len(names)
+    numbers = [name for name, field in leaves if field.spec is not None and field.spec.must_be_finite]
+    get_numbers = _getter_of(numbers) if numbers else None
+    good: set[Layout] = set()
 
     def arrays_agree(body: Any) -> bool:
-        lengths: dict[str, int] = {}
-        for get, dtype, declared, n_dimensions, size, finite in rows:
-            array: Array = get(body)
-            shape = array.shape
-            if array.dtype != dtype or len(shape) != n_dimensions:
+        found: tuple[Array, ...] = get(body)
+        layout = tuple([(array.dtype, array.shape, len(array.data)) for array in found[:n]])
+        if layout not in good:
+            if not _agrees(layout, rows):
                 return False
-            for length, name in zip(shape, declared, strict=True):
-                expected = lengths.setdefault(name, length) if name.__class__ is str else name
-                if length != expected or not 0 <= length <= MAX_DIMENSION:
-                    return False
-                size *= length
-            if size != len(array.data) or (finite and not _is_finite(array.data)):
+            if len(good) >= _LAYOUTS:
+                good.clear()
+            good.add(layout)
+        return get_numbers is None or _are_finite(get_numbers(body))
+
+    return [arrays_agree]
+
+
+def _agrees(layout: Layout, rows: list[tuple[str, Spec]]) -> bool:
+    """Return whether arrays are laid out as `rows` say: of each, in which body it is and what that declares."""
+    lengths: dict[tuple[str, str], int] = {}
+    for (dtype, shape, n_bytes), (where, spec) in zip(layout, rows, strict=True):
+        if dtype != spec.dtype or len(shape) != len(spec.shape):
+            return False
+        size = int(dtype[2:])
+        for length, name in zip(shape, spec.shape, strict=True):
+            expected = lengths.setdefault((where, name), length) if isinstance(name, str) else name
+            if length != expected or not 0 <= length <= MAX_DIMENSION:
                 return False
-        return True
+            size *= length
+        if size != n_bytes:
+            return False
+    return True
 
-    return [arrays_agree] if rows else []
 
-
-def _is_finite(data: bytes) -> bool:
-    if len(data) <= _SHORT_BYTES:
-        return isfinite(sum(memoryview(data).cast("d")))
-    return isfinite(np.frombuffer(data).sum())
+def _are_finite(arrays: tuple[Array, ...]) -> bool:
+    """Return whether the square of the norm of all `arrays` is finite."""
+    numbers = np.frombuffer(b"".join([array.data for array in arrays]))
+    return isfinite(np.vdot(numbers, numbers))  # unlike dot, it has no warnings to give
