@@ -63,12 +63,14 @@ class Bench:
         )
         self.frames = {
             "gateway.state": bodies.GatewayState(tick=1, instruments=tools),
-            "physics.duct": bodies.Duct(
-                tick=1, basis_hash=self.duct.basis.content_hash, q=q, q_rate=q, load_node=nodes, load_force_n=loads
-            ),
-            "physics.catheter": bodies.Catheter(tick=1, position_m=line, velocity_m_s=line, radius_m=8e-4),
-            "physics.contacts": bodies.PhysicsContacts(
-                tick=1, tools=(bodies.ToolReaction(),) * 2, kind=pack([], "|i1"), point_m=none, force_n=none
+            "physics.state": bodies.PhysicsState(
+                tick=1,
+                tools=(bodies.ToolReaction(),) * 2,
+                duct=bodies.Duct(
+                    basis_hash=self.duct.basis.content_hash, q=q, q_rate=q, load_node=nodes, load_force_n=loads
+                ),
+                catheter=bodies.Catheter(position_m=line, velocity_m_s=line, radius_m=8e-4),
+                contacts=bodies.ContactForces(kind=pack([], "|i1"), point_m=none, force_n=none),
             ),
         }
         self.compose()

@@ -59,18 +59,16 @@ def _health(process: str) -> Topic:
     return Topic(f"{process}.health", process, (reader,), (), health.Health, 1, 10.0, "latest", 0.5)
 
 
-_EVERYONE = ("physics", "haptics", "gateway", "visualization", "recorder")
+_OBEYING = ("physics", "gateway", "visualization", "recorder")
 
 _ROWS = (
     _state("gateway.state", "haptics", "visualization recorder supervisor", gateway.GatewayState, 1),
     _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 2),
     _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 2),
-    _state("physics.duct", "haptics", "visualization recorder", physics.Duct, 2),
-    _state("physics.catheter", "haptics", "visualization recorder", physics.Catheter, 2),
-    _state("physics.contacts", "haptics", "visualization recorder supervisor", physics.PhysicsContacts, 2),
+    _state("physics.state", "haptics", "visualization recorder supervisor", physics.PhysicsState, 1),
     *(_health(process) for process in PROCESSES),
     Topic(
-        "supervisor.state", "supervisor", _EVERYONE, (), supervisor.SupervisorState, 1, 10.0, "every", 0.5, command=True
+        "supervisor.state", "supervisor", _OBEYING, (), supervisor.SupervisorState, 1, 10.0, "every", 0.5, command=True
     ),
 )
 

@@ -27,9 +27,6 @@ def by_name(old: type[msgspec.Struct], new: type[msgspec.Struct]) -> Upgrade:
 UPGRADES: dict[tuple[str, int], Upgrade] = {
     ("haptics.contact_model", 1): by_name(former.ContactModel1, bodies.ContactModel),
     ("haptics.contacts", 1): by_name(former.ToolContacts1, bodies.ToolContacts),
-    ("physics.duct", 1): by_name(former.Duct1, bodies.Duct),
-    ("physics.catheter", 1): by_name(former.Catheter1, bodies.Catheter),
-    ("physics.contacts", 1): by_name(former.PhysicsContacts1, bodies.PhysicsContacts),
 }
 
 

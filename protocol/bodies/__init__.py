@@ -11,11 +11,12 @@ from protocol.bodies.health import (
     StageCost,
     TopicReport,
 )
-from protocol.bodies.physics import Catheter, Duct, PhysicsContacts, ToolReaction
+from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
 from protocol.bodies.supervisor import ProcessReport, SupervisorState
 
 __all__ = [
     "Catheter",
+    "ContactForces",
     "ContactModel",
     "Duct",
     "GatewayState",
@@ -26,7 +27,7 @@ __all__ = [
     "LocalModel",
     "LoopReport",
     "PathLatency",
-    "PhysicsContacts",
+    "PhysicsState",
     "ProcessReport",
     "RealtimeFact",
     "StageCost",

@@ -1,4 +1,4 @@
-"""What physics says: duct in modal coordinates, catheter particles, solved contacts."""
+"""What physics says of a tick, in one frame: what the tools feel, duct, catheter and solved contacts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ class Duct(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     Node i is at ``X_i + Phi_i q + sum_j R_ij f_j`` over the loaded nodes j; `basis_hash` names Phi and R.
     """
 
-    tick: Annotated[int, Meta(ge=0)]
     basis_hash: Annotated[str, Meta(max_length=64, description="content hash of the modal basis")]
     q: Annotated[Array, spec("<f8", ("modes",), "m sqrt(kg)")]
     q_rate: Annotated[Array, spec("<f8", ("modes",), "m sqrt(kg)/s")]
@@ -28,7 +27,6 @@ class Duct(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 class Catheter(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """The catheter's particles along its centreline, tip last."""
 
-    tick: Annotated[int, Meta(ge=0)]
     position_m: Annotated[Array, spec("<f8", ("particles", 3), "m")]
     velocity_m_s: Annotated[Array, spec("<f8", ("particles", 3), "m/s")]
     radius_m: Annotated[float, Meta(gt=0.0)]
@@ -55,12 +53,20 @@ class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     ] = -1.0
 
 
-class PhysicsContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Contact forces of one step."""
+class ContactForces(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Contact points of one step, and what was solved there."""
 
-    tick: Annotated[int, Meta(ge=0)]
-    tools: Annotated[tuple[ToolReaction, ...], Meta(max_length=8)]
     kind: Annotated[Array, spec("|i1", ("contacts",), "0 tool-duct, 1 tool-catheter, 2 catheter-duct, 3 other")]
     point_m: Annotated[Array, spec("<f8", ("contacts", 3), "m")]
     force_n: Annotated[Array, spec("<f8", ("contacts", 3), "N")]
     max_penetration_m: float = 0.0
+
+
+class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """All that physics says of one step."""
+
+    tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered")]
+    tools: Annotated[tuple[ToolReaction, ...], Meta(max_length=8)]
+    duct: Duct
+    catheter: Catheter
+    contacts: ContactForces

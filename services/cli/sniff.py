@@ -18,6 +18,7 @@ from services.cli.raw_frames import unpack
 from services.runtime import config, endpoints, keys
 from services.runtime.errors import BusError, ConfigError
 from services.runtime.rig import Transport
+from services.runtime.whole import whole
 
 #: Printed per second unless every frame is asked for: a 1 kHz topic scrolls faster than anyone reads.
 _PRINTED_HZ = 5.0
@@ -48,15 +49,17 @@ class Tally:
     periods_s: list[float] = field(default_factory=list)
     last_s: float = 0.0
 
-    def add(self, data: bytes, now_s: float) -> None:
-        """Count one frame."""
-        if self.frames:
-            self.periods_s.append(now_s - self.last_s)
-        self.frames, self.octets, self.last_s = self.frames + 1, self.octets + len(data), now_s
+    def add(self, data: bytes) -> None:
+        """Count one frame; periods are the sender's, for frames of a fast topic arrive many at a time."""
+        self.frames, self.octets = self.frames + 1, self.octets + len(data)
         try:
-            sequence = int(unpack(data)["sequence"])
+            frame = unpack(data)
+            sequence, sent_s = int(frame["sequence"]), int(frame["sent_ns"]) * 1e-9
         except (ValueError, KeyError, TypeError):
             return
+        if self.last_sequence >= 0:
+            self.periods_s.append(sent_s - self.last_s)
+        self.last_s = sent_s
         if self.last_sequence >= 0 and sequence > self.last_sequence:
             self.gaps += sequence - self.last_sequence - 1
         self.last_sequence = sequence
@@ -108,12 +111,13 @@ def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Itera
             socket.setsockopt(zmq.RECONNECT_IVL, 10)
             if rig_keys:
                 rig_keys.guard_reader(socket)
-            socket.connect(endpoints.endpoint(transport, topic))
+            socket.connect(endpoints.endpoint(transport, whole(topic)))
             poller.register(socket, zmq.POLLIN)
             names[socket] = topic
         while (left_s := until_s - time.monotonic()) > 0:
             for socket, _event in poller.poll(round(min(left_s, 0.1) * 1e3)):
-                yield names[socket], socket.recv(), time.monotonic()
+                for data in socket.recv_multipart():
+                    yield names[socket], data, time.monotonic()
     finally:
         context.destroy(linger=0)
 
@@ -121,8 +125,8 @@ def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Itera
 def _show_rates(request: Request, transport: Transport, topics: list[str]) -> None:
     seconds = request.seconds or 2.0
     tallies: defaultdict[str, Tally] = defaultdict(Tally)
-    for topic, data, now_s in frames(transport, topics, time.monotonic() + seconds):
-        tallies[topic].add(data, now_s)
+    for topic, data, _now_s in frames(transport, topics, time.monotonic() + seconds):
+        tallies[topic].add(data)
     if not tallies:
         raise BusError(f"nothing was heard for {seconds:g} s: is a rig running on this transport?")
     rows = [tallies[topic].row(topic, seconds) for topic in topics if topic in tallies]

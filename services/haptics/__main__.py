@@ -6,7 +6,7 @@ import sys
 import time
 
 from protocol import Frame
-from protocol.bodies import ContactModel, GatewayState
+from protocol.bodies import ContactModel, GatewayState, PhysicsState
 from services.cache_directory import cache_directory
 from services.haptics.deformed_scene import DeformedScene
 from services.haptics.local_model import FREE, local_model
@@ -39,15 +39,18 @@ class Haptics:
         self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in enumerate(self._forceps)]
         self._ttl_s = 0.02
         self._dropped_pairs = 0
+        process.health.counts = self._counts
 
     def answer(self, frame: Frame) -> None:
         """Answer one device frame: the model first, since the hand waits for it; what it does not need comes after."""
         started = time.monotonic_ns()
         state: GatewayState = frame.body
-        known = self._take_reactions()
+        solved = self._bus.latest("physics.state")
+        known = self._take_reactions(solved)
         self._bus.publish("haptics.contact_model", self._model(state, known), origin_ns=frame.origin_ns, valid=known)
         modelled = time.monotonic_ns()
-        self._take_shapes()
+        if solved is not None:
+            self._take_shapes(solved.body)
         hands = self.tools.take_hands(state)
         self._detect()
         detected = time.monotonic_ns()
@@ -56,22 +59,18 @@ class Haptics:
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         self._count(started, modelled, detected)
 
-    def _take_reactions(self) -> bool:
-        """Take the newest solved forces; False if there are none fresh enough to act on."""
-        contacts = self._bus.latest("physics.contacts")
-        if contacts is not None:
-            self.tools.take_reactions(contacts.body)
-        known = self._bus.is_fresh("physics.contacts")
+    def _take_reactions(self, solved: Frame | None) -> bool:
+        """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
+        if solved is not None:
+            self.tools.take_reactions(solved.body.tools)
+        known = self._bus.is_fresh("physics.state")
         if not known:
             self.tools.forget_reactions()
         return known
 
-    def _take_shapes(self) -> None:
-        duct, catheter = self._bus.latest("physics.duct"), self._bus.latest("physics.catheter")
-        if duct is not None:
-            self.scene.take_duct(duct)
-        if catheter is not None:
-            self.scene.take_catheter(catheter)
+    def _take_shapes(self, state: PhysicsState) -> None:
+        self.scene.take_duct(state.duct)
+        self.scene.take_catheter(state.catheter)
 
     def _model(self, state: GatewayState, known: bool) -> ContactModel:
         models = [
@@ -94,8 +93,10 @@ class Haptics:
         stages.add("model", modelled - started)
         stages.add("detect", detected - modelled)
         stages.add("send", time.monotonic_ns() - detected)
-        self._health.gauges["dropped_pairs"] = float(self._dropped_pairs)
-        self._health.gauges.update({f"refused_{what}": float(n) for what, n in self.scene.refused.items()})
+
+    def _counts(self) -> dict[str, float]:
+        refused = {f"refused_{what}": float(n) for what, n in self.scene.refused.items()}
+        return {"dropped_pairs": float(self._dropped_pairs), **refused}
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
@@ -115,7 +116,6 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
         if frame is not None:
             haptics.answer(frame)
             process.health.change("running")
-        process.bus.drain("supervisor.state")
         process.health.send_if_due()
 
 

@@ -1,10 +1,9 @@
-"""The deformed scene as haptics knows it: the newest duct and catheter frames, placed only where a tool comes near."""
+"""The deformed scene as haptics knows it: the newest duct and catheter, placed only where a tool comes near."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from protocol import Frame
 from protocol.arrays import pack
 from protocol.bodies import Catheter, Duct
 from services.mechanics.bodies.wall import make_wall
@@ -37,9 +36,8 @@ class DeformedScene:
         self._catheter_radius_m = 0.5 * scene.catheter.outer_diameter_m
         self._margin_m = scene.contact.margin_m
 
-    def take_duct(self, frame: Frame) -> None:
-        """Deform the wall as `frame` says, if its basis is ours and its loads are on nodes that exist."""
-        body: Duct = frame.body
+    def take_duct(self, body: Duct) -> None:
+        """Deform the wall as `body` says, if its basis is ours and its loads are on nodes that exist."""
         basis = self._duct.basis
         q, nodes, forces = body.q.view(), body.load_node.view(), body.load_force_n.view()
         if body.basis_hash != basis.content_hash or q.shape != (basis.n_modes,):
@@ -49,9 +47,8 @@ class DeformedScene:
         else:
             self._wall.update(q, nodes, forces)
 
-    def take_catheter(self, frame: Frame) -> None:
-        """Take over the particles of `frame`, if there are as many as in this scene."""
-        body: Catheter = frame.body
+    def take_catheter(self, body: Catheter) -> None:
+        """Take over the particles of `body`, if there are as many as in this scene."""
         positions = body.position_m.view()
         if positions.shape != self.particles_m.shape:
             self._refuse("particles")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from protocol.bodies import GatewayState, InstrumentState, PhysicsContacts, ToolReaction, ToolState
+from protocol.bodies import GatewayState, InstrumentState, ToolReaction, ToolState
 from services.mechanics.bodies.forceps.grasp import JawState
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.bodies.forceps.tool_body import ToolBody
@@ -41,9 +43,9 @@ class ToolTracker:
         """Recompute the segments from the proxies."""
         self._body.update_pose()
 
-    def take_reactions(self, body: PhysicsContacts) -> None:
+    def take_reactions(self, reactions: Sequence[ToolReaction]) -> None:
         """Take over the solved reactions and the proxies."""
-        for i, reaction in enumerate(body.tools[:N_TOOLS]):
+        for i, reaction in enumerate(reactions[:N_TOOLS]):
             self.reactions[i] = reaction
             held = reaction.contacts > 0 or reaction.holds > 0
             for axis in range(3):

@@ -1,4 +1,4 @@
-"""The physics process: tools and contact pairs in, one step per tick, duct, catheter and contact forces out."""
+"""The physics process: tools and contact pairs in, one step per tick, one frame of state out."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ class Physics:
         self._scene, self._duct = scene, duct
         self._begin()
         self.resets = 0
+        process.health.counts = self._counts
 
     def _begin(self) -> None:
         self.simulation = Simulation(self._scene, self._duct)
@@ -50,7 +51,6 @@ class Physics:
             self._reset()
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
-        self._count_dropped()
         stages.add("send", time.monotonic_ns() - stepped_ns)
 
     def _step(self) -> bool:
@@ -60,11 +60,14 @@ class Physics:
             self._process.health.stages.add(stage, cost_ns)
         return self._guard.watch()
 
-    def _count_dropped(self) -> None:
-        gauges, dropped = self._process.health.gauges, self.simulation.dropped_contacts
-        gauges["dropped_pairs"], gauges["dropped_contacts"] = float(dropped.pairs), float(dropped.rows)
-        gauges["dropped_holds"] = float(dropped.holds)
-        gauges["refused_inputs"] = float(self.simulation.refused_inputs)
+    def _counts(self) -> dict[str, float]:
+        dropped = self.simulation.dropped_contacts
+        return {
+            "dropped_pairs": float(dropped.pairs),
+            "dropped_contacts": float(dropped.rows),
+            "dropped_holds": float(dropped.holds),
+            "refused_inputs": float(self.simulation.refused_inputs),
+        }
 
     def _reset(self) -> None:
         self.resets += 1

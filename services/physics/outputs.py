@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from protocol import Frame
 from protocol.arrays import pack
-from protocol.bodies import Catheter, Duct, PhysicsContacts, ToolReaction, ToolState
+from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState, ToolReaction, ToolState
 from protocol.vectors import Mat3, Vec3
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
@@ -40,18 +40,24 @@ class Outputs:
         self._table = np.zeros((N_TOOLS, _COLUMNS))
 
     def publish(self, bus: Bus, answered: Frame, *, valid: bool) -> None:
-        """Send duct, catheter and contacts, as the answer to one frame of tools."""
-        tick, valid = answered.body.tick, valid and answered.valid
-        # Contacts first: the hand waits for the forces, the rest can follow.
-        contacts = self.contacts(tick, answered.body.tools)
-        bus.publish("physics.contacts", contacts, origin_ns=answered.origin_ns, valid=valid)
-        bus.publish("physics.duct", self._duct(tick), origin_ns=answered.origin_ns, valid=valid)
-        bus.publish("physics.catheter", self._catheter(tick), origin_ns=answered.origin_ns, valid=valid)
+        """Send the state, as the answer to one frame of tools: one frame, for each more would wake haptics again."""
+        state = self.state(answered.body.tick, answered.body.tools)
+        bus.publish("physics.state", state, origin_ns=answered.origin_ns, valid=valid and answered.valid)
 
-    def _duct(self, tick: int) -> Duct:
+    def state(self, tick: int, tools: tuple[ToolState, ...]) -> PhysicsState:
+        """Return all that is known after a step, and what each of `tools`, which it was solved for, feels."""
+        contacts = self._contacts()
+        return PhysicsState(
+            tick=tick,
+            tools=tuple(map(_reaction, self._table.tolist(), tools)),
+            duct=self._duct(),
+            catheter=self._catheter(tick),
+            contacts=contacts,
+        )
+
+    def _duct(self) -> Duct:
         s = self._simulation
         return Duct(
-            tick=tick,
             basis_hash=self._basis_hash,
             q=pack(s.duct_state.q),
             q_rate=pack(s.duct_state.qdot),
@@ -62,7 +68,6 @@ class Outputs:
     def _catheter(self, tick: int) -> Catheter:
         catheter = self._simulation.catheter
         return Catheter(
-            tick=tick,
             position_m=pack(catheter.state.position_m),
             velocity_m_s=pack(catheter.state.velocity_m_s),
             radius_m=catheter.radius_m,
@@ -75,8 +80,8 @@ class Outputs:
             self._inserted_m = self._simulation.inserted_length_m
         return self._inserted_m
 
-    def contacts(self, tick: int, tools: tuple[ToolState, ...]) -> PhysicsContacts:
-        """Return the solved contacts, and what each of `tools`, which the step was solved for, feels of them."""
+    def _contacts(self) -> ContactForces:
+        """Return the solved contacts, with the table of reactions brought up to date."""
         s = self._simulation
         rows, out, forces = s.contacts, s.tool_results, s.contact_force_n
         n = rows.n_contacts
@@ -85,9 +90,7 @@ class Outputs:
         tabulate(vectors, out.stiffness_n_m, scalars, self._table)
         holds = s.holds.rows
         count(rows.address, (holds.start, holds.stop), forces, self._kinds, self._table)
-        return PhysicsContacts(
-            tick=tick,
-            tools=tuple(map(_reaction, self._table.tolist(), tools)),
+        return ContactForces(
             kind=pack(self._kinds[:n], "|i1"),
             point_m=pack(rows.point_m[:n]),
             force_n=pack(forces),

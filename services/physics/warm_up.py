@@ -34,7 +34,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     for _ in range(_STEPS):
         simulation.step(tools)
     ContactsReader(simulation).compile_kernels()
-    Outputs(simulation, "").contacts(0, ())
+    Outputs(simulation, "").state(0, ())
     progress("kernels are compiled", 1.0)
 
 

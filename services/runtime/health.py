@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import protocol.bodies as bodies
@@ -51,7 +52,15 @@ class StageClock:
 
 
 class HealthReporter:
-    """Collects a process' figures and sends them when they are due."""
+    """Collects a process' figures and sends them when they are due.
+
+    Attributes
+    ----------
+    gauges
+        Figures that the process writes when they change.
+    counts
+        Returns further ones: asked when a report is made, not in every tick.
+    """
 
     def __init__(self, process: str, bus: Bus, meter: LoopMeter | None = None) -> None:
         self.process = process
@@ -61,6 +70,7 @@ class HealthReporter:
         self.paths: dict[str, LatencyPath] = {}
         self.stages = StageClock()
         self.gauges: dict[str, float] = {}
+        self.counts: Callable[[], Mapping[str, float]] = dict
         self.realtime: list[Fact] = []
         self.quality_level = 0
         self._bus = bus
@@ -102,5 +112,5 @@ class HealthReporter:
             stages=self.stages.take(),
             realtime=tuple(fact.body() for fact in self.realtime),
             quality_level=self.quality_level,
-            gauges=dict(self.gauges),
+            gauges={**self.gauges, **self.counts()},
         )

@@ -1,4 +1,4 @@
-"""The bus over ZeroMQ: no broker, one PUB socket per topic, single-part frames."""
+"""The bus over ZeroMQ: no broker, one PUB socket per topic and one for batches of a fast one, single-part frames."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from protocol import Frame, topic
 from services.runtime import bus, endpoints, keys
 from services.runtime.errors import BusError
 from services.runtime.rig import Transport
+from services.runtime.whole import SENDS_PER_S, BatchSender, count_readers, has_whole_socket, is_readable, whole
 
-#: Frames that a reader of every frame may fall behind before frames are lost (and counted): a second of the fastest.
+#: Frames that a slow reader may fall behind before frames are lost (and counted); batches: of a second, too.
 _HIGH_WATER_MARK = 1000
 _RECONNECT_MS = 2
 #: Frames between two looks at who has come and gone: readers that sample say so often, and what they say adds up.
@@ -32,10 +33,6 @@ def _raise_io_thread(context: zmq.Context[zmq.Socket[bytes]]) -> None:
         context.set(zmq.THREAD_PRIORITY, os.sched_getparam(0).sched_priority + 1)
 
 
-def _readable(socket: zmq.Socket[bytes]) -> bool:
-    return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
-
-
 class ZmqBus:
     """ZeroMQ sockets of one process. Make it after the real-time set-up: its I/O thread inherits core and priority.
 
@@ -46,7 +43,8 @@ class ZmqBus:
     publishes, reads
         Topic names. State topics are read newest-only.
     reads_every
-        Topics of which every frame is wanted, whatever the table says: for recorders and sniffers.
+        Topics of which every frame is wanted, whatever the table says: for recorders and sniffers. Those of a fast
+        topic come in batches, so that nobody waits for such a reader (`services.runtime.whole`).
     samples
         Topics of which a frame is wanted now and then: see `sample`.
     thread_above
@@ -77,6 +75,7 @@ class ZmqBus:
         self._receivers: dict[str, zmq.Socket[bytes]] = {}
         self._descriptors: dict[str, int] = {}
         self._subscribed: dict[str, int] = {}
+        self._batches: dict[str, BatchSender] = {}
         self._out: dict[str, bus.Outbox] = {}
         self._in: dict[str, bus.Inbox] = {}
         incarnation = bus.new_incarnation()
@@ -96,35 +95,41 @@ class ZmqBus:
             raise
 
     def _bind(self, transport: Transport, name: str, incarnation: int) -> None:
-        where = endpoints.endpoint(transport, name)
+        row = topic(name)
         if transport.kind == "ipc":
             self._locks.append(endpoints.claim(transport, name))
-        else:
-            where = endpoints.endpoint(transport, name, host=transport.bind_host)
+        self._senders[name] = self._bound(transport, name, name, _HIGH_WATER_MARK)
+        self._subscribed[name] = 0
+        self._out[name] = bus.Outbox(row, incarnation)
+        if has_whole_socket(row):
+            self._batches[name] = BatchSender(self._bound(transport, name, whole(name), SENDS_PER_S))
+
+    def _bound(self, transport: Transport, name: str, endpoint_name: str, most: int) -> zmq.Socket[bytes]:
+        """Return a socket that sends topic `name` and keeps `most` messages for a reader that is slow."""
+        host = None if transport.kind == "ipc" else transport.bind_host
+        where = endpoints.endpoint(transport, endpoint_name, host)
         socket = self._context.socket(zmq.XPUB)  # XPUB tells when a reader has subscribed: readiness without sleeping
         socket.setsockopt(zmq.XPUB_VERBOSER, 1)  # of every reader, not of the first and the last only
-        socket.sndhwm = _HIGH_WATER_MARK
+        socket.sndhwm = most
         if self._keys:
             self._keys.guard_publisher(socket)
-        self._senders[name] = socket
-        self._subscribed[name] = 0
-        self._out[name] = bus.Outbox(topic(name), incarnation)
         try:
             socket.bind(where)
         except zmq.ZMQError as error:
             raise BusError(f"topic {name}: cannot bind {where}: {error.strerror}") from None
+        return socket
 
     def _connect(self, transport: Transport, name: str, *, every: bool) -> zmq.Socket[bytes]:
         box = bus.Inbox(topic(name), every=every)
         socket = self._context.socket(zmq.SUB)
         if box.every:
-            socket.rcvhwm = _HIGH_WATER_MARK
+            socket.rcvhwm = _HIGH_WATER_MARK if whole(name) == name else SENDS_PER_S
         else:
             socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
         socket.reconnect_ivl = _RECONNECT_MS
         if self._keys:
             self._keys.guard_reader(socket)
-        socket.connect(endpoints.endpoint(transport, name))
+        socket.connect(endpoints.endpoint(transport, whole(name) if every else name))
         self._receivers[name] = socket
         self._descriptors[name] = int(socket.getsockopt(zmq.FD))
         self._in[name] = box
@@ -132,8 +137,11 @@ class ZmqBus:
 
     def publish(self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
         """Send `body`; a reader that cannot keep up loses frames, the sender never waits."""
-        box = self._out[name]
-        self._senders[name].send(box.seal(body, origin_ns, valid), zmq.NOBLOCK)
+        box, batches = self._out[name], self._batches.get(name)
+        data = box.seal(body, origin_ns, valid)
+        self._senders[name].send(data, zmq.NOBLOCK)
+        if batches is not None:
+            batches.add(data, time.monotonic_ns())
         if box.sent % _COUNT_READERS_EVERY == 0:
             self.has_reader(name)
         if self._authenticator:
@@ -143,7 +151,7 @@ class ZmqBus:
     def latest(self, name: str) -> Frame | None:
         """Return the newest unread frame of `name`, or None."""
         socket, box = self._receivers[name], self._in[name]
-        if not _readable(socket):
+        if not is_readable(socket):
             return None
         try:
             return box.accept(socket.recv(zmq.NOBLOCK))
@@ -154,15 +162,16 @@ class ZmqBus:
         """Return the unread frames of `name`, oldest first, at most `bus.DRAIN_LIMIT`."""
         socket, box = self._receivers[name], self._in[name]
         frames: list[Frame] = []
-        if not _readable(socket):  # nearly always, and asking costs a third of an exception
+        if not is_readable(socket):  # nearly always, and asking costs a third of an exception
             return frames
-        for _ in range(bus.DRAIN_LIMIT):
+        n_parts = 0
+        while n_parts < bus.DRAIN_LIMIT:
             try:
-                frame = box.accept(socket.recv(zmq.NOBLOCK))
+                parts = socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
                 break
-            if frame is not None:
-                frames.append(frame)
+            frames += [frame for frame in map(box.accept, parts) if frame is not None]
+            n_parts += len(parts)
         return frames
 
     def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:
@@ -189,7 +198,7 @@ class ZmqBus:
         """Sleep until `name` may have a frame or the clock reaches `until_ns`: finer than zmq_poll's milliseconds."""
         socket = self._receivers[name]
         descriptor = self._descriptors[name]
-        while not _readable(socket):
+        while not is_readable(socket):
             remaining_ns = until_ns - time.monotonic_ns()
             if remaining_ns <= 0:
                 return False
@@ -207,15 +216,14 @@ class ZmqBus:
 
     def has_reader(self, name: str) -> bool:
         """Return whether somebody has subscribed to `name` and not gone since."""
-        socket = self._senders[name]
         if self._authenticator:
             self._authenticator.answer()
-        while True:
-            try:
-                message = socket.recv(zmq.NOBLOCK)
-            except zmq.Again:
-                return self._subscribed[name] > 0
-            self._subscribed[name] += 1 if message[:1] == b"\x01" else -1
+        self._subscribed[name] = count_readers(self._senders[name], self._subscribed[name])
+        batches = self._batches.get(name)
+        if batches is None:
+            return self._subscribed[name] > 0
+        batches.look()
+        return self._subscribed[name] > 0 or batches.readers > 0
 
     @property
     def refused_readers(self) -> int:
@@ -227,7 +235,10 @@ class ZmqBus:
         return bus.summarise(self._out, self._in)
 
     def close(self) -> None:
-        """Close everything at once: nothing lingers."""
+        """Close everything: nothing lingers but the last batches, for some milliseconds."""
+        for batches in self._batches.values():
+            batches.close()
+        self._batches.clear()
         self._context.destroy(linger=0)
         for lock in self._locks:
             lock.close()

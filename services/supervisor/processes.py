@@ -45,7 +45,7 @@ class ProcessSpec:
 #: ticks from its first second: on two cores it would take a quarter of the time in which physics and haptics compile.
 TABLE = (
     ProcessSpec("gateway", "services.gateway", starts_after=("haptics",), stream="gateway.state"),
-    ProcessSpec("physics", "services.physics", stream="physics.contacts"),
+    ProcessSpec("physics", "services.physics", stream="physics.state"),
     ProcessSpec("haptics", "services.haptics", stream="haptics.contact_model"),
     ProcessSpec("visualization", "services.visualization", critical=False, starts_after=("physics",)),
     ProcessSpec("recorder", "services.recorder", critical=False),

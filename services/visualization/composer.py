@@ -32,7 +32,7 @@ class Composer:
     layout : Layout
         Of the next picture; a new object with a higher epoch whenever duct, catheter or tools change.
     refused : int
-        Duct frames of another basis, or that do not fit this one.
+        Frames whose duct is of another basis, or does not fit this one.
     """
 
     def __init__(self, bus: Bus, scene: SceneModel, scene_name: str, duct: ReducedDuct) -> None:
@@ -60,9 +60,10 @@ class Composer:
         """Return the picture of now, `layout` brought up to date first."""
         for topic, frame in self._bus.sample(TOPICS, time.monotonic_ns() + PATIENCE_NS).items():
             self._newest[topic] = frame
-            if topic == "physics.duct" and not self._surface.update(frame.body):
+            if topic == "physics.state" and not self._surface.update(frame.body.duct):
                 self.refused += 1
-        catheter: bodies.Catheter | None = self._body("physics.catheter")
+        physics: bodies.PhysicsState | None = self._body("physics.state")
+        catheter = None if physics is None else physics.catheter
         gateway: bodies.GatewayState | None = self._body("gateway.state")
         self._lay_out(catheter, gateway)
         self._sequence += 1
@@ -73,7 +74,7 @@ class Composer:
             picture.inserted_length_m = catheter.inserted_length_m
         if gateway is not None:
             picture.tick = gateway.tick
-            self._pose_tools(picture, gateway.instruments)
+            self._pose_tools(picture, gateway.instruments, () if physics is None else physics.tools)
         return picture
 
     def _body(self, topic: str) -> Any:
@@ -85,7 +86,7 @@ class Composer:
 
         The deformed duct is the last link of the chain, so its sample counts where physics runs.
         """
-        frame = self._newest.get("physics.duct") or self._newest.get("gateway.state")
+        frame = self._newest.get("physics.state") or self._newest.get("gateway.state")
         origin_ns = frame.origin_ns if frame is not None else 0
         if origin_ns == self._origin_ns:
             return 0
@@ -112,9 +113,12 @@ class Composer:
             instrument.name, instrument.port_m, shape.shaft_radius_m, shape.jaw_length_m, shape.jaw_radius_m
         )
 
-    def _pose_tools(self, picture: Picture, instruments: tuple[bodies.InstrumentState, ...]) -> None:
-        contacts: bodies.PhysicsContacts | None = self._body("physics.contacts")
-        reactions = () if contacts is None else contacts.tools
+    def _pose_tools(
+        self,
+        picture: Picture,
+        instruments: tuple[bodies.InstrumentState, ...],
+        reactions: tuple[bodies.ToolReaction, ...],
+    ) -> None:
         k = len(instruments)
         picture.poses = np.zeros((k, 7), np.float32)
         picture.jaw_rad = np.zeros(k, np.float32)

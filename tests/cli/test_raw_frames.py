@@ -10,7 +10,7 @@ import pytest
 
 import protocol
 import protocol.bodies as bodies
-from protocol import Frame, topic
+from protocol import TOPICS, Frame, topic
 from protocol.arrays import pack
 from services.cli.raw_frames import unpack
 from tests.protocol import samples
@@ -21,6 +21,9 @@ GOLDEN = sorted((Path(__file__).parents[1] / "protocol" / "golden").glob("*.msgp
 @pytest.mark.parametrize("path", GOLDEN, ids=lambda path: path.stem)
 def test_every_golden_frame_is_named(path: Path) -> None:
     frame = unpack(path.read_bytes())
+    if frame["topic"] not in TOPICS:  # it has gone: its fields have no names any more
+        assert isinstance(frame["body"], list)
+        return
     row = topic(frame["topic"])
     assert (frame["incarnation"], frame["sequence"]) == (samples.INCARNATION, 7)
     declared = row.body.__struct_fields__
@@ -29,16 +32,16 @@ def test_every_golden_frame_is_named(path: Path) -> None:
 
 def test_nested_structs_and_arrays() -> None:
     tool = bodies.ToolReaction(force_n=(1.0, 2.0, 3.0), contacts=2)
-    body = bodies.PhysicsContacts(
-        tick=5, tools=(tool, tool), kind=pack(np.zeros(20), "|i1"), point_m=pack(np.ones((20, 3))),
-        force_n=pack(np.arange(60.0).reshape(20, 3)),
-    )  # fmt: skip
-    data = protocol.encode(Frame(1, "physics.contacts", 1, 2, 3, 4, 5, True, body))
+    contacts = bodies.ContactForces(
+        kind=pack(np.zeros(20), "|i1"), point_m=pack(np.ones((20, 3))), force_n=pack(np.arange(60.0).reshape(20, 3))
+    )
+    body = samples.physics_state(5, tool, tool, contacts=contacts)
+    data = protocol.encode(Frame(1, "physics.state", 1, 2, 3, 4, 5, True, body))
     shown = unpack(data)
     assert shown["sent_ns"] == 4
     assert shown["body"]["tools"][1]["force_n"] == [1.0, 2.0, 3.0]
     assert shown["body"]["tools"][0]["contacts"] == 2
-    assert shown["body"]["force_n"] == {
+    assert shown["body"]["contacts"]["force_n"] == {
         "dtype": "<f8", "shape": [20, 3], "first": [0.0, 1.0, 2.0], "min": 0.0, "max": 59.0,
     }  # fmt: skip
 
@@ -65,7 +68,7 @@ def test_what_is_no_frame_is_a_sentence(data: bytes) -> None:
 
 def test_an_array_that_lies_is_shown_as_bytes() -> None:
     lie = msgspec.msgpack.encode(
-        [1, "physics.contacts", 1, 2, 3, 4, 5, True, [5, [], ["|i1", [9], b"12"], ["?", [1], b""], "none"]]
+        [1, "haptics.contacts", 2, 2, 3, 4, 5, True, [5, [], ["|i1", [9], b"12"], ["?", [1], b""], "none"]]
     )
     body = unpack(lie)["body"]
-    assert body["kind"] == {"dtype": "|i1", "shape": [9], "bytes": 2}
+    assert body["tool"] == {"dtype": "|i1", "shape": [9], "bytes": 2}

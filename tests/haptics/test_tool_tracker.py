@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from protocol.arrays import pack
-from protocol.bodies import GatewayState, InstrumentState, PhysicsContacts, ToolReaction
+from protocol.bodies import GatewayState, InstrumentState, ToolReaction
 from services.haptics.tool_tracker import ToolTracker
 from services.mechanics.scene import ForcepsScene, SceneModel
 
@@ -29,11 +28,6 @@ def hands(*hips_m: tuple[float, float, float], handle_rad: float = 0.2, roll_rad
         for i, hip in enumerate(hips_m)
     )
     return GatewayState(tick=0, instruments=tuple(instruments))
-
-
-def solved(*reactions: ToolReaction) -> PhysicsContacts:
-    rows = pack(np.zeros((0, 3)))
-    return PhysicsContacts(tick=0, tools=reactions, kind=pack([], "|i1"), point_m=rows, force_n=rows)
 
 
 #: The contact holds the proxy 2 mm above its hand, and the jaws open by 0.7 rad.
@@ -87,14 +81,14 @@ def test_roll_turns_the_jaws_about_the_shaft(tracker: ToolTracker) -> None:
 
 def test_a_tool_that_touches_is_held_back_and_moves_with_its_hand(tracker: ToolTracker) -> None:
     """What physics knows is the stretch of the coupling: it stays while the hand moves on."""
-    tracker.take_reactions(solved(HELD_BACK, ToolReaction()))
+    tracker.take_reactions((HELD_BACK, ToolReaction()))
     for moved_m in (0.0, 1e-3):
         tracker.take_hands(hands((HIP[0] + moved_m, HIP[1], HIP[2]), OTHER))
         np.testing.assert_allclose(junctions(tracker), [(HIP[0] + moved_m, HIP[1], HIP[2] + 2e-3), OTHER], atol=1e-15)
 
 
 def test_what_is_between_the_jaws_keeps_them_open(tracker: ToolTracker) -> None:
-    tracker.take_reactions(solved(HELD_BACK, ToolReaction()))
+    tracker.take_reactions((HELD_BACK, ToolReaction()))
     told = tracker.take_hands(hands(HIP, OTHER))
     assert opening_rad(tracker, 0) == pytest.approx(0.7)
     assert opening_rad(tracker, 1) == pytest.approx(0.4)
@@ -108,14 +102,14 @@ def test_a_hold_holds_back_as_a_contact_does_and_neither_holds_nothing(tracker: 
         reaction = ToolReaction(
             position_m=HIP, proxy_position_m=(HIP[0], HIP[1], HIP[2] + 2e-3), proxy_jaw_angle_rad=0.7, **{count: n}
         )
-        tracker.take_reactions(solved(reaction, ToolReaction()))
+        tracker.take_reactions((reaction, ToolReaction()))
         tracker.take_hands(hands(HIP, OTHER))
         assert junctions(tracker)[0][2] - HIP[2] == pytest.approx(back_m, abs=1e-15)
         assert opening_rad(tracker, 0) == pytest.approx(0.7 if n else 0.4)
 
 
 def test_when_physics_is_silent_nothing_holds_the_tools_back(tracker: ToolTracker) -> None:
-    tracker.take_reactions(solved(HELD_BACK, HELD_BACK))
+    tracker.take_reactions((HELD_BACK, HELD_BACK))
     tracker.forget_reactions()
     tracker.take_hands(hands(HIP, OTHER))
     np.testing.assert_array_equal(junctions(tracker), [HIP, OTHER])
@@ -135,5 +129,5 @@ def test_more_instruments_than_tools_are_left_out(tracker: ToolTracker) -> None:
     told = tracker.take_hands(hands(HIP, OTHER, (0.0, 0.0, 0.0)))
     assert len(told) == 2
     np.testing.assert_array_equal(junctions(tracker), [HIP, OTHER])
-    tracker.take_reactions(solved(ToolReaction(), ToolReaction(), HELD_BACK))
+    tracker.take_reactions((ToolReaction(), ToolReaction(), HELD_BACK))
     assert len(tracker.reactions) == 2

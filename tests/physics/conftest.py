@@ -85,7 +85,7 @@ def in_memory(monkeypatch: pytest.MonkeyPatch) -> type[Rig]:
     # The flood limit is tested elsewhere.
     monkeypatch.setattr("services.runtime.bus.FLOOD_FACTOR", 1e6)
     # A turn may take longer than a tick on a busy machine: what is old is decided by the test.
-    monkeypatch.setitem(TOPICS, "physics.contacts", replace(TOPICS["physics.contacts"], stale_after_s=STALE_S))
+    monkeypatch.setitem(TOPICS, "physics.state", replace(TOPICS["physics.state"], stale_after_s=STALE_S))
     return Rig
 
 

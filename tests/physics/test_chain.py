@@ -149,11 +149,11 @@ def test_a_state_that_is_no_number_is_written_down_and_replaced(
         simulation.duct_state.q[3] = np.nan
 
     monkeypatch.setattr(simulation, "step", diverge)
-    spy = type(rig.gateway)(rig.hub, reads=["physics.contacts"])
+    spy = type(rig.gateway)(rig.hub, reads=["physics.state"])
     rig.turn(FAR, FAR)
     assert rig.physics.resets == 1
     assert "not a number" in caplog.text
-    answer = spy.latest("physics.contacts")
+    answer = spy.latest("physics.state")
     assert answer is not None
     assert not answer.valid
     rig.turn(FAR, FAR)
@@ -165,18 +165,18 @@ def test_frames_that_do_not_fit_the_scene_are_refused(rig: Rig) -> None:
     for _ in range(3):
         rig.turn(FAR, FAR)
     scene = rig.haptics.scene
-    spy = type(rig.gateway)(rig.hub, reads=["physics.duct", "physics.catheter"])
+    spy = type(rig.gateway)(rig.hub, reads=["physics.state"])
     rig.turn(FAR, FAR)
-    duct, catheter = spy.latest("physics.duct"), spy.latest("physics.catheter")
-    assert duct is not None
-    assert catheter is not None
+    frame = spy.latest("physics.state")
+    assert frame is not None
+    duct, catheter = frame.body.duct, frame.body.catheter
     for body in (
-        msgspec.structs.replace(duct.body, basis_hash="another"),
-        msgspec.structs.replace(duct.body, q=pack(np.zeros(3)), q_rate=pack(np.zeros(3))),
-        msgspec.structs.replace(duct.body, load_node=pack([10**6], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
-        msgspec.structs.replace(duct.body, load_node=pack([-1], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
+        msgspec.structs.replace(duct, basis_hash="another"),
+        msgspec.structs.replace(duct, q=pack(np.zeros(3)), q_rate=pack(np.zeros(3))),
+        msgspec.structs.replace(duct, load_node=pack([10**6], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
+        msgspec.structs.replace(duct, load_node=pack([-1], "<i4"), load_force_n=pack(np.zeros((1, 3)))),
     ):
-        scene.take_duct(msgspec.structs.replace(duct, body=body))
-    few = msgspec.structs.replace(catheter.body, position_m=pack(np.zeros((4, 3))), velocity_m_s=pack(np.zeros((4, 3))))
-    scene.take_catheter(msgspec.structs.replace(catheter, body=few))
+        scene.take_duct(body)
+    few = msgspec.structs.replace(catheter, position_m=pack(np.zeros((4, 3))), velocity_m_s=pack(np.zeros((4, 3))))
+    scene.take_catheter(few)
     assert scene.refused == {"basis": 2, "load_node": 2, "particles": 1}

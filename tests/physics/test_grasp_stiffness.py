@@ -66,7 +66,7 @@ def _reaction(scene: SceneModel, duct: ReducedDuct, hands: Hands, turned_rad: fl
         tools.jaw_angle_rad[0] += turned_rad if tick == TICKS - 1 else 0.0
         simulation.step(tools)
     told = ToolState(position_m=tuple(tools.position_m[0]), jaw_angle_rad=float(tools.jaw_angle_rad[0]))
-    return Outputs(simulation, "").contacts(TICKS, (told,)).tools[0]
+    return Outputs(simulation, "").state(TICKS, (told,)).tools[0]
 
 
 def _torque_nm(reaction: ToolReaction, scene: SceneModel, handle_rad: float) -> float:

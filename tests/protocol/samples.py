@@ -59,6 +59,27 @@ def _contacts() -> bodies.ToolContacts:
     )  # fmt: skip
 
 
+def physics_state(tick: int = 5, *tools: bodies.ToolReaction, **changes: msgspec.Struct) -> bodies.PhysicsState:
+    """Return a state with a little of everything; `changes` are its duct, catheter or contacts."""
+    state = bodies.PhysicsState(
+        tick=tick,
+        tools=tools,
+        duct=bodies.Duct(
+            basis_hash="c0ffee", q=pack([1.0, 2.0]), q_rate=pack([0.0, -1.0]),
+            load_node=pack([4], "<i4"), load_force_n=pack([[0.0, 0.0, -1.0]]),
+        ),
+        catheter=bodies.Catheter(
+            position_m=pack(np.arange(6.0).reshape(2, 3)), velocity_m_s=pack(np.zeros((2, 3))),
+            radius_m=0.8e-3, inserted_length_m=0.02,
+        ),
+        contacts=bodies.ContactForces(
+            kind=pack([0], "|i1"), point_m=pack([[0.1, 0.2, 0.3]]), force_n=pack([[0.0, 0.0, 1.0]]),
+            max_penetration_m=1e-5,
+        ),
+    )  # fmt: skip
+    return msgspec.structs.replace(state, **changes)
+
+
 _BODIES: dict[str, msgspec.Struct] = {
     "gateway.state": bodies.GatewayState(
         tick=5,
@@ -81,18 +102,8 @@ _BODIES: dict[str, msgspec.Struct] = {
         ),
     ),
     "haptics.contacts": _contacts(),
-    "physics.duct": bodies.Duct(
-        tick=5, basis_hash="c0ffee", q=pack([1.0, 2.0]), q_rate=pack([0.0, -1.0]),
-        load_node=pack([4], "<i4"), load_force_n=pack([[0.0, 0.0, -1.0]]),
-    ),
-    "physics.catheter": bodies.Catheter(
-        tick=5, position_m=pack(np.arange(6.0).reshape(2, 3)), velocity_m_s=pack(np.zeros((2, 3))),
-        radius_m=0.8e-3, inserted_length_m=0.02,
-    ),
-    "physics.contacts": bodies.PhysicsContacts(
-        tick=5, tools=(bodies.ToolReaction(force_n=(0.0, 0.0, 1.0), jaw_angle_rad=0.4, contacts=2, holds=1),),
-        kind=pack([0], "|i1"), point_m=pack([[0.1, 0.2, 0.3]]), force_n=pack([[0.0, 0.0, 1.0]]),
-        max_penetration_m=1e-5,
+    "physics.state": physics_state(
+        5, bodies.ToolReaction(force_n=(0.0, 0.0, 1.0), jaw_angle_rad=0.4, contacts=2, holds=1)
     ),
     "supervisor.state": bodies.SupervisorState(
         state="degraded", quality_level=1, reason="physics: miss ratio 2 %, limit 0.1 %",

@@ -73,7 +73,7 @@ def test_each_refusal_has_its_reason() -> None:
     assert _reason(b"\xdd\xff\xff\xff\xff") is Reason.MALFORMED
     assert _reason(_enveloped(protocol=2)) is Reason.PROTOCOL_VERSION
     assert _reason(_enveloped(topic="gateway.coffee")) is Reason.UNKNOWN_TOPIC
-    assert _reason(good, "physics.duct") is Reason.WRONG_TOPIC
+    assert _reason(good, "physics.state") is Reason.WRONG_TOPIC
     assert _reason(_enveloped(version=TOPICS["gateway.state"].version + 1)) is Reason.NEWER_VERSION
     assert _reason(_enveloped(body=["x"])) is Reason.BODY
 
@@ -102,7 +102,7 @@ def test_fields_of_a_newer_minor_are_skipped() -> None:
 def test_arrays_that_lie_are_refused() -> None:
     q = pack(np.zeros(4))
     rate = pack(np.zeros(4))
-    duct = {"q": q, "q_rate": rate}
+    state = samples.physics_state()
     for field, lie, reason in [
         ("q", Array("<f4", (4,), b"\0" * 16), Reason.ARRAY_DTYPE),
         ("q", Array("|O8", (4,), b"\0" * 32), Reason.ARRAY_DTYPE),
@@ -113,7 +113,8 @@ def test_arrays_that_lie_are_refused() -> None:
         ("q", Array("<f8", (1 << 40,), b""), Reason.ARRAY_SHAPE),
         ("q", pack(np.array([0, math.nan, 0, 0])), Reason.NOT_FINITE),
     ]:
-        assert _reason(_changed("physics.duct", **(duct | {field: lie}))) is reason, lie
+        duct = msgspec.structs.replace(state.duct, **({"q": q, "q_rate": rate} | {field: lie}))
+        assert _reason(_changed("physics.state", duct=duct)) is reason, lie
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -130,11 +131,11 @@ def test_opposite_infinities_do_not_cancel() -> None:
 
 
 def test_a_header_can_be_read_alone() -> None:
-    header = peek(encode(samples.frame("physics.duct")))
-    assert (header.topic, header.sequence, header.origin_ns) == ("physics.duct", 7, 1_000)
+    header = peek(encode(samples.frame("physics.state")))
+    assert (header.topic, header.sequence, header.origin_ns) == ("physics.state", 7, 1_000)
 
 
 def test_decoded_arrays_cannot_be_written() -> None:
-    frame = decode(encode(samples.frame("physics.duct")))
+    frame = decode(encode(samples.frame("physics.state")))
     with pytest.raises(ValueError, match="read-only"):
-        frame.body.q.view()[0] = 1.0
+        frame.body.duct.q.view()[0] = 1.0

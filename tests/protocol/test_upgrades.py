@@ -47,10 +47,7 @@ def test_old_versions_climb_to_the_current_one() -> None:
         assert frame.body == bodies.SupervisorState(state="running")
 
 
-KEEPS_NAMES = [
-    ("haptics.contact_model", 1), ("haptics.contacts", 1), ("physics.duct", 1), ("physics.catheter", 1),
-    ("physics.contacts", 1),
-]  # fmt: skip
+KEEPS_NAMES = [("haptics.contact_model", 1), ("haptics.contacts", 1)]
 
 
 @pytest.mark.parametrize(("name", "version"), KEEPS_NAMES)

@@ -32,12 +32,12 @@ def test_every_topic_comes_back(tmp_path: Path, name: str) -> None:
 
 def test_numbers_and_arrays_are_those_of_the_frame(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", {})
-    for name in ("gateway.state", "physics.duct", "haptics.contacts", "physics.health"):
+    for name in ("gateway.state", "physics.state", "haptics.contacts", "physics.health"):
         writer.write(samples.frame(name))
     writer.close()
     by_topic = {message.topic: message.body for message in read(writer.path)}
     assert list(by_topic["gateway.state"].instruments[0].position_m) == [0.1, 0.2, 0.3]
-    np.testing.assert_array_equal(by_topic["physics.duct"].q, [1.0, 2.0])
+    np.testing.assert_array_equal(by_topic["physics.state"].duct.q, [1.0, 2.0])
     assert list(by_topic["haptics.contacts"].target) == [17, 3]
     np.testing.assert_allclose(by_topic["haptics.contacts"].target_weights, [0.2, 0.3, 0.5, 0.5, 0.5, 0.0])
     assert by_topic["physics.health"].topics[0].refused["malformed"] == 1
@@ -116,7 +116,7 @@ def test_a_file_torn_anywhere_is_read_up_to_there(tmp_path: Path, cut: int) -> N
 
 def test_the_file_says_what_it_is(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", {"rig": "stub"})
-    writer.write(samples.frame("physics.duct"))
+    writer.write(samples.frame("physics.state"))
     writer.close()
     with writer.path.open("rb") as file:
         reader = make_reader(file)

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from protocol.bodies import Catheter, PhysicsContacts
+from protocol.bodies import Catheter, PhysicsState
 from tests.rig.conftest import Observer, running_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
 
-TOPICS = ("physics.catheter", "physics.contacts")
+TOPICS = ("physics.state",)
 PACE = 0.25  # of the hands: where a busy machine loses ticks they move on by less
 LASTS_S = 90.0  # the scenarios take nine seconds at this pace
 FORCE_STEP_N = 0.3
@@ -28,27 +28,25 @@ class Course:
     """Everything that physics said of a scenario."""
 
     observer: Observer
-    catheters: list[Catheter] = field(default_factory=list)
-    contacts: list[PhysicsContacts] = field(default_factory=list)
+    states: list[PhysicsState] = field(default_factory=list)
 
     def look(self) -> None:
-        self.catheters += [frame.body for frame in self.observer.bus.drain("physics.catheter")]
-        self.contacts += [frame.body for frame in self.observer.bus.drain("physics.contacts")]
+        self.states += [frame.body for frame in self.observer.bus.drain("physics.state")]
 
     def reaches(self, inserted_m: float) -> bool:
         self.look()
-        return bool(self.catheters) and self.catheters[-1].inserted_length_m >= inserted_m
+        return bool(self.states) and self.states[-1].catheter.inserted_length_m >= inserted_m
 
     def is_bowed(self, by_m: float) -> bool:
         self.look()
-        return bool(self.catheters) and _bow_m(self.catheters[-1]) > by_m
+        return bool(self.states) and _bow_m(self.states[-1].catheter) > by_m
 
     @staticmethod
-    def steps_n(contacts: list[PhysicsContacts]) -> list[float]:
+    def steps_n(states: list[PhysicsState]) -> list[float]:
         """Return the largest change of a tool's force between neighbouring ticks."""
         return [
             max(math.dist(x.force_n, y.force_n) for x, y in zip(a.tools, b.tools, strict=True))
-            for a, b in itertools.pairwise(contacts)
+            for a, b in itertools.pairwise(states)
             if b.tick == a.tick + 1 and len(a.tools) == len(b.tools)
         ]
 
@@ -70,20 +68,20 @@ def course(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Course]:
 @pytest.mark.parametrize("course", ["insertion"], indirect=True)
 def test_the_catheter_is_slid_20_mm_into_the_duct(course: Course) -> None:
     course.observer.until(lambda: course.reaches(20e-3), LASTS_S, "20 mm inserted")
-    assert course.contacts[-1].tools[0].holds == 2
-    assert 0.0 < max(body.max_penetration_m for body in course.contacts) < DEEPEST_M
-    assert max(course.steps_n(course.contacts)) < FORCE_STEP_N
-    pushes = [max(math.hypot(*body.tools[i].force_n) for body in course.contacts) for i in (0, 1)]
+    assert course.states[-1].tools[0].holds == 2
+    assert 0.0 < max(body.contacts.max_penetration_m for body in course.states) < DEEPEST_M
+    assert max(course.steps_n(course.states)) < FORCE_STEP_N
+    pushes = [max(math.hypot(*body.tools[i].force_n) for body in course.states) for i in (0, 1)]
     assert min(pushes) > 2e-3, "both hands feel something"
 
 
 @pytest.mark.parametrize("course", ["miss"], indirect=True)
 def test_aimed_beside_the_mouth_it_buckles_outside(course: Course) -> None:
     course.observer.until(lambda: course.is_bowed(1e-3), LASTS_S, "the catheter bows out")
-    assert max(body.inserted_length_m for body in course.catheters) == 0.0
-    assert max(body.max_penetration_m for body in course.contacts) < DEEPEST_M
-    assert max(course.steps_n(course.contacts)) < FORCE_STEP_N
-    assert max(math.hypot(*body.tools[0].force_n) for body in course.contacts) > 0.02
+    assert max(body.catheter.inserted_length_m for body in course.states) == 0.0
+    assert max(body.contacts.max_penetration_m for body in course.states) < DEEPEST_M
+    assert max(course.steps_n(course.states)) < FORCE_STEP_N
+    assert max(math.hypot(*body.tools[0].force_n) for body in course.states) > 0.02
 
 
 def _bow_m(body: Catheter) -> float:

@@ -12,14 +12,13 @@ import sys
 import time
 
 import msgspec
-import numpy as np
 
 import protocol.bodies as bodies
-from protocol.arrays import pack
 from services.runtime import log
 from services.runtime.errors import ConfigError
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, main
+from tests.protocol import samples
 
 RATE_HZ = float(os.environ.get("FAKE_RATE", "200"))
 
@@ -32,13 +31,11 @@ def stream_body(name: str, tick: int) -> msgspec.Struct | None:
         case "haptics":
             return bodies.ContactModel(tick=tick, ttl_s=0.02)
         case "physics":
-            none = pack(np.zeros((0, 3)))
-            kind = pack(np.zeros(0), "|i1")
-            return bodies.PhysicsContacts(tick=tick, tools=(), kind=kind, point_m=none, force_n=none)
+            return samples.physics_state(tick)
     return None
 
 
-STREAMS = {"gateway": "gateway.state", "haptics": "haptics.contact_model", "physics": "physics.contacts"}
+STREAMS = {"gateway": "gateway.state", "haptics": "haptics.contact_model", "physics": "physics.state"}
 
 
 def run(process: Process) -> None:

@@ -6,15 +6,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 import protocol.bodies as bodies
-from protocol.arrays import pack
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.memory_bus import MemoryBus, MemoryHub
 from services.runtime.rig import Rig
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Setup, Supervisor
+from tests.protocol import samples
 
 MS = 1_000_000
 
@@ -64,15 +62,10 @@ def health(
     )  # fmt: skip
 
 
-def _no_contacts(tick: int) -> bodies.PhysicsContacts:
-    none = pack(np.zeros((0, 3)))
-    return bodies.PhysicsContacts(tick=tick, tools=(), kind=pack(np.zeros(0), "|i1"), point_m=none, force_n=none)
-
-
 STREAMS: dict[str, Callable[[int], object]] = {
     "gateway.state": lambda tick: bodies.GatewayState(tick=tick),
     "haptics.contact_model": lambda tick: bodies.ContactModel(tick=tick, ttl_s=0.02),
-    "physics.contacts": _no_contacts,
+    "physics.state": samples.physics_state,
 }
 
 

@@ -41,7 +41,7 @@ def member(name: str, state: MemberState = MemberState.READY, *, heard_s: float 
     ("name", "silence_s", "sentence"),
     [
         ("physics", 0.05, ""),
-        ("physics", 0.07, "physics.contacts: silent for 70 ms, limit 60 ms"),
+        ("physics", 0.07, "physics.state: silent for 70 ms, limit 60 ms"),
         ("recorder", 0.49, ""),
         ("recorder", 0.60, "recorder.health: silent for 600 ms, limit 500 ms"),
     ],
@@ -51,7 +51,7 @@ def test_silence(name: str, silence_s: float, sentence: str) -> None:
 
 
 def test_a_starving_process_is_not_silent_but_its_stream_is() -> None:
-    for name, said in (("recorder", ""), ("physics", "physics.contacts: silent")):
+    for name, said in (("recorder", ""), ("physics", "physics.state: silent")):
         starving = member(name)
         starving.child.waited = 0.4  # type: ignore[union-attr]
         assert watch.hang(starving, False, 100.8, LIMITS).startswith(said)

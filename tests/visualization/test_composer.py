@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -16,29 +17,38 @@ DUCT = make_duct()
 HASH = DUCT.basis.content_hash
 
 
+def duct_of(q: Iterable[float], nodes: Iterable[int] = (), forces: object = (), of: str = HASH) -> bodies.Duct:
+    q, force = list(q), np.reshape(np.asarray(forces, float), (-1, 3))
+    loads = {"load_node": pack(list(nodes), "<i4"), "load_force_n": pack(force)}
+    return bodies.Duct(basis_hash=of, q=pack(q), q_rate=pack(q), **loads)
+
+
 class Rig:
     """A composer, and a hand on every publisher that it reads."""
 
     def __init__(self) -> None:
         hub = MemoryHub()
         self.out = MemoryBus(hub, publishes=TOPICS)
-        self.composer = Composer(MemoryBus(hub, reads=TOPICS), SceneModel(), "test", DUCT)
+        scene = SceneModel()
+        self.composer = Composer(MemoryBus(hub, reads=TOPICS), scene, "test", DUCT)
+        none = pack(np.zeros((0, 3)))
+        catheter = bodies.Catheter(position_m=none, velocity_m_s=none, radius_m=0.5 * scene.catheter.outer_diameter_m)
+        contacts = bodies.ContactForces(kind=pack([], "|i1"), point_m=none, force_n=none)
+        self.state = bodies.PhysicsState(tick=0, tools=(), duct=duct_of([0.0]), catheter=catheter, contacts=contacts)
+
+    def say(self, t: int = 1, **changes: object) -> None:
+        """Physics says what it said, with `changes`."""
+        self.state = msgspec.structs.replace(self.state, tick=t, **changes)
+        self.out.publish("physics.state", self.state, origin_ns=t)
 
     def bend(self, q: Iterable[float], nodes: Iterable[int] = (), forces: object = (), *, of: str = HASH, t: int = 1):
-        force = np.reshape(np.asarray(forces, float), (-1, 3))
-        body = bodies.Duct(
-            tick=t, basis_hash=of, q=pack(list(q)), q_rate=pack(list(q)), load_node=pack(list(nodes), "<i4"),
-            load_force_n=pack(force),
-        )  # fmt: skip
-        self.out.publish("physics.duct", body, origin_ns=t)
+        self.say(t, duct=duct_of(q, nodes, forces, of))
 
     def hold(self, *instruments: bodies.InstrumentState, tick: int = 1) -> None:
         self.out.publish("gateway.state", bodies.GatewayState(tick=tick, instruments=instruments), origin_ns=tick)
 
     def react(self, *tools: bodies.ToolReaction) -> None:
-        none = pack(np.zeros((0, 3)))
-        body = bodies.PhysicsContacts(tick=1, tools=tools, kind=pack([], "|i1"), point_m=none, force_n=none)
-        self.out.publish("physics.contacts", body)
+        self.say(tools=tools)
 
 
 def test_before_anything_arrives_the_duct_is_at_rest():
@@ -104,8 +114,7 @@ def test_the_layout_changes_with_tools_and_particles_and_with_nothing_else():
     rig.bend([1e-3])
     assert rig.composer.compose().epoch == first.epoch + 1
     line = np.zeros((4, 3))
-    body = bodies.Catheter(tick=1, position_m=pack(line), velocity_m_s=pack(line), radius_m=1e-3)
-    rig.out.publish("physics.catheter", body)
+    rig.say(catheter=bodies.Catheter(position_m=pack(line), velocity_m_s=pack(line), radius_m=1e-3))
     assert rig.composer.compose().epoch == first.epoch + 2
     assert rig.composer.layout.n_particles == 4
 
@@ -113,10 +122,11 @@ def test_the_layout_changes_with_tools_and_particles_and_with_nothing_else():
 def test_the_catheter_is_where_physics_says_and_as_far_in():
     rig = Rig()
     line = np.linspace([0.06, 0.0, 0.0], [0.03, 0.01, 0.0], 5)
-    body = bodies.Catheter(
-        tick=1, position_m=pack(line), velocity_m_s=pack(0.0 * line), radius_m=1e-3, inserted_length_m=0.012
+    rig.say(
+        catheter=bodies.Catheter(
+            position_m=pack(line), velocity_m_s=pack(0.0 * line), radius_m=1e-3, inserted_length_m=0.012
+        )
     )
-    rig.out.publish("physics.catheter", body)
     picture = rig.composer.compose()
     np.testing.assert_array_equal(picture.centreline_m, line.astype(np.float32))
     assert picture.inserted_length_m == 0.012

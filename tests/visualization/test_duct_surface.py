@@ -30,7 +30,7 @@ def test_turned_sections_are_drawn_turned(turning: ReducedDuct) -> None:
     q[:3] = 1.0, -0.7, 0.3
     q *= 10e-3 / np.abs(basis.displacements(q)).max()  # far: the straight modes are off by more than a millimetre
     body = bodies.Duct(
-        tick=1, basis_hash=basis.content_hash, q=pack(q), q_rate=pack(0.0 * q), load_node=pack([], "<i4"),
+        basis_hash=basis.content_hash, q=pack(q), q_rate=pack(0.0 * q), load_node=pack([], "<i4"),
         load_force_n=pack(np.zeros((0, 3))),
     )  # fmt: skip
     surface = DuctSurface(turning)

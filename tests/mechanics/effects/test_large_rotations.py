@@ -176,7 +176,7 @@ def test_picture_and_detection_show_the_same_wall(duct, bent):
     wall.surface.node_positions(every, at)
     empty = pack(np.zeros(0))
     loads = {"load_node": pack(node, "<i4"), "load_force_n": pack(force_n)}
-    frame = bodies.Duct(tick=1, basis_hash=duct.basis.content_hash, q=pack(q), q_rate=empty, **loads)
+    frame = bodies.Duct(basis_hash=duct.basis.content_hash, q=pack(q), q_rate=empty, **loads)
     assert drawn.update(frame)
     starts, ring = neighbourhoods(duct.mesh, RINGS)
     near = ring[starts[300] : starts[301]]

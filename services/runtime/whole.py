@@ -1,0 +1,86 @@
+"""Every frame of a fast topic for those who only look on: in batches, from a socket of their own.
+
+Who acts on a topic reads it from the topic's socket, and each of its readers costs its publisher some microseconds a
+frame. Who wants every frame but waits for none (a recorder, `trocar sniff`) subscribes here: a frame is then one entry
+in a list, and at most `SENDS_PER_S` times a second the list is sent as the parts of one message. While nobody
+subscribes nothing is kept and nothing is sent.
+"""
+
+from __future__ import annotations
+
+import zmq
+
+from protocol import Topic, topic
+
+SENDS_PER_S = 60
+#: Frames kept for the next batch, whatever a publisher does; readers count those beyond as lost.
+_LONGEST = 1000
+_GAP_NS = 1_000_000_000 // SENDS_PER_S
+#: How long a process that ends in good order waits for its last batches to leave.
+_LINGER_MS = 20
+
+Socket = zmq.Socket[bytes]
+
+
+def has_whole_socket(row: Topic) -> bool:
+    """Return whether a topic is so fast that its every frame is had in batches."""
+    return row.rate_hz > SENDS_PER_S
+
+
+def whole(name: str) -> str:
+    """Return the name of the endpoint at which every frame of topic `name` is had."""
+    return f"{name}.whole" if has_whole_socket(topic(name)) else name
+
+
+def is_readable(socket: Socket) -> bool:
+    """Return whether something has arrived at `socket`: a third of what an exception costs."""
+    return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
+
+
+def count_readers(socket: Socket, before: int) -> int:
+    """Return how many have subscribed to the XPUB `socket` and not gone since, `before` of whom were known."""
+    while is_readable(socket):
+        before += 1 if socket.recv(zmq.NOBLOCK)[:1] == b"\x01" else -1
+    return before
+
+
+class BatchSender:
+    """The frames of one topic for its observers.
+
+    Attributes
+    ----------
+    readers
+        How many had subscribed at the last look.
+    """
+
+    def __init__(self, socket: Socket) -> None:
+        self._socket = socket
+        self._frames: list[bytes] = []
+        self._due_ns = 0
+        self.readers = 0
+
+    def look(self) -> None:
+        """Find out who has come and gone; with the last reader goes what was kept."""
+        self.readers = count_readers(self._socket, self.readers)
+        if not self.readers:
+            self._frames.clear()
+
+    def add(self, data: bytes, now_ns: int) -> None:
+        """Keep a frame, and send what is kept if the last batch is long enough ago."""
+        if not self.readers:
+            return
+        if len(self._frames) < _LONGEST:
+            self._frames.append(data)
+        if now_ns >= self._due_ns:
+            self._due_ns = now_ns + _GAP_NS
+            self._send()
+
+    def close(self) -> None:
+        """Send what is kept and close the socket: how a force went to zero is in the last frames."""
+        if self._frames:
+            self._send()
+        self._socket.close(linger=_LINGER_MS)
+
+    def _send(self) -> None:
+        self._socket.send_multipart(self._frames, zmq.NOBLOCK)
+        self._frames.clear()

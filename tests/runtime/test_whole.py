@@ -1,0 +1,127 @@
+"""Who wants every frame without acting on it costs the fast sockets nothing, whatever it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import zmq
+
+from protocol import bodies
+from services.runtime.rig import Transport
+from services.runtime.whole import SENDS_PER_S, BatchSender
+from services.runtime.zmq_bus import ZmqBus
+
+STATE = "gateway.state"
+MS = 1_000_000
+COME, GONE = b"\x01", b"\x00"
+
+
+class Socket:
+    """Keeps what it is given to send; says who has come and gone."""
+
+    def __init__(self) -> None:
+        self.said: list[bytes] = []
+        self.sent: list[list[bytes]] = []
+        self.touched = 0
+
+    def getsockopt(self, option: int) -> int:
+        assert option == zmq.EVENTS
+        self.touched += 1
+        return zmq.POLLIN if self.said else 0
+
+    def recv(self, _flags: int) -> bytes:
+        return self.said.pop(0)
+
+    def send_multipart(self, parts: list[bytes], _flags: int) -> None:
+        self.touched += 1
+        self.sent.append(list(parts))
+
+
+def made(*said: bytes) -> tuple[BatchSender, Socket]:
+    socket = Socket()
+    socket.said += said
+    sender = BatchSender(socket)  # type: ignore[arg-type]
+    sender.look()
+    socket.touched = 0
+    return sender, socket
+
+
+def run(sender: BatchSender, seconds: float) -> list[bytes]:
+    """Add a frame a millisecond."""
+    frames = [b"%d" % tick for tick in range(round(1000 * seconds))]
+    for tick, frame in enumerate(frames):
+        sender.add(frame, tick * MS)
+    return frames
+
+
+@pytest.mark.parametrize("said", [(), (COME, GONE)], ids=["nobody came", "somebody was there"])
+def test_while_nobody_listens_nothing_is_kept_and_the_socket_is_not_touched(said: tuple[bytes, ...]) -> None:
+    sender, socket = made(*said)
+    run(sender, 0.5)
+    assert (socket.touched, sender._frames) == (0, [])
+
+
+@pytest.mark.parametrize("n_readers", [1, 4])
+def test_every_frame_goes_in_sixty_sends_a_second_to_however_many(n_readers: int) -> None:
+    sender, socket = made(*[COME] * n_readers)
+    frames = run(sender, 2.0)
+    assert sender.readers == n_readers
+    assert len(socket.sent) <= 2 * SENDS_PER_S + 1
+    assert socket.touched == len(socket.sent)
+    sent = [frame for parts in socket.sent for frame in parts]
+    assert sent == frames[: len(sent)]
+    assert len(frames) - len(sent) <= 1000 // SENDS_PER_S + 1
+
+
+def test_with_the_last_reader_goes_what_was_kept() -> None:
+    sender, socket = made(COME, COME)
+    run(sender, 0.1)
+    for readers in (1, 0):
+        socket.said.append(GONE)
+        sender.look()
+        assert sender.readers == readers
+        assert bool(sender._frames) == bool(readers)
+
+
+def test_a_publisher_that_floods_keeps_a_bounded_number() -> None:
+    sender, socket = made(COME)
+    for _ in range(5000):
+        sender.add(b"frame", 0)
+    assert len(sender._frames) == 1000
+    sender.add(b"later", 20 * MS)
+    assert [len(parts) for parts in socket.sent] == [1, 1000]
+
+
+def test_observers_of_every_frame_do_not_subscribe_to_the_fast_socket(
+    transport: Transport, eventually: Callable[[Callable[[], bool]], None]
+) -> None:
+    """Four that read all and never take what they get: the fast socket has one subscriber, who acts on it."""
+    sender, reader = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, reads=[STATE])
+    observers = [ZmqBus(transport, reads_every=[STATE]) for _ in range(4)]
+    try:
+        eventually(lambda: sender.has_reader(STATE) and sender._batches[STATE].readers == 4)
+        for tick in range(3000):
+            sender.publish(STATE, bodies.GatewayState(tick=tick))
+        assert (sender._subscribed[STATE], sender._batches[STATE].readers) == (1, 4)
+        observers.pop().close()
+        eventually(lambda: sender.has_reader(STATE) and sender._batches[STATE].readers == 3)
+    finally:
+        for each in (sender, reader, *observers):
+            each.close()
+
+
+def test_the_last_frames_of_a_process_that_ends_arrive(
+    transport: Transport, eventually: Callable[[Callable[[], bool]], None]
+) -> None:
+    sender, observer = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, reads_every=[STATE])
+    heard: list[int] = []
+    try:
+        eventually(lambda: sender.has_reader(STATE))
+        for tick in range(8):
+            sender.publish(STATE, bodies.GatewayState(tick=tick))
+        sender.close()
+        eventually(lambda: heard.extend(frame.body.tick for frame in observer.drain(STATE)) or len(heard) == 8)
+        assert heard == list(range(8))
+    finally:
+        observer.close()
