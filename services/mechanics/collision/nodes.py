@@ -14,14 +14,20 @@ from services.mechanics.compiled.vectors import Vector, put_row, row
 def node_position(body: Body, node: int) -> Vector:
     """Return the deformed position of a node, computing it at most once a tick."""
     if body.stamp[node] != body.tick:
-        body.stamp[node] = body.tick
-        body.nodes_placed += 1
-        if body.centre.shape[0] == 0:
-            _place(body, node, body.rest)
-        else:
-            _place(body, node, body.arm)
-            turn_into_place(body, node)
+        _place_anew(body, node)
     return row(body.position, node)
+
+
+@kernel
+def _place_anew(body: Body, node: int) -> None:
+    """Place a node; apart from `node_position`, which is short enough to be inlined wherever a corner is read."""
+    body.stamp[node] = body.tick
+    body.nodes_placed += 1
+    if body.centre.shape[0] == 0:
+        _place(body, node, body.rest)
+    else:
+        _place(body, node, body.arm)
+        turn_into_place(body, node)
 
 
 @summing_kernel

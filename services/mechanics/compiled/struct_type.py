@@ -60,9 +60,9 @@ def _get(context: Any, builder: Any, kind: StructType, struct: Any, name: str) -
     field = dict(kind.layout.fields)[name]
     if isinstance(field, ArrayField):
         return _array(context, builder, kind, struct, field)
-    value = load_word(builder, struct, field.word, is_constant=isinstance(field, StructField))
     if isinstance(field, StructField):
-        return builder.inttoptr(value, context.get_value_type(kind.type_of(field)))
+        return load_word(builder, struct, field.word, context.get_value_type(kind.type_of(field)), is_constant=True)
+    value = load_word(builder, struct, field.word)
     if field.kind == "float":
         return builder.bitcast(value, ir.DoubleType())
     return builder.icmp_signed("!=", value, _INT(0)) if field.kind == "bool" else value
@@ -79,9 +79,13 @@ def _set(context: Any, builder: Any, signature: Any, arguments: Any, name: str) 
     builder.store(value, builder.gep(arguments[0], [_INT(field.word)], inbounds=True))
 
 
-def load_word(builder: Any, struct: Any, word: int, is_constant: bool) -> Any:
-    """Emit the load of a word of a struct; a constant one stays as it is while a kernel runs."""
-    value = builder.load(builder.gep(struct, [_INT(word)], inbounds=True))
+def load_word(builder: Any, struct: Any, word: int, kind: Any = _INT, is_constant: bool = False) -> Any:
+    """Emit the load of a word of a struct; a constant one stays as it is while a kernel runs.
+
+    Addresses are loaded as pointers: of one that is made from an integer the optimiser knows nothing.
+    """
+    place = builder.gep(struct, [_INT(word)], inbounds=True)
+    value = builder.load(builder.bitcast(place, kind.as_pointer()))
     if is_constant:
         value.set_metadata("invariant.load", builder.module.add_metadata([]))
     return value
@@ -99,7 +103,7 @@ def _array(context: Any, builder: Any, kind: StructType, struct: Any, field: Arr
     steps = [item_bytes]  # bytes from item to item, then from row to row, ..., then of the whole
     for extent in reversed(shape):
         steps.append(_product(builder, steps[-1], extent))
-    array.data = builder.inttoptr(load_word(builder, struct, field.word, is_constant=True), array.data.type)
+    array.data = load_word(builder, struct, field.word, array.data.type, is_constant=True)
     array.itemsize = item_bytes
     array.nitems = builder.sdiv(steps[-1], item_bytes)
     array.shape = cgutils.pack_array(builder, shape)
