@@ -29,7 +29,7 @@ def simulate(with_effects, small_duct):
 
 
 def test_with_room_for_all_nothing_is_dropped(simulate):
-    simulation = simulate(96, n_holds=2, friction={}, mucus_drag={})
+    simulation = simulate(96, n_holds=2, ticks=60, friction={}, mucus_drag={})
     assert simulation.contacts.n_contacts > 4
     assert simulation.dropped_contacts == (0, 0, 0)
 

@@ -69,17 +69,18 @@ def test_stone_falls_onto_the_wall_and_rests_with_its_weight(with_effects, small
 
 @pytest.mark.parametrize("model", ["implicit", "penalty"])
 @pytest.mark.parametrize("viscosity_pa_s", [3e-3, 6e-3])
+@pytest.mark.parametrize(("angle_rad", "rows_each"), [(np.pi / 12, 1), (0.0, 2)], ids=["facet", "fold"])
 def test_a_film_slows_a_sliding_catheter_by_its_viscosity_under_either_contact_model(
-    with_effects, small_duct, model, viscosity_pa_s
+    with_effects, small_duct, model, viscosity_pa_s, angle_rad, rows_each
 ):
-    """Near the middle of a facet but off it, M dV/dt = -n b V with b = viscosity * length * diameter / film."""
+    """Off the wall, M dV/dt = -n b V with b = viscosity * length * diameter / film: near one facet as between two."""
     scene = with_effects(mucus_drag={"viscosity_pa_s": viscosity_pa_s})
     catheter = replace(
         scene.catheter,
         anchor="free",
         length_m=20e-3,
         n_segments=10,
-        tip_position_m=(10e-3, -2.3e-3 * np.sin(np.pi / 12), -2.3e-3 * np.cos(np.pi / 12)),
+        tip_position_m=(10e-3, -2.3e-3 * np.sin(angle_rad), -2.3e-3 * np.cos(angle_rad)),
         viscous_drag_n_s_m2=0.0,
     )
     contact = replace(scene.contact, model=model, penalty_stiffness_n_m=1.0)
@@ -89,6 +90,7 @@ def test_a_film_slows_a_sliding_catheter_by_its_viscosity_under_either_contact_m
     state.velocity_m_s[:, 0] = -20e-3
     for _ in range(50):
         simulation.step(tools)
+        assert (simulation.contacts.law[: simulation.contacts.n_contacts] == number_of("film")).sum() == 11 * rows_each
     b_n_s_m = viscosity_pa_s * 2e-3 * scene.catheter.outer_diameter_m / 0.3e-3
     mass_kg = simulation.catheter.properties.particle_mass_kg()
     left = mass_kg @ state.velocity_m_s[:, 0] / (-20e-3 * mass_kg.sum())
