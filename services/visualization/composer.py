@@ -15,7 +15,7 @@ from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.bus import Bus
 from services.visualization import tool_pose
-from services.visualization.duct_surface import DuctSurface
+from services.visualization.drawn_surface import DrawnSurface
 from services.visualization.picture import Layout, Picture, ToolShape
 
 #: Longer than the period of what is sampled, far shorter than a picture's.
@@ -38,7 +38,7 @@ class Composer:
     def __init__(self, bus: Bus, scene: SceneModel, scene_name: str, duct: ReducedDuct) -> None:
         self._bus = bus
         self._scene = scene
-        self._surface = DuctSurface(duct)
+        self._surface = DrawnSurface(duct)
         self._newest: dict[str, Frame] = {}
         self._sequence = 0
         self._origin_ns = 0

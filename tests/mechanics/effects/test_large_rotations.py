@@ -17,7 +17,7 @@ from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import TriangleMesh
-from services.visualization.duct_surface import DuctSurface as DrawnSurface
+from services.visualization.drawn_surface import DrawnSurface
 
 # The first test of a fresh checkout compiles the kernels.
 pytestmark = pytest.mark.timeout(600)

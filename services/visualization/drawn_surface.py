@@ -10,7 +10,7 @@ from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 
 
-class DuctSurface:
+class DrawnSurface:
     """Node positions ``X + Phi q + R f`` of one reduced duct, or those of its turned cross-sections.
 
     Attributes

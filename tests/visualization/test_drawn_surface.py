@@ -13,7 +13,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.reduction import ReducedDuct
 from services.scenes import load_duct, load_scene
-from services.visualization.duct_surface import DuctSurface
+from services.visualization.drawn_surface import DrawnSurface
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 
@@ -33,7 +33,7 @@ def test_turned_sections_are_drawn_turned(turning: ReducedDuct) -> None:
         basis_hash=basis.content_hash, q=pack(q), q_rate=pack(0.0 * q), load_node=pack([], "<i4"),
         load_force_n=pack(np.zeros((0, 3))),
     )  # fmt: skip
-    surface = DuctSurface(turning)
+    surface = DrawnSurface(turning)
     assert surface.update(body)
     motion, every = wall_motion(turning, basis.n_nodes), np.arange(basis.n_nodes, dtype=np.int32)
     motion.update(q)
