@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -47,21 +45,7 @@ def test_a_driver_is_one_file_and_the_contract_sees_what_is_wrong_with_one(follo
         assert before in good, name
         spoiled = good.replace(before, after).replace('driver="sysfs_handle"', f'driver="{name}"')
         (followed.root / DRIVERS / f"{name}.py").write_text(spoiled)
-    failed = _failed_tests(followed)
+    failed = followed.failed_tests(SUITE, "-k", " or ".join(("sysfs_handle", *BROKEN)))
     assert failed.pop("sysfs_handle", set()) == set()
     for name, (_, _, seen_by) in BROKEN.items():
         assert any(seen_by in test for test in failed[name]), f"{name}: {failed[name]}"
-
-
-def _failed_tests(tree: TreeCopy) -> dict[str, set[str]]:
-    """Return by driver which tests of the contract fail or cannot be set up; and those that have passed as none."""
-    report = tree.root / "report.xml"
-    names = " or ".join(("sysfs_handle", *BROKEN))
-    tree.run("bash", "-c", f"python -m pytest -q -p no:cacheprovider --junitxml={report} {SUITE} -k '{names}' || true")
-    failed: dict[str, set[str]] = {}
-    for case in ElementTree.parse(report).iter("testcase"):
-        test, driver = re.fullmatch(r"(\w+)\[(\w+)\]", case.get("name", "")).groups()  # type: ignore[union-attr]
-        seen = failed.setdefault(driver, set())
-        if any(child.tag in ("failure", "error") for child in case):
-            seen.add(test)
-    return failed

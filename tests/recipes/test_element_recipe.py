@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -80,7 +78,7 @@ def test_the_contract_sees_what_is_wrong_with_an_element(followed: TreeCopy) -> 
             "BENDING_ELEMENTS: dict[str, Element] = {\n", f"BENDING_ELEMENTS: dict[str, Element] = {{\n{bendings}"
         )
     )
-    failed = _failed_tests(followed)
+    failed = followed.failed_tests(SUITE)
     assert failed.pop("hughes_brezzi") == set()
     for name, seen_by in {
         **{name: test for name, (_, _, test) in WRONG.items()},
@@ -95,16 +93,3 @@ def _spoil(tree: TreeCopy, name: str, how: str) -> None:
     before, after, _ = WRONG[how]
     assert before in good, how
     (tree.root / ELEMENTS / f"{name}.py").write_text(good.replace(before, after))
-
-
-def _failed_tests(tree: TreeCopy) -> dict[str, set[str]]:
-    """Return by element which tests of the contract fail; an element that passes them all has none."""
-    report = tree.root / "report.xml"
-    tree.run("bash", "-c", f"python -m pytest -q -p no:cacheprovider --junitxml={report} {SUITE} || true")
-    failed: dict[str, set[str]] = {}
-    for case in ElementTree.parse(report).iter("testcase"):
-        test, element = re.fullmatch(r"(\w+)\[(?:\d-)?(\w+)\]", case.get("name", "")).groups()  # type: ignore[union-attr]
-        seen = failed.setdefault(element, set())
-        if any(child.tag in ("failure", "error") for child in case):
-            seen.add(test)
-    return failed

@@ -8,9 +8,12 @@ line is ``--- path/of/file``, changes one: its unchanged and removed lines stand
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -83,6 +86,19 @@ class TreeCopy:
     def pytest(self, *arguments: str, **options: float) -> str:
         """Run tests of the copy, and return what pytest prints."""
         return self.run(sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *arguments, **options)
+
+    def failed_tests(self, suite: str, *arguments: str) -> dict[str, set[str]]:
+        """Return by parameter which tests of a suite in the copy fail or cannot be set up: none where all pass."""
+        report = self.root / "report.xml"
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}", suite]
+        self.run("bash", "-c", f"{shlex.join([*command, *arguments])} || true")
+        failed: dict[str, set[str]] = {}
+        for case in ElementTree.parse(report).iter("testcase"):
+            test, parameter = re.fullmatch(r"(\w+)\[(?:\d-)?(\w+)\]", case.get("name", "")).groups()  # type: ignore[union-attr]
+            seen = failed.setdefault(parameter, set())
+            if any(child.tag in ("failure", "error") for child in case):
+                seen.add(test)
+        return failed
 
     def _create(self, text: str) -> None:
         file = self.root / text.splitlines()[0].removeprefix("# ")
