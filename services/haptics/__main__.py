@@ -47,7 +47,8 @@ class Haptics:
         state: GatewayState = frame.body
         solved = self._bus.latest("physics.state")
         known = self._take_reactions(solved)
-        self._bus.publish("haptics.contact_model", self._model(state, known), origin_ns=frame.origin_ns, valid=known)
+        model = self._model(state, known)
+        self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
         modelled = time.monotonic_ns()
         if solved is not None:
             self._take_shapes(solved.body)

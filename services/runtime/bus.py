@@ -26,8 +26,13 @@ DRAIN_LIMIT = 256
 class Bus(Protocol):
     """What a process may do with the bus. One thread uses it."""
 
-    def publish(self, topic: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
-        """Send `body` to whoever reads `topic`; return the sequence number. Never blocks."""
+    def publish(
+        self, topic: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True, at_once: bool = False
+    ) -> int:
+        """Send `body` to whoever reads `topic`; return the sequence number. Never blocks.
+
+        Frames leave when the process sleeps; ``at_once`` is for one that somebody waits for, in the middle of a tick.
+        """
         ...
 
     def latest(self, topic: str) -> Frame | None:

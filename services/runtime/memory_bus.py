@@ -46,7 +46,9 @@ class MemoryBus:
             self._queues[name] = deque(maxlen=None if box.every else 1)
             hub.queues[name].append(self._queues[name])
 
-    def publish(self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
+    def publish(
+        self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True, at_once: bool = False
+    ) -> int:
         """Hand `body` to every reader at once."""
         box = self._out[name]
         self._hub.send(name, box.seal(body, origin_ns, valid))

@@ -128,7 +128,6 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
         reads=[topic for topic in read_by(name) if topic not in whole],
         reads_every=[topic for topic in (*read_by(name), *observed_by(name)) if topic in whole],
         samples=[topic for topic in observed_by(name) if topic not in whole],
-        thread_above=settings.bus_thread_above,
     )
     process = Process(
         name,

@@ -49,7 +49,6 @@ class ProcessSettings(Settings):
     enabled: bool = True
     core: Annotated[int, Field(ge=0)] | None = None
     priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
-    bus_thread_above: bool = Field(True, description="the bus' own thread runs one priority above, see docs/decisions")
     nice: Annotated[int, Field(ge=0, le=19)] | None = None
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")

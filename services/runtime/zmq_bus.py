@@ -26,13 +26,6 @@ _COUNT_READERS_EVERY = 16
 _ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
 
 
-def _raise_io_thread(context: zmq.Context[zmq.Socket[bytes]]) -> None:
-    """Put the I/O thread one above a real-time process: else what it sends waits until the process sleeps."""
-    if os.sched_getscheduler(0) == os.SCHED_FIFO:
-        context.set(zmq.THREAD_SCHED_POLICY, os.SCHED_FIFO)
-        context.set(zmq.THREAD_PRIORITY, os.sched_getparam(0).sched_priority + 1)
-
-
 class ZmqBus:
     """ZeroMQ sockets of one process. Make it after the real-time set-up: its I/O thread inherits core and priority.
 
@@ -47,9 +40,6 @@ class ZmqBus:
         topic come in batches, so that nobody waits for such a reader (`services.runtime.whole`).
     samples
         Topics of which a frame is wanted now and then: see `sample`.
-    thread_above
-        Whether the bus' own thread runs one above a real-time process. Then a frame leaves when it is sent; else when
-        the process sleeps, all frames of a tick together, which costs fewer switches.
 
     Raises
     ------
@@ -64,12 +54,9 @@ class ZmqBus:
         reads: Iterable[str] = (),
         reads_every: Iterable[str] = (),
         samples: Iterable[str] = (),
-        thread_above: bool = True,
     ) -> None:
         self._context = zmq.Context()
         self._context.linger = 0
-        if thread_above:
-            _raise_io_thread(self._context)
         self._locks: list[IO[str]] = []
         self._senders: dict[str, zmq.Socket[bytes]] = {}
         self._receivers: dict[str, zmq.Socket[bytes]] = {}
@@ -135,13 +122,21 @@ class ZmqBus:
         self._in[name] = box
         return socket
 
-    def publish(self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True) -> int:
-        """Send `body`; a reader that cannot keep up loses frames, the sender never waits."""
+    def publish(
+        self, name: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True, at_once: bool = False
+    ) -> int:
+        """Send `body`; a reader that cannot keep up loses frames, the sender never waits.
+
+        The bus' own thread has the priority of the process: frames leave when it sleeps, all of a tick together, and
+        what arrives does not interrupt it. ``at_once`` lets that thread run first.
+        """
         box, batches = self._out[name], self._batches.get(name)
         data = box.seal(body, origin_ns, valid)
         self._senders[name].send(data, zmq.NOBLOCK)
         if batches is not None:
             batches.add(data, time.monotonic_ns())
+        if at_once:
+            os.sched_yield()
         if box.sent % _COUNT_READERS_EVERY == 0:
             self.has_reader(name)
         if self._authenticator:

@@ -11,6 +11,7 @@ import pytest
 from protocol.arrays import pack
 from protocol.bodies import GatewayState, GraspHold, InstrumentState
 from services.physics.inputs import ContactsReader
+from services.runtime.memory_bus import MemoryBus
 from tests.physics.conftest import STALE_S, Rig
 
 FAR = (0.02, -0.05, 0.08)
@@ -70,6 +71,21 @@ def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
     assert told["physics", 96]["refused_inputs"] == 0.0
     assert told["haptics", 2]["dropped_pairs"] > 0.0
     assert told["physics", 2]["dropped_contacts"] + told["physics", 2]["dropped_pairs"] > 0.0
+
+
+def test_the_model_leaves_first_and_it_alone_does_not_wait_for_the_end_of_the_tick(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[tuple[str, bool]] = []
+    for bus in (rig.haptics_process.bus, rig.physics_process.bus):
+
+        def publish(name: str, *_body: object, at_once: bool = False, of: MemoryBus = bus, **said: object) -> int:
+            sent.append((name, at_once))
+            return MemoryBus.publish(of, name, *_body, **said)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(bus, "publish", publish)
+    rig.turn(FAR, FAR)
+    assert sent == [("haptics.contact_model", True), ("haptics.contacts", False), ("physics.state", False)]
 
 
 def test_when_physics_falls_silent_no_force_is_known(rig: Rig) -> None:

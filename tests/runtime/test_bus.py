@@ -329,3 +329,18 @@ def test_a_sample_that_does_not_come_is_left_out(transport: Transport) -> None:
     finally:
         sender.close()
         reader.close()
+
+
+def test_a_frame_that_somebody_waits_for_lets_the_thread_of_the_bus_run(
+    transport: Transport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That thread has the priority of the process: it runs when the process sleeps, or here."""
+    yielded: list[int] = []
+    sender = ZmqBus(transport, publishes=[STATE])
+    monkeypatch.setattr("os.sched_yield", lambda: yielded.append(sender._out[STATE].sent))
+    try:
+        for at_once in (False, True, False):
+            sender.publish(STATE, state(0), at_once=at_once)
+        assert yielded == [2], "after the second frame was sent"
+    finally:
+        sender.close()

@@ -26,7 +26,7 @@ def write(path: Path, text: str) -> Path:
         ("name: a\ncolour: red", r"rig.yaml: colour: unknown key 'colour'; known: contracts, gateway, name, "),
         (
             "name: a\nprocesses: {physics: {coer: 1}}",
-            r"processes.physics.coer: unknown key 'coer'; known: bus_thread_above, core, critical, enabled, nice, ",
+            r"processes.physics.coer: unknown key 'coer'; known: core, critical, enabled, nice, ",
         ),
         ("name: a\nprocesses: {physics: {priority: 99}}", r"processes.physics.priority: input should be less"),
         ("name: a\nprocesses: {physics: {core: '1'}}", r"processes.physics.core: input should be a valid integer"),
