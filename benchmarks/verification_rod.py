@@ -129,9 +129,9 @@ def vibration() -> Table:
 
 
 def torsion() -> Table:
-    reference = problems.GJ * 2.0 / (problems.LENGTH_M * 49 / 50)
+    reference = problems.GJ * 2.0 / problems.LENGTH_M
     return Table(
         "Catheter, torsion",
-        "T = GJ φ/L, L between the centres of the two gripped segments.",
+        "T = GJ φ/L, both ends clamped.",
         [Entry("torque at φ = 2 rad", segments(50), problems.torque_n_m(2.0), reference, CLOSED_FORM, "N m")],
     )

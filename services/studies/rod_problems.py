@@ -28,6 +28,7 @@ EA = 176.7
 GJ = 17e-6
 LINE_DENSITY = 1.944e-3
 X = (1.0, 0.0, 0.0)
+BOTH_CLAMPED = Supports(held=(0, -1), start_direction=X, end_direction=X)
 INEXTENSIBLE = {"axial_stiffness_n": 1e4}
 DAMPED = {"internal_damping_s": 5e-3, "viscous_drag_n_s_m2": 0.05}
 BETA_L = (1.87510, 4.69409, 7.85476)  # of the clamped-free beam
@@ -190,18 +191,19 @@ def measured_frequency_rad_s(mode: int, n_segments: int = 50) -> float:
 def twisted_rod(
     angle_rad: float, supports: Supports | None = None, n_segments: int = 50, **changes: Any
 ) -> tuple[ImplicitIntegrator, RodState]:
-    """A straight rod whose first and last segments are gripped and rolled apart by `angle_rad`."""
+    """A straight rod gripped at both ends, by a wall or else in mid-segment, and rolled apart by `angle_rad`."""
     damped: dict[str, Any] = {"torsional_stiffness_n_m2": GJ, **DAMPED}
     properties = example_rod(n_segments, **(damped | changes))
     state = straight_rod(properties, (0, 0, 0), X)
-    state.frame = initial_frame(state.position_m)
+    supports = supports or BOTH_CLAMPED
+    state.frame = initial_frame(state.position_m, walls=supports.wall_directions())
     state.frame.end_is_held = True
     roll(state.frame, -1, angle_rad)
-    return ImplicitIntegrator(properties, supports or clamped(X)), state
+    return ImplicitIntegrator(properties, supports), state
 
 
 def torque_n_m(angle_rad: float, n_segments: int = 50) -> float:
-    """Torque in a rod that is twisted by `angle_rad` between its first and last segments and too stiff to bend."""
+    """Torque in a rod that is twisted by `angle_rad` between its clamped ends and too stiff to bend."""
     integrator, state = twisted_rod(angle_rad, n_segments=n_segments, bending_stiffness_n_m2=1.0)
     integrator.predict(state, np.zeros((n_segments + 1, 3)), 1e-3)
     if integrator.twist is None or state.frame is None:
@@ -211,11 +213,9 @@ def torque_n_m(angle_rad: float, n_segments: int = 50) -> float:
 
 def growth_under_torque_1_s(factor: float, n_segments: int = 50) -> float:
     """Growth rate of a small bend of a rod clamped at both ends under a torque of factor EI/L, without thrust."""
-    grips_apart_m = LENGTH_M * (1.0 - 1.0 / n_segments)
-    supports = Supports(held=(0, -1), start_direction=X, end_direction=X)
     integrator, state = twisted_rod(
-        factor * EI / LENGTH_M * grips_apart_m / GJ,
-        supports,
+        factor * EI / GJ,
+        BOTH_CLAMPED,
         n_segments,
         axial_stiffness_n=50.0,
         viscous_drag_n_s_m2=0.5,

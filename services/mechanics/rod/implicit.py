@@ -46,7 +46,7 @@ class ImplicitIntegrator:
             raise ValueError(f"max_iterations is {max_iterations}; a step takes at least one Newton iteration")
         self.properties = properties
         self.model: RodModel = build_model(properties, supports or Supports())
-        self.twist: TwistModel | None = build_twist_model(properties)
+        self.twist: TwistModel | None = build_twist_model(properties, self.model.walls)
         self.theta = theta
         self.max_iterations = max_iterations
         self.iterations = 0

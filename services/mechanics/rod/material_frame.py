@@ -1,4 +1,4 @@
-"""The material frame: one director per segment, carried along by parallel transport in time.
+"""The material frame: one director per segment and clamped end, carried along by parallel transport in time.
 
 Discrete elastic rods (Bergou, Wardetzky, Robinson, Audoly, Grinspun 2008; Bergou, Audoly, Vouga, Wardetzky, Grinspun
 2010): the twist of a joint is the angle from the director before it, transported along the rod, to the one behind it.
@@ -17,11 +17,15 @@ from services.mechanics.compiled.vectors import Vector, cross, dot, row
 from services.mechanics.rod.elasticity import any_normal
 
 Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
+NO_WALLS = np.full((2, 3), np.nan)
 
 
 @dataclass
 class MaterialFrame:
-    """How the material is rolled about the centreline: one director per segment, m = n - 1 of them.
+    """How the material is rolled about the centreline: one director per segment, and one in the wall of a clamped end.
+
+    The walls stand before the first segment and behind the last one, with directions of their own, so that a rod of n
+    particles has m = n - 1 directors and up to two more. "First" and "last" below mean the walls where there are any.
 
     Attributes
     ----------
@@ -30,7 +34,7 @@ class MaterialFrame:
     twist_rad
         (m - 1,) angle of each joint, whole turns counted.
     end_is_held
-        Whether the roll of the last segment is prescribed; that of the first always is.
+        Whether the roll of the last director is prescribed; that of the first always is.
     """
 
     tangent: FloatArray
@@ -43,7 +47,9 @@ class MaterialFrame:
         return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held)
 
 
-def initial_frame(position_m: FloatArray, first_m1: Vector | None = None) -> MaterialFrame:
+def initial_frame(
+    position_m: FloatArray, first_m1: Vector | None = None, walls: FloatArray = NO_WALLS
+) -> MaterialFrame:
     """Return frames without twist along a centreline (n, 3).
 
     Parameters
@@ -51,9 +57,13 @@ def initial_frame(position_m: FloatArray, first_m1: Vector | None = None) -> Mat
     position_m
         (n, 3) particles.
     first_m1
-        Director of the first segment, from which the others are transported; made normal to it. Any normal if None.
+        The first director, from which the others are transported; made normal to its tangent. Any normal if None.
+    walls
+        (2, 3) directions of the clamped ends, as `Supports.wall_directions` gives them; NaN where an end is free.
     """
-    edges = np.diff(position_m, axis=0)
+    start_wall, end_wall = (wall[None] for wall in walls)
+    edges = np.concatenate([start_wall, np.diff(position_m, axis=0), end_wall])
+    edges = edges[~np.isnan(edges[:, 0])]
     tangent = edges / np.linalg.norm(edges, axis=1)[:, None]
     m1 = np.zeros_like(tangent)
     start = row(tangent, 0)
@@ -64,9 +74,9 @@ def initial_frame(position_m: FloatArray, first_m1: Vector | None = None) -> Mat
 
 
 def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
-    """Turn the frame of the first (0) or last (-1) segment in place by an angle of any size about its tangent.
+    """Turn the first (0) or last (-1) director in place by an angle of any size about its tangent.
 
-    What a hand does that rolls the rod; a roll of the last segment lasts only where ``frame.end_is_held``.
+    What a hand does that rolls the rod; a roll of the last one lasts only where ``frame.end_is_held``.
     """
     last = len(frame.m1) - 1
     rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
@@ -115,11 +125,15 @@ def rotate_frame(frame: Frame, j: int, angle: float) -> None:
 
 
 @kernel
-def follow(x: FloatArray, frame: Frame) -> None:
-    """Carry the directors to the tangents of positions ``x``, and measure the twist of each joint (turns counted)."""
+def follow(x: FloatArray, frame: Frame, first: int) -> None:
+    """Carry the directors to the tangents of positions ``x``, and measure the twist of each joint (turns counted).
+
+    ``first`` is the row of the first segment, 1 behind a wall; walls stay.
+    """
     tangent, m1, twist = frame
-    for j in range(tangent.shape[0]):
-        e = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
+    for j in range(first, first + x.shape[0] - 1):
+        k = j - first
+        e = (x[k + 1, 0] - x[k, 0], x[k + 1, 1] - x[k, 1], x[k + 1, 2] - x[k, 2])
         length = math.sqrt(dot(e, e))
         if length > 0.0:
             u = (e[0] / length, e[1] / length, e[2] / length)

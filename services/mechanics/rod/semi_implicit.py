@@ -38,7 +38,7 @@ class SemiImplicitIntegrator:
     ) -> None:
         self.properties = properties
         self.model: RodModel = build_model(properties, supports or Supports())
-        self.twist: TwistModel | None = build_twist_model(properties)
+        self.twist: TwistModel | None = build_twist_model(properties, self.model.walls)
         self.work = allocate_work(properties.n_particles)
         self.max_substeps = max_substeps
         self.stable_time_step_s = stable_time_step(self.model)

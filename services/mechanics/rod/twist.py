@@ -1,12 +1,14 @@
 """Torsion and rest curvature of the material frame, in torsional equilibrium at every step.
 
 Torsional waves are some hundred times faster than bending, so the frames always take the angles of least energy (a
-tridiagonal Newton step) and carry no inertia; the roll of the first segment is prescribed, that of the last one may be.
+tridiagonal Newton step) and carry no inertia; the roll of the first director is prescribed, that of the last one may
+be.
 
-Torsion: ``kt/2 (m - m0)^2``, kt = GJ/l0, m the twist of a joint. Rest curvature changes the bending energy
-``k/2 |w|^2`` (w = theta b, the rotation vector of the joint) into ``k/2 |w - w0|^2``; w0 turns with the frames. At
-equilibrium angles the forces on the particles are the gradient at fixed angles. They sum to zero; their moment is
-balanced by what prescribes the roll.
+Torsion: ``kt/2 (m - m0)^2``, kt = GJ/l0, m the twist of a joint. Between the wall of a clamped end and its segment is
+half a joint, kt = 2 GJ/l0, as there is for bending: the rod twists over all of its length. Rest curvature changes the
+bending energy ``k/2 |w|^2`` (w = theta b, the rotation vector of the joint) into ``k/2 |w - w0|^2``; w0 turns with the
+frames. At equilibrium angles the forces on the particles are the gradient at fixed angles. They sum to zero; their
+moment is balanced by what prescribes the roll.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, cross, dot, row
 from services.mechanics.rod.elasticity import SHORTEST, bending_angle
-from services.mechanics.rod.material_frame import Frame, follow, initial_frame, rotate_frame
+from services.mechanics.rod.material_frame import NO_WALLS, Frame, follow, initial_frame, rotate_frame
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
 
@@ -29,44 +31,70 @@ _SHARPEST = 1e-2  # 1 + cos of the bending angle below which the holonomy gradie
 
 
 class TwistModel(Struct):
-    """The material frame of a rod of n particles, and the tridiagonal system of its angles."""
+    """The m directors of a rod, those in walls included, and the tridiagonal system of their angles."""
 
-    torsion: Annotated[FloatArray, "n - 2"]  # of the joints, N m/rad
-    bending: Annotated[FloatArray, "n - 2"]
-    rest_rotation: Annotated[FloatArray, "n - 2", 3]  # in the material frame, rad
-    diagonal: Annotated[FloatArray, "n - 1"]
-    angle: Annotated[FloatArray, "n - 1"]
+    torsion: Annotated[FloatArray, "m - 1"]  # of the joints, N m/rad
+    bending: Annotated[FloatArray, "m - 1"]
+    rest_rotation: Annotated[FloatArray, "m - 1", 3]  # in the material frame, rad
+    diagonal: Annotated[FloatArray, "m"]
+    angle: Annotated[FloatArray, "m"]
+    walls: Annotated[FloatArray, 2, 3]  # directions of clamped ends; NaN rows where an end may turn
+    first: int  # row of the first segment, 1 behind a wall
     shortest: float  # a segment crushed below this counts as that long, m
 
 
 twist_at = reader(TwistModel)
 
 
-def build_twist_model(properties: RodProperties) -> TwistModel | None:
-    """The arrays of the material frame, or None for a rod without torsional stiffness."""
+def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -> TwistModel | None:
+    """The arrays of the material frame, or None for a rod without torsional stiffness.
+
+    ``walls`` (2, 3) are the directions of clamped ends, NaN where there is none.
+    """
     if properties.torsional_stiffness_n_m2 is None:
         return None
-    rest = np.zeros((properties.n_segments - 1, 3))
+    at_start, at_end = (int(is_wall) for is_wall in ~np.isnan(walls[:, 0]))
+    n_directors, joints = (
+        at_start + properties.n_segments + at_end,
+        slice(at_start, at_start + properties.n_segments - 1),
+    )
+    torsion, bending, rest = np.zeros(n_directors - 1), np.zeros(n_directors - 1), np.zeros((n_directors - 1, 3))
+    half_joint = 2.0 * properties.per_segment("torsional_stiffness_n_m2") / properties.segment_length_m
+    torsion[0], torsion[-1] = half_joint[0], half_joint[-1]
+    torsion[joints] = properties.joint_stiffness_n_m("torsional_stiffness_n_m2")
+    bending[joints] = properties.joint_stiffness_n_m()
     if properties.rest_curvature_1_m is not None:
-        rest[:] = properties.segment_length_m * np.asarray(properties.rest_curvature_1_m)
+        rest[joints] = properties.segment_length_m * np.asarray(properties.rest_curvature_1_m)
     return TwistModel(
-        torsion=properties.joint_stiffness_n_m("torsional_stiffness_n_m2"),
-        bending=properties.joint_stiffness_n_m(),
+        torsion=torsion,
+        bending=bending,
         rest_rotation=rest,
+        diagonal=np.zeros(n_directors),
+        angle=np.zeros(n_directors),
+        walls=walls,
+        first=at_start,
         shortest=SHORTEST * properties.segment_length_m,
-        diagonal=np.zeros(properties.n_segments),
-        angle=np.zeros(properties.n_segments),
     )
 
 
 def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) -> None:
     """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
 
+    Raises
+    ------
+    ValueError
+        The frame was made for other clamped ends.
+
     The forces enter a step as they are at its beginning: no stiffness of theirs is in the implicit matrix. With the
     frames in equilibrium it is small against bending's (by the ratio of a segment to the rod) and needs no bound on dt.
     """
     if state.frame is None:
-        state.frame = initial_frame(state.position_m)
+        state.frame = initial_frame(state.position_m, walls=model.walls)
+    if len(state.frame.m1) != len(model.angle):
+        raise ValueError(
+            f"the rod has {len(state.frame.m1)} directors, not {len(model.angle)}: make its initial_frame with the "
+            "wall_directions of its supports"
+        )
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
     _update(model.address, state.position_m, frame, state.frame.end_is_held, force_n)
 
@@ -82,7 +110,7 @@ def twist_energy(model: TwistModel, state: RodState) -> float:
 @kernel
 def _update(address: Address[TwistModel], x: FloatArray, frame: Frame, end_is_held: bool, f: FloatArray) -> None:
     model = twist_at(address)
-    follow(x, frame)
+    follow(x, frame, model.first)
     relax(model, frame, end_is_held)
     add_forces(model, x, frame, f)
 
@@ -157,8 +185,9 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
     """Add to f (n, 3) minus the gradient of torsion and rest curvature at fixed angles.
 
     The twist of a joint depends on the positions through the transport: its gradient by either edge is
-    (t x u)/(1 + t.u) over the edge's length.
+    (t x u)/(1 + t.u) over the edge's length. A wall does not turn.
     """
+    last = x.shape[0] - 1
     for i in range(model.torsion.shape[0]):
         t = row(frame[0], i)
         u = row(frame[0], i + 1)
@@ -169,12 +198,15 @@ def add_forces(model: TwistModel, x: FloatArray, frame: Frame, f: FloatArray) ->
         h = g
         if _has_rest_curvature(model, i):
             g, h = _rest_curvature_gradient(model, frame, i, g)
-        before = 1.0 / max(_distance(x, i), model.shortest)
-        after = 1.0 / max(_distance(x, i + 1), model.shortest)
+        p = i + 1 - model.first
+        before = 1.0 / max(_distance(x, p - 1), model.shortest) if p > 0 else 0.0
+        after = 1.0 / max(_distance(x, p), model.shortest) if p < last else 0.0
         for c in range(3):
-            f[i, c] += g[c] * before
-            f[i + 1, c] += h[c] * after - g[c] * before
-            f[i + 2, c] -= h[c] * after
+            if p > 0:
+                f[p - 1, c] += g[c] * before
+            f[p, c] += h[c] * after - g[c] * before
+            if p < last:
+                f[p + 1, c] -= h[c] * after
 
 
 @kernel

@@ -135,11 +135,13 @@ def test_a_straight_rod_is_damped_alike_in_every_plane():
     np.testing.assert_allclose(power, power[0], rtol=1e-9)
 
 
-def test_twist_and_rest_curvature_forces_are_the_gradient_at_equilibrium_angles():
+@pytest.mark.parametrize("clamps", [Supports(), Supports(start_direction=(1, 0, 0), end_direction=(0.6, 0.8, 0.0))])
+def test_twist_and_rest_curvature_forces_are_the_gradient_at_equilibrium_angles(clamps):
+    walls = clamps.wall_directions()
     rng = np.random.default_rng(3)
     properties = example_rod(N, torsional_stiffness_n_m2=17e-6, rest_curvature_1_m=rng.normal(size=(N - 1, 3)) * 15.0)
-    twist = build_twist_model(properties)
-    state = RodState(bent_chain(), np.zeros((N + 1, 3)), initial_frame(bent_chain()))
+    twist = build_twist_model(properties, walls)
+    state = RodState(bent_chain(), np.zeros((N + 1, 3)), initial_frame(bent_chain(), walls=walls))
     state.frame.end_is_held = True
     roll(state.frame, -1, 4.0)
     force = np.zeros((N + 1, 3))

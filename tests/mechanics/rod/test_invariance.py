@@ -17,11 +17,12 @@ def move(integrator_name, rotation, shift, *, twist=False):
         extra = {"torsional_stiffness_n_m2": 17e-6, "rest_curvature_1_m": curvature}
     properties = example_rod(axial_stiffness_n=5.0, viscous_drag_n_s_m2=0.02, **extra)
     start = rotation.apply([1.0, 0.2, 0.0])
-    integrator = build_integrator(integrator_name, properties, Supports(held=(0,), start_direction=start))
+    supports = Supports(held=(0,), start_direction=start)
+    integrator = build_integrator(integrator_name, properties, supports)
     state = straight_rod(properties, shift, start)
     if twist:
         director = rotation.apply([0.0, 0.0, 1.0])
-        state.frame = initial_frame(state.position_m, tuple(director))
+        state.frame = initial_frame(state.position_m, tuple(director), supports.wall_directions())
     rng = np.random.default_rng(7)
     load = rotation.apply(rng.normal(size=(51, 3)) * 1e-3)
     for _ in range(STEPS):

@@ -5,6 +5,8 @@ import pytest
 
 from services.mechanics.rod import (
     ImplicitIntegrator,
+    RodState,
+    Supports,
     build_integrator,
     clamped,
     initial_frame,
@@ -12,7 +14,16 @@ from services.mechanics.rod import (
     roll,
     straight_rod,
 )
-from services.studies.rod_problems import GJ, LENGTH_M, X, critical_torque_factor, example_rod, twisted_rod
+from services.studies.rod_problems import (
+    EI,
+    GJ,
+    LENGTH_M,
+    X,
+    critical_torque_factor,
+    example_rod,
+    step_to_rest,
+    twisted_rod,
+)
 
 NO_LOAD = np.zeros((51, 3))
 DAMPED = {"torsional_stiffness_n_m2": GJ, "internal_damping_s": 5e-3, "viscous_drag_n_s_m2": 0.05}
@@ -27,11 +38,49 @@ def test_a_rod_without_torsional_stiffness_has_no_frame():
 
 
 @pytest.mark.parametrize("angle_rad", [0.3, -2.0, 25.0])
-def test_torque_is_GJ_phi_over_the_length_between_the_grips(angle_rad):
-    integrator, state = twisted_rod(angle_rad, bending_stiffness_n_m2=1.0)  # too stiff to buckle
+@pytest.mark.parametrize(
+    ("supports", "between_grips"),
+    [
+        (Supports(held=(0, -1)), 49 / 50),
+        (clamped(X), 49.5 / 50),
+        (Supports(held=(-1,), end_direction=X), 49.5 / 50),
+        (Supports(held=(0, -1), start_direction=X, end_direction=X), 1.0),
+    ],
+    ids=["two segments", "clamp and segment", "segment and clamp", "two clamps"],
+)
+def test_torque_is_GJ_phi_over_the_length_between_the_grips(angle_rad, supports, between_grips):
+    """A clamp grips the end of the rod, a grip without one the middle of the segment there."""
+    integrator, state = twisted_rod(angle_rad, supports, bending_stiffness_n_m2=1.0)  # too stiff to buckle
     integrator.predict(state, NO_LOAD, 1e-3)
     torque = integrator.twist.torsion * state.frame.twist_rad
-    np.testing.assert_allclose(torque, GJ * angle_rad / (LENGTH_M * 49 / 50), rtol=1e-9)
+    np.testing.assert_allclose(torque, GJ * angle_rad / (LENGTH_M * between_grips), rtol=1e-9)
+
+
+def test_a_frame_without_the_directors_of_its_clamps_is_refused():
+    integrator, state = twisted_rod(1.0)
+    state.frame = initial_frame(state.position_m)
+    with pytest.raises(ValueError, match="50 directors, not 52"):
+        integrator.predict(state, NO_LOAD, 1e-3)
+
+
+@pytest.mark.parametrize(("n_segments", "within"), [(16, 2e-3), (32, 5e-4)])
+def test_a_curved_cantilever_gives_way_out_of_its_plane_by_bending_and_twist(n_segments, within):
+    """A quarter circle under a tip load along its axis: P R^3 (pi/4 / EI + (3 pi/4 - 2) / GJ); of second order."""
+    radius_m, load_n = LENGTH_M / (0.5 * np.pi), 1e-5
+    curvature = np.zeros((n_segments - 1, 3))
+    curvature[:, 0] = 1.0 / radius_m
+    properties = example_rod(n_segments, **DAMPED, axial_stiffness_n=1e3, rest_curvature_1_m=curvature)
+    angle = 0.5 * np.pi * np.linspace(0.0, 1.0, n_segments + 1)
+    arc = radius_m * np.stack([np.sin(angle), 0.0 * angle, np.cos(angle) - 1.0], axis=1)
+    supports = clamped(X)
+    state = RodState(arc, np.zeros_like(arc), initial_frame(arc, (0.0, 1.0, 0.0), supports.wall_directions()))
+    integrator, load = ImplicitIntegrator(properties, supports), np.zeros_like(arc)
+    tip_m = []
+    for load[-1, 1] in (-load_n, load_n):
+        step_to_rest(integrator, state, load, speed_m_s=1e-9)
+        tip_m.append(state.position_m[-1, 1])
+    expected_m = load_n * radius_m**3 * (np.pi / 4.0 / EI + (3.0 * np.pi / 4.0 - 2.0) / GJ)
+    assert 0.5 * (tip_m[1] - tip_m[0]) == pytest.approx(expected_m, rel=within)
 
 
 def test_a_free_end_unwinds_at_once():
@@ -47,7 +96,7 @@ def test_torsion_between_different_stiffnesses_divides_as_springs_in_series():
     integrator, state = twisted_rod(1.0, torsional_stiffness_n_m2=stiffness, bending_stiffness_n_m2=1.0)
     integrator.predict(state, NO_LOAD, 1e-3)
     torque = integrator.twist.torsion * state.frame.twist_rad
-    half = 0.5 * LENGTH_M * 49 / 50
+    half = 0.5 * LENGTH_M
     np.testing.assert_allclose(torque, 1.0 / (half / GJ + half / (0.25 * GJ)), rtol=1e-9)
 
 
@@ -98,7 +147,7 @@ def test_rolling_the_grip_turns_a_bent_tip_about_the_axis(integrator_name):
     properties = example_rod(**damping, rest_curvature_1_m=curvature)
     integrator = build_integrator(integrator_name, properties, clamped(X))
     state = straight_rod(properties, (0, 0, 0), X)
-    state.frame = initial_frame(state.position_m, (0.0, 1.0, 0.0))
+    state.frame = initial_frame(state.position_m, (0.0, 1.0, 0.0), clamped(X).wall_directions())
     directions = []
     for turn in range(2):
         if turn:
