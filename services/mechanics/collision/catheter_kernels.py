@@ -21,7 +21,7 @@ from services.mechanics.collision.probes import (
     motion_to,
 )
 from services.mechanics.collision.rim import RimMemory, detect_rims
-from services.mechanics.collision.search import NOTHING, walk
+from services.mechanics.collision.search import NOT_FOUND, walk
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, Contact, contact_of
 from services.mechanics.collision.writer import is_due, write_pair
@@ -79,7 +79,7 @@ def _detect_particle(detection: CatheterDetection, i: int, p: Vector, motion: Ve
     for k in range(MINIMA):
         is_touched = _write_minimum(detection, i, k, motion, pairs) or is_touched
     for k in range(MINIMA):
-        if is_touched and detection.probes.triangle[i, k] != NOTHING:
+        if is_touched and detection.probes.triangle[i, k] != NOT_FOUND:
             _write_flanks(detection, (i, k), (p, STILL), motion, reach, pairs, start)
             if moved > UNSEEN * thickness:
                 _write_flanks(detection, (i, k), (p, motion), motion, reach, pairs, start)
@@ -91,7 +91,7 @@ def _write_minimum(detection: CatheterDetection, i: int, k: int, motion: Vector,
     probes = detection.probes
     triangle, normal = probes.triangle[i, k], row_of(probes.normal, i, k)
     gap = probes.distance[i, k] - detection.thickness_m
-    if triangle == NOTHING or not is_due(gap, normal, motion, detection.margin_m):
+    if triangle == NOT_FOUND or not is_due(gap, normal, motion, detection.margin_m):
         return False
     weights = row_of(probes.weights, i, k)
     write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, triangle, 0.0, weights), gap, normal)
@@ -123,7 +123,7 @@ def _write_flanks(
     middle = triangle
     if dot(ahead, ahead) > 0.0:
         middle = walk(body, wall, triangle, q, q, reach)[0]
-    if middle == NOTHING:
+    if middle == NOT_FOUND:
         return
     begin, ring, normal = wall.ring_start, wall.ring, row_of(probes.normal, i, k)
     for corner in range(3):
@@ -132,7 +132,7 @@ def _write_flanks(
             if not may_be_flank(body, wall, ring[at], normal):
                 continue
             touch = flank_on(body, wall, triangle, ring[at], (q, q), reach)
-            if touch[0] != NOTHING:
+            if touch[0] != NOT_FOUND:
                 _write_flank(detection, i, contact_of(body, wall, touch, q, q, side), ahead, motion, pairs, start)
 
 
@@ -172,7 +172,7 @@ def _follow_particle(detection: CatheterDetection, i: int, p: Vector, reaches: t
     there = (reaches[1], side if clearance > reaches[1] + SKIN_M else UNKNOWN)
     advance(shell.body, shell.wall, probes, i, (p, p), on_the_way, there)
     distance, side = probes.distance[i, first], probes.side[i, first]
-    if probes.triangle[i, first] == NOTHING or side == UNKNOWN or distance <= 0.0:
+    if probes.triangle[i, first] == NOT_FOUND or side == UNKNOWN or distance <= 0.0:
         return
     if cap_clearance(shell.body, lumen, i, p) > distance:
         lumen.inside[i] = 1 if side == INSIDE else 0

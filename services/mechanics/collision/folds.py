@@ -8,7 +8,7 @@ into the other, which then is the closer one: it would be shaken between the two
 from __future__ import annotations
 
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.collision.search import NOTHING, Touch, better_neighbour, touch_triangle
+from services.mechanics.collision.search import NOT_FOUND, Touch, better_neighbour, touch_triangle
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.sides import triangle_normal
 from services.mechanics.collision.topology import NO_NEIGHBOUR
@@ -35,14 +35,14 @@ def may_be_flank(body: Body, patch: Patch, triangle: int, normal: Vector) -> boo
 def flank_on(body: Body, patch: Patch, here: int, other: int, ends: tuple[Vector, Vector], reach: float) -> Touch:
     """Return the touch on triangle ``other`` if it is a minimum of its own beside that on triangle ``here``.
 
-    The triangle of the touch is `NOTHING` if there is none within ``reach``.
+    The triangle of the touch is `NOT_FOUND` if there is none within ``reach``.
     """
     if other != here:
         touch = touch_triangle(body, patch, other, ends[0], ends[1])
         is_beside = touch[1] < reach * reach and not _is_shared(patch, here, touch)
         if is_beside and better_neighbour(body, patch, touch, ends[0], ends[1])[0] == other:
             return touch
-    return (NOTHING, 0.0, 0.0, (1.0, 0.0, 0.0))
+    return (NOT_FOUND, 0.0, 0.0, (1.0, 0.0, 0.0))
 
 
 @kernel

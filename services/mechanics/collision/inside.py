@@ -16,7 +16,7 @@ import numpy as np
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import JUMP_M
-from services.mechanics.collision.search import NOTHING, Touch, closest, offset
+from services.mechanics.collision.search import NOT_FOUND, Touch, closest, offset
 from services.mechanics.collision.shell import Body, Patch, Shell
 from services.mechanics.collision.sides import surface_normal, triangle_normal
 from services.mechanics.compiled import kernel
@@ -74,12 +74,12 @@ def follow_caps(shell: Shell, lumen: Lumen, i: int, start: Vector, end: Vector, 
 @kernel
 def _look(shell: Shell, lumen: Lumen, i: int, p: Vector, guess: int) -> None:
     body, wall, caps = shell.body, shell.wall, shell.caps
-    cap = closest(body, caps, p, p, HORIZON_M, index(NOTHING))
+    cap = closest(body, caps, p, p, HORIZON_M, index(NOT_FOUND))
     _note(body, lumen, i, p, math.sqrt(cap[1]))
-    if cap[0] == NOTHING:
+    if cap[0] == NOT_FOUND:
         return
     # An edge of the rim belongs to the wall and to the cap: nothing strictly closer means no opinion.
-    if closest(body, wall, p, p, math.sqrt(cap[1]) * (1.0 + 1e-9), index(guess))[0] == NOTHING:
+    if closest(body, wall, p, p, math.sqrt(cap[1]) * (1.0 + 1e-9), index(guess))[0] == NOT_FOUND:
         lumen.inside[i] = _is_behind(body, caps, cap, p)
 
 
@@ -87,9 +87,9 @@ def _look(shell: Shell, lumen: Lumen, i: int, p: Vector, guess: int) -> None:
 def _look_everywhere(shell: Shell, lumen: Lumen, i: int, p: Vector) -> None:
     """Find the flag from nothing, by the closest point of the closed surface."""
     body, wall, caps = shell.body, shell.wall, shell.caps
-    cap = closest(body, caps, p, p, math.inf, index(NOTHING))
+    cap = closest(body, caps, p, p, math.inf, index(NOT_FOUND))
     _note(body, lumen, i, p, math.sqrt(cap[1]))
-    side = closest(body, wall, p, p, math.inf, index(NOTHING))
+    side = closest(body, wall, p, p, math.inf, index(NOT_FOUND))
     if side[1] < cap[1] * (1.0 - 1e-9):
         lumen.inside[i] = _is_behind(body, wall, side, p)
     elif cap[1] < side[1] * (1.0 - 1e-9):

@@ -18,7 +18,7 @@ from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.collision.aabb_distance import OPPOSITE
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.search import (
-    NOTHING,
+    NOT_FOUND,
     Touch,
     closest,
     closest_opposite,
@@ -61,7 +61,7 @@ class Probes(Struct):
     searched_at: Annotated[FloatArray, "n", 2, 3]  # ends at the last search
     travel: Annotated[FloatArray, "n"]  # the wall's travel at the last search
     seen: Annotated[FloatArray, "n"]  # distance out to which the last search looked; negative without a past
-    triangle: Annotated[IntArray, "n", MINIMA]  # of each minimum, or NOTHING
+    triangle: Annotated[IntArray, "n", MINIMA]  # of each minimum, or NOT_FOUND
     side: Annotated[ByteArray, "n", MINIMA]  # of the wall at each minimum
     parameter: Annotated[FloatArray, "n", MINIMA]  # s on the probe
     weights: Annotated[FloatArray, "n", MINIMA, 3]  # barycentric
@@ -72,7 +72,7 @@ class Probes(Struct):
     @classmethod
     def allocate(cls, n: int) -> Self:
         """Return n probes without a past."""
-        return cls.zeros(n=n, seen=np.full(n, -1.0), triangle=np.full((n, MINIMA), NOTHING, np.int32))
+        return cls.zeros(n=n, seen=np.full(n, -1.0), triangle=np.full((n, MINIMA), NOT_FOUND, np.int32))
 
     def reset(self) -> None:
         """Drop the past of every probe."""
@@ -84,7 +84,7 @@ def forget(probes: Probes, i: int) -> None:
     """Drop the past of one probe."""
     probes.seen[i] = -1.0
     for k in range(MINIMA):
-        probes.triangle[i, k] = NOTHING
+        probes.triangle[i, k] = NOT_FOUND
         probes.side[i, k] = UNKNOWN
 
 
@@ -155,22 +155,22 @@ def _update(
     triangle, side = probes.triangle, probes.side
     first = _follow(body, wall, triangle[i, 0], ends, reach)
     second = _follow(body, wall, triangle[i, 1], ends, reach)
-    is_lost = first[0] == NOTHING and triangle[i, 0] != NOTHING
+    is_lost = first[0] == NOT_FOUND and triangle[i, 0] != NOT_FOUND
     if is_lost or _is_search_due(body, probes, i, ends, reach):
         _search(body, wall, probes, i, ends, (first, second), reach_and_hint)
         return
-    if first[0] != NOTHING:
+    if first[0] != NOT_FOUND:
         _store(probes, i, 0, contact_of(body, wall, first, ends[0], ends[1], index(side[i, 0])))
-    if second[0] != NOTHING and _is_opposite(body, wall, first, second, ends):
+    if second[0] != NOT_FOUND and _is_opposite(body, wall, first, second, ends):
         _store(probes, i, 1, contact_of(body, wall, second, ends[0], ends[1], index(side[i, 1])))
     else:
-        triangle[i, 1] = NOTHING
+        triangle[i, 1] = NOT_FOUND
 
 
 @kernel
 def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector], reach: float) -> Touch:
-    if triangle == NOTHING:
-        return (index(NOTHING), math.inf, 0.0, (1.0, 0.0, 0.0))
+    if triangle == NOT_FOUND:
+        return (index(NOT_FOUND), math.inf, 0.0, (1.0, 0.0, 0.0))
     return walk(body, wall, index(triangle), ends[0], ends[1], reach)
 
 
@@ -209,19 +209,19 @@ def _search(
     triangle, side = probes.triangle, probes.side
     sides = (index(side[i, 0]), index(side[i, 1]))
     first, first_side = followed[0], sides[0]
-    if first[0] == NOTHING or contact_of(body, wall, first, a, b, first_side)[2] >= 0.0:
+    if first[0] == NOT_FOUND or contact_of(body, wall, first, a, b, first_side)[2] >= 0.0:
         first = closest(body, wall, a, b, reach + SKIN_M, first[0])
         first_side = _remembered_side(first, followed, sides, hint)
     _note_seen(body, wall, probes, i, ends, first, reach)
-    triangle[i, 0] = triangle[i, 1] = NOTHING
-    if first[0] == NOTHING:
+    triangle[i, 0] = triangle[i, 1] = NOT_FOUND
+    if first[0] == NOT_FOUND:
         return
     _store(probes, i, 0, contact_of(body, wall, first, a, b, first_side))
     away = offset(body, wall, first, a, b)
     if dot(away, away) == 0.0:
         return
     second = closest_opposite(body, wall, a, b, reach + SKIN_M, scaled(unit(away), -1.0))
-    if second[0] == NOTHING:
+    if second[0] == NOT_FOUND:
         return
     contact = contact_of(body, wall, second, a, b, _remembered_side(second, followed, sides, hint))
     # Through a wall one sees the back of the opposite one, which nobody has been pushed through.
@@ -239,14 +239,14 @@ def _note_seen(
         put_row_of(probes.searched_at, i, end, ends[end])
     probes.travel[i] = body.travel_noted
     seen[i] = reach + SKIN_M
-    if first[0] == NOTHING:
+    if first[0] == NOT_FOUND:
         seen[i] = max(seen[i], distance_to_all(body, wall, ends[0], ends[1]))
 
 
 @kernel
 def _remembered_side(found: Touch, followed: tuple[Touch, Touch], sides: tuple[int, int], hint: int) -> int:
     for k in range(MINIMA):
-        if followed[k][0] != NOTHING and (
+        if followed[k][0] != NOT_FOUND and (
             found[0] == followed[k][0] or abs(found[1] - followed[k][1]) <= 1e-9 * found[1]
         ):
             return sides[k]

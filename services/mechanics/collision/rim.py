@@ -13,7 +13,7 @@ from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import SKIN_M
-from services.mechanics.collision.search import NOTHING, Touch, closest, distance_to_all, offset
+from services.mechanics.collision.search import NOT_FOUND, Touch, closest, distance_to_all, offset
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.writer import is_due, write_pair
 from services.mechanics.compiled import kernel
@@ -39,7 +39,7 @@ _TOUCHING_M = 1e-9
 class RimMemory(Struct):
     """What m segments of a catheter remember of the rims."""
 
-    edge: Annotated[IntArray, "m"]  # rim edge within reach of each segment at the last tick, or NOTHING
+    edge: Annotated[IntArray, "m"]  # rim edge within reach of each segment at the last tick, or NOT_FOUND
     place: Annotated[FloatArray, "m", 3]  # weights of the point touched
     normal: Annotated[FloatArray, "m", 3]  # towards the segment
     ends: Annotated[FloatArray, "m", 2, 3]  # of the segment at the last search that found no edge within reach
@@ -51,11 +51,11 @@ class RimMemory(Struct):
     @classmethod
     def allocate(cls, m: int) -> Self:
         """Return m segments without a past."""
-        return cls.zeros(m=m, edge=np.full(m, NOTHING, np.int32), slack=np.full(m, -1.0))
+        return cls.zeros(m=m, edge=np.full(m, NOT_FOUND, np.int32), slack=np.full(m, -1.0))
 
     def reset(self) -> None:
         """Drop the past of every segment."""
-        self.edge.fill(NOTHING)
+        self.edge.fill(NOT_FOUND)
         self.slack.fill(-1.0)
 
 
@@ -93,7 +93,7 @@ def _detect_segment(
     if _is_still_far(shell, memory, i, ends, moved):
         return
     reach = thickness + margin + moved
-    touch = closest(shell.body, shell.rims, ends[0], ends[1], reach + SKIN_M, index(NOTHING))
+    touch = closest(shell.body, shell.rims, ends[0], ends[1], reach + SKIN_M, index(NOT_FOUND))
     memory.slack[i] = -1.0
     if not touch[1] < reach * reach:
         _note_far(shell, memory, i, ends, math.sqrt(touch[1]), thickness + margin)
@@ -123,7 +123,7 @@ def _write_flanks(
         vertex = rims.triangles[edge, corner]
         for place in range(begin[vertex], begin[vertex + 1]):
             touch = flank_on(shell.body, rims, edge, ring[place], ends, reach)
-            if touch[0] == NOTHING or touch[1] < _TOUCHING_M**2:
+            if touch[0] == NOT_FOUND or touch[1] < _TOUCHING_M**2:
                 continue
             distance = math.sqrt(touch[1])
             away = scaled(offset(shell.body, rims, touch, ends[0], ends[1]), 1.0 / distance)
@@ -147,7 +147,7 @@ def _is_still_far(shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, V
 def _note_far(
     shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, Vector], distance: float, reach: float
 ) -> None:
-    memory.edge[i] = NOTHING
+    memory.edge[i] = NOT_FOUND
     for end in range(2):
         put_row_of(memory.ends, i, end, ends[end])
     memory.travel[i] = shell.body.travel_noted
@@ -162,7 +162,7 @@ def _signed(
     edges, normals = memory.edge, memory.normal
     away = offset(shell.body, shell.rims, touch, ends[0], ends[1])
     distance, old = math.sqrt(dot(away, away)), row(normals, i)
-    is_known = edges[i] != NOTHING and _is_same_lip(shell, memory, i, touch, thickness)
+    is_known = edges[i] != NOT_FOUND and _is_same_lip(shell, memory, i, touch, thickness)
     normal = scaled(away, 1.0 / distance) if distance > _TOUCHING_M else old
     if is_known and 0.0 < touch[2] < 1.0 and dot(normal, old) < 0.0:
         normal, distance = scaled(normal, -1.0), -distance

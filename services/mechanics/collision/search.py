@@ -18,7 +18,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance, subtract
 
 Touch = tuple[int, float, float, Vector]
-NOTHING = -1
+NOT_FOUND = -1
 WALK_LIMIT = 256
 
 
@@ -94,7 +94,7 @@ def walk(body: Body, patch: Patch, triangle: int, a: Vector, b: Vector, near_m: 
 
     Seen from within a bend every facet can be a local minimum of its own. Closer than ``near_m`` the minimum
     is therefore one over all triangles that share a corner with it. The distance falls strictly, so the walk
-    ends; past `WALK_LIMIT` steps it gives up with triangle `NOTHING`.
+    ends; past `WALK_LIMIT` steps it gives up with triangle `NOT_FOUND`.
     """
     touch = touch_triangle(body, patch, triangle, a, b)
     for _ in range(WALK_LIMIT):
@@ -104,20 +104,20 @@ def walk(body: Body, patch: Patch, triangle: int, a: Vector, b: Vector, near_m: 
         if following[0] == touch[0]:
             return touch
         touch = following
-    return (NOTHING, touch[1], touch[2], touch[3])
+    return (NOT_FOUND, touch[1], touch[2], touch[3])
 
 
 @kernel
 def closest(body: Body, patch: Patch, a: Vector, b: Vector, radius: float, guess: int) -> Touch:
-    """Return the closest touch within ``radius``, triangle `NOTHING` if there is none.
+    """Return the closest touch within ``radius``, triangle `NOT_FOUND` if there is none.
 
     Exact: the tree is only left where its bounds forbid anything closer. ``guess`` is a triangle to start
-    from, or `NOTHING`; a good one saves most of the search.
+    from, or `NOT_FOUND`; a good one saves most of the search.
     """
-    best: Touch = (NOTHING, radius * radius, 0.0, (1.0, 0.0, 0.0))
-    if guess != NOTHING:
+    best: Touch = (NOT_FOUND, radius * radius, 0.0, (1.0, 0.0, 0.0))
+    if guess != NOT_FOUND:
         start = walk(body, patch, guess, a, b, 0.0)
-        if start[0] != NOTHING and start[1] < best[1]:
+        if start[0] != NOT_FOUND and start[1] < best[1]:
             best = start
     return _descend(body, patch, a, b, best, (0.0, 0.0, 0.0))
 
@@ -129,7 +129,7 @@ def closest_opposite(body: Body, patch: Patch, a: Vector, b: Vector, radius: flo
     ``direction`` is the unit vector from the probe to the closest touch. In a collapsed lumen this is the
     other wall.
     """
-    return _descend(body, patch, a, b, (index(NOTHING), radius * radius, 0.0, (1.0, 0.0, 0.0)), direction)
+    return _descend(body, patch, a, b, (index(NOT_FOUND), radius * radius, 0.0, (1.0, 0.0, 0.0)), direction)
 
 
 @kernel

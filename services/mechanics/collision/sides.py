@@ -11,7 +11,7 @@ import math
 
 from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.primitives import index
-from services.mechanics.collision.search import NOTHING, Touch, offset, walk
+from services.mechanics.collision.search import NOT_FOUND, Touch, offset, walk
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.compiled import kernel
@@ -131,7 +131,7 @@ def _contact_at_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b
     from_b = dot(_above(body, patch, touch, b), normal)
     end, s = (a, 0.0) if side * from_a < side * from_b else (b, 1.0)
     found = walk(body, patch, index(touch[0]), end, end, math.inf)
-    if found[0] == NOTHING:
+    if found[0] == NOT_FOUND:
         return (touch, scaled(normal, float(side)), 0.0, side)
     there: Touch = (found[0], found[1], s, found[3])
     away = offset(body, patch, there, a, b)

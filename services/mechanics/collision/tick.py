@@ -39,15 +39,15 @@ def end_turn(address: Address[Shell]) -> None:
 def _take_state(body: Body, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
     """Take over q and the residuals if they are sound; add this tick's largest possible node motion to the travel."""
     omega, anchor, own = body.omega, body.anchor, body.q
-    norm, away, nothing = 0.0, 0.0, 0.0
+    norm, away, unsound = 0.0, 0.0, 0.0
     for k in range(omega.shape[0]):
         norm += (omega[k] * q[k]) ** 2
         away += (omega[k] * (q[k] - anchor[k])) ** 2
     for k in range(residuals.shape[0]):
-        nothing += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0
+        unsound += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0  # 0, or NaN where one is not finite
         if nodes[k] < 0 or nodes[k] >= body.rest.shape[0]:
             return False
-    if not math.isfinite(norm + away + nothing):
+    if not math.isfinite(norm + away + unsound):
         return False
     for k in range(omega.shape[0]):
         own[k] = q[k]

@@ -9,7 +9,7 @@ from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_c
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.primitives import clamp01, index
 from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, advance, forget
-from services.mechanics.collision.search import NOTHING
+from services.mechanics.collision.search import NOT_FOUND
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.sides import UNKNOWN
 from services.mechanics.collision.writer import write_pair
@@ -109,7 +109,7 @@ def _write_segment(
     for i in range(span[0], span[1]):
         for k in range(MINIMA):
             gap, triangle = probes.distance[i, k] - thickness, probes.triangle[i, k]
-            if triangle == NOTHING or not gap < detection.margin_m or _is_repeated(probes, i, k, span):
+            if triangle == NOT_FOUND or not gap < detection.margin_m or _is_repeated(probes, i, k, span):
                 continue
             s = dot(subtract(_axis_point(probes, i, k), ends[0]), axis) / length2
             weights = row_of(probes.weights, i, k)
@@ -134,7 +134,7 @@ def _is_repeated(probes: Probes, i: int, k: int, span: tuple[int, int]) -> bool:
         near2 = 0.25 * min(_length2(probes, i), _length2(probes, j))
         for other in range(MINIMA):
             deeper = probes.distance[j, other] - mine
-            if probes.triangle[j, other] == NOTHING or deeper > 0.0 or (deeper == 0.0 and j > i):
+            if probes.triangle[j, other] == NOT_FOUND or deeper > 0.0 or (deeper == 0.0 and j > i):
                 continue
             is_same_way = dot(normal, row_of(probes.normal, j, other)) > SAME_WAY
             if is_same_way and squared_distance(point, _axis_point(probes, j, other)) < near2:

@@ -18,7 +18,7 @@ from services.mechanics.collision.topology import fill_rim
 EVERYWHERE_M = 1.0
 
 
-def closest(surface, ends, radius=EVERYWHERE_M, guess=search.NOTHING):
+def closest(surface, ends, radius=EVERYWHERE_M, guess=search.NOT_FOUND):
     a, b = (tuple(map(float, end)) for end in ends)
     shell = surface.shell
     return search.closest(shell.body, shell.wall, a, b, radius, guess)
@@ -83,8 +83,8 @@ def test_nothing_is_found_outside_the_radius(surface):
     surface.update(random_coordinates(np.random.default_rng(0), 0.0))
     p = np.array([20e-3, 0.0, 12e-3])
     expected = distances_to_triangles(p, deformed(surface), surface.mesh.triangles).min()
-    assert closest(surface, (p, p), radius=0.999 * expected)[0] == search.NOTHING
-    assert closest(surface, (p, p), radius=1.001 * expected)[0] != search.NOTHING
+    assert closest(surface, (p, p), radius=0.999 * expected)[0] == search.NOT_FOUND
+    assert closest(surface, (p, p), radius=1.001 * expected)[0] != search.NOT_FOUND
 
 
 def test_old_looks_never_hide_a_triangle_that_has_moved(surface):
@@ -114,7 +114,7 @@ def test_second_minimum_is_the_other_wall_of_a_collapsed_duct():
     second = search.closest_opposite(shell.body, shell.wall, p, p, 2e-3, (0.0, 1.0, 0.0))
     assert np.sqrt(second[1]) == pytest.approx(1.5e-3, abs=0.02e-3)
     none = search.closest_opposite(shell.body, shell.wall, p, p, 1.4e-3, (0.0, 1.0, 0.0))
-    assert none[0] == search.NOTHING
+    assert none[0] == search.NOT_FOUND
 
 
 def test_a_tick_costs_about_the_same_on_a_finer_mesh():

@@ -58,7 +58,7 @@ def test_closest_point_equals_brute_force_on_a_wall_that_bends_far(duct, surface
         for p in vertices[rng.integers(0, mesh.n_vertices, 6)] + rng.normal(size=(6, 3)) * 2e-3:
             expected = distances_to_triangles(p, vertices, mesh.triangles).min()
             at = tuple(map(float, p))
-            found = search.closest(shell.body, shell.wall, at, at, 1.0, search.NOTHING)
+            found = search.closest(shell.body, shell.wall, at, at, 1.0, search.NOT_FOUND)
             assert np.sqrt(found[1]) == pytest.approx(expected, abs=1e-12)
 
 
