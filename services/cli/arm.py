@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from services.runtime import config
 from services.runtime.errors import BusError, UserError
+from services.runtime.private_directory import open_text
 from services.runtime.rig import Rig
 from services.supervisor.page_place import page_file
 
@@ -55,7 +56,8 @@ def find_access(rig: Rig) -> Access:
     """
     path = page_file(rig.transport)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        with open_text(path) as file:
+            data = json.load(file)
         return Access(data["address"], data["token"])
     except FileNotFoundError:
         raise BusError(f"no supervisor is running here ({path} is not there); name one with --address") from None

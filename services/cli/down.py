@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from services.runtime import config
+from services.runtime import config, endpoints
 from services.runtime.errors import UserError
 from services.runtime.rig import Rig
 from services.supervisor.holders import holders
@@ -46,6 +46,7 @@ def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
     left = holders(rig.transport)
     _end({name: pid for name, pid in left.items() if name != "gateway"}, _END_S)
     _end({name: pid for name, pid in left.items() if name == "gateway"}, _END_S)
+    endpoints.remove_stale(rig.transport)
     return list(found)
 
 

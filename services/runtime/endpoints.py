@@ -9,10 +9,12 @@ from __future__ import annotations
 import fcntl
 import os
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 from services.runtime.errors import BusError
+from services.runtime.private_directory import make_private, open_text
 from services.runtime.rig import Transport
 
 _MAX_IPC_PATH = 107
@@ -20,12 +22,19 @@ _PORTS = 8192
 
 
 def run_directory(transport: Transport) -> Path:
-    """Return the directory of the rig's sockets and locks, made private to this user."""
+    """Return the directory of the rig's sockets and locks, private to this user.
+
+    That is ``transport.directory``, else one in ``$XDG_RUNTIME_DIR``, else one in ``/tmp``.
+
+    Raises
+    ------
+    BusError
+        if it cannot be had, or others could have their hands in it.
+    """
     directory = transport.directory
     if directory is None:
         directory = Path(os.environ.get("XDG_RUNTIME_DIR") or "/tmp") / f"trocar-{os.getuid()}"
-    directory.mkdir(parents=True, exist_ok=True, mode=0o700)
-    return directory
+    return make_private(directory)
 
 
 def endpoint(transport: Transport, topic: str, host: str | None = None) -> str:
@@ -55,11 +64,10 @@ def claim(transport: Transport, topic: str) -> IO[str]:
         naming the process that has it.
     """
     path = run_directory(transport) / f"{topic}.lock"
-    lock = path.open("a+")
+    lock = open_text(path, os.O_RDWR | os.O_CREAT)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        lock.seek(0)
         holder = lock.read().strip() or "unknown"
         lock.close()
         raise BusError(f"topic {topic} is already published by process {holder} (lock {path})") from None
@@ -67,3 +75,13 @@ def claim(transport: Transport, topic: str) -> IO[str]:
     lock.write(f"{os.getpid()}\n")
     lock.flush()
     return lock
+
+
+def remove_stale(transport: Transport) -> list[str]:
+    """Remove the sockets of publishers that are no more (one that is killed leaves them) and return their names."""
+    removed = []
+    for path in sorted(run_directory(transport).glob("*.ipc")):
+        with suppress(BusError, FileNotFoundError), claim(transport, path.stem.removesuffix(".whole")):
+            path.unlink()
+            removed.append(path.name)
+    return removed

@@ -8,6 +8,7 @@ from pathlib import Path
 import protocol
 from protocol.topics import published_by
 from services.runtime import endpoints
+from services.runtime.private_directory import open_text
 from services.runtime.rig import Transport
 
 
@@ -25,7 +26,7 @@ def holders(transport: Transport) -> dict[str, int]:
 
 def _holder(path: Path) -> int | None:
     try:
-        lock = path.open("r")
+        lock = open_text(path)
     except FileNotFoundError:
         return None
     with lock:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from services.runtime.private_directory import open_private
 from services.supervisor.processes import ProcessSpec
 
 #: Beyond this a line is cut: nothing a child writes takes memory without bound.
@@ -27,7 +28,7 @@ class Child:
     def __init__(self, spec: ProcessSpec, arguments: Sequence[str], log_file: Path) -> None:
         self.spec = spec
         self.log_file = log_file
-        with log_file.open("wb") as sink:
+        with os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
             self._popen = subprocess.Popen(
                 [sys.executable, "-m", spec.module, *arguments],
                 stdin=subprocess.DEVNULL,
@@ -40,7 +41,7 @@ class Child:
         self.descriptor = os.pidfd_open(self.pid)
         self._status = os.open(f"/proc/{self.pid}/stat", os.O_RDONLY)
         self._schedule = _open_if_there(f"/proc/{self.pid}/schedstat")
-        self._log = log_file.open("rb")
+        self._log = os.fdopen(open_private(log_file, os.O_RDONLY), "rb")
         self._rest = b""
 
     def end(self) -> int | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import services
 from services.runtime import endpoints
 from services.runtime.errors import BusError
+from services.runtime.private_directory import open_text
 from services.runtime.rig import Transport, WebSettings
 
 #: The built page: made of services/visualization/web, whose process does not serve it.
@@ -23,7 +24,7 @@ def page_file(transport: Transport) -> Path:
 
 def write_page_file(path: Path, address: str, token: str) -> None:
     """Write the file, readable by this user only."""
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+    with open_text(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC) as file:
         json.dump({"address": address, "token": token}, file)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
+from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
 from services.supervisor.bus_threads import BusThreads
@@ -78,6 +79,8 @@ def _refuse_second_rig(options: Options) -> None:
     if rig.supervisor.mode == "launch" and found:
         who = ", ".join(f"{name} (process {pid})" for name, pid in found.items())
         raise BusError(f"a rig is running here already: {who}; `trocar down` ends it")
+    if rig.supervisor.mode == "launch":
+        endpoints.remove_stale(rig.transport)
 
 
 def run_session(process: Process, session: SessionOptions) -> None:
@@ -159,6 +162,4 @@ def arguments(options: Options) -> tuple[str, ...]:
 
 def log_directory(rig: Rig) -> Path:
     """Return where the processes' output is kept until the next start."""
-    directory = endpoints.run_directory(rig.transport) / "log"
-    directory.mkdir(exist_ok=True)
-    return directory
+    return make_private(endpoints.run_directory(rig.transport) / "log")

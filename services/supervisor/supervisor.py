@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from queue import Empty, SimpleQueue
 
 import protocol.bodies as bodies
 from services.runtime.bus import Bus
+from services.runtime.private_directory import open_text
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
 from services.supervisor.crew import Crew, Launch, build_members
@@ -148,12 +150,18 @@ class Supervisor:
             return
         self._safe_stop = reason
         if self._safe_stop_file is not None:
-            self._safe_stop_file.write_text(reason, encoding="utf-8")
+            with open_text(self._safe_stop_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC) as file:
+                file.write(reason)
         self.say("error", f"supervisor: safe stop: {reason}")
 
     def _remembered(self) -> str:
-        path = self._safe_stop_file
-        return path.read_text(encoding="utf-8") if path is not None and path.exists() else ""
+        if self._safe_stop_file is None:
+            return ""
+        try:
+            with open_text(self._safe_stop_file) as file:
+                return file.read()
+        except FileNotFoundError:
+            return ""
 
     def _begin_anew_where_someone_came_up(self) -> None:
         up = {name for name, member in self.crew.members.items() if member.up}

@@ -1,0 +1,35 @@
+"""Another user of the machine, as tests need one: a process without any right of ours. Takes root, which CI is."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+NOBODY = 65534
+_SETPRIV = ["setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups"]
+
+needs_other_user = pytest.mark.skipif(
+    os.geteuid() != 0 or shutil.which("setpriv") is None, reason="only root can act as another user, with setpriv"
+)
+
+
+def as_other_user(program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a Python program of the standard library as another user."""
+    command = [*_SETPRIV, sys.executable, "-I", "-S", "-c", program, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, cwd="/")
+
+
+@pytest.fixture
+def everybodys() -> Iterator[Path]:
+    """Return a folder like ``/tmp``: everybody may make files in it, and remove nobody else's."""
+    folder = Path(tempfile.mkdtemp(dir="/tmp"))
+    folder.chmod(0o1777)
+    yield folder
+    shutil.rmtree(folder)
