@@ -1,0 +1,85 @@
+"""All tests, in two parts: ``python -m tests [what pytest takes]``, which ``./dev test`` runs.
+
+First everything that shares the machine: one worker a core, a file stays with one of them. Then, alone, what starts a
+rig: a rig beside busy neighbours is judged as late, and rightly. One summary counts both; either part fails the run.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+#: A worker of the mechanics holds 0.7 GB, and beyond four the longest file decides.
+_MOST_WORKERS = 4
+#: The slow files are in the middle of the order of collection, the quick ones at its end.
+_TOGETHER = ("-m", "not rig", "--dist", "loadfile", "--no-loadscope-reorder")
+_ALONE = ("-m", "rig")
+_NOTHING_CHOSEN = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one run of pytest came to."""
+
+    exit_code: int
+    passed: int
+    failed: int
+    skipped: int
+    elapsed_s: float
+
+
+def run_part(options: tuple[str, ...], arguments: list[str]) -> Outcome:
+    """Run pytest with its own output, and return its counts."""
+    began_s = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.xml"
+        command = [sys.executable, "-m", "pytest", *options, f"--junitxml={report}", *arguments]
+        exit_code = subprocess.run(command, check=False).returncode
+        passed, failed, skipped = _counts(report) if report.exists() else (0, 0, 0)
+    return Outcome(exit_code, passed, failed, skipped, time.monotonic() - began_s)
+
+
+def _counts(report: Path) -> tuple[int, int, int]:
+    suite = next(ElementTree.parse(report).iter("testsuite"))
+    every, failures, errors, skipped = (int(suite.get(name, 0)) for name in ("tests", "failures", "errors", "skipped"))
+    return every - failures - errors - skipped, failures + errors, skipped
+
+
+def exit_code(parts: list[Outcome]) -> int:
+    """Return the code of the first part that failed. That none of its tests was chosen fails a part only if all are so.
+
+    A part that crashed before it could count is a failure like any other.
+    """
+    codes = [part.exit_code for part in parts]
+    failures = [code for code in codes if code not in (0, _NOTHING_CHOSEN)]
+    if failures:
+        return failures[0]
+    return 0 if 0 in codes else _NOTHING_CHOSEN
+
+
+def summary(parts: list[Outcome]) -> str:
+    """Return the totals in one line."""
+    passed, failed, skipped = (sum(getattr(part, name) for part in parts) for name in ("passed", "failed", "skipped"))
+    times = " + ".join(f"{part.elapsed_s:.0f}" for part in parts)
+    total_s = sum(part.elapsed_s for part in parts)
+    return f"all tests: {passed} passed, {failed} failed, {skipped} skipped in {total_s:.0f} s ({times})"
+
+
+def main(arguments: list[str]) -> int:
+    """Run both parts, the second also after a failure of the first, unless the first was interrupted."""
+    workers = min(os.cpu_count() or 1, _MOST_WORKERS)
+    parts = [run_part(("-n", str(workers), *_TOGETHER), arguments)]
+    if parts[0].exit_code != 2:  # interrupted, or -x
+        parts.append(run_part(_ALONE, arguments))
+    print(summary(parts))
+    return exit_code(parts)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

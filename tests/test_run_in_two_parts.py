@@ -1,0 +1,57 @@
+"""The test command: what runs in which part, and that no failure of either is lost."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.__main__ import Outcome, exit_code, run_part, summary
+
+SUITE = """
+import pytest
+
+def test_good(): pass
+
+@pytest.mark.skip
+def test_not_here(): pass
+
+def test_bad(): assert {bad}
+"""
+
+
+def _outcome(code: int) -> Outcome:
+    return Outcome(code, passed=2, failed=0, skipped=1, elapsed_s=3.0)
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [((0, 0), 0), ((1, 0), 1), ((0, 1), 1), ((0, 5), 0), ((5, 0), 0), ((5, 5), 5), ((5, 1), 1), ((-9, 0), -9)],
+)
+def test_either_part_fails_the_run_and_one_without_tests_does_not(codes: tuple[int, int], expected: int) -> None:
+    assert exit_code([_outcome(code) for code in codes]) == expected
+
+
+def test_totals_are_of_both_parts() -> None:
+    expected = "all tests: 4 passed, 0 failed, 2 skipped in 6 s (3 + 3)"
+    assert summary([_outcome(0), _outcome(0)]) == expected
+
+
+@pytest.mark.parametrize("options", [(), ("-n", "1")])
+def test_a_part_is_counted(options: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "test_suite.py").write_text(SUITE.format(bad="False"))
+    part = run_part((*options, "-q", "-c", "/dev/null", "--rootdir", str(tmp_path)), [str(tmp_path)])
+    assert (part.exit_code, part.passed, part.failed, part.skipped) == (1, 1, 1, 1)
+
+
+def test_what_starts_a_rig_is_in_the_second_part_and_nothing_else() -> None:
+    command = [sys.executable, "-m", "tests", "--collect-only", "-q", "tests/gateway/test_gateway_process.py"]
+    done = subprocess.run([*command, "tests/protocol/test_topics.py"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    first, _, second = done.stdout.partition("deselected")
+    assert "test_topics" in first
+    assert "test_gateway_process" not in first
+    assert "test_gateway_process" in second
+    assert "test_topics" not in second
