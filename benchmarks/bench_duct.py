@@ -23,7 +23,6 @@ from pathlib import Path
 import numpy as np
 from report import Row, measure, write_report
 
-from services.mechanics.contact.delassus import add_modal_compliance
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction import (
     DuctRecipe,
@@ -38,6 +37,7 @@ from services.mechanics.reduction import (
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from services.mechanics.reduction.modal_compliance import add_modal_compliance
 from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
 from services.mechanics.reduction.recipe import MIB
 from services.mechanics.reduction.residual.patches import largest_radius_m, patch_pattern
@@ -144,6 +144,7 @@ class ContactTick:
         self.gain = self.integrator.gains(DT_S).position
         self.state, self.force = ModalState.at_rest(r), np.zeros(r)
         self.modes, self.scratch = np.zeros((3 * k, r)), np.zeros(3 * k * r)
+        self.moved = np.zeros((2, k, 3))
         self.W = np.zeros((3 * k, 3 * k))
         self.contact_forces = np.ones(3 * k)
         self.loads, self.out = np.ones((self.loaded.size, 3)), np.zeros((self.loaded.size, 3))
@@ -152,7 +153,8 @@ class ContactTick:
         self.integrator.predict(self.state, self.force, DT_S)
 
     def contacts(self) -> None:
-        gather_modes(self.triangles, self.weights, self.basis.Phi, self.modes)
+        rows = (self.modes, *self.moved)
+        gather_modes((self.triangles, self.weights), self.basis.Phi, (self.state.q, self.state.qdot), rows)
         self.residual.gather_points(self.triangles, self.weights, self.W)
         add_modal_compliance(self.modes, self.gain, self.scratch, self.W)
         np.dot(self.contact_forces, self.modes, out=self.force)

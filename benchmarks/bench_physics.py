@@ -23,10 +23,10 @@ from report import Row, Timing, measure, write_report
 
 from services.cache_directory import cache_directory
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.contact.delassus import add_modal_compliance
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.effects.gravity import GravitySettings
+from services.mechanics.reduction.modal_compliance import add_modal_compliance
 from services.mechanics.scenarios import insertion, insertion_scene, paper_scene
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe

@@ -26,7 +26,7 @@ class DeformedScene:
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
-        self._wall = make_wall(duct, 0.5 * scene.duct.thickness_m, solves_contacts=False)
+        self._wall = make_wall(duct, 0.5 * scene.duct.thickness_m)
         self.surface = self._wall.surface
         self.particles_m = np.zeros((scene.catheter.n_segments + 1, 3))
         self.has_catheter = False

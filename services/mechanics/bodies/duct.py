@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
-
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
@@ -29,7 +26,9 @@ class DuctBody:
     state : ModalState
     modes : (3 C, r) float64
         Rows of the modes at the contact points, world axes, d position / d q at the start of the step; valid for
-        the contacts of this step.
+        the contacts of this step, as the next two.
+    displacement_m, motion_m : (C, 3) float64
+        Displacement of the contact points at the start of the step, and their motion over it without contact forces.
     load_nodes : (L,) int32, load_force_n : (L, 3) float64, n_loads : int
         Contact forces on nodes, each node once; they act through the residual compliance.
     modal_force : (r,) float64
@@ -49,10 +48,8 @@ class DuctBody:
         self.constant_modal_force = np.zeros(n_modes)
         self.contact_impulse = np.zeros(n_modes)
         self.modes = np.zeros((3 * capacity, n_modes))
-        # At the contact points: displacement at the start that `modes` times `q_start` leave out.
-        self.residual_start = np.zeros((capacity, 3))
-        self.residual_change = np.zeros((capacity, 3))
-        self._corners = ContactCorners.allocate(capacity)
+        self.displacement_m = np.zeros((capacity, 3))
+        self.motion_m = np.zeros((capacity, 3))
         self.load_nodes = np.zeros(3 * capacity, np.int32)
         self.load_force_n = np.zeros((3 * capacity, 3))
         self.n_loads = 0
@@ -75,18 +72,24 @@ class DuctBody:
         np.subtract(self.state.q, self.q_start, out=self.dq_free)
 
     def gather(self, nodes: IntArray, weights: FloatArray) -> None:
-        """Collect the modes at the contact points and the displacement there that is not in the modes.
+        """Collect the modes at the contact points, their displacement and their free motion over the step.
 
         ``nodes`` and ``weights`` (k, 3) are the barycentric points; all weights are zero where a contact is elsewhere.
+        Contacts ask where the wall is without them, so the residual displacement under last tick's loads lets go.
         """
-        n = len(nodes)
-        self._motion.gather(nodes, weights, self.modes[: 3 * n])
-        corners = self._corners
-        u = list_corners(nodes, weights, self._slot, corners.address)
-        load_nodes, loads = self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads]
-        self.reduced.residual.apply(load_nodes, loads, corners.node[:u], corners.displacement_m[:u])
-        take_corners(weights, corners.address, u, self.residual_start, self.residual_change)
-        self._motion.add_bend(nodes, weights, self.modes[: 3 * n], self.q_start, self.residual_start[:n])
+        n, points = len(nodes), (nodes, weights)
+        moved = self.displacement_m[:n], self.motion_m[:n]
+        self._motion.gather(points, (self.q_start, self.dq_free), (self.modes[: 3 * n], *moved))
+        loads = self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads]
+        self._motion.add_residual(points, loads, moved)
+
+    def compliance(self, nodes: IntArray, weights: FloatArray, n_modes: int, out: FloatArray) -> None:
+        """Write the compliance between the points of the last `gather` into the lower blocks of ``out`` (3 k, 3 k).
+
+        In m/N at the end of the step, along world axes; with the lowest ``n_modes`` modes and the residual.
+        """
+        rows = self.modes[: 3 * len(nodes)]
+        self._motion.compliance((nodes, weights), rows, self.position_gain[:n_modes], out)
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
@@ -133,58 +136,6 @@ class DuctBody:
         self.integrator.predict(probe, np.zeros(n_modes), dt_s)
         self._gains = dt_s * np.stack([probe.q, probe.qdot, probe.qddot])
         self._gains_dt_s = dt_s
-
-
-class ContactCorners(Struct):
-    """Corners of the triangles touched, each once: neighbouring contacts share them, and each costs a row of R."""
-
-    node: Annotated[IntArray, "3 c"]
-    displacement_m: Annotated[FloatArray, "3 c", 3]
-    place: Annotated[IntArray, "c", 3]  # of each contact's corners among them
-
-    @classmethod
-    def allocate(cls, capacity: int) -> Self:
-        """Return room for the corners of ``capacity`` contacts."""
-        node = np.zeros(3 * capacity, np.int32)
-        return cls.zeros(node=node, displacement_m=np.zeros((len(node), 3)), c=capacity)
-
-
-corners_at = reader(ContactCorners)
-
-
-@kernel
-def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, address: Address[ContactCorners]) -> int:
-    """List the corners (k, 3) that have a weight, each once, and return how many; ``slot`` (n,) is scratch, all -1."""
-    out, count = corners_at(address), 0
-    for point in range(nodes.shape[0]):
-        for corner in range(3):
-            out.place[point, corner] = 0
-            if weights[point, corner] != 0.0:
-                place = number_node(nodes[point, corner], slot, out.node, count)
-                count = max(count, place + 1)
-                out.place[point, corner] = place
-    forget_numbers(slot, out.node, count)
-    return count
-
-
-@kernel
-def take_corners(
-    weights: FloatArray, address: Address[ContactCorners], count: int, start: FloatArray, change: FloatArray
-) -> None:
-    """Move the displacements of the ``count`` corners to the points of ``weights`` (k, 3); zero is left there.
-
-    ``start`` takes the displacements of the points, ``change`` what lets go of them.
-    """
-    corners = corners_at(address)
-    moved = corners.displacement_m
-    for point in range(weights.shape[0]):
-        for axis in range(3):
-            total = 0.0
-            for corner in range(3):
-                total += weights[point, corner] * moved[corners.place[point, corner], axis]
-            start[point, axis] = total
-            change[point, axis] = -total
-    moved[:count] = 0.0
 
 
 @kernel

@@ -19,10 +19,10 @@ class Wall:
     surface : CollisionSurface
     """
 
-    def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
+    def __init__(self, duct: ReducedDuct, half_thickness_m: float) -> None:
         basis = duct.basis
         self.surface = CollisionSurface(duct.mesh, basis.Phi, basis.omega_rad_s, half_thickness_m, duct.warp)
-        self._residual = ResidualField(duct, copies=not solves_contacts)
+        self._residual = ResidualField(duct)
 
     def update(self, q: FloatArray, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take modal coordinates (r,) and the contact loads (l,), (l, 3) along world axes, each node once."""
@@ -34,8 +34,8 @@ class Wall:
 class TurnedWall(Wall):
     """Wall whose sections turn: the loads are turned back into the undeformed axes, where the residual is known."""
 
-    def __init__(self, duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> None:
-        super().__init__(duct, half_thickness_m, solves_contacts=solves_contacts)
+    def __init__(self, duct: ReducedDuct, half_thickness_m: float) -> None:
+        super().__init__(duct, half_thickness_m)
         if duct.warp is None:
             raise ValueError("a wall that turns needs a duct with a warp")
         self._frame = SectionFrame(duct.warp)
@@ -49,7 +49,7 @@ class TurnedWall(Wall):
         super().update(q, load_nodes, loads)
 
 
-def make_wall(duct: ReducedDuct, half_thickness_m: float, *, solves_contacts: bool = True) -> Wall:
-    """Return the wall of a duct, turned where the duct has a warp; see `ResidualField` for ``solves_contacts``."""
+def make_wall(duct: ReducedDuct, half_thickness_m: float) -> Wall:
+    """Return the wall of a duct, turned where the duct has a warp."""
     kind = Wall if duct.warp is None else TurnedWall
-    return kind(duct, half_thickness_m, solves_contacts=solves_contacts)
+    return kind(duct, half_thickness_m)

@@ -10,15 +10,21 @@ from dataclasses import replace
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
+from services.mechanics.bodies.contact_corners import ContactCorners, list_corners, take_corners
+from services.mechanics.compiled import summing_kernel
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
+from services.mechanics.reduction.modal_compliance import add_modal_compliance
+from services.mechanics.reduction.node_compliance import Loads, NodeCompliance, Points
 from services.mechanics.reduction.residual.turned import TurnedResidual
 
+PointRows = tuple[FloatArray, FloatArray, FloatArray]
+"""Rows of the modes (3 k, r) at points, their displacements (k, 3), and their motions without contact (k, 3)."""
 
-class StraightMotion:
-    """x = X + Phi q.
+
+class PointCompliance:
+    """Compliance and residual displacement of up to ``n_points`` contact points, gathered anew in every tick.
 
     Attributes
     ----------
@@ -26,18 +32,48 @@ class StraightMotion:
         Its residual compliance acts along world axes.
     """
 
-    def __init__(self, reduced: ReducedDuct) -> None:
+    def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         self.reduced = reduced
+        self._corners = ContactCorners.allocate(n_points)
+        self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
+        self._scaled_modes = np.zeros(3 * n_points * reduced.basis.n_modes)
+
+    def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Add what ``loads`` do beyond the modes to displacements of points, and take it from their motions (k, 3)."""
+        (nodes, weights), corners = points, self._corners
+        u = list_corners(nodes, weights, self._slot, corners.address)
+        self.reduced.residual.apply(loads[0], loads[1], corners.node[:u], corners.displacement_m[:u])
+        take_corners(weights, corners.address, u, out)
+
+    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
+        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
+        self.reduced.residual.gather_points(points[0], points[1], out)
+        add_modal_compliance(rows, gain, self._scaled_modes, out)
+
+
+class StraightMotion(PointCompliance):
+    """x = X + Phi q: between nodes the compliance is always the same, so that of touched nodes is kept."""
+
+    def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
+        super().__init__(reduced, n_points)
+        self._kept = NodeCompliance(reduced)
 
     def update(self, q: FloatArray) -> None:
         """Take over the state; there is nothing to prepare."""
 
-    def gather(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
-        """Write d x / d q at points of triangles, ``nodes`` and ``weights`` (k, 3), into ``out`` (3 k, r)."""
-        gather_modes(nodes, weights, self.reduced.basis.Phi, out)
+    def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], out: PointRows) -> None:
+        """Write d x / d q at points, and their displacements and motions; ``motion`` is q and its change."""
+        gather_modes(points, self.reduced.basis.Phi, motion, out)
 
-    def add_bend(self, nodes: IntArray, weights: FloatArray, rows: FloatArray, q: FloatArray, out: FloatArray) -> None:
-        """Add to ``out`` (k, 3) what is in the displacement of points beside ``rows`` (3 k, r) times q: nothing."""
+    def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Add what ``loads`` do beyond the modes to displacements of points, and take it from their motions (k, 3)."""
+        if not self._kept.displace(points, loads, out):
+            super().add_residual(points, loads, out)
+
+    def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
+        """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
+        if not self._kept.gather(points, gain, out):
+            super().compliance(points, rows, gain, out)
 
     def positions(self, nodes: IntArray, q: FloatArray) -> FloatArray:
         """Return where ``nodes`` (k,) are without contact loads, (k, 3) in m."""
@@ -45,12 +81,13 @@ class StraightMotion:
         return at
 
 
-class TurnedMotion:
+class TurnedMotion(PointCompliance):
     """x of `reduction.warping`; ``reduced`` has its residual compliance turned along."""
 
     def __init__(self, reduced: ReducedDuct, warp: TubeWarp, n_points: int) -> None:
         self._frame = SectionFrame(warp)
-        self.reduced = replace(reduced, residual=TurnedResidual.of(reduced.residual, self._frame, n_points))
+        turned = TurnedResidual.of(reduced.residual, self._frame, n_points)
+        super().__init__(replace(reduced, residual=turned), n_points)
         self._corners_m = np.zeros((3 * n_points, 3))
         self._no_residual_m = np.zeros((3 * n_points, 3))
 
@@ -58,15 +95,13 @@ class TurnedMotion:
         """String the sections together at q."""
         self._frame.update(q)
 
-    def gather(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
-        """Write d x / d q at points of triangles, ``nodes`` and ``weights`` (k, 3), into ``out`` (3 k, r)."""
-        self._frame.gather_rows(nodes, weights, out)
-
-    def add_bend(self, nodes: IntArray, weights: FloatArray, rows: FloatArray, q: FloatArray, out: FloatArray) -> None:
-        """Add to ``out`` (k, 3) what is in the displacement of points beside ``rows`` (3 k, r) times q."""
+    def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], out: PointRows) -> None:
+        """Write d x / d q at points, their displacements and motions; ``motion`` is q of `update` and its change."""
+        nodes, weights = points
+        self._frame.gather_rows(nodes, weights, out[0])
         corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
         self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
-        add_displacement_beside_rows((flat, weights), self.reduced.mesh.vertices_m, corners, rows, q, out)
+        move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
 
     def positions(self, nodes: IntArray, q: FloatArray) -> FloatArray:
         """Return where ``nodes`` (k,) are without contact loads, (k, 3) in m; q is that of the last update."""
@@ -77,27 +112,19 @@ class TurnedMotion:
 
 def wall_motion(reduced: ReducedDuct, n_points: int) -> StraightMotion | TurnedMotion:
     """Return how this duct moves, for up to ``n_points`` contact points."""
-    return StraightMotion(reduced) if reduced.warp is None else TurnedMotion(reduced, reduced.warp, n_points)
+    return StraightMotion(reduced, n_points) if reduced.warp is None else TurnedMotion(reduced, reduced.warp, n_points)
 
 
-@kernel
-def add_displacement_beside_rows(
-    points: tuple[IntArray, FloatArray],
-    rest: FloatArray,
-    corners: FloatArray,
-    rows: FloatArray,
-    q: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Add the displacement of points, (nodes (3 k,), weights (k, 3)), less rows (3 k, r) times q to ``out`` (k, 3)."""
-    nodes, weights = points
+@summing_kernel
+def move_points(points: Points, rest: FloatArray, corners: FloatArray, dq: FloatArray, out: PointRows) -> None:
+    """Write displacements of points, (nodes (3 k,), weights (k, 3)), with corners (3 k, 3), and their motions by dq."""
+    (nodes, weights), (rows, displacement, motion) = points, out
     for point in range(weights.shape[0]):
         for axis in range(3):
-            row = 3 * point + axis
-            beside = 0.0
+            total, change = 0.0, 0.0
             for corner in range(3):
                 moved = corners[3 * point + corner, axis] - rest[nodes[3 * point + corner], axis]
-                beside += weights[point, corner] * moved
-            for mode in range(q.shape[0]):
-                beside -= rows[row, mode] * q[mode]
-            out[point, axis] += beside
+                total += weights[point, corner] * moved
+            for mode in range(dq.shape[0]):
+                change += rows[3 * point + axis, mode] * dq[mode]
+            displacement[point, axis], motion[point, axis] = total, change

@@ -9,9 +9,7 @@ from services.mechanics.contact.rows import ContactRows
 
 
 @kernel
-def subtract_duct_motion(
-    rows: ContactRows, modes: FloatArray, q: FloatArray, dq: FloatArray, offset: FloatArray, change: FloatArray
-) -> None:
+def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: FloatArray) -> None:
     """Take the duct's displacement out of the gaps, and its free motion over the step out of the slips.
 
     A law that fixes a distance asks for it at the end of the step, so its slip loses the whole displacement.
@@ -19,23 +17,16 @@ def subtract_duct_motion(
     Parameters
     ----------
     rows : ContactRows
-    modes : (3 k, r) float64
-        The modes' rows at the contact points.
-    q, dq : (r,) float64
-        Modal coordinates at the start of the step and their free change over it.
-    offset, change : (k, 3) float64
-        Displacement at the start that is not in q (the residual), and its free change over the step.
+    displacement, motion : (k, 3) float64
+        Displacement of the contact points at the start of the step and their free motion over it.
     """
     for row in range(rows.n_contacts):
         for axis in range(3):
-            u, du = 0.0, 0.0
-            for mode in range(q.shape[0]):
-                u += modes[3 * row + axis, mode] * q[mode]
-                du += modes[3 * row + axis, mode] * dq[mode]
-            rows.gap_m[row] -= rows.frame[row, 0, axis] * (u + offset[row, axis])
-            rows.slip_m[row, axis] -= du + change[row, axis]
+            u = displacement[row, axis]
+            rows.gap_m[row] -= rows.frame[row, 0, axis] * u
+            rows.slip_m[row, axis] -= motion[row, axis]
             if FIXES_DISTANCE[rows.law[row]]:
-                rows.slip_m[row, axis] -= u + offset[row, axis]
+                rows.slip_m[row, axis] -= u
 
 
 @kernel

@@ -24,17 +24,10 @@ def append(
 
 
 @kernel
-def complete_rows(
-    state_address: Address[ContactState],
-    modes: FloatArray,
-    q: FloatArray,
-    dq: FloatArray,
-    offset: FloatArray,
-    change: FloatArray,
-) -> None:
+def complete_rows(state_address: Address[ContactState], displacement: FloatArray, motion: FloatArray) -> None:
     """Finish gaps and slips with the duct's displacement, see `subtract_duct_motion`, and recall last tick's forces."""
     state = state_at(state_address)
-    subtract_duct_motion(state.rows, modes, q, dq, offset, change)
+    subtract_duct_motion(state.rows, displacement, motion)
     recall_forces(state.memory, state.rows, state.slides)
 
 

@@ -30,8 +30,8 @@ class ContactState(Struct):
     force_n : (c, 3) float64
         Forces on the first bodies along world axes.
     slides : (c,) bool
-    scaled_modes : (m r,) float64, rod_points : (4 c, 2) int32
-        Scratch of the duct's and the catheter's compliance.
+    rod_points : (4 c, 2) int32
+        Scratch of the catheter's compliance.
     """
 
     geometry: ContactGeometry
@@ -42,15 +42,14 @@ class ContactState(Struct):
     delassus: Annotated[FloatArray, "m * m"]
     force_n: Annotated[FloatArray, "c", 3]
     slides: Annotated[BoolArray, "c"]
-    scaled_modes: Annotated[FloatArray, "m * r"]
     rod_points: Annotated[IntArray, "points", 2]
 
     @classmethod
-    def allocate(cls, capacity: int, n_modes: int, geometry: ContactGeometry) -> ContactState:
-        """Return room for ``capacity`` contacts and holds on a duct of ``n_modes`` modes."""
+    def allocate(cls, capacity: int, geometry: ContactGeometry) -> ContactState:
+        """Return room for ``capacity`` contacts and holds."""
         m = 3 * capacity
         rows = ContactRows.zeros(c=capacity)
-        extents = {"c": capacity, "m * m": m * m, "m * r": m * n_modes, "points": N_ROD_POINTS * capacity}
+        extents = {"c": capacity, "m * m": m * m, "points": N_ROD_POINTS * capacity}
         return cls.zeros(
             geometry=geometry,
             rows=rows,

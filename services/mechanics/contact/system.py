@@ -60,7 +60,7 @@ class ContactSystem:
         self.bodies = bodies
         self.settings = settings
         self.geometry = ContactGeometry.of(bodies)
-        self._state = ContactState.allocate(settings.capacity, bodies.duct.state.q.size, self.geometry)
+        self._state = ContactState.allocate(settings.capacity, self.geometry)
         self.address = self._state.address
         self.strategy = STRATEGIES[settings.model](bodies, settings, self._state)
         self.rows = self._state.rows
@@ -95,8 +95,7 @@ class ContactSystem:
         duct, rows = self.bodies.duct, self.rows
         k = rows.n_contacts
         duct.gather(rows.duct_node[:k], rows.duct_weight[:k])
-        offset, change = duct.residual_start, duct.residual_change
-        stages.complete_rows(self.address, duct.modes, duct.q_start, duct.dq_free, offset, change)
+        stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
     def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
         """Gather what the solve needs, with the lowest ``n_modes`` modes of the duct."""

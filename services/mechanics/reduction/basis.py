@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.reduction.content_hash import hash_content
 
 
@@ -73,20 +73,33 @@ def node_displacements(nodes: IntArray, Phi: FloatArray, q: FloatArray, out: Flo
         node_displacement(nodes[k], Phi, q, out[k])
 
 
-@kernel
-def gather_modes(nodes: IntArray, weights: FloatArray, Phi: FloatArray, out: FloatArray) -> None:
-    """Write the modes' rows at points of triangles into ``out`` (3 k, r).
+@summing_kernel
+def gather_modes(
+    points: tuple[IntArray, FloatArray],
+    Phi: FloatArray,
+    motion: tuple[FloatArray, FloatArray],
+    out: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
+    """Write the modes' rows at points of triangles, and what two states of the modes displace the points by.
 
-    ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point, so
-    that ``out @ q`` is the points' displacement and ``out.T @ f`` the modal force of forces f on them.
+    Parameters
+    ----------
+    points : (nodes (k, 3), weights (k, 3))
+        Corners and barycentric coordinates; the weights are zero where a point is not on the duct.
+    Phi : (n, 3, r) float64
+    motion : (q (r,), dq (r,))
+    out : (rows (3 k, r), (k, 3), (k, 3))
+        ``rows @ q`` and ``rows @ dq`` are the displacements; ``rows.T @ f`` is the modal force of forces f.
     """
+    (nodes, weights), (q, dq), (rows, at_q, at_dq) = points, motion, out
     for point in range(nodes.shape[0]):
+        u, v, w = weights[point, 0], weights[point, 1], weights[point, 2]
+        first, second, third = nodes[point, 0], nodes[point, 1], nodes[point, 2]
         for axis in range(3):
-            row = out[3 * point + axis]
-            row[:] = 0.0
-            for corner in range(3):
-                weight = weights[point, corner]
-                if weight != 0.0:
-                    shapes = Phi[nodes[point, corner], axis]
-                    for mode in range(row.shape[0]):
-                        row[mode] += weight * shapes[mode]
+            row, total, change = 3 * point + axis, 0.0, 0.0
+            for mode in range(q.shape[0]):
+                shape = u * Phi[first, axis, mode] + v * Phi[second, axis, mode] + w * Phi[third, axis, mode]
+                rows[row, mode] = shape
+                total += shape * q[mode]
+                change += shape * dq[mode]
+            at_q[point, axis], at_dq[point, axis] = total, change

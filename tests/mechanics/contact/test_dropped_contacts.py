@@ -65,10 +65,11 @@ def test_holds_beyond_those_that_are_followed_are_counted(simulate):
 
 
 def test_limits_of_grasps_go_to_the_rows_of_grasps_where_rows_run_out(simulate):
+    # Three ticks: before what has been left out has moved anything, so that both touch the same.
     effects = {"friction": {}, "grasp_slip": {}}
-    roomy = simulate(96, n_holds=4, **effects)
+    roomy = simulate(96, n_holds=4, ticks=3, **effects)
     assert len(roomy.holds.rows) == 4
-    simulation = simulate(roomy.contacts.n_contacts - 2, n_holds=4, **effects)
+    simulation = simulate(roomy.contacts.n_contacts - 2, n_holds=4, ticks=3, **effects)
     rows, holds = simulation.contacts, list(simulation.holds.rows)
     others = [row for row in range(rows.n_contacts) if row not in holds]
     assert len(holds) == 2

@@ -6,7 +6,6 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.delassus import (
-    add_modal_compliance,
     add_rod_compliance,
     add_tool_compliance,
     rotate_to_contact_frames,
@@ -29,10 +28,9 @@ class ImplicitStrategy(ContactStrategy):
         bodies, rows = self._bodies, self._state.rows
         duct, catheter, k = bodies.duct, bodies.catheter, rows.n_contacts
         W = self._state.W
-        duct.reduced.residual.gather_points(rows.duct_node[:k], rows.duct_weight[:k], W)
-        modal = (duct.modes, duct.position_gain[:n_modes])
+        duct.compliance(rows.duct_node[:k], rows.duct_weight[:k], n_modes, W)
         rod = catheter.compliance(rows.rod_node[:k], rows.rod_weight[:k])
-        add_body_compliances(self._address, modal, catheter.slot, rod, bodies.tools.compliance)
+        add_body_compliances(self._address, catheter.slot, rod, bodies.tools.compliance)
         add_compliance()
         rotate(self._address)
 
@@ -45,20 +43,12 @@ class ImplicitStrategy(ContactStrategy):
 
 @kernel
 def add_body_compliances(
-    state_address: Address[ContactState],
-    duct: tuple[FloatArray, FloatArray],
-    slot: IntArray,
-    rod: FloatArray,
-    tools: FloatArray,
+    state_address: Address[ContactState], slot: IntArray, rod: FloatArray, tools: FloatArray
 ) -> None:
-    """Add modes and gains of the duct, catheter (3 p, 3 p) and couplings (2, 4) to the lower blocks of W, world axes.
-
-    What W holds already, the residual compliance, stays.
-    """
+    """Add catheter (3 p, 3 p) and couplings (2, 4) to the duct's compliance in the lower blocks of W, world axes."""
     state = state_at(state_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
-    add_modal_compliance(duct[0], duct[1], state.scaled_modes, W)
     add_rod_compliance(state.rows, slot, rod, state.rod_points, W)
     add_tool_compliance(state.rows, tools, W)
 

@@ -21,13 +21,8 @@ RINGS = 3
 class ResidualField:
     """Residual displacement on the loaded nodes and those up to `RINGS` edges away from each load.
 
-    Parameters
-    ----------
-    duct : ReducedDuct
-    copies : bool
-        Read the blocks near each node from a copy, which has them in the order in which they are read; out of the whole
-        residual every one comes from another page. For who does not solve contacts: the solve reads the same blocks
-        after this, and is served better if they come from the same place.
+    It keeps a copy of the blocks near each node in the order in which they are read: out of the whole residual every
+    one would come from another page.
 
     Attributes
     ----------
@@ -35,23 +30,18 @@ class ResidualField:
         The first ``count`` mean something, each node once.
     """
 
-    def __init__(self, duct: ReducedDuct, *, copies: bool = False) -> None:
+    def __init__(self, duct: ReducedDuct) -> None:
         n = duct.mesh.n_vertices
         self._start, self._ring = neighbourhoods(duct.mesh, RINGS)
-        self._blocks: BlockArray = duct.residual.blocks
         self._place = np.zeros(len(self._ring), np.int64)
         find_places(duct.residual.store, (self._start, self._ring), self._place)
-        if copies:
-            self._copy_near_blocks()
+        known = self._place >= 0
+        self._blocks: BlockArray = duct.residual.blocks[self._place[known]]
+        self._place[known] = np.arange(len(self._blocks))
         self._slot = np.full(n, -1, np.int32)
         self.nodes = np.zeros(n, np.int32)
         self.displacement_m = np.zeros((n, 3))
         self.count = 0
-
-    def _copy_near_blocks(self) -> None:
-        known = self._place >= 0
-        self._blocks = self._blocks[self._place[known]]
-        self._place[known] = np.arange(len(self._blocks))
 
     def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""

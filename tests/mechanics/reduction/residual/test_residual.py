@@ -117,8 +117,12 @@ def test_kernels_equal_dense_algebra(duct):
     at_points, rows = np.empty((21, 21)), np.empty((21, duct.basis.n_modes))
     duct.residual.gather_points(nodes, weights, at_points)
     assert at_points == pytest.approx(G @ R @ G.T, rel=1e-12, abs=1e-12)
-    gather_modes(nodes, weights, duct.basis.Phi, rows)
+    q, dq = np.random.default_rng(4).standard_normal((2, duct.basis.n_modes))
+    moved, change = np.empty((2, 7, 3))
+    gather_modes((nodes, weights), duct.basis.Phi, (q, dq), (rows, moved, change))
     assert rows == pytest.approx(G @ Phi, abs=1e-12)
+    assert moved.ravel() == pytest.approx(G @ Phi @ q, rel=1e-12, abs=1e-12)
+    assert change.ravel() == pytest.approx(G @ Phi @ dq, rel=1e-12, abs=1e-12)
 
 
 def test_apply_superposes_the_loads(duct):

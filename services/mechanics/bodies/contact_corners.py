@@ -1,0 +1,64 @@
+"""Corners of the triangles that contacts touch, each once, and what residual displacements make of contact points."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
+
+
+class ContactCorners(Struct):
+    """Corners of the triangles touched, each once: neighbouring contacts share them, and each costs a row of R."""
+
+    node: Annotated[IntArray, "3 c"]
+    displacement_m: Annotated[FloatArray, "3 c", 3]
+    place: Annotated[IntArray, "c", 3]  # of each contact's corners among them
+
+    @classmethod
+    def allocate(cls, capacity: int) -> Self:
+        """Return room for the corners of ``capacity`` contacts."""
+        node = np.zeros(3 * capacity, np.int32)
+        return cls.zeros(node=node, displacement_m=np.zeros((len(node), 3)), c=capacity)
+
+
+corners_at = reader(ContactCorners)
+
+
+@kernel
+def list_corners(nodes: IntArray, weights: FloatArray, slot: IntArray, address: Address[ContactCorners]) -> int:
+    """List the corners (k, 3) that have a weight, each once, and return how many; ``slot`` (n,) is scratch, all -1."""
+    out, count = corners_at(address), 0
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            out.place[point, corner] = 0
+            if weights[point, corner] != 0.0:
+                place = number_node(nodes[point, corner], slot, out.node, count)
+                count = max(count, place + 1)
+                out.place[point, corner] = place
+    forget_numbers(slot, out.node, count)
+    return count
+
+
+@kernel
+def take_corners(
+    weights: FloatArray, address: Address[ContactCorners], count: int, out: tuple[FloatArray, FloatArray]
+) -> None:
+    """Add the displacements of the ``count`` corners to those of points, and take them from their motions.
+
+    Both of ``out`` are (k, 3), as ``weights``; zero is left at the corners.
+    """
+    corners = corners_at(address)
+    moved = corners.displacement_m
+    for point in range(weights.shape[0]):
+        for axis in range(3):
+            total = 0.0
+            for corner in range(3):
+                total += weights[point, corner] * moved[corners.place[point, corner], axis]
+            out[0][point, axis] += total
+            out[1][point, axis] -= total
+    moved[:count] = 0.0

@@ -1,0 +1,302 @@
+"""Compliance between the nodes of a duct that contacts touch, kept from tick to tick.
+
+Contact points move over their triangles in every tick, but between nodes neither modes nor residual ever change, so
+W between contact points is a weighing of blocks between nodes that are mostly known: B C B^T with the barycentric
+weights B. A new node costs its row of residual blocks, scattered over 36 n^2 bytes, and r products a block.
+
+What is kept is what the duct says of each pair of nodes, whatever came before: C of the same nodes is the same to the
+last bit, however long it has been kept. It holds as long as the modes are those of the undeformed wall; sections that
+turn carry them along, and nothing is kept then (`bodies.wall_motion`).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.residual.blocks import BlockStore, block_index
+from services.mechanics.reduction.touched_nodes import (
+    N_PLACES,
+    NO_PLACE,
+    TouchedNodes,
+    begin_tick,
+    give_place,
+    touch,
+)
+
+Points = tuple[IntArray, FloatArray]
+"""Points of triangles: nodes (k, 3) and barycentric weights (k, 3), all zero where a point is not on the duct."""
+Loads = tuple[IntArray, FloatArray]
+"""Nodes (l,) and forces (l, 3)."""
+
+MOST_NEW_BLOCKS = 400
+"""Modal blocks computed in a tick at most: 30 us on a slow machine. Until all are there W is gathered anew."""
+
+
+class NodeArrays(Struct):
+    """Compliance between m places of nodes, of n in the mesh, with r modes."""
+
+    touched: TouchedNodes
+    Phi: Annotated[FloatArray, "n", 3, "r"]
+    residual: Annotated[FloatArray, "3 m", "3 m"]  # item 3 q + j, 3 p + i: how j at q moves i at p
+    whole: Annotated[FloatArray, "3 m", "3 m"]  # with the modes, between places whose flag is set
+    has_modes: Annotated[BoolArray, "m"]
+    gain: Annotated[FloatArray, "r"]  # with which `whole` was made, the first n_modes
+    moved: Annotated[FloatArray, "3 m"]  # scratch: displacements of the nodes
+    rows: Annotated[FloatArray, 3, "3 m"]  # scratch: compliance between a point and the nodes
+    n_modes: int = 0
+
+
+arrays_at = reader(NodeArrays)
+
+
+class NodeCompliance:
+    """Compliance of a duct in contact, from blocks between nodes that are kept.
+
+    Parameters
+    ----------
+    duct : ReducedDuct
+    n_places : int
+        How many nodes are followed; where contacts touch more, every tick gathers anew.
+    """
+
+    def __init__(self, duct: ReducedDuct, n_places: int = N_PLACES) -> None:
+        touched = TouchedNodes.of(duct.mesh.n_vertices, n_places)
+        m = len(touched.node)
+        self._store = duct.residual.store
+        self._arrays = NodeArrays.zeros(
+            touched=touched, Phi=duct.basis.Phi, gain=np.zeros(duct.basis.n_modes), m=m, **{"3 m": 3 * m}
+        )
+
+    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> bool:
+        """Add what ``loads`` move points by beyond the modes to displacements, and take it from motions, (k, 3) in m.
+
+        Once in every tick with contacts. False, and nothing added, where a node finds no place.
+        """
+        address = self._arrays.address
+        if displace_points(address, points, loads, out):
+            return True
+        if not admit_nodes(address, self._store, points, loads):
+            return False
+        return bool(displace_points(address, points, loads, out))
+
+    def gather(self, points: Points, gain: FloatArray, out: FloatArray) -> bool:
+        """Write the compliance between the points of the last `displace` into the lower blocks of ``out`` (3 k, 3 k).
+
+        ``gain`` (s,) is that of the lowest s modes; another than in the last tick makes all of it anew. False, and
+        nothing written, while blocks are missing.
+        """
+        return bool(weigh_blocks(self._arrays.address, points, gain, out))
+
+
+@kernel
+def displace_points(
+    address: Address[NodeArrays], points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]
+) -> bool:
+    """Add the residual displacements of points and return True, or return False where a node has no place."""
+    kept = arrays_at(address)
+    begin_tick(kept.touched)
+    if not _touch_all(kept.touched, points, loads):
+        return False
+    _move_nodes(kept, loads)
+    (nodes, weights), place, moved = points, kept.touched.place, kept.moved
+    for point in range(nodes.shape[0]):
+        for axis in range(3):
+            total = 0.0
+            for corner in range(3):
+                if weights[point, corner] != 0.0:
+                    total += weights[point, corner] * moved[3 * place[nodes[point, corner]] + axis]
+            out[0][point, axis] += total
+            out[1][point, axis] -= total
+    return True
+
+
+@kernel
+def _touch_all(touched: TouchedNodes, points: Points, loads: Loads) -> bool:
+    (nodes, weights), has_all = points, True
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            if weights[point, corner] != 0.0:
+                has_all = touch(touched, nodes[point, corner]) and has_all
+    for load in range(loads[0].shape[0]):
+        has_all = touch(touched, loads[0][load]) and has_all
+    return has_all
+
+
+@kernel
+def _move_nodes(kept: NodeArrays, loads: Loads) -> None:
+    """Write what loads move all the nodes by that have a place; those without a node hold numbers without meaning."""
+    nodes, force = loads
+    residual, moved, n = kept.residual, kept.moved, 3 * kept.touched.extent
+    for item in range(n):
+        moved[item] = 0.0
+    for load in range(nodes.shape[0]):
+        row = 3 * kept.touched.place[nodes[load]]
+        x, y, z = force[load, 0], force[load, 1], force[load, 2]
+        for item in range(n):
+            moved[item] += residual[row, item] * x + residual[row + 1, item] * y + residual[row + 2, item] * z
+
+
+@kernel
+def admit_nodes(address: Address[NodeArrays], store: BlockStore, points: Points, loads: Loads) -> bool:
+    """Give a place to every node of points and loads; False where there is not room for all."""
+    kept, (nodes, weights), has_all = arrays_at(address), points, True
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            if weights[point, corner] != 0.0:
+                has_all = _admit(kept, store, nodes[point, corner]) and has_all
+    for load in range(loads[0].shape[0]):
+        has_all = _admit(kept, store, loads[0][load]) and has_all
+    return has_all
+
+
+@kernel
+def _admit(kept: NodeArrays, store: BlockStore, node: int) -> bool:
+    if kept.touched.place[node] != NO_PLACE:
+        return True
+    place = give_place(kept.touched, node)
+    if place == NO_PLACE:
+        return False
+    kept.has_modes[place] = False
+    for other in range(kept.touched.extent):
+        if kept.touched.node[other] >= 0:
+            _copy_block(kept, store, place, other)
+            _copy_block(kept, store, other, place)
+    return True
+
+
+@kernel
+def _copy_block(kept: NodeArrays, store: BlockStore, first: int, second: int) -> None:
+    """Copy the block of two places, transposed."""
+    blocks, starts, neighbours, n_nodes = store
+    at = block_index(starts, neighbours, n_nodes, kept.touched.node[first], kept.touched.node[second])
+    for i in range(3):
+        for j in range(3):
+            kept.residual[3 * second + j, 3 * first + i] = blocks[at, i, j] if at >= 0 else 0.0
+
+
+@kernel
+def weigh_blocks(address: Address[NodeArrays], points: Points, gain: FloatArray, out: FloatArray) -> bool:
+    """Write B C B^T into the lower blocks of ``out`` and return True, or return False while C is not complete."""
+    kept, (nodes, weights) = arrays_at(address), points
+    _take_gain(kept, gain)
+    if not _complete(kept, points):
+        return False
+    place, rows = kept.touched.place, kept.rows
+    for a in range(nodes.shape[0]):
+        if weights[a, 0] == 0.0 and weights[a, 1] == 0.0 and weights[a, 2] == 0.0:
+            _clear_rows(out, a)
+            continue
+        _weigh_rows(kept, nodes[a], weights[a])
+        for b in range(a + 1):
+            u, v, w = weights[b, 0], weights[b, 1], weights[b, 2]
+            p = 3 * place[nodes[b, 0]] if u != 0.0 else 0
+            q = 3 * place[nodes[b, 1]] if v != 0.0 else 0
+            r = 3 * place[nodes[b, 2]] if w != 0.0 else 0
+            for i in range(3):
+                for j in range(3):
+                    out[3 * a + i, 3 * b + j] = u * rows[i, p + j] + v * rows[i, q + j] + w * rows[i, r + j]
+    return True
+
+
+@kernel
+def _clear_rows(out: FloatArray, a: int) -> None:
+    for i in range(3):
+        for column in range(3 * a + 3):
+            out[3 * a + i, column] = 0.0
+
+
+@kernel
+def _weigh_rows(kept: NodeArrays, nodes: IntArray, weights: FloatArray) -> None:
+    """Write the compliance between a point and all places into ``rows``."""
+    place, whole, rows = kept.touched.place, kept.whole, kept.rows
+    u, v, w = weights[0], weights[1], weights[2]
+    p = 3 * place[nodes[0]] if u != 0.0 else 0
+    q = 3 * place[nodes[1]] if v != 0.0 else 0
+    r = 3 * place[nodes[2]] if w != 0.0 else 0
+    for i in range(3):
+        for column in range(3 * kept.touched.extent):
+            rows[i, column] = u * whole[p + i, column] + v * whole[q + i, column] + w * whole[r + i, column]
+
+
+@kernel
+def _take_gain(kept: NodeArrays, gain: FloatArray) -> None:
+    """Forget what was made with another gain: another step length, or another number of modes."""
+    is_same = kept.n_modes == gain.shape[0]
+    for mode in range(gain.shape[0]):
+        is_same = is_same and kept.gain[mode] == gain[mode]
+    if not is_same:
+        kept.n_modes = gain.shape[0]
+        for mode in range(gain.shape[0]):
+            kept.gain[mode] = gain[mode]
+        for place in range(kept.has_modes.shape[0]):
+            kept.has_modes[place] = False
+
+
+@kernel
+def _complete(kept: NodeArrays, points: Points) -> bool:
+    """Compute missing rows of C, as many as a tick has time for, and return whether none is missing."""
+    (nodes, weights), left, is_complete = points, MOST_NEW_BLOCKS, True
+    for point in range(nodes.shape[0]):
+        for corner in range(3):
+            if weights[point, corner] == 0.0:
+                continue
+            place = kept.touched.place[nodes[point, corner]]
+            if place == NO_PLACE:
+                is_complete = False
+            elif not kept.has_modes[place]:
+                if left > 0:
+                    left -= _add_modes(kept, place)
+                else:
+                    is_complete = False
+    return is_complete
+
+
+@kernel
+def _add_modes(kept: NodeArrays, place: int) -> int:
+    """Fill the rows and columns of a place in C and return how many blocks that were."""
+    kept.has_modes[place] = True
+    count = 0
+    for other in range(kept.touched.extent):
+        if kept.touched.node[other] >= 0 and kept.has_modes[other]:
+            _fill_block(kept, place, other)
+            count += 1
+    return count
+
+
+@kernel
+def _fill_block(kept: NodeArrays, first: int, second: int) -> None:
+    """Write C between two places: the modes' part, and the mean of both blocks of the residual, which is rounded.
+
+    The modes of the node with the lower number are scaled, whichever was there first: C does not depend on that.
+    """
+    node, residual, whole = kept.touched.node, kept.residual, kept.whole
+    if node[first] > node[second]:
+        first, second = second, first
+    for i in range(3):
+        row, products = 3 * first + i, _products(kept, node[first], i, node[second])
+        for j in range(i if first == second else 0, 3):
+            column = 3 * second + j
+            value = products[j] + 0.5 * (residual[column, row] + residual[row, column])
+            whole[row, column] = value
+            whole[column, row] = value
+
+
+@summing_kernel
+def _products(kept: NodeArrays, first: int, axis: int, second: int) -> tuple[float, float, float]:
+    """Sum the scaled products of the modes of one node along an axis with those of another along all three."""
+    Phi, gain = kept.Phi, kept.gain
+    x, y, z = 0.0, 0.0, 0.0
+    for mode in range(kept.n_modes):
+        scaled = Phi[first, axis, mode] * gain[mode]
+        x, y, z = (
+            x + scaled * Phi[second, 0, mode],
+            y + scaled * Phi[second, 1, mode],
+            z + scaled * Phi[second, 2, mode],
+        )
+    return x, y, z
