@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
@@ -90,6 +91,8 @@ def _print(result: FemResult, console: Console) -> None:
     console.print(f"{mesh['vertices']} vertices, {mesh['triangles']} triangles, {mesh['free_dofs']} free dofs")
     if "static" in data:
         _print_static(data["static"], console)
+    if "path" in data:
+        _print_path(data["path"]["points"], console)
     if "frequency_hz" in data:
         table = Table("mode", "Hz")
         for k, frequency in enumerate(data["frequency_hz"], 1):
@@ -100,6 +103,23 @@ def _print(result: FemResult, console: Console) -> None:
         for k, factor in enumerate(data["load_factor"], 1):
             table.add_row(str(k), f"{factor:.6g}")
         console.print(table)
+
+
+def _print_path(points: list[dict[str, Any]], console: Console) -> None:
+    """One row a point: load, what it took, and how far the largest and every probed place moved."""
+    probes = list(points[-1]["probes"])
+    table = Table("load", "iterations", "largest displacement m", *(f"{name} m" for name in probes))
+    for point in points:
+        moved = [" ".join(f"{x:.5g}" for x in point["probes"][name]) for name in probes]
+        table.add_row(
+            f"{point['part']:.4g}", str(point["iterations"]), f"{point['largest_displacement_m']:.6g}", *moved
+        )
+    console.print(table)
+    last = points[-1]
+    force = " ".join(f"{x:.6g}" for x in last["reaction_force_n"])
+    console.print(f"at the full load: reaction force {force} N, residual {last['residual']:.1e}")
+    for k, support in enumerate(last["support_force_n"]):
+        console.print(f"supports.{k}: force {' '.join(f'{x:.6g}' for x in support)} N", markup=False)
 
 
 def _print_static(static: dict[str, object], console: Console) -> None:

@@ -126,9 +126,10 @@ class Held(Part):
 
 
 class Load(Part):
-    """One part of the load; exactly one kind, ``force_n`` with the vertices it is shared by."""
+    """One part of the load; exactly one kind, ``force_n`` and ``moment_n_m`` with the vertices they are shared by."""
 
     force_n: Vector | None = None
+    moment_n_m: Vector | None = None
     where: Where | None = None
     pressure_pa: float | None = None
     traction_pa: Vector | None = None
@@ -136,9 +137,9 @@ class Load(Part):
 
     @model_validator(mode="after")
     def _one(self) -> Load:
-        exactly_one(self, "force_n", "pressure_pa", "traction_pa", "acceleration_m_s2")
-        if (self.force_n is None) != (self.where is None):
-            raise ValueError("'where' goes with force_n and with nothing else")
+        exactly_one(self, "force_n", "moment_n_m", "pressure_pa", "traction_pa", "acceleration_m_s2")
+        if bool(self.given("force_n", "moment_n_m")) != (self.where is not None):
+            raise ValueError("'where' goes with force_n and moment_n_m and with nothing else")
         return self
 
 
@@ -161,6 +162,9 @@ class FemCase(Part):
     supports: tuple[Held, ...] = Field(min_length=1)
     loads: tuple[Load, ...] = ()
     probes: dict[str, Where] = {}
+    analysis: Literal["linear", "nonlinear"] = "linear"
+    load_steps: int = Field(default=10, ge=1, le=10_000)
+    path: Literal["load", "arc_length"] = "load"
     modes: int = Field(default=0, ge=0)
     buckling: int = Field(default=0, ge=0)
 
@@ -171,4 +175,20 @@ class FemCase(Part):
             raise ValueError("nothing to solve: give loads, a displacement_m in supports, or modes")
         if self.buckling and not (self.loads or moved):
             raise ValueError("buckling needs loads or a displacement_m in supports, of which it finds the multiples")
+        return self
+
+    @model_validator(mode="after")
+    def _analysis_agrees(self) -> FemCase:
+        if self.analysis == "linear":
+            for key in self.model_fields_set & {"load_steps", "path"}:
+                raise ValueError(f"{key} goes with analysis: nonlinear")
+            return self
+        if self.buckling:
+            raise ValueError(
+                "buckling is a linear analysis; a nonlinear path shows it, with path: arc_length beyond it"
+            )
+        if self.constraints != "elimination":
+            raise ValueError("analysis: nonlinear goes with constraints: elimination")
+        if not (self.loads or any(any(held.displacement_m) for held in self.supports)):
+            raise ValueError("analysis: nonlinear needs loads or a displacement_m in supports")
         return self

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import StaticSolution
+from services.mechanics.fem.nonlinear import PathPoint
+from services.mechanics.fem.nonlinear.rotations import logarithm
 from services.meshes.writing import write_vtu
 from services.studies.fem_run import FemResult, select
 
@@ -33,7 +36,45 @@ def to_json(result: FemResult) -> dict[str, Any]:
         data["frequency_hz"] = result.modes.frequency_hz.tolist()
     if result.buckling is not None:
         data["load_factor"] = result.buckling.load_factor.tolist()
+    if result.path:
+        data["path"] = _path_json(result)
     return data
+
+
+def _path_json(result: FemResult) -> dict[str, Any]:
+    """Points of a nonlinear path, and the displacement of every vertex at its end."""
+    start_m = result.model.mesh.vertices_m
+    points = []
+    for point in result.path:
+        displacement = point.at.position_m - start_m
+        force = point.reaction[:, :3]
+        moment = np.cross(point.at.position_m, force) + point.reaction[:, 3:]
+        length = np.linalg.norm(displacement, axis=1)
+        points.append(
+            {
+                "part": point.part,
+                "iterations": point.iterations,
+                "residual": point.residual,
+                "largest_displacement_m": float(length.max()),
+                "largest_displacement_vertex": int(length.argmax()),
+                "reaction_force_n": force.sum(axis=0).tolist(),
+                "reaction_moment_about_origin_n_m": moment.sum(axis=0).tolist(),
+                "support_force_n": [_support_force(result, k, force) for k in range(len(result.case.supports))],
+                "probes": {
+                    name: displacement[select(result.model.mesh, where, f"probes.{name}")].mean(axis=0).tolist()
+                    for name, where in result.case.probes.items()
+                },
+            }
+        )
+    end = result.path[-1].at.position_m - start_m
+    return {"points": points, "displacement_m": end.tolist()}
+
+
+def _support_force(result: FemResult, k: int, force: FloatArray) -> list[float]:
+    """(3,) force of one support, of the vertices that it names."""
+    vertices = select(result.model.mesh, result.case.supports[k].where, f"supports.{k}.where")
+    total: list[float] = force[vertices].sum(axis=0).tolist()
+    return total
 
 
 def _static_json(result: FemResult, static: StaticSolution) -> dict[str, Any]:
@@ -57,13 +98,21 @@ def _static_json(result: FemResult, static: StaticSolution) -> dict[str, Any]:
 
 
 def save_vtu(result: FemResult, path: Path) -> None:
-    """Write displacements, rotations, reactions, mode and buckling shapes (largest translation 1) for ParaView."""
+    """Write displacements, rotations, reactions, mode and buckling shapes (largest translation 1) for ParaView.
+
+    A nonlinear path becomes one file a point, ``NAME-0000.vtu`` for the undeformed shell and so on, and ``path`` itself
+    the last; ``NAME.pvd`` opens them as a series whose time is the part of the load.
+    """
+    if result.path:
+        _save_series(result, path)
     model = result.model
     fields: dict[str, FloatArray] = {}
     if result.static is not None:
         fields["displacement_m"] = result.static.displacement_m
         fields["rotation_rad"] = result.static.rotation_rad
         fields["reaction_force_n"] = np.ascontiguousarray(result.static.reaction[:, :3])
+    if result.path:
+        fields |= _path_fields(result, result.path[-1])
     if result.modes is not None:
         for k, frequency in enumerate(result.modes.frequency_hz):
             shape = np.ascontiguousarray(result.modes.Phi[:, :, k])
@@ -77,3 +126,25 @@ def save_vtu(result: FemResult, path: Path) -> None:
         for name in ("thickness_m", "youngs_modulus_pa")
     }
     write_vtu(path, model.mesh, fields, per_triangle)
+
+
+def _path_fields(result: FemResult, point: PathPoint) -> dict[str, FloatArray]:
+    return {
+        "displacement_m": point.at.position_m - result.model.mesh.vertices_m,
+        "rotation_rad": logarithm(point.at.rotation),
+        "reaction_force_n": np.ascontiguousarray(point.reaction[:, :3]),
+    }
+
+
+def _save_series(result: FemResult, path: Path) -> None:
+    mesh = result.model.mesh
+    zero = np.zeros_like(mesh.vertices_m)
+    series = [(0.0, {"displacement_m": zero, "rotation_rad": zero, "reaction_force_n": zero})]
+    series += [(point.part, _path_fields(result, point)) for point in result.path]
+    collection = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    files = ElementTree.SubElement(collection, "Collection")
+    for k, (part, fields) in enumerate(series):
+        file = path.with_name(f"{path.stem}-{k:04d}.vtu")
+        write_vtu(file, mesh, fields)
+        ElementTree.SubElement(files, "DataSet", timestep=repr(part), file=file.name)
+    ElementTree.ElementTree(collection).write(path.with_suffix(".pvd"), xml_declaration=True, encoding="utf-8")

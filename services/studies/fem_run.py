@@ -27,6 +27,14 @@ from services.mechanics.fem import (
 )
 from services.mechanics.fem.elements import MEMBRANE_ELEMENTS
 from services.mechanics.fem.facets import drilling_excess
+from services.mechanics.fem.nonlinear import (
+    CorotationalShell,
+    NonlinearLoad,
+    PathPoint,
+    PathSettings,
+    largest_strain,
+    trace_path,
+)
 from services.mechanics.fem.supports import DOF_NAMES
 from services.mechanics.fem.thinness import DOUBTFUL_RATIO, thickness_over_width
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges
@@ -42,6 +50,8 @@ OnStage = Callable[[str, int], None]
 
 LARGE_DISPLACEMENT = 0.1
 """Part of the mesh's size beyond which a linear solution is no picture of what happens."""
+LARGE_STRAIN = 0.1
+"""Of the wall's middle surface, beyond which elements that are linear in strain say little."""
 DOUBTFUL_EXCESS = 0.01
 """Part by which torsion may be too stiff without a word."""
 MOST_TURNED = 0.25
@@ -64,6 +74,8 @@ class FemResult:
     static: StaticSolution | None
     modes: EigenModes | None
     buckling: BucklingModes | None
+    path: list[PathPoint]
+    """Equilibria of a nonlinear analysis, up to the full load; empty if it is linear."""
 
 
 def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemResult:
@@ -82,8 +94,10 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
         select(mesh, where, f"probes.{name}")
     on_stage("factors", 1)
     _ = model.factor
-    static = None
-    if case.loads or imposed.any():
+    static, path = None, []
+    if case.analysis == "nonlinear":
+        path = _trace(case, model, imposed, on_stage)
+    elif case.loads or imposed.any():
         on_stage("static solution", 1)
         static = model.solve_static(build_load(case, model), imposed)
     modes = None
@@ -97,7 +111,28 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
         pressure_pa = sum(load.pressure_pa or 0.0 for load in case.loads)
         with _naming("buckling"):
             buckling = compute_buckling(model, static, case.buckling, pressure_pa)
-    return FemResult(case, model, actions, _cautions(model, static), static, modes, buckling)
+    return FemResult(case, model, actions, _cautions(model, static, path), static, modes, buckling, path)
+
+
+def _trace(case: FemCase, model: ShellModel, imposed: FloatArray, on_stage: OnStage) -> list[PathPoint]:
+    """The path from nothing to all loads; its bar advances with the load."""
+    pressure_pa = 0.0
+    for k, part in enumerate(case.loads):
+        if part.pressure_pa is not None:
+            _refuse_sideless(model.mesh, f"loads.{k}.pressure_pa")
+            pressure_pa += part.pressure_pa
+    dead = tuple(part for part in case.loads if part.pressure_pa is None)
+    load = NonlinearLoad(build_load(case.model_copy(update={"loads": dead}), model), pressure_pa, imposed)
+    on_stage("path", case.load_steps)
+    done = 0
+
+    def advance(point: PathPoint) -> None:
+        nonlocal done
+        while done < min(round(point.part * case.load_steps), case.load_steps - 1):
+            done += 1
+            on_stage("", 1)
+
+    return trace_path(CorotationalShell(model), load, PathSettings(case.load_steps, case.path), advance)
 
 
 @contextmanager
@@ -110,7 +145,7 @@ def _naming(key: str) -> Iterator[None]:
         raise ValueError(f"{key}: the iteration gave up with {found} found to rounding; ask for fewer") from error
 
 
-def _cautions(model: ShellModel, static: StaticSolution | None) -> list[str]:
+def _cautions(model: ShellModel, static: StaticSolution | None, path: list[PathPoint]) -> list[str]:
     cautions = []
     ratio, centre_m = thickness_over_width(model.mesh, model.section)
     if ratio > DOUBTFUL_RATIO:
@@ -131,8 +166,11 @@ def _cautions(model: ShellModel, static: StaticSolution | None) -> list[str]:
     if moved_m > LARGE_DISPLACEMENT * size_m:
         cautions.append(
             f"the largest displacement is {moved_m / size_m:.2g} of the mesh's size: displacements are taken as small, "
-            "so only its proportion to the load means something"
+            "so only its proportion to the load means something (analysis: nonlinear follows it)"
         )
+    strain = largest_strain(model, path[-1].at) if path else 0.0
+    if strain > LARGE_STRAIN:
+        cautions.append(f"the largest strain of the wall's middle is {strain:.2g}: rotations may be large, strains not")
     return cautions
 
 
@@ -249,10 +287,14 @@ def _nearest(mesh: TriangleMesh, point_m: FloatArray, key: str) -> int:
 
 
 def build_load(case: FemCase, model: ShellModel) -> FloatArray:
-    """(n, 3) sum of all loads of the case."""
-    total = np.zeros((model.mesh.n_vertices, 3))
+    """(n, 6) sum of all loads of the case, forces and moments."""
+    total = np.zeros((model.mesh.n_vertices, 6))
     for k, load in enumerate(case.loads):
-        total += _nodal(load, model, f"loads.{k}")
+        if load.moment_n_m is not None and load.where is not None:
+            vertices = select(model.mesh, load.where, f"loads.{k}.where")
+            total[vertices, 3:] += np.array(load.moment_n_m) / len(vertices)
+        else:
+            total[:, :3] += _nodal(load, model, f"loads.{k}")
     return total
 
 

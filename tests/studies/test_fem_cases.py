@@ -57,8 +57,9 @@ def held(displacement_m, *dofs, vertex=150):
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_example_runs(path, tmp_path, capsys):
     result = run(path, tmp_path)
-    assert result["static"]["residual"] < 1e-8
-    assert min(result.get("frequency_hz", result.get("load_factor"))) > 1.0
+    static = result["static"] if "static" in result else result["path"]["points"][-1]
+    assert static["residual"] < 1e-8
+    assert min(result.get("frequency_hz", result.get("load_factor", [2.0]))) > 1.0
     assert (tmp_path / "out.vtu").stat().st_size > 1000
     assert "free dofs" in capsys.readouterr().out
 
@@ -348,3 +349,67 @@ def test_a_wrong_file_is_one_sentence_with_its_key(tmp_path, change, message):
 def test_output_into_a_missing_folder_is_refused_before_solving(tmp_path):
     with pytest.raises(ConfigError, match=r"--json .*: there is no folder"):
         fem_command(write(tmp_path, DUCT), tmp_path / "absent" / "x.json")
+
+
+def squeezed(**changes):
+    jaws = [[0.039, 0.0039, -1e-6], [0.041, 0.0041, 1e-6]], [[0.039, -0.0041, -1e-6], [0.041, -0.0039, 1e-6]]
+    moves = [[0.0, -0.001, 0.0], [0.0, 0.001, 0.0]]
+    supports = [
+        {"where": {"box_m": box}, "dofs": ["uy"], "displacement_m": by} for box, by in zip(jaws, moves, strict=True)
+    ]
+    case = changed(
+        supports=[clamped(), *supports],
+        analysis="nonlinear",
+        load_steps=2,
+        probes={"side": {"near_m": [0.04, 0.0, 0.004]}},
+    )
+    return {key: value for key, value in (case | changes).items() if key != "modes"}
+
+
+def test_nonlinear_path_is_written_point_by_point(tmp_path, capsys):
+    meshio = pytest.importorskip("meshio", reason="the mesh extra is not installed")
+    path = run(write(tmp_path, squeezed()), tmp_path)["path"]
+    assert [point["part"] for point in path["points"]] == [0.5, 1.0]
+    upper, lower = path["points"][-1]["support_force_n"][1:]
+    assert upper[1] == pytest.approx(-lower[1], rel=1e-6)
+    assert lower[1] > 0.0
+    assert path["points"][-1]["probes"]["side"][2] > path["points"][0]["probes"]["side"][2] > 0.0
+    assert "supports.1: force" in capsys.readouterr().out
+    last = meshio.read(tmp_path / "out-0002.vtu").point_data["displacement_m"]
+    assert last == pytest.approx(np.array(path["displacement_m"]))
+    assert (tmp_path / "out.pvd").read_text().count("<DataSet") == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"analysis": "linear"}, "load_steps goes with analysis: nonlinear"),
+        ({"buckling": 1}, "buckling is a linear analysis"),
+        ({"constraints": "penalty"}, "goes with constraints: elimination"),
+        ({"supports": [clamped()]}, "nothing to solve"),
+        ({"load_steps": 0}, "load_steps"),
+    ],
+)
+def test_what_does_not_go_with_a_nonlinear_analysis_is_refused(tmp_path, changes, sentence):
+    with pytest.raises(ConfigError, match=sentence):
+        fem_command(write(tmp_path, squeezed(**changes)))
+
+
+def test_a_moment_bends_a_strip_to_the_beam_s_curvature(tmp_path):
+    trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
+    patch = mapped_patch(20, 2, lambda s, t: (100 * s, 10 * t, np.zeros_like(s)))
+    trimesh.Trimesh(patch.mesh.vertices_m, patch.mesh.triangles, process=False).export(tmp_path / "strip.stl")
+    stiffness = 1e9 * 0.01 * 0.001**3 / 12
+    case = {
+        "mesh": {"surface_file": {"path": "strip.stl", "units": "mm"}},
+        "thickness_m": 0.001,
+        "material": {"youngs_modulus_pa": 1e9, "poisson_ratio": 0.0, "density_kg_m3": 1000.0},
+        "supports": [{"where": {"box_m": [[-1e-6, -1, -1], [1e-6, 1, 1]]}}],
+        "loads": [
+            {"moment_n_m": [0.0, -np.pi * stiffness / 0.1, 0.0], "where": {"box_m": [[0.0999, -1, -1], [0.1001, 1, 1]]}}
+        ],
+        "analysis": "nonlinear",
+        "probes": {"tip": {"box_m": [[0.0999, -1, -1], [0.1001, 1, 1]]}},
+    }
+    tip = run(write(tmp_path, case), tmp_path)["path"]["points"][-1]["probes"]["tip"]
+    assert tip == pytest.approx([-0.1, 0.0, 0.2 / np.pi], abs=3e-4)

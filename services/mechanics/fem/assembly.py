@@ -34,7 +34,12 @@ class ElementChoice:
 def element_stiffness(
     xy: FloatArray, frames: FloatArray, D: FloatArray, thickness: FloatArray, choice: ElementChoice
 ) -> FloatArray:
-    """(m, 18, 18) stiffness in global axes; dofs (ux, uy, uz, rx, ry, rz) of each corner in turn.
+    """(m, 18, 18) stiffness in global axes; dofs (ux, uy, uz, rx, ry, rz) of each corner in turn."""
+    return to_global_axes(local_stiffness(xy, D, thickness, choice), frames)
+
+
+def local_stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray, choice: ElementChoice) -> FloatArray:
+    """(m, 18, 18) stiffness in each triangle's own axes; dofs (u, v, w, theta_x, theta_y, theta_z) of each corner.
 
     Membrane and bending are uncoupled within a flat triangle; they couple where triangles meet at an angle.
     """
@@ -44,7 +49,7 @@ def element_stiffness(
     K = np.zeros((len(xy), 18, 18))
     K[:, MEMBRANE_DOFS[:, None], MEMBRANE_DOFS] = membrane.stiffness(xy, h * D)
     K[:, BENDING_DOFS[:, None], BENDING_DOFS] = bending.stiffness(xy, h**3 / 12.0 * D)
-    return to_global_axes(K, frames)
+    return K
 
 
 def to_global_axes(K: FloatArray, frames: FloatArray) -> FloatArray:
