@@ -30,7 +30,6 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
         *host_checks.storage(rig),
         *host_checks.ports(rig),
         *probes.graphics(),
-        probes.can_loopback(),
         *_devices(rig),
     ]
     if as_json:

@@ -13,7 +13,6 @@ from services.cli.host_checks import Finding, Verdict, finding
 
 _PACKAGES = {"OpenGL": "libopengl0", "GL": "libgl1", "EGL": "libegl1", "Xrender": "libxrender1"}
 _RENDER_S = 40.0
-_CAN_S = 10.0
 
 _RENDER = """
 import pyvista, numpy
@@ -23,25 +22,6 @@ plotter.add_mesh(pyvista.Sphere(), color="white", lighting=False)
 picture = plotter.screenshot(return_img=True)
 assert numpy.asarray(picture).max() > 0, "the picture is black"
 print(plotter.render_window.GetClassName())
-"""
-
-_CAN = """
-import can, time
-first = can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43119, hop_limit=0)
-second = can.Bus(interface="udp_multicast", channel="239.74.163.2", port=43119, hop_limit=0)
-try:
-    deadline = time.monotonic() + 2.0
-    while time.monotonic() < deadline:
-        first.send(can.Message(arbitration_id=0x7E5, data=b"trocar"))
-        message = second.recv(0.1)
-        if message is not None and bytes(message.data) == b"trocar":
-            print("a frame sent is a frame received")
-            break
-    else:
-        raise SystemExit("a frame sent is not received")
-finally:
-    first.shutdown()
-    second.shutdown()
 """
 
 
@@ -54,15 +34,11 @@ def graphics() -> Iterator[Finding]:
     found = f"missing: {', '.join(missing)}" if missing else "all there"
     yield finding("GL libraries", not missing, found, f"apt install {' '.join(missing)}")
     environment = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow", "LP_NUM_THREADS": "1"}
-    yield _probe("off-screen picture", _RENDER, _RENDER_S, environment, "native window, snapshots and MJPEG need it")
+    yield probe("off-screen picture", _RENDER, _RENDER_S, environment, "native window, snapshots and MJPEG need it")
 
 
-def can_loopback() -> Finding:
-    """Check that the emulated drive can be talked to: CAN over multicast that stays on this host."""
-    return _probe("CAN over multicast", _CAN, _CAN_S, {}, "the stub's grasp drive needs multicast on the loopback")
-
-
-def _probe(name: str, script: str, patience_s: float, environment: dict[str, str], advice: str) -> Finding:
+def probe(name: str, script: str, patience_s: float, environment: dict[str, str], advice: str) -> Finding:
+    """Return what a script said that was run for no longer than `patience_s`; a crash is a finding too."""
     command = [sys.executable, "-W", "ignore", "-c", script]
     try:
         done = subprocess.run(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
 
 from services.gateway import cansimple
 from services.gateway.cansimple import AxisError, AxisState
@@ -17,6 +16,7 @@ HEARTBEAT_S, ESTIMATE_S = 0.1, 0.002
 #: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
 INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
 _SUBSTEPS = 4
+_TURN = 2 * math.pi
 _SAID_BY_DRIVE = (
     cansimple.HEARTBEAT,
     cansimple.GET_ERROR,
@@ -86,39 +86,39 @@ class EmulatedDrive:
             return []  # an own frame that the bus gave back
         self._fed_s = now_s  # firmware feeds the watchdog from any frame to the axis, polls included
         if remote:
-            return list(self._answer(command))
+            return self._answer(command)
         try:
             self._obey(command, data, now_s)
         except struct.error:
             return []
         return []
 
-    def step(self, wanted_rad: float, now_s: float, dt_s: float) -> Iterator[CanFrame]:
-        """Advance the handle by `dt_s`, check watchdog and limits, yield the cyclic frames that are due."""
+    def step(self, wanted_rad: float, now_s: float, dt_s: float) -> list[CanFrame]:
+        """Advance the handle by `dt_s`, check watchdog and limits, return the cyclic frames that are due."""
         self.handle.step(wanted_rad, self.applied_nm, dt_s)
         if self.state is AxisState.CLOSED_LOOP:
             if now_s - self._fed_s > self._watchdog_s:
                 self._disarm(AxisError.WATCHDOG_TIMER_EXPIRED)
-            elif abs(self.handle.rate_rad_s) / (2 * math.pi) > self._max_turns_s:
+            elif abs(self.handle.rate_rad_s) / _TURN > self._max_turns_s:
                 self._disarm(AxisError.VELOCITY_LIMIT)
-        yield from self._answer(cansimple.GET_ENCODER_ESTIMATES)
+        frames = self._answer(cansimple.GET_ENCODER_ESTIMATES)
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + HEARTBEAT_S
-            yield from self._answer(cansimple.HEARTBEAT)
+            frames += self._answer(cansimple.HEARTBEAT)
+        return frames
 
-    def _answer(self, command: int) -> Iterator[CanFrame]:
-        turn = 2 * math.pi
-        if command == cansimple.HEARTBEAT:
+    def _answer(self, command: int) -> list[CanFrame]:
+        if command == cansimple.GET_ENCODER_ESTIMATES:
+            data = cansimple.pack_floats(self.handle.angle_rad / _TURN, self.handle.rate_rad_s / _TURN)
+        elif command == cansimple.HEARTBEAT:
             data = cansimple.pack_heartbeat(self.errors, self.state, 0, False)
-        elif command == cansimple.GET_ENCODER_ESTIMATES:
-            data = cansimple.pack_floats(self.handle.angle_rad / turn, self.handle.rate_rad_s / turn)
         elif command == cansimple.GET_ERROR:
             data = cansimple.pack_words(self.errors, self.disarm_reason)
         elif command == cansimple.GET_TORQUES:
             data = cansimple.pack_floats(self.torque_nm, self.applied_nm)
         else:
-            return
-        yield cansimple.identifier(self.node, command), data
+            return []
+        return [(cansimple.identifier(self.node, command), data)]
 
     def _obey(self, command: int, data: bytes, now_s: float) -> None:
         if command == cansimple.SET_INPUT_TORQUE:

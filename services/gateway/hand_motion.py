@@ -1,65 +1,63 @@
-"""What the hand on an emulated handle wants: a recording, a script, or a slow squeeze."""
+"""What the hand on an emulated handle wants: a recording, a script, or a slow squeeze, as angles every millisecond."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from services.gateway.recording import read_table
+from services.gateway.scenario_script import scenario_player
+from services.gateway.script import HANDLE, Player, read_player
+from services.mechanics.arrays import FloatArray
 
-if TYPE_CHECKING:
-    from services.gateway.script import Player
-
-#: Angle of the handle at a time.
-Wanted = Callable[[float], float]
-
+RATE_HZ = 1000.0
 _NO_PORT = (0.0, 0.0, 0.0)  # the handle does not care where the port is
 _COLUMN = "handle_angle_rad"
-_RECORDING_HZ = 1000.0
+_SQUEEZE_S = 4.0
 
 
-def squeeze(time_s: float) -> float:
+@dataclass(frozen=True, slots=True)
+class HandMotion:
+    """Angles (n,) float64 in rad at `RATE_HZ`; after the last come the first again, or it stays."""
+
+    angle_rad: FloatArray
+    repeats: bool
+
+
+def squeeze() -> HandMotion:
     """Return a slow squeeze between open (1 rad) and nearly shut (0.1 rad), every 4 s."""
-    return 0.55 + 0.45 * math.cos(2 * math.pi * time_s / 4.0)
+    turns = np.arange(round(_SQUEEZE_S * RATE_HZ)) / (_SQUEEZE_S * RATE_HZ)
+    return HandMotion(0.55 + 0.45 * np.cos(2 * np.pi * turns), repeats=True)
 
 
-def scripted(name: str, instrument: str, pace: float = 1.0) -> Wanted:
+def scripted(name: str, instrument: str, pace: float = 1.0) -> HandMotion:
     """Return the handle angles of a script of configs/scripts."""
-    from services.gateway.script import read_player  # only here: its kernels take a second to import
-
-    return _played(read_player(name, instrument, _NO_PORT, pace))
+    return _sampled(read_player(name, instrument, _NO_PORT, pace))
 
 
-def of_scenario(name: str, index: int, pace: float = 1.0) -> Wanted:
+def of_scenario(name: str, index: int, pace: float = 1.0) -> HandMotion:
     """Return the handle angles of a scenario of the mechanics."""
-    from services.gateway.scenario_script import scenario_player
-
-    return _played(scenario_player(name, index, _NO_PORT, pace))
+    return _sampled(scenario_player(name, index, _NO_PORT, pace))
 
 
-def _played(player: Player) -> Wanted:
-    from services.gateway.script import HANDLE
+def _sampled(player: Player) -> HandMotion:
+    n = max(1, round(player.lasts_s * RATE_HZ) + (not player.repeats))
+    angles = np.empty(n)
+    for k in range(n):
+        player.sample(k / RATE_HZ)
+        angles[k] = player.value[HANDLE]
+    return HandMotion(angles, player.repeats)
 
-    def wanted(time_s: float) -> float:
-        player.sample(time_s)
-        return float(player.value[HANDLE])
 
-    return wanted
-
-
-def fitted(wanted: Wanted, range_rad: tuple[float, float]) -> Wanted:
-    """Return `wanted`, which moves between shut (0) and open (1 rad), moving between two other angles."""
+def fitted(motion: HandMotion, range_rad: tuple[float, float]) -> HandMotion:
+    """Return `motion`, which moves between shut (0) and open (1 rad), moving between two other angles."""
     low, high = range_rad
-
-    def between(time_s: float) -> float:
-        return low + (high - low) * min(max(wanted(time_s), 0.0), 1.0)
-
-    return between
+    return replace(motion, angle_rad=low + (high - low) * motion.angle_rad.clip(0.0, 1.0))
 
 
-def recorded(path: Path) -> Wanted:
+def recorded(path: Path) -> HandMotion:
     """Return the handle angles of a 1 kHz recording, played forwards and back so that it never jumps.
 
     Raises
@@ -67,11 +65,5 @@ def recorded(path: Path) -> Wanted:
     DeviceError
         if the file cannot be used.
     """
-    table = read_table(path, (_COLUMN,))
-    angles = table[_COLUMN].tolist()
-    there_and_back = angles + angles[-2:0:-1]
-
-    def wanted(time_s: float) -> float:
-        return float(there_and_back[int(time_s * _RECORDING_HZ) % len(there_and_back)])
-
-    return wanted
+    angles = np.ascontiguousarray(read_table(path, (_COLUMN,))[_COLUMN], np.float64)
+    return HandMotion(np.concatenate((angles, angles[-2:0:-1])), repeats=True)

@@ -57,6 +57,10 @@ class Player:
 
     Attributes
     ----------
+    lasts_s : float
+        Time of the last breakpoint.
+    repeats : bool
+        Whether it begins again then; else it stays.
     value, rate : (COLUMNS,) float64
         Junction in the world, roll, handle, and their rates, of the last `sample`.
     """
@@ -67,16 +71,16 @@ class Player:
         self._port = np.array(port_m)
         self._times = np.array([point.time_s for point in points]) / pace
         self._values = np.array([[*point.hip_m, point.roll_rad, point.handle_rad] for point in points])
-        self._loop = loop
+        self.lasts_s = float(self._times[-1])
+        self.repeats = loop and self.lasts_s > 0.0
         self.value = np.zeros(COLUMNS)
         self.rate = np.zeros(COLUMNS)
         self.sample(0.0)
 
     def sample(self, time_s: float) -> None:
         """Write position and rate at `time_s` since the script's begin into `value` and `rate`."""
-        end = float(self._times[-1])
-        if self._loop and end > 0.0:
-            time_s %= end
+        if self.repeats:
+            time_s %= self.lasts_s
         minimum_jerk(self._times, self._values, time_s, self.value, self.rate)
         if self._offset_m > 0.0:
             draw_back(self._port, self._offset_m, self.value, self.rate)

@@ -6,7 +6,6 @@ import can
 
 from services.gateway import canbus
 from services.gateway.bench import TICK_S, SteppedClock
-from services.gateway.drive_node import send
 from services.gateway.emulated_drive import EmulatedDrive, Handle
 
 _WATCHDOG_S = 0.05
@@ -48,6 +47,7 @@ class VirtualNode:
     def _tick(self, now_s: float) -> None:
         for message in canbus.drain(self._bus):
             self.drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s)
-        frames = list(self.drive.step(self._angle_rad, now_s, TICK_S))
+        frames = self.drive.step(self._angle_rad, now_s, TICK_S)
         if self.speaking:
-            send(self._bus, frames)
+            for identifier, data in frames:
+                self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))

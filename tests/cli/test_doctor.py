@@ -15,8 +15,7 @@ from tests.cli.conftest import Trocar
 
 @pytest.fixture
 def no_probes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(probes, "graphics", list)
-    monkeypatch.setattr(probes, "can_loopback", lambda: Finding("CAN", Verdict.WARN, "no multicast", "[advice]"))
+    monkeypatch.setattr(probes, "graphics", lambda: [Finding("picture", Verdict.WARN, "it is black", "[advice]")])
 
 
 @pytest.mark.usefixtures("no_probes")
@@ -26,7 +25,16 @@ def test_warnings_are_not_failures(trocar: Trocar, rig_file: Path) -> None:
     shown = json.loads(ran.out)
     assert shown["ok"]
     names = {check["name"] for check in shown["checks"]}
-    assert names >= {"python", "packages", "web page", "cores", "real-time priority", "memlock", "cache folder", "CAN"}
+    assert names >= {
+        "python",
+        "packages",
+        "web page",
+        "cores",
+        "real-time priority",
+        "memlock",
+        "cache folder",
+        "picture",
+    }
     assert all(check["advice"] for check in shown["checks"] if check["verdict"] != "ok")
 
 
@@ -54,21 +62,21 @@ def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -
     assert "TouchDriver" in checks["OpenHaptics"]["advice"]
 
 
-def test_a_probe_that_crashes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(probes, "_CAN", f"import os; os.kill(os.getpid(), {int(signal.SIGSEGV)})")
-    found = probes.can_loopback()
+def _probe(script: str, patience_s: float = 20.0) -> Finding:
+    return probes.probe("picture", script, patience_s, {}, "advice")
+
+
+def test_a_probe_that_crashes() -> None:
+    found = _probe(f"import os; os.kill(os.getpid(), {int(signal.SIGSEGV)})")
     assert (found.verdict, found.found) == (Verdict.WARN, "crashes with SIGSEGV")
 
 
-def test_a_probe_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(probes, "_CAN", "import time; time.sleep(60)")
-    monkeypatch.setattr(probes, "_CAN_S", 0.3)
-    assert probes.can_loopback().found.startswith("no answer within")
+def test_a_probe_that_hangs() -> None:
+    assert _probe("import time; time.sleep(60)", 0.3).found.startswith("no answer within")
 
 
-def test_a_probe_that_fails_says_its_last_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(probes, "_CAN", "raise SystemExit('a frame sent is not received')")
-    assert probes.can_loopback().found == "a frame sent is not received"
+def test_a_probe_that_fails_says_its_last_line() -> None:
+    assert _probe("raise SystemExit('the picture is black')").found == "the picture is black"
 
 
 def test_a_folder_that_does_not_exist_yet_is_judged_by_the_one_above(tmp_path: Path) -> None:

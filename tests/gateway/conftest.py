@@ -6,20 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import canbus
 from services.gateway.bench import BenchUnavailable
-from services.gateway.drivers import grasp_simulated
-from services.runtime.errors import DeviceError
 from tests.gateway.hdapi_bench import LEFT, RIGHT, HdapiBench, two_arms
-
-
-@pytest.fixture(scope="session")
-def multicast() -> None:
-    """Skip where this host cannot send multicast to itself."""
-    try:
-        canbus.open_bus(grasp_simulated.private_bus(), "test").shutdown()
-    except DeviceError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,6 @@ from services.gateway import canbus, cansimple, driver, layout
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import Arm, Place
-from services.gateway.drivers import grasp_odrive_can, grasp_simulated
 from services.gateway.virtual_node import VirtualNode
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
@@ -87,24 +86,6 @@ def test_a_simulated_hand_begins_with_the_force_or_without_it(begin: str) -> Non
         arm.read(1 + k * TICK_NS, readings[1])
     first, last = readings[:, layout.READ_POSITION : layout.READ_POSITION + 3]
     assert np.linalg.norm(last - first) > 1e-3
-
-
-def test_a_simulated_handle_that_is_told_to_go_on_moves_without_torque(multicast: None) -> None:
-    settings = DriverSettings(driver="grasp_simulated", device="grasp_odrive", settings={"recording": "none"})
-    grasp, handle, angles = driver.load_grasp(settings, PLACE), np.zeros(2), []
-    grasp.open()
-    try:
-        for k in range(2500):
-            grasp.read(time.monotonic_ns(), handle)
-            angles.append(float(handle[layout.HANDLE_ANGLE]))
-            if k == 500:
-                grasp.go_on()
-            time.sleep(1e-3)
-    finally:
-        grasp.close()
-    assert np.ptp(angles[250:500]) < 0.01
-    assert np.ptp(angles[500:]) > 0.1
-    assert not grasp.ready
 
 
 class Odrive:
@@ -219,11 +200,13 @@ def test_own_echoes_strange_frames_and_lies_are_not_believed(odrive: Odrive) -> 
 
 def test_gear_direction_and_zero_of_the_device_file_count(tmp_path: Path) -> None:
     node = VirtualNode(str(tmp_path))
-    file = config.load(GraspFile, config.find("device", "grasp_odrive"))[0].model_copy(
-        update={"motor_turns_per_handle_turn": 4.0, "opens_with_positive_motor": False, "shut_at_motor_turns": 0.2}
-    )
+    usual = config.load(GraspFile, config.find("device", "grasp_odrive"))[0]
+    changed = {"motor_turns_per_handle_turn": 4.0, "opens_with_positive_motor": False, "shut_at_motor_turns": 0.2}
+    file = tmp_path / "geared.yaml"
+    file.write_text(json.dumps({**usual.model_dump(), **changed}))
     bus = {"interface": "virtual", "channel": str(tmp_path)}
-    grasp = grasp_odrive_can.OdriveGrasp(file, bus, 1, replace(PLACE, clock=node.clock))
+    settings = DriverSettings(driver="grasp_odrive_can", device=str(file), settings={"bus": bus})
+    grasp = driver.load_grasp(settings, replace(PLACE, clock=node.clock))
     grasp.open()
     grasp.enable()
     handle = np.zeros(2)
@@ -257,46 +240,3 @@ def test_a_bus_that_is_not_there_is_one_sentence(bus: dict[str, Any], sentence: 
     with pytest.raises(DeviceError, match=sentence) as caught:
         canbus.open_bus(bus, "instrument 'left'")
     assert "\n" not in str(caught.value)
-
-
-def test_a_host_without_multicast_is_told_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(**_: object) -> None:
-        try:
-            raise OSError(19, "No such device")
-        except OSError as error:
-            raise can.CanInitializationError("could not create or configure socket") from error
-
-    monkeypatch.setattr(can, "Bus", refuse)
-    with pytest.raises(DeviceError, match=r"239\.74\.163\.2 .*`ip route add 239\.0\.0\.0/8 dev lo`"):
-        canbus.open_bus(grasp_simulated.private_bus(), "instrument 'left'")
-
-
-def test_an_emulated_drive_that_cannot_start_is_one_sentence(tmp_path: Path, multicast: None) -> None:
-    settings = DriverSettings(
-        driver="grasp_simulated", device="grasp_odrive", settings={"recording": str(tmp_path / "none.csv")}
-    )
-    grasp = driver.load_grasp(settings, PLACE)
-    with pytest.raises(DeviceError, match="instrument 'left': the emulated drive ended with code 4"):
-        grasp.open()
-    grasp.close()
-
-
-@pytest.mark.parametrize(
-    ("settings", "expected"),
-    [
-        ({}, "b.csv"),
-        ({"recording": "none"}, None),
-        ({"recording": "c.csv"}, "c.csv"),
-        ({"scenario": "insertion"}, None),
-        ({"script": "stroke", "recording": "c.csv"}, "c.csv"),
-    ],
-)
-def test_which_recording_moves_a_handle(
-    settings: dict[str, str], expected: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("a.csv", "b.csv"):
-        (tmp_path / name).write_text("handle_angle_rad\n1\n")
-    monkeypatch.setenv("TROCAR_GRASP_RECORDINGS", str(tmp_path))
-    own = grasp_simulated.SimulatedGraspSettings(**settings)  # type: ignore[arg-type]
-    found = grasp_simulated.find_recording(own, 1)
-    assert (Path(found).name if found else None) == expected

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -88,7 +89,7 @@ class OdriveLink:
             self.estimated_ns = self._clock.monotonic_ns()
 
 
-class OdriveGrasp(GraspHandle):
+class OdriveGrasp(GraspHandle, ABC):
     """The drive's life: found, set up, armed when force begins, fed every tick, let go at the end.
 
     A disarm is latched in the drive. One by the watchdog (this gateway was held up) ends with the next engagement;
@@ -98,12 +99,11 @@ class OdriveGrasp(GraspHandle):
     #: A drive says that it is there every 0.1 s.
     found_timeout_s = 3.0
 
-    def __init__(self, file: GraspFile, bus: dict[str, Any], node: int, place: Place) -> None:
+    def __init__(self, file: GraspFile, node: int, place: Place) -> None:
         self.max_torque_nm = file.max_torque_nm
-        self._file = file
-        self._bus_settings = bus
-        self._node = node
-        self._where = f"instrument {place.instrument!r}"
+        self.file = file
+        self.node = node
+        self.where = f"instrument {place.instrument!r}"
         self._clock = place.clock
         self._link: OdriveLink | None = None
         sign = 1.0 if file.opens_with_positive_motor else -1.0
@@ -111,15 +111,19 @@ class OdriveGrasp(GraspHandle):
         self._arming_until_ns = 0
         self._wanted = False
 
+    @abstractmethod
+    def open_bus(self) -> can.BusABC:
+        """Return the bus that the drive is on, newly opened."""
+
     def open(self) -> None:
         """Find the drive and set it up; it stays idle."""
-        link = OdriveLink(canbus.open_bus(self._bus_settings, self._where), self._node, self._clock)
+        link = OdriveLink(self.open_bus(), self.node, self._clock)
         self._link = link
         if not self._find(link):
-            raise DeviceError(f"{self._where}: no heartbeat of node {self._node} within {self.found_timeout_s:g} s")
+            raise DeviceError(f"{self.where}: no heartbeat of node {self.node} within {self.found_timeout_s:g} s")
         link.send(cansimple.CLEAR_ERRORS, b"\0")
         link.send(
-            cansimple.SET_LIMITS, cansimple.pack_floats(self._file.max_motor_turns_s, self._file.max_motor_current_a)
+            cansimple.SET_LIMITS, cansimple.pack_floats(self.file.max_motor_turns_s, self.file.max_motor_current_a)
         )
         mode = cansimple.pack_words(cansimple.CONTROL_TORQUE, cansimple.INPUT_PASSTHROUGH)
         link.send(cansimple.SET_CONTROLLER_MODE, mode)
@@ -165,20 +169,20 @@ class OdriveGrasp(GraspHandle):
         if link is None:
             return
         link.receive()
-        handle[HANDLE_ANGLE] = self._rad_per_turn * (link.angle_turns - self._file.shut_at_motor_turns)
+        handle[HANDLE_ANGLE] = self._rad_per_turn * (link.angle_turns - self.file.shut_at_motor_turns)
         handle[HANDLE_RATE] = self._rad_per_turn * link.rate_turns_s
         self._judge(link, self._clock.monotonic_ns())
 
     def _judge(self, link: OdriveLink, now_ns: int) -> None:
-        young = now_ns - link.estimated_ns < self._file.feedback_timeout_s * 1e9
+        young = now_ns - link.estimated_ns < self.file.feedback_timeout_s * 1e9
         closed = link.state == AxisState.CLOSED_LOOP
         self.ready = self._wanted and closed and young
-        if now_ns - link.heartbeat_ns > self._file.heartbeat_timeout_s * 1e9:
-            self.fault = f"the grasp drive (node {self._node}) has been silent for {self._file.heartbeat_timeout_s} s"
+        if now_ns - link.heartbeat_ns > self.file.heartbeat_timeout_s * 1e9:
+            self.fault = f"the grasp drive (node {self.node}) has been silent for {self.file.heartbeat_timeout_s} s"
         elif link.errors:
-            self.fault = f"the grasp drive (node {self._node}) let go: {cansimple.error_names(link.errors)}"
+            self.fault = f"the grasp drive (node {self.node}) let go: {cansimple.error_names(link.errors)}"
         elif self._wanted and not closed and now_ns > self._arming_until_ns:
-            self.fault = f"the grasp drive (node {self._node}) did not close its loop"
+            self.fault = f"the grasp drive (node {self.node}) did not close its loop"
         else:
             self.fault = ""
 
@@ -186,9 +190,9 @@ class OdriveGrasp(GraspHandle):
         """Send a torque: also what feeds the drive's watchdog."""
         if self._link is None:
             return
-        turn_nm = torque_nm / self._file.motor_turns_per_handle_turn
+        turn_nm = torque_nm / self.file.motor_turns_per_handle_turn
         try:
-            self._link.send_torque(turn_nm if self._file.opens_with_positive_motor else -turn_nm)
+            self._link.send_torque(turn_nm if self.file.opens_with_positive_motor else -turn_nm)
         except can.CanError as error:
             self.ready, self.fault = False, f"CAN: {error}"
 
@@ -212,7 +216,12 @@ class Driver(OdriveGrasp):
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         own = driver.read_settings(OdriveSettings, settings, place)
-        super().__init__(driver.read_device_file(GraspFile, settings, place), own.bus, own.node, place)
+        super().__init__(driver.read_device_file(GraspFile, settings, place), own.node, place)
+        self._bus_settings = own.bus
+
+    def open_bus(self) -> can.BusABC:
+        """Return the bus that the rig file names."""
+        return canbus.open_bus(self._bus_settings, self.where)
 
 
 @contextmanager

@@ -1,0 +1,143 @@
+"""The emulated drives of a gateway, all in this one process: ``python -m services.gateway.drive_process``.
+
+Its standard input is a socket: orders of the gateway come from there, and where it closes (as it does when the gateway
+dies) the process ends. A drive hears and speaks on a bus of its own. What it costs is little and bounded: a tick every
+2 ms in which each drive reads a few frames and sends one, all of 16 bytes, into sockets that never make it wait.
+"""
+
+from __future__ import annotations
+
+import array
+import os
+import signal
+import socket
+import struct
+import sys
+import time
+
+from services.gateway import can_frame, drive_orders
+from services.gateway.drive_orders import Add, Ask, GoOn, Order
+from services.gateway.emulated_drive import ESTIMATE_S, CanFrame, EmulatedDrive, Handle
+from services.runtime import realtime
+
+_MOTION_HZ = 1000
+_PERIOD_NS = round(ESTIMATE_S * 1e9)
+_LISTEN_EVERY = 5
+#: Bytes read in a tick. The gateway sends a frame every 2 ms; what a stall leaves behind is read in a few ticks.
+_READ = 64 * can_frame.SIZE
+
+
+class Axis:
+    """One drive with its bus, and the hand on its handle."""
+
+    def __init__(self, order: Add, bus: socket.socket, angle_rad: array.array[float]) -> None:
+        self.drive = EmulatedDrive(order.node, order.watchdog_s, Handle(angle_rad[0]))
+        self.goes_on = False
+        self._bus = bus
+        bus.setblocking(False)
+        self._angle_rad = angle_rad
+        self._repeats = order.repeats
+        self._began_s = 0.0
+
+    def tick(self, now_s: float) -> None:
+        """Hear, move, speak."""
+        self._hear(now_s)
+        if not self._began_s and (self.goes_on or self.drive.armed_once):
+            self._began_s = now_s
+        self._say(self.drive.step(self._wanted_rad(now_s), now_s, ESTIMATE_S))
+
+    def _wanted_rad(self, now_s: float) -> float:
+        """Return where the hand wants the handle; it begins with the torque, or when it is told to."""
+        k = int((now_s - self._began_s) * _MOTION_HZ) if self._began_s else 0
+        n = len(self._angle_rad)
+        return self._angle_rad[k % n if self._repeats else min(k, n - 1)]
+
+    def _hear(self, now_s: float) -> None:
+        try:
+            frames = self._bus.recv(_READ)
+        except OSError:  # nothing there, or nobody
+            return
+        for identifier, data in can_frame.unpack(frames):
+            if not identifier & can_frame.EXTENDED:
+                remote = bool(identifier & can_frame.REMOTE)
+                self._say(self.drive.receive(identifier & can_frame.ADDRESS, data, remote, now_s))
+
+    def _say(self, frames: list[CanFrame]) -> None:
+        for identifier, data in frames:
+            try:
+                self._bus.send(can_frame.pack(identifier, data))
+            except OSError:  # nobody reads: a bus keeps no frames either
+                return
+
+
+class Drives:
+    """All of them."""
+
+    def __init__(self, gateway: socket.socket) -> None:
+        self._gateway = gateway
+        gateway.setblocking(False)
+        self._axes: dict[int, Axis] = {}
+
+    def tick(self, now_s: float) -> None:
+        """Move every drive on."""
+        for axis in self._axes.values():
+            axis.tick(now_s)
+
+    def obey(self) -> bool:
+        """Do what the gateway has asked for; False where it has gone."""
+        while True:
+            try:
+                text, descriptors, _flags, _address = socket.recv_fds(
+                    self._gateway, drive_orders.LONGEST, drive_orders.DESCRIPTORS
+                )
+            except BlockingIOError:
+                return True
+            except OSError:
+                return False
+            if not text:
+                return False
+            self._do(drive_orders.decode(text), descriptors)
+
+    def _do(self, order: Order, descriptors: list[int]) -> None:
+        match order:
+            case Add():
+                bus, motion = descriptors
+                self._axes[order.node] = Axis(order, socket.socket(fileno=bus), _read_angles(motion))
+            case GoOn():
+                self._axes[order.node].goes_on = True
+            case Ask():
+                self._gateway.send(struct.pack("=d", self._axes[order.node].drive.applied_nm))
+
+
+def _read_angles(descriptor: int) -> array.array[float]:
+    angles = array.array("d")
+    with open(descriptor, "rb") as file:
+        file.seek(0)
+        angles.frombytes(file.read())
+    return angles
+
+
+def main(core: int | None, priority: int | None) -> None:
+    """Run the drives until the gateway has gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is the gateway's to act on
+    _release_scheduling()
+    realtime.set_up(core, priority)
+    drives = Drives(socket.socket(fileno=sys.stdin.fileno()))
+    realtime.freeze_garbage_collector()
+    due_ns, turn = time.monotonic_ns(), 0
+    while turn % _LISTEN_EVERY or drives.obey():
+        drives.tick(time.monotonic_ns() * 1e-9)
+        turn += 1
+        now_ns = time.monotonic_ns()
+        due_ns += _PERIOD_NS * max(1, -((due_ns - now_ns) // _PERIOD_NS))  # the next point of the grid, never a burst
+        time.sleep(max(0, due_ns - now_ns) * 1e-9)
+
+
+def _release_scheduling() -> None:
+    """Give up core and class of the gateway, which this process was born with."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.sched_setaffinity(0, range(os.cpu_count() or 1))
+
+
+if __name__ == "__main__":
+    main(*(None if word == "-" else int(word) for word in sys.argv[1:3]))

@@ -1,0 +1,91 @@
+"""The gateway's end of the process in which its emulated drives live."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import struct
+import subprocess
+import sys
+
+from services.gateway import drive_orders
+from services.gateway.drive_orders import Add, Ask, GoOn, Order
+from services.gateway.hand_motion import HandMotion
+from services.gateway.local_bus import LocalBus
+
+_STOP_TIMEOUT_S = 2.0
+_ANSWER_TIMEOUT_S = 5.0
+
+_running: dict[tuple[int | None, int | None], DriveProcess] = {}
+
+
+class DriveProcess:
+    """Starts with the first drive that joins, ends with the last that leaves.
+
+    Parameters
+    ----------
+    core, priority
+        Where it runs, and with which real-time priority; None for anywhere and none.
+    """
+
+    def __init__(self, core: int | None, priority: int | None) -> None:
+        self._key = core, priority
+        self._nodes: set[int] = set()
+        self._orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        words = ["-" if each is None else str(each) for each in self._key]
+        command = [sys.executable, "-m", "services.gateway.drive_process", *words]
+        with theirs:
+            self._process: subprocess.Popen[bytes] = subprocess.Popen(command, stdin=theirs.fileno())
+
+    def join(self, node: int, watchdog_s: float, motion: HandMotion) -> LocalBus:
+        """Return the bus on which a new drive will be heard as soon as the process has come up; if it has not ended."""
+        self._nodes.add(node)
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        with theirs, os.fdopen(os.memfd_create("motion"), "wb", 0) as table, contextlib.suppress(BrokenPipeError):
+            table.write(motion.angle_rad.tobytes())
+            order = drive_orders.encode(Add(node, watchdog_s, motion.repeats))
+            socket.send_fds(self._orders, [order], [theirs.fileno(), table.fileno()])
+        return LocalBus(ours)
+
+    def leave(self, node: int) -> None:
+        """Give a drive up; with the last one the process ends."""
+        self._nodes.discard(node)
+        if self._nodes:
+            return
+        if _running.get(self._key) is self:
+            del _running[self._key]
+        self._orders.close()
+        try:
+            self._process.wait(_STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def go_on(self, node: int) -> None:
+        """Let the hand of a drive begin without torque. Never waits, and is nothing where the process has ended."""
+        with contextlib.suppress(OSError):
+            self._tell(GoOn(node))
+
+    def applied_nm(self, node: int) -> float:
+        """Return what a drive applies to its handle now: waits for the answer."""
+        self._tell(Ask(node))
+        if not select.select((self._orders,), (), (), _ANSWER_TIMEOUT_S)[0]:
+            raise TimeoutError("the process of the emulated drives does not answer")
+        return float(struct.unpack("=d", self._orders.recv(8))[0])
+
+    def _tell(self, order: Order) -> None:
+        self._orders.send(drive_orders.encode(order), socket.MSG_DONTWAIT)
+
+    def end(self) -> int | None:
+        """Return its exit code once it has ended."""
+        return self._process.poll()
+
+
+def find_process(core: int | None, priority: int | None) -> DriveProcess:
+    """Return the process for drives that run there, started if there is none yet."""
+    key = core, priority
+    if key not in _running or _running[key].end() is not None:
+        _running[key] = DriveProcess(core, priority)
+    return _running[key]

@@ -1,0 +1,139 @@
+"""Emulated drives as the gateway has them: one process for all, reached by nobody else, gone with the last."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from services.gateway import driver, drives, layout
+from services.gateway.driver import Place
+from services.gateway.drivers import grasp_simulated
+from services.runtime.errors import DeviceError
+from services.runtime.rig import DriverSettings, Mount
+
+PLACE = Place("left", Mount(centre_m=(0.04, -0.03, 0.03)))
+#: Files of the kernel that list sockets with an address: what anybody may send to.
+REACHABLE = ("tcp", "tcp6", "udp", "udp6", "raw", "raw6", "packet")
+
+
+def _handle(index: int = 0, **settings: object) -> grasp_simulated.Driver:
+    chosen = DriverSettings(driver="grasp_simulated", device="grasp_odrive", settings={"recording": "none", **settings})
+    handle = driver.load_grasp(chosen, replace(PLACE, index=index))
+    assert isinstance(handle, grasp_simulated.Driver)
+    return handle
+
+
+@contextmanager
+def _opened(*handles: grasp_simulated.Driver) -> Iterator[None]:
+    with ExitStack() as stack:
+        for handle in handles:
+            stack.callback(handle.close)
+            handle.open()
+        yield
+
+
+def _angles(handle: grasp_simulated.Driver, seconds: float) -> list[float]:
+    read, angles = np.zeros(layout.HANDLE_SIZE), []
+    for _ in range(round(seconds / 2e-3)):
+        handle.read(time.monotonic_ns(), read)
+        angles.append(float(read[layout.HANDLE_ANGLE]))
+        time.sleep(2e-3)
+    return angles
+
+
+def _children() -> set[int]:
+    return {int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()}
+
+
+def test_a_handle_that_is_told_to_go_on_moves_without_torque() -> None:
+    handle = _handle()
+    with _opened(handle):
+        still = _angles(handle, 0.3)
+        handle.go_on()
+        moving = _angles(handle, 0.8)
+        assert not handle.ready
+    assert np.ptp(still) < 0.01
+    assert np.ptp(moving) > 0.1
+
+
+def test_all_drives_are_one_process_that_ends_with_the_last() -> None:
+    before, handles = _children(), [_handle(0), _handle(1)]
+    with _opened(*handles):
+        assert len(_children() - before) == 1
+        handles[0].close()
+        assert len(_children() - before) == 1
+        handles[1].go_on()
+        assert np.ptp(_angles(handles[1], 0.3)) > 0.01, "the other one is still measured"
+        assert not handles[1].fault
+    assert _children() == before
+
+
+def test_each_drive_has_its_own_torque() -> None:
+    handles = [_handle(0), _handle(1)]
+    with _opened(*handles):
+        handles[1].enable()
+        deadline_s = time.monotonic() + 10.0
+        while not (handles[1].ready and handles[1].applied_nm() == pytest.approx(0.05)):
+            assert time.monotonic() < deadline_s
+            for handle in handles:
+                handle.read(time.monotonic_ns(), np.zeros(layout.HANDLE_SIZE))
+                handle.write(0.05)
+            time.sleep(2e-3)
+        assert handles[0].applied_nm() == 0.0, "its loop is open"
+
+
+def test_nobody_else_can_reach_a_drive() -> None:
+    """No socket of the process has an address, so no other process, of whatever user, can send to it."""
+    before = _children()
+    with _opened(_handle()):
+        (pid,) = _children() - before
+        links = [os.readlink(each) for each in Path(f"/proc/{pid}/fd").iterdir()]
+        inodes = {link.removeprefix("socket:[").removesuffix("]") for link in links if link.startswith("socket:[")}
+        assert len(inodes) == 2, "orders and one bus"
+        for name in REACHABLE:
+            table = Path(f"/proc/{pid}/net/{name}")
+            assert not table.exists() or not inodes & set(table.read_text().split())
+        rows = [line.split() for line in Path(f"/proc/{pid}/net/unix").read_text().splitlines()[1:]]
+        assert {len(row) for row in rows if row[6] in inodes} == {7}, "an eighth word is the name of a socket"
+
+
+def test_a_process_that_cannot_start_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drives.sys, "executable", "/bin/false")
+    with (
+        pytest.raises(DeviceError, match="'left': the process of the emulated drives ended with code 1"),
+        _opened(_handle()),
+    ):
+        pass
+
+
+def test_a_recording_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match=r"none\.csv"), _opened(_handle(recording=str(tmp_path / "none.csv"))):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, "b.csv"),
+        ({"recording": "none"}, None),
+        ({"recording": "c.csv"}, "c.csv"),
+        ({"scenario": "insertion"}, None),
+        ({"script": "stroke", "recording": "c.csv"}, "c.csv"),
+    ],
+)
+def test_which_recording_moves_a_handle(
+    settings: dict[str, str], expected: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("handle_angle_rad\n1\n")
+    monkeypatch.setenv("TROCAR_GRASP_RECORDINGS", str(tmp_path))
+    own = grasp_simulated.SimulatedGraspSettings(**settings)  # type: ignore[arg-type]
+    found = grasp_simulated.find_recording(own, 1)
+    assert (Path(found).name if found else None) == expected
