@@ -100,7 +100,7 @@ def peek(data: bytes) -> Header:
     return header
 
 
-def decode(data: bytes, expected: str | None = None) -> Frame:
+def decode(data: bytes, expected: str | None = None, *, used: bool = True) -> Frame:
     """Return the frame in `data`, its body checked and lifted to the current version.
 
     Parameters
@@ -109,6 +109,9 @@ def decode(data: bytes, expected: str | None = None) -> Frame:
         One message of the bus.
     expected
         The topic of the socket that it came from; any known topic where None.
+    used
+        Whether the reader acts or computes with it. For one who only keeps it, single numbers that are none are a
+        finding and not a fault.
 
     Raises
     ------
@@ -121,14 +124,14 @@ def decode(data: bytes, expected: str | None = None) -> Frame:
         raise FrameError(Reason.UNKNOWN_TOPIC, f"no topic {header.topic!r}")
     if expected is not None and header.topic != expected:
         raise FrameError(Reason.WRONG_TOPIC, f"{header.topic!r} on the socket of {expected!r}")
-    body = _decode_body(row, header)
+    body = _decode_body(row, header, finite_scalars=row.command and used)
     return Frame(
         header.protocol, header.topic, row.version, header.incarnation, header.sequence,
         header.sent_ns, header.origin_ns, header.valid, body,
     )  # fmt: skip
 
 
-def _decode_body(row: Topic, header: Header) -> Any:
+def _decode_body(row: Topic, header: Header, *, finite_scalars: bool) -> Any:
     if header.version > row.version:
         raise FrameError(Reason.NEWER_VERSION, f"{row.name} version {header.version}, this knows {row.version}")
     kind = upgrades.body_type(row, header.version)
@@ -138,8 +141,8 @@ def _decode_body(row: Topic, header: Header) -> Any:
         body = declared.decoder(kind).decode(header.body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError) as error:
         raise FrameError(Reason.BODY, f"{row.name}: {error}") from None
-    if not soundness.check(kind, finite_scalars=row.command)(body):
-        fault = declared.fault(body, finite_scalars=row.command)
+    if not soundness.check(kind, finite_scalars=finite_scalars)(body):
+        fault = declared.fault(body, finite_scalars=finite_scalars)
         if fault is not None:
             raise FrameError(Reason(fault[0]), f"{row.name}: {fault[1]}")
     return upgrades.lift(row, header.version, body)

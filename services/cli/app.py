@@ -134,6 +134,16 @@ def keys(
 
 
 @app.command()
+def repair(
+    files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], json: Json = False
+) -> None:
+    """Index recordings anew that a killed recorder left, or a full disk: the recorder does so itself at its start."""
+    from services.cli.repair import run_repair
+
+    run_repair(files, json)
+
+
+@app.command()
 def fem(
     file: Annotated[Path, typer.Argument(help="Shell case, see configs/fem.")],
     json_file: Annotated[Path | None, typer.Option("--json", help="Write numbers for programs.")] = None,

@@ -1,21 +1,30 @@
-"""The recorder: every frame of the devices and samples of all else, from the bus to a file. Never blocks anyone."""
+"""The recorder: every frame of what the rig file names and samples of all else, from the bus to a file.
+
+It is an ordinary process and is held up now and then; what was sent meanwhile waits in its queues, for half a minute.
+"""
 
 from __future__ import annotations
 
 import platform
 import sys
 import time
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from protocol import Frame
 from protocol.topics import observed_by, read_by
+from services.recorder.losses import Losses, counts
 from services.recorder.recording import RecordingWriter
+from services.recorder.repair import repair_all
+from services.runtime.bus import Bus
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
 
 #: Longer than the period of what is sampled, far shorter than a turn.
 _PATIENCE_NS = 4_000_000
+_TELL_NS = 1_000_000_000
 
 
 def _new_file(process: Process) -> Path:
@@ -38,28 +47,73 @@ def whole(process_config: ProcessConfig) -> tuple[str, ...]:
     return process_config.rig.recorder.whole
 
 
+class Recording:
+    """A file being filled, and what is told of it."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        now_ns = time.monotonic_ns()
+        self._losses = Losses(now_ns)
+        self._due_ns = now_ns + _TELL_NS
+        self._writer = RecordingWriter(_new_file(process), _metadata(process), shared=process.rig.recorder.shared)
+        process.log.info("writing %s", self._writer.path)
+
+    def take(self, frames: Iterable[Frame]) -> None:
+        """Append `frames`."""
+        for frame in frames:
+            self._writer.write(frame)
+
+    def turn(self, now_ns: int) -> None:
+        """Hand over what is due; tell how it stands."""
+        self._writer.turn(now_ns)
+        if now_ns < self._due_ns:
+            return
+        self._due_ns = now_ns + _TELL_NS
+        self._look_for_losses(now_ns)
+        lost, health = self._losses.sentence(), self._process.health
+        health.gauges["recorded_frames"] = self._writer.frames
+        health.gauges["lost_frames"] = self._losses.total.total()
+        health.gauges["waiting_for_disk_bytes"] = self._writer.pending_bytes
+        health.change("degraded" if lost else "running", lost)
+
+    def _look_for_losses(self, now_ns: int) -> None:
+        for loss in self._losses.update(counts(self._process.bus.reports(), self._writer.lost), now_ns):
+            self._writer.note(loss)
+            self._process.log.warning("lost %d frames of %s: %s", loss.frames, loss.topic, loss.why)
+
+    def close(self) -> None:
+        """Close the file, and say what is in it and what is not."""
+        self._look_for_losses(time.monotonic_ns())
+        self._writer.close()
+        lost = self._losses.sentence() or "none lost"
+        self._process.log.info("%d frames in %s, %s", self._writer.frames, self._writer.path, lost)
+
+
 def run(process: Process) -> None:
     """Write what came, then one frame of everything that is sampled."""
     bus, settings = process.bus, process.rig.recorder
+    for path, found in repair_all(settings.directory).items():
+        process.log.info("%s was not closed: indexed anew, %d frames", path, found.frames)
     read = dict.fromkeys((*settings.whole, *read_by("recorder")))
     sampled = [topic for topic in observed_by("recorder") if topic not in read]
-    writer = RecordingWriter(_new_file(process), _metadata(process))
-    process.log.info("writing %s", writer.path)
+    recording = Recording(process)
     meter = LoopMeter(settings.sample_rate_hz)
     process.ready(meter)
     try:
         for _tick in ticks(meter, process.stop):
-            frames = [frame for topic in read for frame in bus.drain(topic)]
-            frames += bus.sample(sampled, time.monotonic_ns() + _PATIENCE_NS).values()
-            for frame in frames:
-                writer.write(frame)
-            writer.flush()
-            process.health.gauges["recorded_frames"] = writer.frames
-            process.health.change("running")
+            _take_all(bus, read, recording)
+            recording.take(bus.sample(sampled, time.monotonic_ns() + _PATIENCE_NS).values())
+            recording.turn(time.monotonic_ns())
             process.health.send_if_due()
+        _take_all(bus, read, recording)
     finally:
-        writer.close()
-        process.log.info("%d frames in %s", writer.frames, writer.path)
+        recording.close()
+
+
+def _take_all(bus: Bus, topics: Iterable[str], recording: Recording) -> None:
+    for topic in topics:
+        while frames := bus.drain(topic):
+            recording.take(frames)
 
 
 if __name__ == "__main__":

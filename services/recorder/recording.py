@@ -1,25 +1,30 @@
-"""A recording on disk: written in small chunks, so that a crash loses at most the last; read back whatever is there."""
+"""A recording on disk: written in chunks, so that a crash loses at most the last; read back whatever is there."""
 
 from __future__ import annotations
 
 import struct
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
-from mcap.writer import CompressionType, Writer
+from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
 from protocol import TOPICS, Frame
+from services.recorder.chunks import OpenChunk
+from services.recorder.disk import PENDING_MAX, RecordingFile
+from services.recorder.losses import Loss
 from services.recorder.schema import PACKAGE, file_descriptor
 from services.recorder.transcode import to_protobuf
 
-#: About a third of a second of a whole rig.
-_CHUNK_BYTES = 128 * 1024
+#: A chunk ends when it is this large or this old: what a crash takes with it.
+CHUNK_BYTES = 1 << 20
+CHUNK_NS = 500_000_000
 
 
 class RecordingWriter:
@@ -27,47 +32,96 @@ class RecordingWriter:
 
     Times in the file are wall clock: the monotonic clock of the bus is mapped once, at the start, and the mapping is
     kept in the metadata, so a wall clock that steps during the recording does not matter.
+
+    Attributes
+    ----------
+    frames
+        Frames taken.
+    lost
+        Frames not taken because the disk is too slow, by topic.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, metadata: Mapping[str, str], *, shared: bool = False) -> None:
         self.path = path
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._file: IO[bytes] = path.open("wb")
-        self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="", library="trocar")
+        self.frames = 0
+        self.lost: Counter[str] = Counter()
+        self._file = RecordingFile(path, shared=shared)
         self._channels: dict[str, int] = {}
         self._to_wall_ns = time.time_ns() - time.monotonic_ns()
-        self._writer.add_metadata("trocar", {**metadata, "wall_minus_monotonic_ns": str(self._to_wall_ns)})
-        self.frames = 0
+        self._chunk = OpenChunk()
+        self._chunk_began_ns = 0
+        self._file.add_metadata("trocar", {**metadata, "wall_minus_monotonic_ns": str(self._to_wall_ns)})
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes that wait for the disk."""
+        return self._file.pending
 
     def write(self, frame: Frame) -> None:
-        """Append one frame."""
-        sent, origin = frame.sent_ns + self._to_wall_ns, (frame.origin_ns or frame.sent_ns) + self._to_wall_ns
-        self._writer.add_message(
-            channel_id=self._channels.get(frame.topic) or self._channel(frame.topic),
-            log_time=sent,
-            data=to_protobuf(frame),
-            publish_time=origin,
-            sequence=frame.sequence & 0xFFFFFFFF,
-        )
+        """Append one frame; one that comes while the disk is far behind is lost, and counted."""
+        topic = frame.topic
+        if self._file.pending > PENDING_MAX:
+            self.lost[topic] += 1
+            return
+        sent_ns = frame.sent_ns + self._to_wall_ns
+        origin_ns = frame.origin_ns + self._to_wall_ns if frame.origin_ns else sent_ns
+        channel = self._channels.get(topic) or self._declare(topic)
+        self._chunk.add(channel, frame.sequence, sent_ns, origin_ns, to_protobuf(frame))
         self.frames += 1
+        if self._chunk.size > CHUNK_BYTES:
+            self._end_chunk()
 
-    def flush(self) -> None:
-        """Hand finished chunks to the system: what it has survives this process, however that ends."""
-        self._file.flush()
+    def turn(self, now_ns: int) -> None:
+        """End a chunk that is old enough.
 
-    def _channel(self, topic: str) -> int:
-        body = TOPICS[topic].body
-        schema = self._writer.register_schema(
-            f"{PACKAGE}.{body.__name__}", "protobuf", file_descriptor(body).SerializeToString()
+        Raises
+        ------
+        RecordingError
+            if the disk does not take what is written.
+        """
+        self._file.check()
+        if now_ns - self._chunk_began_ns > CHUNK_NS:
+            self._end_chunk()
+            self._chunk_began_ns = now_ns
+
+    def note(self, loss: Loss) -> None:
+        """Say in the file what is missing in it."""
+        self._end_chunk()
+        self._file.add_metadata(
+            "trocar.lost",
+            {
+                "topic": loss.topic,
+                "frames": str(loss.frames),
+                "why": loss.why,
+                "from_ns": str(loss.from_ns + self._to_wall_ns),
+                "until_ns": str(loss.until_ns + self._to_wall_ns),
+            },
         )
-        self._channels[topic] = self._writer.register_channel(f"/{topic.replace('.', '/')}", "protobuf", schema)
-        return self._channels[topic]
 
     def close(self) -> None:
-        """Write the index and close the file."""
-        self._writer.finish()
+        """Write what is left and the index, and close the file.
+
+        Raises
+        ------
+        RecordingError
+            if not everything could be written: what was is there, and readable.
+        """
+        self._end_chunk()
         self._file.close()
+
+    def _end_chunk(self) -> None:
+        if self._chunk.size:
+            self._file.add_chunk(self._chunk)
+            self._chunk = OpenChunk()
+
+    def _declare(self, topic: str) -> int:
+        """Number a topic, and write what its messages are."""
+        body, number = TOPICS[topic].body, len(self._channels) + 1
+        descriptor = file_descriptor(body).SerializeToString()
+        self._file.declare(Schema(number, descriptor, "protobuf", f"{PACKAGE}.{body.__name__}"))
+        self._file.declare(Channel(number, f"/{topic.replace('.', '/')}", "protobuf", {}, number))
+        self._channels[topic] = number
+        return number
 
 
 @dataclass(frozen=True, slots=True)

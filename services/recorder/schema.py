@@ -9,8 +9,7 @@ from __future__ import annotations
 from functools import cache
 
 import msgspec
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from google.protobuf.message import Message
+from google.protobuf import descriptor_pb2
 
 from protocol.fields import Field, Form, fields, nested
 
@@ -46,15 +45,6 @@ def file_descriptor(body: type[msgspec.Struct]) -> descriptor_pb2.FileDescriptor
         type_name=f".{PACKAGE}.Envelope",
     )  # fmt: skip
     return descriptor_pb2.FileDescriptorSet(file=[file])
-
-
-@cache
-def message_class(body: type[msgspec.Struct]) -> type[Message]:
-    """Return the protobuf class of `body`. Each body has a pool of its own: nested names repeat between them."""
-    pool = descriptor_pool.DescriptorPool()
-    pool.Add(file_descriptor(body).file[0])
-    kind: type[Message] = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{PACKAGE}.{body.__name__}"))
-    return kind
 
 
 def _add_message(file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.Struct]) -> None:

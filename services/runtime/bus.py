@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import msgspec
@@ -19,6 +19,8 @@ from services.runtime.histogram import LatencyHistogram
 FLOOD_FACTOR = 3.0
 #: The burst that a reader forgives: a stopped publisher that is continued sends what its queues held.
 FLOOD_BURST = 100.0
+#: Of a reader of every frame of a fast topic, which is held up and catches up: so many seconds of them.
+BACKLOG_S = 30.0
 #: Frames taken by one `drain`: what is beyond waits for the next, so that a loop's time stays bounded.
 DRAIN_LIMIT = 256
 
@@ -107,25 +109,36 @@ class Inbox:
         self.age = LatencyHistogram(round(1e9 / row.rate_hz))
         self.last: Frame | None = None
         self._retired: deque[int] = deque(maxlen=16)
-        self._tokens = FLOOD_BURST
+        self._used = not every  # who reads every frame of a fast topic keeps or shows it
+        self._burst = max(FLOOD_BURST, BACKLOG_S * row.rate_hz) if every else FLOOD_BURST
+        self._tokens = self._burst
         self._refilled_ns = time.monotonic_ns()
 
     def accept(self, data: bytes) -> Frame | None:
         """Return the frame in `data` if it may be used, else None with the reason counted."""
+        frames = self.accept_all((data,))
+        return frames[0] if frames else None
+
+    def accept_all(self, batch: Sequence[bytes]) -> list[Frame]:
+        """Return the frames of `batch` that may be used; of the others the reasons are counted."""
         now = time.monotonic_ns()
-        if not self._within_rate(now):
-            self.refused[Reason.FLOOD] += 1
-            return None
-        try:
-            frame = protocol.decode(data, self.row.name)
-            self._order(frame)
-        except FrameError as error:
-            self.refused[error.reason] += 1
-            return None
-        self.received += 1
-        self.age.record(now - frame.sent_ns)
-        self.last = frame
-        return frame
+        within = self._within_rate(now, len(batch))
+        if within < len(batch):
+            self.refused[Reason.FLOOD] += len(batch) - within
+        frames = []
+        for data in batch[:within]:
+            try:
+                frame = protocol.decode(data, self.row.name, used=self._used)
+                self._order(frame)
+            except FrameError as error:
+                self.refused[error.reason] += 1
+                continue
+            self.last = frame
+            frames.append(frame)
+        if frames:
+            self.received += len(frames)
+            self.age.record(now - frames[-1].sent_ns)
+        return frames
 
     def is_fresh(self, now_ns: int) -> bool:
         """Return whether the last frame may still be acted on."""
@@ -143,14 +156,14 @@ class Inbox:
             age=self.age.body(),
         )
 
-    def _within_rate(self, now_ns: int) -> bool:
+    def _within_rate(self, now_ns: int, wanted: int) -> int:
+        """Return how many of the `wanted` frames may be taken now."""
         refill = (now_ns - self._refilled_ns) * 1e-9 * self.row.rate_hz * FLOOD_FACTOR
-        self._tokens = min(FLOOD_BURST, self._tokens + refill)
+        tokens = min(self._burst, self._tokens + refill)
+        taken = min(wanted, int(tokens))
+        self._tokens = tokens - taken
         self._refilled_ns = now_ns
-        if self._tokens < 1.0:
-            return False
-        self._tokens -= 1.0
-        return True
+        return taken
 
     def _order(self, frame: Frame) -> None:
         last = self.last

@@ -154,6 +154,7 @@ class RecorderSettings(Settings):
     """What is written to disk."""
 
     directory: Path = Path("out/recordings")
+    shared: bool = Field(False, description="whether other users may read recordings, as the umask says")
     whole: tuple[str, ...] = Field(
         ("gateway.state", "supervisor.state"),
         description="topics of which every frame is kept: what the devices did, as all else follows from it",

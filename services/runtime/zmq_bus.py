@@ -18,8 +18,11 @@ from services.runtime.errors import BusError
 from services.runtime.rig import Transport
 from services.runtime.whole import SENDS_PER_S, BatchSender, count_readers, has_whole_socket, is_readable, whole
 
-#: Frames that a slow reader may fall behind before frames are lost (and counted); batches: of a second, too.
+#: Frames that a slow reader may fall behind before frames are lost (and counted).
 _HIGH_WATER_MARK = 1000
+#: Batches that a publisher keeps for a process that is not run at all: of three seconds. One that is run, but has no
+#: time for its frames, keeps those of `bus.BACKLOG_S` itself.
+_BATCHES_KEPT = 3 * SENDS_PER_S
 _RECONNECT_MS = 2
 #: Frames between two looks at who has come and gone: readers that sample say so often, and what they say adds up.
 _COUNT_READERS_EVERY = 16
@@ -89,7 +92,7 @@ class ZmqBus:
         self._subscribed[name] = 0
         self._out[name] = bus.Outbox(row, incarnation)
         if has_whole_socket(row):
-            self._batches[name] = BatchSender(self._bound(transport, name, whole(name), SENDS_PER_S))
+            self._batches[name] = BatchSender(self._bound(transport, name, whole(name), _BATCHES_KEPT))
 
     def _bound(self, transport: Transport, name: str, endpoint_name: str, most: int) -> zmq.Socket[bytes]:
         """Return a socket that sends topic `name` and keeps `most` messages for a reader that is slow."""
@@ -110,7 +113,7 @@ class ZmqBus:
         box = bus.Inbox(topic(name), every=every)
         socket = self._context.socket(zmq.SUB)
         if box.every:
-            socket.rcvhwm = _HIGH_WATER_MARK if whole(name) == name else SENDS_PER_S
+            socket.rcvhwm = _HIGH_WATER_MARK if whole(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
         else:
             socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
         socket.reconnect_ivl = _RECONNECT_MS
@@ -165,7 +168,7 @@ class ZmqBus:
                 parts = socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
                 break
-            frames += [frame for frame in map(box.accept, parts) if frame is not None]
+            frames += box.accept_all(parts)
             n_parts += len(parts)
         return frames
 

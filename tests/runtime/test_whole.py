@@ -100,7 +100,9 @@ def test_observers_of_every_frame_do_not_subscribe_to_the_fast_socket(
     sender, reader = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, reads=[STATE])
     observers = [ZmqBus(transport, reads_every=[STATE]) for _ in range(4)]
     try:
-        eventually(lambda: sender.has_reader(STATE) and sender._batches[STATE].readers == 4)
+        eventually(
+            lambda: sender.has_reader(STATE) and (sender._subscribed[STATE], sender._batches[STATE].readers) == (1, 4)
+        )
         for tick in range(3000):
             sender.publish(STATE, bodies.GatewayState(tick=tick))
         assert (sender._subscribed[STATE], sender._batches[STATE].readers) == (1, 4)

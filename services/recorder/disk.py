@@ -1,0 +1,183 @@
+"""The file of a recording: written by a thread of its own, so that a slow disk holds nobody up; ended in good order
+whatever happened, a full disk included.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from queue import SimpleQueue
+
+from mcap.records import Channel, Header, Metadata, MetadataIndex, Schema
+
+from services.recorder.chunks import OpenChunk
+from services.recorder.summary import MAGIC, Summary, record_bytes
+from services.runtime.errors import UserError
+
+#: Bytes that may wait for the disk: of a whole rig at full rate about a quarter of a minute.
+PENDING_MAX = 128 << 20
+
+
+class RecordingError(UserError):
+    """A recording that cannot be written, or read."""
+
+    exit_code = 5
+
+
+class RecordingFile:
+    """An MCAP file being written. One thread hands over, another compresses and writes.
+
+    Parameters
+    ----------
+    path
+        Of a file that does not exist.
+    shared
+        Whether other users may read it, as far as the umask lets them; else it is this user's alone.
+
+    Raises
+    ------
+    RecordingError
+        if the file cannot be made.
+    """
+
+    def __init__(self, path: Path, *, shared: bool = False) -> None:
+        self.path = path
+        self._handed_over = 0  # by the one thread
+        self._done = 0  # by the other
+        self._summary = Summary()
+        self._end = 0  # of the last group of records that was written whole
+        self._error: OSError | None = None
+        self._queue: SimpleQueue[tuple[int, Callable[[], None]] | None] = SimpleQueue()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+            self._file = os.open(path, flags, 0o666 if shared else 0o600)
+            fcntl.flock(self._file, fcntl.LOCK_EX)  # nobody repairs what is being written
+            try:
+                self._append(MAGIC + record_bytes(Header("", "trocar")))
+            except OSError:
+                os.close(self._file)
+                path.unlink()
+                raise
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be written: {_why(error)}") from None
+        self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
+        self._thread.start()
+
+    def declare(self, record: Schema | Channel) -> None:
+        """Append a schema or a channel: before the first chunk with a message of it."""
+        self._hand_over(0, lambda: self._declare(record))
+
+    def add_metadata(self, name: str, data: dict[str, str]) -> None:
+        """Append a metadata record."""
+        self._hand_over(0, lambda: self._write_metadata(Metadata(name, data)))
+
+    def add_chunk(self, chunk: OpenChunk) -> None:
+        """Append a chunk, which nobody fills any more."""
+        self._hand_over(chunk.size, lambda: self._write_chunk(chunk))
+
+    def check(self) -> None:
+        """Raise RecordingError if what was handed over could not be written."""
+        if self._error is not None:
+            raise RecordingError(f"{self.path}: {_why(self._error)}")
+
+    def close(self) -> None:
+        """Write what is pending and the index, and close.
+
+        Raises
+        ------
+        RecordingError
+            if not everything could be written: what was is there, and readable.
+        """
+        self._queue.put(None)
+        self._thread.join()
+        try:
+            finish(self._file, self._summary, self._end)
+        except OSError as error:
+            self._error = self._error or error
+        finally:
+            os.close(self._file)
+        if self._error is not None:
+            kept = sum(sum(counts.values()) for counts in self._summary.counts)
+            raise RecordingError(f"{self.path}: {_why(self._error)}; {kept} frames were kept")
+
+    @property
+    def pending(self) -> int:
+        """Bytes handed over and not yet written, or given up."""
+        return self._handed_over - self._done
+
+    def _hand_over(self, size: int, write: Callable[[], None]) -> None:
+        self._handed_over += size
+        self._queue.put((size, write))
+
+    def _run(self) -> None:
+        """Do what is handed over; after an error nothing more, as the file would have a hole."""
+        while (task := self._queue.get()) is not None:
+            size, write = task
+            try:
+                if self._error is None:
+                    write()
+            except OSError as error:
+                self._error = error
+            self._done += size
+
+    def _declare(self, record: Schema | Channel) -> None:
+        self._append(record_bytes(record))
+        if isinstance(record, Schema):
+            self._summary.schemas[record.id] = record
+        else:
+            self._summary.channels[record.id] = record
+
+    def _write_metadata(self, record: Metadata) -> None:
+        data = record_bytes(record)
+        index = MetadataIndex(self._end, len(data), record.name)
+        self._append(data)
+        self._summary.metadata.append(index)
+
+    def _write_chunk(self, chunk: OpenChunk) -> None:
+        data, index = chunk.close(self._end)
+        self._append(data)
+        self._summary.chunks.append(index)
+        self._summary.counts.append(chunk.counts)
+
+    def _append(self, data: bytes) -> None:
+        write_at(self._file, data, self._end)
+        self._end += len(data)
+
+
+def finish(file: int, summary: Summary, end: int) -> None:
+    """Cut a file after its last whole group of records, at `end`, and append the summary.
+
+    Where there is no room for it, the last chunks make room.
+
+    Raises
+    ------
+    OSError
+        if not even an empty recording can be written.
+    """
+    while True:
+        os.ftruncate(file, end)
+        try:
+            write_at(file, summary.end(end), end)
+            return
+        except OSError:
+            if not summary.chunks:
+                raise
+            end = summary.chunks.pop().chunk_start_offset
+            summary.counts.pop()
+            summary.metadata = [each for each in summary.metadata if each.offset < end]
+
+
+def write_at(file: int, data: bytes, offset: int) -> None:
+    """Write all of `data` at `offset`; what was written of it when that fails is to be cut off."""
+    view = memoryview(data)
+    while view:
+        written = os.pwrite(file, view, offset)
+        view, offset = view[written:], offset + written
+
+
+def _why(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

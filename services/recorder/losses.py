@@ -1,0 +1,58 @@
+"""What a recording lacks: how many frames of which topic, when, and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import protocol.bodies as bodies
+
+#: Why frames are lost, where the bus does not name the reason for which it refused them.
+QUEUES = "the recorder was not run for longer than the queues hold"
+DISK = "the disk is too slow"
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Frames that are missing. Times are of the monotonic clock: they were missed in between."""
+
+    topic: str
+    frames: int
+    why: str
+    from_ns: int
+    until_ns: int
+
+
+class Losses:
+    """Compares counts, which only grow, with what was told before."""
+
+    def __init__(self, now_ns: int) -> None:
+        self.total: Counter[tuple[str, str]] = Counter()
+        self._looked_ns = now_ns
+
+    def update(self, counts: Mapping[tuple[str, str], int], now_ns: int) -> list[Loss]:
+        """Return what was lost since the last call, given frames by topic and reason."""
+        since_ns, self._looked_ns = self._looked_ns, now_ns
+        new = Counter(counts) - self.total
+        self.total += new
+        return [Loss(topic, frames, why, since_ns, now_ns) for (topic, why), frames in new.items()]
+
+    def sentence(self) -> str:
+        """Return what was lost altogether, empty for nothing."""
+        if not self.total:
+            return ""
+        parts = ", ".join(f"{frames} of {topic} ({why})" for (topic, why), frames in self.total.most_common())
+        return f"lost {self.total.total()} frames: {parts}"
+
+
+def counts(reports: Iterable[bodies.TopicReport], too_slow: Mapping[str, int]) -> dict[tuple[str, str], int]:
+    """Return frames lost by topic and reason: on the way and refused as the bus counts them, and for the disk."""
+    found = {(topic, DISK): frames for topic, frames in too_slow.items()}
+    for report in reports:
+        refused = sum(report.refused.values())
+        found[report.topic, QUEUES] = max(
+            0, report.dropped - refused
+        )  # what was refused is missing in the sequence, too
+        found |= {(report.topic, f"refused: {reason}"): frames for reason, frames in report.refused.items()}
+    return {key: frames for key, frames in found.items() if frames}

@@ -1,0 +1,227 @@
+"""Recordings whose recorder was killed, or whose disk was full: cut after the last whole chunk, and indexed.
+
+Only the heads of records are read, so a long recording takes a moment. What its last chunk holds is looked at in full:
+it may be torn.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import os
+import struct
+import zlib
+from array import array
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
+from mcap.stream_reader import get_chunk_data_stream
+
+from services.recorder.chunks import message_indexes
+from services.recorder.disk import RecordingError, finish, write_at
+from services.recorder.summary import MAGIC, Summary
+
+_HEAD = struct.Struct("<BQ")
+#: Footer record and magic at the end of a file that was closed.
+_TAIL = _HEAD.size + 20 + len(MAGIC)
+#: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
+_CHUNK_HEAD = struct.Struct("<QQQII")
+_INDEX_HEAD = struct.Struct("<HI")
+
+
+@dataclass(frozen=True, slots=True)
+class Repaired:
+    """What was made of a recording."""
+
+    frames: int
+    cut_bytes: int
+
+
+def repair(path: Path) -> Repaired | None:
+    """Mend the recording `path` in place; None if there is nothing to mend.
+
+    Raises
+    ------
+    RecordingError
+        if it is no recording, or is being written.
+    """
+    with _opened(path) as file:
+        if _is_whole(file):
+            return None
+        scan = _Scan(file, os.fstat(file).st_size)
+        if not scan.read():
+            raise RecordingError(f"{path}: is not a recording (no MCAP file)")
+        scan.mend_last_chunk()
+        finish(file, scan.summary, scan.end)
+        os.fsync(file)
+        frames = sum(sum(counts.values()) for counts in scan.summary.counts)
+        return Repaired(frames, max(0, scan.size - scan.end))
+
+
+def repair_all(directory: Path) -> dict[Path, Repaired]:
+    """Mend all recordings of this user in `directory` that nobody is writing; return what was mended."""
+    mended = {}
+    for path in sorted(directory.glob("*.mcap")):
+        try:
+            found = repair(path) if path.lstat().st_uid == os.geteuid() else None
+        except (RecordingError, OSError):
+            continue
+        if found is not None:
+            mended[path] = found
+    return mended
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    try:
+        file = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError as error:
+        raise RecordingError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield file
+    except BlockingIOError:
+        raise RecordingError(f"{path}: is being written") from None
+    finally:
+        os.close(file)
+
+
+def _is_whole(file: int) -> bool:
+    size = os.fstat(file).st_size
+    if size < _TAIL:
+        return False
+    tail = os.pread(file, _TAIL, size - _TAIL)
+    return tail[0] == Opcode.FOOTER and tail.endswith(MAGIC)
+
+
+@dataclass(slots=True)
+class _Scan:
+    """A walk over the records of a file, up to where it is torn.
+
+    Attributes
+    ----------
+    end
+        Of the last whole record of the data section.
+    """
+
+    file: int
+    size: int
+    end: int = 0
+    summary: Summary = field(default_factory=Summary)
+
+    def read(self) -> bool:
+        """Walk; return whether the file is an MCAP file at all."""
+        if os.pread(self.file, len(MAGIC), 0) != MAGIC:
+            return False
+        self.end = len(MAGIC)
+        while self._take_record():
+            pass
+        return True
+
+    def _take_record(self) -> bool:
+        """Take the record at `end` into the summary; return whether there may be another."""
+        head = os.pread(self.file, _HEAD.size, self.end)
+        if len(head) < _HEAD.size:
+            return False
+        opcode, length = _HEAD.unpack(head)
+        start, after = self.end + _HEAD.size, self.end + _HEAD.size + length
+        if after > self.size or opcode in (Opcode.DATA_END, Opcode.FOOTER, 0):
+            return False
+        match opcode:
+            case Opcode.CHUNK:
+                self._take_chunk(start, after)
+            case Opcode.MESSAGE_INDEX:
+                self._take_message_index(start, after)
+            case Opcode.SCHEMA | Opcode.CHANNEL:
+                self._declare(opcode, os.pread(self.file, length, start))
+            case Opcode.METADATA:
+                record = Metadata.read(_stream(os.pread(self.file, length, start)))
+                self.summary.metadata.append(MetadataIndex(self.end, after - self.end, record.name))
+        self.end = after
+        return True
+
+    def _take_chunk(self, start: int, after: int) -> None:
+        first_ns, last_ns, size, _crc, name_length = _CHUNK_HEAD.unpack(os.pread(self.file, _CHUNK_HEAD.size, start))
+        name = os.pread(self.file, min(name_length, 16), start + _CHUNK_HEAD.size).decode("ascii", "replace")
+        index = ChunkIndex(
+            chunk_start_offset=self.end,
+            chunk_length=after - self.end,
+            message_start_time=first_ns,
+            message_end_time=last_ns,
+            message_index_offsets={},
+            message_index_length=0,
+            compression=name,
+            compressed_size=after - start - _CHUNK_HEAD.size - name_length - 8,
+            uncompressed_size=size,
+        )
+        self.summary.chunks.append(index)
+        self.summary.counts.append({})
+
+    def _take_message_index(self, start: int, after: int) -> None:
+        if not self.summary.chunks:
+            return
+        channel, length = _INDEX_HEAD.unpack(os.pread(self.file, _INDEX_HEAD.size, start))
+        chunk = self.summary.chunks[-1]
+        chunk.message_index_offsets[channel] = self.end
+        chunk.message_index_length += after - self.end
+        self.summary.counts[-1][channel] = length // 16
+        if channel not in self.summary.channels:  # declared within the chunk
+            self._look_into(chunk)
+
+    def mend_last_chunk(self) -> None:
+        """Index the last chunk anew if its indexes are not all there; drop it if it is torn itself."""
+        if not self.summary.chunks:
+            return
+        chunk = self.summary.chunks[-1]
+        index = self._look_into(chunk)
+        counts = {channel: len(entries) // 2 for channel, entries in index.items()}
+        if counts and counts == self.summary.counts[-1]:
+            return
+        self.end = chunk.chunk_start_offset + (chunk.chunk_length if counts else 0)
+        if counts:
+            records, chunk.message_index_offsets = message_indexes(index, self.end)
+            chunk.message_index_length = len(records)
+            write_at(self.file, records, self.end)
+            self.end += len(records)
+            self.summary.counts[-1] = counts
+        else:
+            self.summary.chunks.pop()
+            self.summary.counts.pop()
+        self.summary.metadata = [each for each in self.summary.metadata if each.offset < chunk.chunk_start_offset]
+
+    def _look_into(self, chunk: ChunkIndex) -> dict[int, array[int]]:
+        """Return the message index of a chunk, empty if it cannot be read; take what it declares."""
+        data = os.pread(self.file, chunk.chunk_length - _HEAD.size, chunk.chunk_start_offset + _HEAD.size)
+        index: dict[int, array[int]] = {}
+        try:
+            stream, length = get_chunk_data_stream(Chunk.read(_stream(data)), validate_crc=True)
+            while (offset := stream.count) < length:
+                opcode, size = _HEAD.unpack(stream.read(_HEAD.size))
+                record = stream.read(size)
+                if opcode == Opcode.MESSAGE:
+                    channel, _sequence, log_ns = struct.unpack_from("<HIQ", record)
+                    index.setdefault(channel, array("Q")).extend((log_ns, offset))
+                else:
+                    self._declare(opcode, record)
+        except (McapError, ValueError, struct.error, zstandard.ZstdError, zlib.error, UnicodeDecodeError):
+            return {}
+        return index
+
+    def _declare(self, opcode: int, data: bytes) -> None:
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(_stream(data))
+            self.summary.schemas.setdefault(schema.id, schema)
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(_stream(data))
+            self.summary.channels.setdefault(channel.id, channel)
+
+
+def _stream(data: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(data))

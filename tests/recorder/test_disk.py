@@ -1,0 +1,143 @@
+"""A full disk, a slow disk, and other users."""
+
+from __future__ import annotations
+
+import itertools
+import resource
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from services.recorder import recording
+from services.recorder.chunks import OpenChunk
+from services.recorder.disk import RecordingError
+from services.recorder.recording import RecordingWriter
+from services.runtime.rig import Transport
+from services.runtime.zmq_bus import ZmqBus
+from tests.other_user import as_other_user, everybodys, needs_other_user
+from tests.recorder.made_up import MS, long_recording, settle, state
+from tests.recorder.test_repair import ticks_by_index
+
+__all__ = ["everybodys"]
+
+
+@pytest.fixture
+def room() -> Iterator[None]:
+    """Files of this process may not grow beyond 100 kB: what they are refused is what a full disk refuses."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.usefixtures("room")
+def test_on_a_full_disk_what_was_written_is_readable_by_index(tmp_path: Path) -> None:
+    writer = long_recording(tmp_path / "a.mcap", 2001)
+    settle(writer)
+    with pytest.raises(RecordingError, match=r"a\.mcap: file too large") as caught:
+        writer.turn(9000 * MS)
+    assert caught.value.exit_code != 0
+    with pytest.raises(RecordingError, match="frames were kept"):
+        writer.close()
+    found = ticks_by_index(writer.path)
+    assert found == list(range(len(found)))
+    assert len(found) > 400
+    assert writer.path.stat().st_size <= 100_000
+
+
+def test_a_disk_that_is_full_from_the_start_is_a_sentence_and_leaves_nothing(tmp_path: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8, hard))
+    try:
+        with pytest.raises(RecordingError, match="cannot be written: file too large"):
+            RecordingWriter(tmp_path / "a.mcap", {})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not list(tmp_path.iterdir())
+
+
+_LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+from services.recorder.__main__ import main, run, whole
+sys.exit(main("recorder", run, sys.argv[1:], whole=whole))
+"""
+
+
+def test_the_process_ends_with_a_sentence_and_an_exit_code_and_its_publishers_go_on(tmp_path: Path) -> None:
+    bus = ZmqBus(Transport(directory=tmp_path / "bus"), publishes=["gateway.state"])
+    rig = {
+        "name": "full", "transport": {"directory": str(tmp_path / "bus")},
+        "recorder": {"directory": str(tmp_path / "rec")},
+    }  # fmt: skip
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    command = [sys.executable, "-c", _LIMITED, "--rig", str(tmp_path / "rig.yaml")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 30.0
+        sent = itertools.count()
+        while process.poll() is None:
+            assert time.monotonic() < deadline
+            bus.publish("gateway.state", state(next(sent)).body)
+            bus.has_reader("gateway.state")
+            time.sleep(5e-4)
+    finally:
+        process.kill()
+        last = process.communicate()[1].splitlines()[-1]
+        bus.close()
+    (path,) = (tmp_path / "rec").iterdir()
+    assert process.returncode == RecordingError.exit_code
+    assert last.startswith(f"recorder: {path}: file too large; ")
+    found = ticks_by_index(path)
+    assert len(found) > 100
+    assert found == list(range(found[0], found[-1] + 1)), "nothing is missing up to there"
+
+
+def test_frames_that_a_slow_disk_leaves_no_room_for_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk stands still: what is handed over waits, up to a limit; then frames are lost, and counted."""
+    goes_on, close = threading.Event(), OpenChunk.close
+    monkeypatch.setattr(OpenChunk, "close", lambda self, offset: goes_on.wait(10.0) and close(self, offset))
+    monkeypatch.setattr(recording, "PENDING_MAX", 300_000)
+    writer = long_recording(tmp_path / "a.mcap", 4000)
+    lost = writer.lost["gateway.state"]
+    assert 0 < lost < 4000
+    assert writer.frames == 4000 - lost
+    goes_on.set()
+    settle(writer)
+    writer.write(state(4000))
+    assert writer.lost["gateway.state"] == lost, "the disk goes on, and so does the recording"
+    writer.close()
+    assert len(ticks_by_index(writer.path)) == 4001 - lost
+
+
+_READ = "import sys; open(sys.argv[1], 'rb').read()"
+
+
+@needs_other_user
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_recording_is_this_users_alone_unless_it_is_shared(everybodys: Path, shared: bool) -> None:
+    """What a trainee did is nobody else's business: another user of the machine is refused."""
+    writer = RecordingWriter(everybodys / "a.mcap", {}, shared=shared)
+    writer.close()
+    assert writer.path.stat().st_mode & 0o777 == (0o644 if shared else 0o600)
+    done = as_other_user(_READ, writer.path)
+    assert (done.returncode == 0) is shared
+    assert ("PermissionError" in done.stderr) is not shared
+
+
+@needs_other_user
+def test_a_link_that_another_user_left_is_not_followed(everybodys: Path, tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("mine")
+    link = "import os, sys; os.symlink(sys.argv[1], sys.argv[2])"
+    assert as_other_user(link, tmp_path / "precious", everybodys / "a.mcap").returncode == 0
+    with pytest.raises(RecordingError, match="file exists"):
+        RecordingWriter(everybodys / "a.mcap", {})
+    assert (tmp_path / "precious").read_text() == "mine"

@@ -1,0 +1,151 @@
+"""Whatever ended a recording, readers that seek by index read it afterwards, up to the last chunk."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.reader import SeekingReader
+from mcap.writer import Writer
+from mcap_protobuf.decoder import DecoderFactory
+
+from services.cli.repair import run_repair
+from services.recorder.disk import RecordingError
+from services.recorder.recording import read
+from services.recorder.repair import repair, repair_all
+from tests.recorder.made_up import long_recording, settle
+
+
+def ticks_by_index(path: Path) -> list[int]:
+    """Return the ticks as a reader finds them that goes by the summary, and check that it is sound."""
+    with path.open("rb") as file:
+        reader = SeekingReader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert all(chunk.message_index_offsets for chunk in summary.chunk_indexes)
+        found = [body.tick for _, _, _, body in reader.iter_decoded_messages()]
+        assert summary.statistics.message_count == len(found)
+        assert [each.name for each in reader.iter_metadata()].count("trocar") == 1
+        return found
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    writer = long_recording(tmp_path_factory.mktemp("whole") / "a.mcap", 2000)
+    writer.close()
+    assert ticks_by_index(writer.path) == list(range(2000))
+    return writer.path
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.52, 0.75, 0.9, 0.99])
+def test_a_torn_recording_is_indexed_up_to_where_it_is_torn(whole: Path, tmp_path: Path, share: float) -> None:
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(whole.read_bytes()[: int(share * whole.stat().st_size)])
+    there = [message.body.tick for message in read(torn)]
+    found = repair(torn)
+    assert found is not None
+    assert found.frames == len(there) > 400
+    assert ticks_by_index(torn) == there == list(range(len(there)))
+    assert repair(torn) is None, "it is whole now"
+
+
+def test_a_last_chunk_without_its_indexes_gets_them(whole: Path, tmp_path: Path) -> None:
+    with whole.open("rb") as file:
+        summary = SeekingReader(file).get_summary()
+    assert summary is not None
+    last = summary.chunk_indexes[-1]
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(whole.read_bytes()[: last.chunk_start_offset + last.chunk_length + 5])
+    repair(torn)
+    assert ticks_by_index(torn) == list(range(2000))
+
+
+def test_a_last_chunk_that_is_not_what_was_written_is_cut_off(whole: Path, tmp_path: Path) -> None:
+    """After a power cut a file may be as long as it should be, with nothing in its last pages."""
+    with whole.open("rb") as file:
+        summary = SeekingReader(file).get_summary()
+    assert summary is not None
+    last = summary.chunk_indexes[-1]
+    data = bytearray(whole.read_bytes()[: last.chunk_start_offset + last.chunk_length])
+    data[last.chunk_start_offset + 200 :] = bytes(len(data) - last.chunk_start_offset - 200)
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(data)
+    repair(torn)
+    found = ticks_by_index(torn)
+    assert found == list(range(len(found)))
+    assert 1000 < len(found) < 2000
+
+
+def test_a_file_of_the_library_with_what_it_declares_in_its_chunks(whole: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "other.mcap"
+    with torn.open("wb") as file, whole.open("rb") as source:
+        writer = Writer(file, chunk_size=64 * 1024)
+        writer.start()
+        writer.add_metadata("trocar", {})
+        reader = SeekingReader(source)
+        for n, (schema, _channel, message) in enumerate(reader.iter_messages()):
+            assert schema is not None
+            if n == 0:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channel = writer.register_channel("/gateway/state", "protobuf", number)
+            writer.add_message(channel, message.log_time, message.data, message.publish_time, n)
+    there = [message.body.tick for message in read(torn)]
+    assert len(there) > 1000
+    repair(torn)
+    assert ticks_by_index(torn) == there
+
+
+def test_what_is_no_recording_and_what_is_a_link_is_left_alone(whole: Path, tmp_path: Path) -> None:
+    (tmp_path / "text.mcap").write_text("notes")
+    (tmp_path / "link.mcap").symlink_to(whole)
+    with pytest.raises(RecordingError, match="is not a recording"):
+        repair(tmp_path / "text.mcap")
+    with pytest.raises(RecordingError, match=r"link\.mcap: too many levels of symbolic links"):
+        repair(tmp_path / "link.mcap")
+    assert (tmp_path / "text.mcap").read_text() == "notes"
+
+
+def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:
+    writer = long_recording(tmp_path / "a.mcap", 1200)
+    settle(writer)
+    with pytest.raises(RecordingError, match="is being written"):
+        repair(writer.path)
+    writer.close()
+    assert ticks_by_index(writer.path) == list(range(1200))
+
+
+_KILLED = """
+import os, sys
+from pathlib import Path
+from tests.recorder.made_up import long_recording, settle
+settle(long_recording(Path(sys.argv[1]), 1200))
+os.kill(os.getpid(), 9)
+"""
+
+
+def test_the_next_start_mends_what_a_killed_recorder_left(tmp_path: Path) -> None:
+    killed = tmp_path / "killed.mcap"
+    done = subprocess.run([sys.executable, "-c", _KILLED, str(killed)], timeout=60, check=False)
+    assert done.returncode == -9
+    open_one = long_recording(tmp_path / "open.mcap", 10)
+    (tmp_path / "text.mcap").write_text("notes")
+    assert {path: found.frames for path, found in repair_all(tmp_path).items()} == {killed: 1001}
+    assert ticks_by_index(killed) == list(range(1001))
+    assert repair_all(tmp_path) == {}
+    open_one.close()
+    assert os.path.getsize(tmp_path / "text.mcap") == 5
+
+
+def test_the_command_says_what_it_did(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(whole.read_bytes()[:-100])
+    run_repair([torn, torn], as_json=False)
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"{torn}: indexed anew, 2000 frames; ")
+    assert second == f"{torn}: is whole"
+    run_repair([torn], as_json=True)
+    assert capsys.readouterr().out == f'{{"file": "{torn}", "mended": false}}\n'
