@@ -40,7 +40,7 @@ class Gateway:
         self._servo = self._path("servo", 100.0)
         self._grasp = self._path("grasp", 300.0)
         self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))
-        self._orders = Orders(self.instruments)
+        self._orders = Orders(self.instruments, process.rig.gateway.supervisor_timeout_s)
         self._turn = 0
 
     def _path(self, name: str, default_us: float) -> LatencyPath:
@@ -68,7 +68,7 @@ class Gateway:
         self._servo.latency.record(written_ns - sampled_ns)
         self._answers.applied(written_ns)
         self._answers.ask(tick.index, sampled_ns)
-        self._orders.obey(self._bus.drain("supervisor.state"))
+        self._orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
         if tick.index % _GAUGES_EVERY == 0:
             self._report()
         self._health.send_if_due()
@@ -94,8 +94,10 @@ class Gateway:
         for each in self.instruments:
             gauges[f"{each.name}.energy_j"] = each.servo.energy_j
             gauges[f"{each.name}.not_finite"] = float(each.servo.refused)
+            gauges.update(each.links())
         gauges.update({f"models_{reason}": float(count) for reason, count in self._answers.refused.items()})
-        faults = "; ".join(f"{each.name}: {each.fault}" for each in self.instruments if each.fault)
+        silent = ["the supervisor is silent: every hand is let go"] if self._orders.unsupervised else []
+        faults = "; ".join(silent + [f"{each.name}: {each.fault}" for each in self.instruments if each.fault])
         self._health.change("degraded" if faults else "running", faults)
 
     def close(self) -> None:

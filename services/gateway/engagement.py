@@ -41,6 +41,7 @@ class Engagement:
         self._ramp_s = ramp_s
         self._settled_s = 0.0
         self._stopped = False
+        self.unsupervised = False  # nobody could stop it: to be set by whoever listens for the supervisor
         self.refused_s = 0.0  # for how long force could begin, were not so much asked for
 
     @property
@@ -92,6 +93,8 @@ class Engagement:
         """
         if self.state is State.CALIBRATING and calibrated:
             self.state = State.READY
+        if self.unsupervised:
+            fresh = alive = False
         if self.engaged and not alive:
             self._let_go(State.STALE)
         if self.state in (State.READY, State.STALE):

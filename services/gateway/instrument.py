@@ -107,6 +107,13 @@ class Instrument:
         faults = (self.servo.engagement.fault, self.arm.prompt)
         return next(filter(None, faults), "") or (self.grasp.fault if self.grasp is not None else "")
 
+    def links(self) -> dict[str, float]:
+        """Return by device whether it answers, as health reports it."""
+        found = {f"device_link_up.{self.name}.arm": float(not self.arm.fault)}
+        if self.grasp is not None:
+            found[f"device_link_up.{self.name}.grasp"] = float(not self.grasp.fault)
+        return found
+
     def state(self) -> bodies.InstrumentState:
         """Return what the rig is told of this tick."""
         x, y, z, vx, vy, vz = self._motion.tolist()

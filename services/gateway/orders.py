@@ -10,15 +10,35 @@ class Orders:
     """Obeys ``supervisor.state``. A safe stop is latched: only its own supervisor's "no longer" ends it.
 
     A supervisor that starts anew does not know of the stop; its silence about it must not arm the rig.
+
+    Parameters
+    ----------
+    instruments
+        That obey.
+    timeout_s
+        A supervisor that is silent for so long can no longer stop anything: every hand is let go, as when the stream
+        of models dies, until one is heard again. None: the rig has none.
+
+    Attributes
+    ----------
+    unsupervised
+        Whether hands are let go for that.
     """
 
-    def __init__(self, instruments: list[Instrument]) -> None:
+    def __init__(self, instruments: list[Instrument], timeout_s: float | None) -> None:
         self.stopped = False
+        self.unsupervised = False
         self._instruments = instruments
+        self._timeout_ns = None if timeout_s is None else round(timeout_s * 1e9)
+        self._heard_ns: int | None = None
         self._stopped_by = -1
 
-    def obey(self, frames: list[Frame]) -> None:
+    def obey(self, frames: list[Frame], now_ns: int) -> None:
         """Follow the frames since the last call, oldest first."""
+        if frames:
+            self._heard_ns = now_ns
+        if self._timeout_ns is not None:
+            self._watch(self._heard_ns is None or now_ns - self._heard_ns > self._timeout_ns)
         for frame in frames:
             if frame.body.safe_stop:
                 self.stopped = True
@@ -29,3 +49,9 @@ class Orders:
                 self.stopped = False
                 for instrument in self._instruments:
                     instrument.arm_anew()
+
+    def _watch(self, unsupervised: bool) -> None:
+        if unsupervised is not self.unsupervised:
+            self.unsupervised = unsupervised
+            for instrument in self._instruments:
+                instrument.servo.engagement.unsupervised = unsupervised

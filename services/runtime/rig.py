@@ -90,6 +90,9 @@ class GatewaySettings(Settings):
     force_rate_limit_n_s: Annotated[float, Field(gt=0)] = 200.0
     grasp_torque_limit_nm: Annotated[float, Field(gt=0, le=5)] = 0.3
     engage_ramp_s: Annotated[float, Field(ge=0)] = 0.5
+    supervisor_timeout_s: Annotated[float, Field(ge=0.5)] | None = Field(
+        2.0, description="every hand is let go when the supervisor has been silent for so long; null: there is none"
+    )
 
 
 class ViewSettings(Settings):

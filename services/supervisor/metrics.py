@@ -13,6 +13,9 @@ import protocol.bodies as bodies
 from services.supervisor.figures import Latencies
 from services.supervisor.state_machine import RigState
 
+#: Gauges ``device_link_up.<device>`` of a process are a metric of their own.
+LINK = "device_link_up"
+
 
 @dataclass(frozen=True, slots=True)
 class Source:
@@ -122,25 +125,16 @@ def _topics(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
 
 
 def _gauges(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
-    named = {
-        "device_link_up": ("trocar_device_link_up", "1 while a device answers"),
-        "queue_depth": ("trocar_queue_depth", "Frames waiting in a process"),
-        "can_errors": ("trocar_can_errors", "Errors of the CAN bus"),
-    }
-    known = {
-        key: (CounterMetricFamily if key == "can_errors" else GaugeMetricFamily)(name, text, labels=["service", "name"])
-        for key, (name, text) in named.items()
-    }
+    link = GaugeMetricFamily("trocar_device_link_up", "1 while a device answers", labels=["service", "name"])
     other = GaugeMetricFamily("trocar_gauge", "Anything else that a process reports", labels=["service", "name"])
     for health in heard:
         for name, value in health.gauges.items():
             key, _, instance = name.partition(".")
-            family = known.get(key)
-            if family is not None:
-                family.add_metric([health.process, instance], value)
+            if key == LINK:
+                link.add_metric([health.process, instance], value)
             else:
                 other.add_metric([health.process, name], value)
-    yield from (*known.values(), other)
+    yield from (link, other)
 
 
 def _histogram(name: str, text: str, label: str) -> HistogramMetricFamily:

@@ -37,7 +37,12 @@ class Bench:
             "name": "test",
             "transport": {"directory": str(folder)},
             "processes": {"gateway": {"core": 0, "priority": 80}, "haptics": {"core": 0, "priority": 70}},
-            "gateway": {"instruments": [instrument], "engage_ramp_s": 0.2, "force_rate_limit_n_s": RATE_LIMIT_N_S},
+            "gateway": {
+                "instruments": [instrument],
+                "engage_ramp_s": 0.2,
+                "force_rate_limit_n_s": RATE_LIMIT_N_S,
+                "supervisor_timeout_s": None,
+            },
         }
         self.rig_file.write_text(yaml.safe_dump(rig))
         self.bus = ZmqBus(

@@ -33,30 +33,64 @@ def engaged() -> tuple[Orders, Stub]:
     for _ in range(200):
         stub.engagement.step(1e-3, fresh=True, alive=True, demand_n=0.0, calibrated=True)
     assert stub.engagement.state is State.ACTIVE
-    return Orders([stub]), stub  # type: ignore[list-item]
+    return Orders([stub], 2.0), stub  # type: ignore[list-item]
 
 
 def test_a_safe_stop_is_latched_until_the_same_supervisor_arms(engaged: tuple[Orders, Stub]) -> None:
     orders, stub = engaged
-    orders.obey([_frame(False), _frame(True)])
+    orders.obey([_frame(False), _frame(True)], 1)
     assert (stub.engagement.gain, orders.stopped) == (0.0, True)
     for _ in range(300):
         stub.engagement.step(1e-3, fresh=True, alive=True, demand_n=0.0, calibrated=True)
     assert stub.engagement.state is State.READY
-    orders.obey([_frame(False)])
+    orders.obey([_frame(False)], 1)
     assert (stub.armed, orders.stopped) == (1, False)
 
 
 def test_a_supervisor_that_starts_anew_does_not_arm(engaged: tuple[Orders, Stub]) -> None:
     orders, stub = engaged
-    orders.obey([_frame(True, incarnation=1)])
-    orders.obey([_frame(False, incarnation=2)])
+    orders.obey([_frame(True, incarnation=1)], 1)
+    orders.obey([_frame(False, incarnation=2)], 1)
     assert (stub.armed, orders.stopped) == (0, True)
-    orders.obey([_frame(True, incarnation=2), _frame(False, incarnation=2)])
+    orders.obey([_frame(True, incarnation=2), _frame(False, incarnation=2)], 1)
     assert stub.armed == 1
 
 
 def test_running_frames_do_not_arm_again_and_again(engaged: tuple[Orders, Stub]) -> None:
     orders, stub = engaged
-    orders.obey([_frame(False)] * 5)
+    orders.obey([_frame(False)] * 5, 1)
     assert stub.armed == 0
+
+
+SECOND_NS = 1_000_000_000
+
+
+def _live(stub: Stub, seconds: float) -> None:
+    for _ in range(round(seconds * 1e3)):
+        stub.engagement.step(1e-3, fresh=True, alive=True, demand_n=0.0, calibrated=True)
+
+
+def test_without_a_supervisor_hands_are_let_go_as_for_a_stream_that_died(engaged: tuple[Orders, Stub]) -> None:
+    orders, stub = engaged
+    orders.obey([_frame(False)], SECOND_NS)
+    orders.obey([], 3 * SECOND_NS)
+    _live(stub, 0.01)
+    assert (stub.engagement.state, orders.unsupervised) == (State.ACTIVE, False)
+    orders.obey([], 3 * SECOND_NS + 1)
+    _live(stub, 0.5)
+    assert (stub.engagement.state, stub.engagement.gain, orders.unsupervised) == (State.STALE, 0.0, True)
+    orders.obey([_frame(False, incarnation=2)], 9 * SECOND_NS)
+    _live(stub, 0.05)
+    assert stub.engagement.state is State.STALE, "not before the stream has been fresh for a while"
+    _live(stub, 0.2)
+    assert stub.engagement.state is State.ACTIVE
+
+
+def test_force_does_not_begin_before_a_supervisor_was_heard_unless_there_is_none() -> None:
+    for timeout_s, state in ((2.0, State.READY), (None, State.ACTIVE)):
+        stub = Stub()
+        orders = Orders([stub], timeout_s)  # type: ignore[list-item]
+        for tick in range(500):
+            orders.obey([], tick)
+            _live(stub, 0.001)
+        assert stub.engagement.state is state

@@ -1,4 +1,4 @@
-"""The supervisor stopped and killed: the hand never depends on it."""
+"""The supervisor stopped for a moment: the hand does not notice. Killed: it is let go, as nobody could stop the rig."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from protocol import topic
+from services.runtime.config import load_rig
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
-from tests.rig.faults import engage, force_steps_n, rate_limit_n
+from tests.rig.faults import engage, force_n, force_steps_n, rate_limit_n
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
 
@@ -22,7 +23,7 @@ PRESS = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" fo
 HELD_S = 1.5
 
 
-def test_without_its_supervisor_the_rig_goes_on_until_somebody_ends_it(tmp_path: Path) -> None:
+def test_without_its_supervisor_the_rig_lets_go_and_waits_until_somebody_ends_it(tmp_path: Path) -> None:
     with running_rig(tmp_path, str(SCENE), PRESS) as rig:
         engage(rig)
         before = rig.observer.pids()
@@ -33,7 +34,7 @@ def test_without_its_supervisor_the_rig_goes_on_until_somebody_ends_it(tmp_path:
 
         os.kill(rig.process.pid, signal.SIGKILL)
         rig.process.wait(10)
-        _assert_force_goes_on(rig)
+        _assert_hands_are_let_go(rig)
         assert all(Path(f"/proc/{pid}").exists() for pid in before.values())
 
         down = [sys.executable, "-c", "from services.cli.app import main; main()", "down", "--json"]
@@ -63,6 +64,19 @@ def _assert_force_goes_on(rig: Rig) -> None:
     assert all(b > a for a, b in itertools.pairwise(ticks))
     assert max(force_steps_n(samples)) <= rate_limit_n() * 1.001 + 1e-9
     assert sum(sample.state in ("active", "engaging") for sample in samples) > 0.5 * len(samples)
+
+
+def _assert_hands_are_let_go(rig: Rig) -> None:
+    """Nobody could stop the rig any more: the gateway ticks on, and force fades within the rig file's time."""
+    samples, timeout_s = rig.observer.samples, load_rig("stub").gateway.supervisor_timeout_s
+    assert timeout_s is not None
+    samples.clear()
+    rig.observer.until(lambda: samples[-1:] != [] and samples[-1].state == "stale", timeout_s + 3.0, "let go")
+    began = time.monotonic()
+    rig.observer.until(lambda: time.monotonic() - began > 0.5, 2.0, "the time")
+    assert len({sample.incarnation for sample in samples}) == 1
+    assert max(force_n(sample) for sample in samples[-100:]) == 0.0
+    assert max(force_steps_n(samples)) <= rate_limit_n() * 1.001 + 1e-9
 
 
 def _lives(pid: int) -> bool:

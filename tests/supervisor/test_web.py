@@ -181,8 +181,8 @@ def test_metrics_are_what_prometheus_reads(client: Client) -> None:
     for name in (
         "trocar_loop_lateness_seconds", "trocar_loop_period_seconds", "trocar_loop_work_seconds",
         "trocar_loop_iterations", "trocar_deadline_misses", "trocar_path_latency_seconds", "trocar_topic_age_seconds",
-        "trocar_topic_messages", "trocar_topic_drops", "trocar_queue_depth", "trocar_service_up",
-        "trocar_service_restarts", "trocar_device_link_up", "trocar_can_errors", "trocar_build_info",
+        "trocar_topic_messages", "trocar_topic_drops", "trocar_service_up",
+        "trocar_service_restarts", "trocar_device_link_up", "trocar_build_info",
     ):  # fmt: skip
         assert name in families, name
     value = {
