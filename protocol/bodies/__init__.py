@@ -9,6 +9,7 @@ from protocol.bodies.health import (
     PathLatency,
     RealtimeFact,
     StageCost,
+    Stall,
     TopicReport,
 )
 from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
@@ -31,6 +32,7 @@ __all__ = [
     "ProcessReport",
     "RealtimeFact",
     "StageCost",
+    "Stall",
     "SupervisorState",
     "ToolContacts",
     "ToolReaction",

@@ -20,6 +20,14 @@ class Histogram(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     max_ns: int = 0
 
 
+class Stall(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """A gap between two starts of a loop's ticks that was many times its period, as the loop itself measured it."""
+
+    index: Annotated[int, Meta(ge=1, description="counts the loop's stalls since its start")]
+    ended_ns: Annotated[int, Meta(description="monotonic time at which the loop went on")]
+    length_ns: Annotated[int, Meta(ge=0)]
+
+
 class LoopReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """A deadline loop since its start."""
 
@@ -30,6 +38,7 @@ class LoopReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     lateness: Histogram
     work: Histogram
     period: Histogram
+    stalls: Annotated[tuple[Stall, ...], Meta(max_length=8, description="the newest")] = ()
 
 
 class TopicReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

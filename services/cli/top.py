@@ -42,6 +42,7 @@ class Listener:
 
     def __init__(self, bus: ZmqBus, window_s: float) -> None:
         self._bus = bus
+        self._window_s = window_s
         self.health: dict[str, tuple[bodies.Health, float]] = {}
         self.windows = {name: figures.Window(window_s) for name in protocol.PROCESSES}
         self.state: bodies.SupervisorState | None = None
@@ -59,7 +60,9 @@ class Listener:
     def result(self, now_s: float) -> dict[str, Any]:
         """Return what was heard as plain data, NaN as None."""
         restarts = {p.name: p.restarts for p in self.state.processes} if self.state else {}
-        counted = {name: window.figures() or figures.Figures(0.0) for name, window in self.windows.items()}
+        counted = {
+            name: window.figures(self._window_s) or figures.Figures(0.0) for name, window in self.windows.items()
+        }
         processes = []
         for name, (health, heard_s) in self.health.items():
             window = counted[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -21,6 +22,11 @@ class Tick:
     started_ns: int
 
 
+#: A gap of so many periods between two ticks is a stall, told with its length by the loop that had it.
+STALL_PERIODS = 10
+_STALLS_KEPT = 8
+
+
 class LoopMeter:
     """Counts of a loop: lateness of the start, work, period, misses. A tick that never ran is a miss too."""
 
@@ -33,14 +39,20 @@ class LoopMeter:
         self.lateness = LatencyHistogram(self.period_ns)
         self.work = LatencyHistogram(self.period_ns)
         self.period = LatencyHistogram(self.period_ns)
+        self.stalls: deque[bodies.Stall] = deque(maxlen=_STALLS_KEPT)
+        self._stall_ns = STALL_PERIODS * self.period_ns
+        self._stall_count = 0
         self._scheduled_ns = 0
         self._started_ns = 0
+        self._alive_ns = 0
 
     def start(self, scheduled_ns: int, now_ns: int) -> None:
         """Count the start of a tick that was due at `scheduled_ns`."""
         self.lateness.record(now_ns - scheduled_ns)
         if self._started_ns:
             self.period.record(now_ns - self._started_ns)
+            if now_ns - self._started_ns > self._stall_ns:
+                self._stalled(now_ns)
         self._scheduled_ns = scheduled_ns
         self._started_ns = now_ns
 
@@ -50,6 +62,18 @@ class LoopMeter:
         self.work.record(now_ns - self._started_ns)
         if now_ns - self._scheduled_ns > self.period_ns:
             self.misses += 1
+
+    def idle(self, now_ns: int) -> None:
+        """Note that the loop ran at `now_ns` with nothing to do: of a gap between ticks that part is not its own."""
+        if self._started_ns and now_ns - max(self._started_ns, self._alive_ns) > self._stall_ns:
+            self._stalled(now_ns)
+        self._alive_ns = now_ns
+
+    def _stalled(self, now_ns: int) -> None:
+        length_ns = now_ns - max(self._started_ns, self._alive_ns)
+        if length_ns > self._stall_ns:
+            self._stall_count += 1
+            self.stalls.append(bodies.Stall(index=self._stall_count, ended_ns=now_ns, length_ns=length_ns))
 
     def skip(self, ticks: int) -> None:
         """Count ticks that never ran."""
@@ -71,6 +95,7 @@ class LoopMeter:
             lateness=self.lateness.body(),
             work=self.work.body(),
             period=self.period.body(),
+            stalls=tuple(self.stalls),
         )
 
 
@@ -180,6 +205,7 @@ def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> 
     limiter = DutyCycleLimiter()
     while not stop():
         if not bus.wait(topic, time.monotonic_ns() + 2 * meter.period_ns):
+            meter.idle(time.monotonic_ns())
             yield None
             continue
         sleep_until(last_ns + apart_ns)

@@ -116,17 +116,17 @@ class WebSettings(Settings):
 
 
 class LoopContract(Settings):
-    """What a loop must keep, judged over the contract window."""
+    """What a loop must keep: an error budget for each minute, and no breakdown."""
 
     rate_hz: Annotated[float, Field(gt=0)]
-    miss_ratio: Annotated[float, Field(ge=0, le=1)] = 0.01
+    miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be lost")
     stop_miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(
         0.5, description="beyond it and on the lowest quality the loop is restarted, then the rig stopped; 1: never"
     )
 
 
 class PathContract(Settings):
-    """What a path must keep, judged over the contract window."""
+    """What a path must keep over a minute, and lately."""
 
     p99_us: Annotated[float, Field(gt=0)]
     stop_p99_us: Annotated[float, Field(gt=0)] | None = Field(
@@ -140,7 +140,7 @@ class SupervisorSettings(Settings):
     mode: Literal["launch", "attach"] = "launch"
     heartbeat_timeout_s: Annotated[float, Field(gt=0.02)] = 0.5
     ready_timeout_s: Annotated[float, Field(gt=0)] = 120.0
-    window_s: Annotated[float, Field(gt=0)] = 2.0
+    window_s: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="over which the dashboard shows figures")
     backoff_s: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 5.0)
     max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
     web: WebSettings = WebSettings()

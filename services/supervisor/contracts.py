@@ -1,4 +1,4 @@
-"""Judging: what loops and paths did over the window against what the rig file says they must keep."""
+"""Judging: what loops and paths did over a minute and lately against what the rig file says they must keep."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from services.runtime.rig import Contracts, LoopContract, PathContract
-from services.supervisor.figures import Figures, Loop
+from services.supervisor.figures import Window
 
 #: Whose work decides a path: the process to act on when it is too slow.
 PATH_OWNERS = {
@@ -15,6 +15,11 @@ PATH_OWNERS = {
     "device_force": "haptics",
     "device_pixel": "visualization",
 }
+#: A budget is for a minute, and is only overdrawn while the last seconds still overdraw it.
+BUDGET_S, STILL_S = 60.0, 5.0
+#: A breakdown spends the budget so many times faster than it lasts, over a second and still.
+BREAKDOWN_RATE = 50.0
+_BREAKDOWN_S, _BREAKDOWN_STILL_S = 1.0, 0.2
 #: With fewer samples there is no 99th percentile to speak of.
 _SAMPLES = 100
 
@@ -34,52 +39,76 @@ class Breach:
     severe: bool
 
 
-def judge(figures: Mapping[str, Figures], contracts: Contracts) -> list[Breach]:
-    """Return the contracts that the windows in `figures` (by process) break."""
-    breaches: list[Breach] = []
-    for name, contract in contracts.loops.items():
-        window = figures.get(name)
-        if window is not None and window.loop is not None and window.seconds > 0:
-            breaches += _judge_loop(name, window.loop, window.seconds, contract)
-    for name, path_contract in contracts.paths.items():
-        breach = _judge_path(name, figures, path_contract)
-        if breach is not None:
-            breaches.append(breach)
-    return breaches
+def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
+    """Return the contracts that the counts in `windows` (by process) break.
+
+    Error budgets as services are run by them (burn rates over a long and a short window; Site Reliability Workbook,
+    chapter 5): a tick lost now and then is what a budget is for; one that is overdrawn is told while it still is.
+    """
+    found = [_judge_loop(name, windows[name], loop) for name, loop in contracts.loops.items() if name in windows]
+    found += [_judge_path(name, windows, path) for name, path in contracts.paths.items()]
+    return [breach for breach in found if breach is not None]
 
 
-def _judge_loop(name: str, loop: Loop, seconds: float, contract: LoopContract) -> list[Breach]:
-    breaches = []
-    if loop.miss_ratio > contract.miss_ratio:
-        text = (
-            f"{name}: {100 * loop.miss_ratio:.2f} % of the ticks missed over {seconds:.1f} s, "
-            f"limit {100 * contract.miss_ratio:.2f} %"
-        )
-        excess = _over(loop.miss_ratio, contract.miss_ratio)
-        severe = loop.miss_ratio > contract.stop_miss_ratio
-        breaches.append(Breach(name, f"{name} misses", text, excess, severe))
+@dataclass(frozen=True, slots=True)
+class _Loss:
+    """Ticks of a loop that were late or never ran, of those due."""
+
+    lost: float
+    due: float
+    seconds: float
+
+    @property
+    def ratio(self) -> float:
+        return self.lost / self.due if self.due > 0 else 0.0
+
+
+def _loss(window: Window, seconds: float, rate_hz: float) -> _Loss | None:
+    figures = window.figures(seconds)
+    if figures is None or figures.loop is None or figures.seconds <= 0:
+        return None
+    due = rate_hz * figures.seconds
     # One tick is what a count over a window can be off by.
-    least = contract.rate_hz * (1.0 - contract.miss_ratio)
-    if (loop.ticks + 1) / seconds < least:
-        rate = loop.ticks / seconds
-        text = f"{name}: {rate:.1f} Hz over {seconds:.1f} s, limit {least:.1f} Hz"
-        severe = rate < contract.rate_hz * (1.0 - contract.stop_miss_ratio)
-        breaches.append(Breach(name, f"{name} rate", text, _over(least, rate), severe))
-    return breaches
+    return _Loss(max(figures.loop.misses, due - figures.loop.ticks - 1.0), due, figures.seconds)
 
 
-def _judge_path(name: str, figures: Mapping[str, Figures], contract: PathContract) -> Breach | None:
-    limit_us, stop_us = contract.p99_us, contract.stop_p99_us
-    for process, window in figures.items():
-        path = window.paths.get(name)
-        if path is None or path.latency.total < _SAMPLES:
-            continue
-        p99 = path.latency.quantiles().p99
-        if p99 > limit_us:
-            text = f"path {name}: p99 {p99:.0f} us over {window.seconds:.1f} s, limit {limit_us:.0f} us"
-            severe = stop_us is not None and p99 > stop_us
-            return Breach(PATH_OWNERS.get(name, process), f"path {name}", text, _over(p99, limit_us), severe)
+def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | None:
+    spans = (_BREAKDOWN_S, _BREAKDOWN_STILL_S, BUDGET_S, STILL_S)
+    burst, still, minute, lately = (_loss(window, seconds, contract.rate_hz) for seconds in spans)
+    if burst is None or still is None or minute is None or lately is None:
+        return None
+    limit = min(BREAKDOWN_RATE * contract.miss_ratio, contract.stop_miss_ratio)
+    if min(burst.ratio, still.ratio) > limit:
+        text = (
+            f"{name}: {100 * burst.ratio:.1f} % of the ticks lost over {burst.seconds:.1f} s, limit {100 * limit:.1f} %"
+        )
+        severe = min(burst.ratio, still.ratio) > contract.stop_miss_ratio
+        return Breach(name, f"{name} ticks", text, _over(burst.ratio, limit), severe)
+    budget = contract.miss_ratio * contract.rate_hz * BUDGET_S
+    if minute.lost > budget and lately.ratio > contract.miss_ratio:
+        text = f"{name}: {minute.lost:.0f} ticks lost in the last minute, budget {budget:.0f}"
+        return Breach(name, f"{name} ticks", text, _over(minute.lost, budget), severe=False)
     return None
+
+
+def _judge_path(name: str, windows: Mapping[str, Window], contract: PathContract) -> Breach | None:
+    limit_us, stop_us = contract.p99_us, contract.stop_p99_us
+    for process, window in windows.items():
+        quantiles = [_p99_us(window, seconds, name) for seconds in (BUDGET_S, STILL_S)]
+        if min(quantiles) > limit_us:
+            text = f"path {name}: p99 {quantiles[1]:.0f} us over {STILL_S:.0f} s, limit {limit_us:.0f} us"
+            severe = stop_us is not None and quantiles[1] > stop_us
+            return Breach(PATH_OWNERS.get(name, process), f"path {name}", text, _over(quantiles[1], limit_us), severe)
+    return None
+
+
+def _p99_us(window: Window, seconds: float, path: str) -> float:
+    """Return the 99th percentile; 0 where too little was counted."""
+    figures = window.figures(seconds)
+    counted = figures.paths.get(path) if figures is not None else None
+    if counted is None or counted.latency.total < _SAMPLES:
+        return 0.0
+    return counted.latency.quantiles().p99
 
 
 def _over(value: float, limit: float) -> float:

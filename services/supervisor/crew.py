@@ -12,7 +12,7 @@ from pathlib import Path
 from services.runtime import log
 from services.runtime.bus import Bus
 from services.runtime.rig import Rig
-from services.supervisor import watch
+from services.supervisor import contracts, watch
 from services.supervisor.figures import Figures, Window
 from services.supervisor.launcher import Child
 from services.supervisor.member import Member, MemberState
@@ -176,6 +176,8 @@ class Crew:
         if frame is not None:
             counts = member.hear(frame.body, now_s)
             if counts is not None:
+                for stall in member.new_stalls():
+                    self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
                 self.on_counts(member.name, counts)
                 if frame.body.state != "starting":
                     self._prepared.add(member.name)
@@ -312,7 +314,7 @@ def build_members(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:
             critical=spec.critical and rig.process(spec.name).critical,
             may_restart=launched and rig.process(spec.name).restart,
             restarts=RestartPolicy(settings.backoff_s, settings.max_restarts_per_minute),
-            window=Window(settings.window_s),
+            window=Window(contracts.BUDGET_S),
         )
         for spec in table
         if rig.process(spec.name).enabled

@@ -138,7 +138,10 @@ class Snapshot(msgspec.Struct, frozen=True):
 def snapshot(supervisor: Supervisor, scene: str, now_s: float) -> Snapshot:
     """Return what the page shows of the rig now."""
     members = supervisor.crew.members
-    windows = {name: member.window.figures() or Figures(0.0) for name, member in members.items()}
+    windows = {
+        name: member.window.figures(supervisor.rig.supervisor.window_s) or Figures(0.0)
+        for name, member in members.items()
+    }
     contracts = supervisor.rig.contracts
     broken = {breach.key for breach in supervisor.breaches}
     body = supervisor.body()
@@ -165,7 +168,7 @@ def process_row(member: Member, window: Figures, broken: set[str]) -> ProcessRow
     """Return the row of one process."""
     health = member.health
     name = member.name
-    kept = not {f"{name} misses", f"{name} rate"} & broken
+    kept = f"{name} ticks" not in broken
     return ProcessRow(
         name=name,
         state=str(member.state),

@@ -15,6 +15,10 @@ from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns,
 
 #: What a bucket is believed to hold at most: sums over all buckets then stay within 64 bits, whatever a peer sends.
 _COUNT_MAX = 1 << 50
+#: How long reports are kept as they came, and how far apart after that.
+_FINE_S, _COARSE_STEP_S = 6.0, 1.0
+#: Reports come a tenth of a second apart, not to the microsecond.
+_SLACK_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,32 +207,56 @@ def of(health: bodies.Health) -> Figures:
 
 
 class Window:
-    """The counts of one process over about the last `seconds_max`, forgotten when it is restarted."""
+    """The counts of one process over the last `seconds_max`, forgotten when it is restarted.
+
+    Reports of the last seconds are kept as they came, older ones a second apart: what is asked of a minute needs no
+    more, and every report holds some ten histograms.
+    """
 
     def __init__(self, seconds_max: float) -> None:
         self._seconds_max = seconds_max
         self._pid = 0
-        self._reports: deque[Figures] = deque()
+        self._coarse: deque[Figures] = deque()
+        self._fine: deque[Figures] = deque()
 
     def add(self, pid: int, figures: Figures) -> Figures:
         """Take the cumulative `figures` of a report; return what was counted since the last one."""
-        restarted = pid != self._pid or bool(self._reports and figures.seconds < self._reports[-1].seconds)
+        restarted = pid != self._pid or bool(self._fine and figures.seconds < self._fine[-1].seconds)
         if restarted:
             self._pid = pid
-            self._reports.clear()
-        since = figures - self._reports[-1] if self._reports else figures
-        self._reports.append(figures)
-        while len(self._reports) > 2 and figures.seconds - self._reports[1].seconds >= self._seconds_max:
-            self._reports.popleft()
+            self._fine.clear()
+            self._coarse.clear()
+        since = figures - self._fine[-1] if self._fine else figures
+        self._fine.append(figures)
+        self._thin(figures.seconds)
         return since
+
+    def _thin(self, now_s: float) -> None:
+        while len(self._fine) > 2 and now_s - self._fine[1].seconds >= _FINE_S:
+            old = self._fine.popleft()
+            if not self._coarse or old.seconds - self._coarse[-1].seconds >= _COARSE_STEP_S:
+                self._coarse.append(old)
+        while len(self._coarse) > 1 and now_s - self._coarse[1].seconds >= self._seconds_max:
+            self._coarse.popleft()
+
+    def __len__(self) -> int:
+        """Return how many reports are kept."""
+        return len(self._coarse) + len(self._fine)
 
     def forget(self) -> None:
         """Begin anew with the newest report: what lies before it no longer counts."""
-        while len(self._reports) > 1:
-            self._reports.popleft()
+        self._coarse.clear()
+        while len(self._fine) > 1:
+            self._fine.popleft()
 
-    def figures(self) -> Figures | None:
-        """Return the counts of the window, or None before the second report."""
-        if len(self._reports) < 2:
+    def figures(self, seconds: float) -> Figures | None:
+        """Return the counts of about the last `seconds`, less where less is known; None before the second report."""
+        if len(self._fine) < 2:
             return None
-        return self._reports[-1] - self._reports[0]
+        newest = self._fine[-1]
+        oldest = self._fine[-2]
+        for report in reversed([*self._coarse, *self._fine][:-1]):
+            oldest = report
+            if newest.seconds - report.seconds >= seconds - _SLACK_S:
+                break
+        return newest - oldest

@@ -48,6 +48,7 @@ class Member:
     killed: bool = False
     came_up: bool = False  # was ready since it was started
     stalls_s: list[float] = field(default_factory=list)  # when silences ended that it came back from by itself
+    _stalls_told: int = 0  # index of the loop's last stall that was
 
     @property
     def name(self) -> str:
@@ -79,6 +80,15 @@ class Member:
             self.waited_s = self.child.waited_s()
         return self.window.add(health.pid, figures.of(health))
 
+    def new_stalls(self) -> list[bodies.Stall]:
+        """Return the stalls that its loop measured and that were not returned before; none of its time of starting."""
+        loop = self.health.loop if self.health is not None else None
+        if loop is None:
+            return []
+        new = [stall for stall in loop.stalls if stall.index > self._stalls_told]
+        self._stalls_told = max((stall.index for stall in new), default=self._stalls_told)
+        return new if self.came_up else []
+
     def starved_s(self) -> float:
         """Return for how long our child has waited for a processor since it was last heard, or started."""
         return self.child.waited_s() - self.waited_s if self.child is not None else 0.0
@@ -90,6 +100,7 @@ class Member:
         self.progress = None
         self.killed = False
         self.came_up = False
+        self._stalls_told = 0
         self.waited_s = 0.0
 
     def kill(self) -> None:

@@ -58,10 +58,10 @@ class Supervisor:
         self.reason = ""
         self.started_s = now_s
         self.page_address = ""
-        self.events: deque[Event] = deque(maxlen=50)
+        self.events: deque[Event] = deque(maxlen=200)
         limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
-        patience_s = 2.0 * settings.window_s + SETTLE_S  # what one stall leaves in window and hysteresis has passed
+        patience_s = contracts.STILL_S + 2.0 * SETTLE_S  # what one stall leaves in windows and hysteresis has passed
         ladder = Ladder(levels=setup.levels, patience_s=patience_s, may_restart=setup.launch is not None)
         self.enforcement = Enforcement(ladder)
         self.breaches: list[contracts.Breach] = []
@@ -179,8 +179,8 @@ class Supervisor:
             self._judge_anew()
         seen = []
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
-            windows = {name: m.window.figures() for name, m in self.crew.members.items() if m.up}
-            seen = contracts.judge({n: f for n, f in windows.items() if f is not None}, self.rig.contracts)
+            windows = {name: member.window for name, member in self.crew.members.items() if member.up}
+            seen = contracts.judge(windows, self.rig.contracts)
         self._stalled = self._stalls()
         self.breaches = [*self._standing.update(self._now_s, seen), *self._stalled]
         action = self.enforcement.decide(self._now_s, [b for b in self.breaches if self._is_critical(b.process)])

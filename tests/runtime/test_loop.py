@@ -167,3 +167,31 @@ def test_one_long_tick_is_no_overload() -> None:
     assert limiter.rest_ns(0, 300_000) == 0
     assert limiter.rest_ns(1_000_000, 1_001_000_000) == 0
     assert limiter.rest_ns(1_002_000_000, 1_002_300_000) == 0
+
+
+def test_a_stall_is_told_with_its_length_by_the_loop_that_had_it(clock: Clock) -> None:
+    meter, stop = LoopMeter(1000.0), after(40)
+    for tick in ticks(meter, lambda: next(stop)):
+        clock.now += {3: 9_000_000, 12: 21_000_000, 33: 400_000_000}.get(tick.index, 100_000)
+    told = [(stall.index, stall.length_ns) for stall in meter.body().stalls]
+    assert told == [(1, 21_000_000), (2, 400_000_000)]
+
+
+def test_a_loop_that_had_nothing_to_follow_did_not_stall(clock: Clock) -> None:
+    meter = LoopMeter(1000.0)
+    meter.start(clock.now, clock.now)
+    for _ in range(50):  # looked every 2 ms, for 100 ms
+        clock.now += 2_000_000
+        meter.idle(clock.now)
+    meter.start(clock.now, clock.now + 500_000)
+    assert meter.body().stalls == ()
+    meter.idle(clock.now + 31_000_000)  # it looked 30 ms too late
+    (stall,) = meter.body().stalls
+    assert stall.length_ns == 30_500_000
+
+
+def test_only_the_newest_stalls_travel(clock: Clock) -> None:
+    meter = LoopMeter(1000.0)
+    for k in range(20):
+        meter.start(clock.now, clock.now + k * 50_000_000)
+    assert [stall.index for stall in meter.body().stalls] == list(range(12, 20))

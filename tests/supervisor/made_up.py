@@ -37,11 +37,20 @@ def weighed(durations_ns: dict[int, int], deadline_ns: int = MS) -> bodies.Histo
     return whole.body()
 
 
-def loop_report(ticks: int, misses: int = 0, skipped: int = 0, rate_hz: float = 1000.0) -> bodies.LoopReport:
+def loop_report(
+    ticks: int, misses: int = 0, skipped: int = 0, rate_hz: float = 1000.0, stalls: tuple[bodies.Stall, ...] = ()
+) -> bodies.LoopReport:
     late = misses - skipped
     body = weighed({100_000: ticks - late, 2 * MS: late})
     return bodies.LoopReport(
-        rate_hz=rate_hz, ticks=ticks, misses=misses, skipped=skipped, lateness=body, work=body, period=body
+        rate_hz=rate_hz,
+        ticks=ticks,
+        misses=misses,
+        skipped=skipped,
+        lateness=body,
+        work=body,
+        period=body,
+        stalls=stalls,
     )
 
 
@@ -83,6 +92,7 @@ class Peer:
     misses: int = 0
     miss_ratio: float = 0.0
     next_health_s: float = 0.0
+    stalls: tuple[bodies.Stall, ...] = ()
 
     def turn(self, now_s: float, dt_s: float) -> None:
         if not self.alive:
@@ -99,7 +109,7 @@ class Peer:
                 uptime_s=now_s - self.born_s,
                 state=self.state,
                 pid=self.pid,
-                loop=loop_report(self.ticks, self.misses),
+                loop=loop_report(self.ticks, self.misses, stalls=self.stalls),
             )
             self.bus.publish(f"{self.spec.name}.health", body)
 

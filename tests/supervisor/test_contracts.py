@@ -10,52 +10,111 @@ from services.supervisor import figures
 from services.supervisor.contracts import Breach, Standing, judge
 from tests.supervisor.made_up import health, histogram, loop_report
 
-
-def _figures(process: str, loop: bodies.LoopReport | None, seconds: float = 2.0) -> dict[str, figures.Figures]:
-    return {process: figures.of(health(process, uptime_s=seconds, loop=loop))}
-
-
-def _path(name: str, durations_us: list[int]) -> dict[str, figures.Figures]:
-    latency = histogram([d * 1000 for d in durations_us])
-    return {"gateway": figures.of(health("gateway", paths=(bodies.PathLatency(name=name, latency=latency),)))}
-
-
-LOOPS = Contracts.model_validate({"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.01}}})
+BUDGET = Contracts.model_validate({"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.001}}})
 PATHS = Contracts.model_validate({"paths": {"device_model": {"p99_us": 800, "stop_p99_us": 20000}}})
 
 
-@pytest.mark.parametrize(
-    ("ticks", "misses", "skipped", "keys"),
-    [
-        (2000, 0, 0, []),
-        (2000, 20, 0, []),  # exactly at the limit is kept
-        (2000, 21, 0, ["physics misses"]),
-        (1980, 20, 20, []),  # skipped ticks are missed ticks
-        (1900, 100, 100, ["physics misses", "physics rate"]),
-        (1979, 0, 0, []),  # one tick is the resolution of a count
-        (1978, 0, 0, ["physics rate"]),
-    ],
-)
-def test_loop(ticks: int, misses: int, skipped: int, keys: list[str]) -> None:
-    found = judge(_figures("physics", loop_report(ticks, misses, skipped)), LOOPS)
-    assert [breach.key for breach in found] == keys
+class Watched:
+    """The window of a loop of 1 kHz that reports ten times a second."""
+
+    def __init__(self) -> None:
+        self.window = figures.Window(60.0)
+        self.seconds = 0.0
+        self.ticks = self.misses = self.skipped = 0
+
+    def run(self, seconds: float, late: int = 0, skipped: int = 0) -> list[Breach]:
+        """Go on, of each tenth of a second so many ticks late, and so many that never ran; return the last word."""
+        found: list[Breach] = []
+        for _ in range(round(10 * seconds)):
+            self.seconds += 0.1
+            self.ticks += 100 - skipped
+            self.misses += late + skipped
+            self.skipped += skipped
+            loop = loop_report(self.ticks, self.misses, self.skipped)
+            self.window.add(7, figures.of(health("physics", uptime_s=self.seconds, loop=loop)))
+            found = judge({"physics": self.window}, BUDGET)
+        return found
 
 
-def test_the_sentence_names_process_value_and_limit() -> None:
-    (breach,) = judge(_figures("physics", loop_report(2000, 50)), LOOPS)
-    assert breach.text == "physics: 2.50 % of the ticks missed over 2.0 s, limit 1.00 %"
-    assert breach.excess == pytest.approx(2.5)
+def test_a_tick_lost_now_and_then_is_what_the_budget_is_for() -> None:
+    watched = Watched()
+    for _ in range(60):
+        assert watched.run(0.9) == []
+        assert watched.run(0.1, late=1) == []
+
+
+@pytest.mark.parametrize("kind", ["late", "skipped"])
+def test_a_stall_within_the_budget_breaks_nothing(kind: str) -> None:
+    watched = Watched()
+    watched.run(30.0)
+    assert watched.run(0.1, **{kind: 45}) == []
+    assert watched.run(10.0) == []
+
+
+def test_an_overdrawn_budget_is_told_while_it_is_being_overdrawn() -> None:
+    watched = Watched()
+    watched.run(20.0)
+    assert watched.run(3.0, late=2) == []  # 60 lost: the budget of a minute
+    (breach,) = watched.run(0.1, late=1)
+    assert breach.text == "physics: 61 ticks lost in the last minute, budget 60"
+    assert breach.key == "physics ticks"
     assert not breach.severe
+    assert watched.run(6.0) == [], "five seconds without a loss: it is over, though the minute's budget is spent"
+    assert watched.run(0.2, late=3) != []
 
 
-def test_half_of_all_ticks_missed_is_severe() -> None:
-    found = judge(_figures("physics", loop_report(2000, 1100)), LOOPS)
-    assert [breach.severe for breach in found] == [True]
+def test_a_loop_that_runs_too_seldom_loses_ticks_even_where_it_counts_none() -> None:
+    watched = Watched()
+    watched.run(5.0)
+    for _ in range(30):
+        watched.seconds += 0.1
+        watched.ticks += 90
+        loop = loop_report(watched.ticks, 0, 0)
+        watched.window.add(7, figures.of(health("physics", uptime_s=watched.seconds, loop=loop)))
+    (breach,) = judge({"physics": watched.window}, BUDGET)
+    assert "ticks lost" in breach.text
+
+
+def test_a_breakdown_is_told_within_three_reports() -> None:
+    watched = Watched()
+    watched.run(60.0)
+    (breach,) = watched.run(0.3, late=40)
+    assert breach.text == "physics: 12.0 % of the ticks lost over 1.0 s, limit 5.0 %"
+    assert not breach.severe
+    (worse,) = watched.run(2.0, late=60)
+    assert worse.severe
+
+
+def test_two_bad_tenths_of_a_second_that_are_over_are_no_breakdown() -> None:
+    watched = Watched()
+    watched.run(60.0)
+    watched.run(0.1, late=55)
+    assert watched.run(0.3) == []
+
+
+def test_a_restarted_process_has_a_budget_of_its_own() -> None:
+    watched = Watched()
+    watched.run(5.0, late=10)
+    watched.seconds, watched.ticks, watched.misses = 0.0, 0, 0
+    assert watched.run(5.0) == []
 
 
 def test_a_process_that_is_not_heard_is_not_judged() -> None:
-    assert judge({}, LOOPS) == []
-    assert judge(_figures("physics", None), LOOPS) == []
+    assert judge({}, BUDGET) == []
+    window = figures.Window(60.0)
+    for seconds in (1.0, 1.1):
+        window.add(7, figures.of(health("physics", uptime_s=seconds)))
+    assert judge({"physics": window}, BUDGET) == []
+
+
+def _path(name: str, *batches: list[int]) -> dict[str, figures.Window]:
+    """A second between batches of durations in microseconds."""
+    window, so_far = figures.Window(60.0), []
+    for k, batch in enumerate([[], *batches]):
+        so_far += [d * 1000 for d in batch]
+        paths = (bodies.PathLatency(name=name, latency=histogram(so_far)),)
+        window.add(7, figures.of(health("gateway", uptime_s=1.0 + k, paths=paths)))
+    return {"gateway": window}
 
 
 def test_path() -> None:
@@ -67,6 +126,12 @@ def test_path() -> None:
     assert not breach.severe
     (severe,) = judge(_path("device_model", [30000] * 200), PATHS)
     assert severe.severe
+
+
+def test_a_path_that_was_slow_and_is_not_any_more_keeps_its_contract() -> None:
+    slow, quick = [300] * 900 + [900] * 100, [300] * 1000
+    assert judge(_path("device_model", slow, *[quick] * 3), PATHS) != []
+    assert judge(_path("device_model", slow, *[quick] * 6), PATHS) == []
 
 
 def test_few_samples_have_no_99th_percentile() -> None:

@@ -14,18 +14,31 @@ from tests.supervisor.made_up import MS, health, histogram, loop_report
 
 
 def test_a_window_is_newest_minus_oldest() -> None:
-    window = figures.Window(1.0)
+    window = figures.Window(60.0)
     for k in range(31):  # 3 s of reports every 100 ms; 10 % of the ticks of the last second miss
         misses = max(0, k - 20) * 10
         body = health("physics", uptime_s=k / 10, loop=loop_report(100 * k, misses))
         window.add(body.pid, figures.of(body))
-    seen = window.figures()
+    seen = window.figures(1.0)
     assert seen is not None
     assert seen.loop is not None
     assert seen.seconds == pytest.approx(1.0)
     assert (seen.loop.ticks, seen.loop.misses) == (1000, 100)
     assert seen.loop.miss_ratio == pytest.approx(0.1)
     assert seen.loop.lateness.late == 100
+
+
+def test_a_minute_is_kept_in_few_reports_and_asked_for_in_any_part() -> None:
+    window = figures.Window(60.0)
+    for k in range(1201):
+        window.add(7, figures.of(health("physics", uptime_s=k / 10, loop=loop_report(100 * k))))
+    for seconds, off in ((0.2, 0.01), (1.0, 0.01), (5.0, 0.01), (20.0, 1.0), (60.0, 1.0)):
+        seen = window.figures(seconds)
+        assert seen is not None
+        assert seen.loop is not None
+        assert 0.0 <= seen.seconds - seconds + 1e-6 <= off
+        assert seen.loop.ticks == pytest.approx(1000 * seen.seconds)
+    assert len(window) < 130
 
 
 def test_skipped_ticks_are_due_ticks() -> None:
@@ -46,7 +59,7 @@ def test_a_restart_empties_the_window_and_counts_what_the_new_process_did(first_
         window.add(body.pid, figures.of(body))
     fresh = health("physics", uptime_s=first_heard_s, loop=loop_report(400), pid=8)
     since = window.add(fresh.pid, figures.of(fresh))
-    assert window.figures() is None
+    assert window.figures(5.0) is None
     assert since.loop is not None
     assert since.loop.ticks == 400
 
@@ -56,7 +69,7 @@ def test_a_restart_under_the_same_pid_is_seen_by_its_age() -> None:
     window = figures.Window(5.0)
     for uptime_s, ticks in ((10.0, 10000), (11.0, 11000), (0.3, 300)):
         window.add(1, figures.of(health("physics", uptime_s=uptime_s, loop=loop_report(ticks), pid=1)))
-    assert window.figures() is None
+    assert window.figures(5.0) is None
 
 
 def test_forgetting_begins_at_the_newest_report() -> None:
@@ -65,7 +78,7 @@ def test_forgetting_begins_at_the_newest_report() -> None:
         window.add(7, figures.of(health("physics", uptime_s=float(k), loop=loop_report(1000 * (k + 1), misses))))
         if k == 1:
             window.forget()
-    seen = window.figures()
+    seen = window.figures(5.0)
     assert seen is not None
     assert seen.loop is not None
     assert (seen.loop.ticks, seen.loop.misses) == (2000, 0)

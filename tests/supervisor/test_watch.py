@@ -29,7 +29,7 @@ class Child:
 
 def member(name: str, state: MemberState = MemberState.READY, *, heard_s: float = 100.0) -> Member:
     spec = next(spec for spec in TABLE if spec.name == name)
-    made = Member(spec, True, True, RestartPolicy((0.1,), 5), Window(2.0), state)
+    made = Member(spec, True, True, RestartPolicy((0.1,), 5), Window(60.0), state)
     made.child = Child()  # type: ignore[assignment]
     made.hear(health(name), heard_s)
     made.since_s = 90.0
