@@ -7,6 +7,9 @@ weights B. A new node costs its row of residual blocks, scattered over 36 n^2 by
 What is kept is what the duct says of each pair of nodes, whatever came before: C of the same nodes is the same to the
 last bit, however long it has been kept. It holds as long as the modes are those of the undeformed wall; sections that
 turn carry them along, and nothing is kept then (`bodies.wall_motion`).
+
+Sums are double, what is kept is single precision, as the residual is anyway: it is read from the outer caches in every
+tick, at half the cost. W is within 6e-8 of the largest block that it is weighed from, forces within 1e-6.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray, IntArray
+from services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
@@ -43,8 +46,8 @@ class NodeArrays(Struct):
 
     touched: TouchedNodes
     Phi: Annotated[FloatArray, "n", 3, "r"]
-    residual: Annotated[FloatArray, "3 m", "3 m"]  # item 3 q + j, 3 p + i: how j at q moves i at p
-    whole: Annotated[FloatArray, "3 m", "3 m"]  # with the modes, between places whose flag is set
+    residual: Annotated[Float32Array, "3 m", "3 m"]  # item 3 q + j, 3 p + i: how j at q moves i at p
+    whole: Annotated[Float32Array, "3 m", "3 m"]  # with the modes, between places whose flag is set
     has_modes: Annotated[BoolArray, "m"]
     gain: Annotated[FloatArray, "r"]  # with which `whole` was made, the first n_modes
     moved: Annotated[FloatArray, "3 m"]  # scratch: displacements of the nodes

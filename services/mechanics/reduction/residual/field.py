@@ -45,6 +45,9 @@ class ResidualField:
 
     def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""
+        if not len(load_nodes):
+            self.count = 0
+            return
         self.count = displace_round_loads(
             (self._blocks, self._place),
             (self._start, self._ring),
