@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -31,7 +32,13 @@ class Request:
 
 
 def run_show(request: Request) -> None:
-    """Print a configuration with its defaults, as YAML or JSON; with `origin`, where each value came from."""
+    """Print a configuration with its defaults, as YAML or JSON; with `origin`, where each value came from.
+
+    Raises
+    ------
+    UserError
+        for whatever `trocar up` would refuse, as far as no device and no eigenvalue is needed to know.
+    """
     named = [kind for kind in KINDS if getattr(request, kind) is not None]
     if len(named) > 1:
         raise ConfigError(f"--{named[0]} and --{named[1]}: show one at a time")
@@ -74,10 +81,31 @@ def _type_of(kind: str) -> Any:
 def _load(kind: str, name: str, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
     path = config.find(kind, name)
     if kind == "scene":
-        from services.scenes import scene_origins
-
-        return scene_origins(name, overrides)
+        return _load_scene(name, overrides)
+    if kind == "rig":
+        return _load_rig(path, overrides)
     return config.load(_type_of(kind), path, overrides)
+
+
+def _load_scene(name: str, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
+    """Return a scene whose duct could be built: with a mesh that is there, and so many modes as it has."""
+    from services.cache_directory import cache_directory
+    from services.scenes import check_duct, scene_origins
+
+    scene, origins = scene_origins(name, overrides)
+    check_duct(scene, cache_directory())
+    return scene, origins
+
+
+def _load_rig(path: Path, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
+    """Return a rig whose scene could be built, and whose drivers take their settings."""
+    from services.gateway.instrument import build_instruments
+
+    of_rig, of_scene = config.split_overrides(overrides)
+    rig, origins = config.load(Rig, path, of_rig)
+    build_instruments(rig.gateway)
+    _load_scene(rig.scene, of_scene)
+    return rig, origins
 
 
 def plain(value: Any) -> Any:

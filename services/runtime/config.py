@@ -120,44 +120,56 @@ def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
         raise ConfigError(f"{where}: {error}") from None
 
 
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+_MISSING = ("missing", "missing_argument")
+
+
 def _sentence(error: ValidationError, kind: type[Any]) -> str:
-    first = error.errors(include_url=False)[0]
+    """Return what is wrong: an unknown key before all else, as a misspelt key is also one that is missing."""
+    errors = error.errors(include_url=False)
+    first = next((each for each in errors if each["type"] in _UNKNOWN), errors[0])
     path = ".".join(str(part) for part in first["loc"])
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    if first["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    if first["type"] in _UNKNOWN:
         known = ", ".join(known_keys(kind, first["loc"][:-1])) or "none"
         return f"{path}: unknown key {str(first['loc'][-1])!r}; known: {known}{more}"
-    if first["type"] in ("missing", "missing_argument"):
+    if first["type"] in _MISSING:
         return f"{path}: this key is missing{more}"
     message = first["msg"].removeprefix("Value error, ")
     return f"{path or 'file'}: {message[:1].lower()}{message[1:]}{more}"
 
 
 def known_keys(kind: Any, location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that a configuration type knows at `location`."""
+    """Return the keys that a configuration type knows at `location`, as pydantic's errors give it."""
     schema = TypeAdapter(kind).json_schema()
-    node: dict[str, Any] = schema
+    nodes = _alternatives(schema, schema)
     for part in location:
-        node = _descend(_resolve(node, schema), part, schema)
-    return sorted(_resolve(node, schema).get("properties", {}))
+        below = [each for node in nodes for each in _below(node, part, schema)]
+        nodes = below or [node for node in nodes if _is_called(node, part)]  # where types choose, by which was chosen
+    return sorted({key for node in nodes for key in node.get("properties", {})})
 
 
-def _descend(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> dict[str, Any]:
+def _alternatives(node: Any, schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the schemas that `node` stands for: itself, what it refers to, or each that a value may choose."""
+    if not isinstance(node, dict):
+        return []
+    if "$ref" in node:
+        return _alternatives(schema["$defs"][node["$ref"].rpartition("/")[2]], schema)
+    choices = [choice for word in ("anyOf", "oneOf", "allOf") for choice in node.get(word, ())]
+    return [each for choice in choices for each in _alternatives(choice, schema)] or [node]
+
+
+def _below(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what may stand in `node` under a key, or at a place of a list."""
     if isinstance(part, int):
-        child: dict[str, Any] = node.get("items", {}) or next(iter(node.get("prefixItems", [])), {})
-    else:
-        child = node.get("properties", {}).get(part) or node.get("additionalProperties", {})
-    return _resolve(child, schema)
+        places = node.get("prefixItems", ())
+        return _alternatives(places[part] if part < len(places) else node.get("items"), schema)
+    return _alternatives(node.get("properties", {}).get(part, node.get("additionalProperties")), schema)
 
 
-def _resolve(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    while True:
-        if "$ref" in node:
-            node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
-        elif "anyOf" in node:
-            node = next((n for n in node["anyOf"] if n.get("type") != "null"), {})
-        else:
-            return node
+def _is_called(node: dict[str, Any], name: int | str) -> bool:
+    """Return whether pydantic calls a choice so: by its type, or by the value of the key that decides."""
+    return name == node.get("title") or any(name == key.get("const") for key in node.get("properties", {}).values())
 
 
 def origins_of(data: Mapping[str, Any], where: str, prefix: str = "") -> Origins:

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from services.mechanics.reduction.build import Progress
+from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct
 from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime.errors import ConfigError
+
+
+def check_duct(scene: SceneModel, cache: Path) -> None:
+    """Refuse what `load_duct` would refuse, without computing modes.
+
+    Raises
+    ------
+    ConfigError
+        if the mesh or the settings of the duct cannot be used.
+    """
+    with _one_sentence():
+        check_scene_duct(scene, _mesh(scene.duct, cache, ignore_progress))
 
 
 def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct:
@@ -20,8 +34,14 @@ def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct
     ConfigError
         if the mesh or the settings of the duct cannot be used.
     """
-    try:
+    with _one_sentence():
         return build_scene_duct(scene, cache / "bases", progress, mesh=_mesh(scene.duct, cache, progress))
+
+
+@contextmanager
+def _one_sentence() -> Iterator[None]:
+    try:
+        yield
     except ModuleNotFoundError as error:
         raise ConfigError(f"scene: duct.mesh_file needs the package {error.name!r}, install trocar[mesh]") from None
     except ValueError as error:

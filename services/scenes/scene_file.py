@@ -14,6 +14,7 @@ from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_catheter import check_catheter
 from services.runtime import config
 from services.runtime.errors import ConfigError
+from services.scenes import limits
 
 # The dataclasses inside have no configuration of their own and take this one.
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
@@ -44,6 +45,8 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
     """
     checked = config.build(scene_file_type(), data, where)
     scene = SceneModel(**{name: getattr(checked, name) for name in type(checked).model_fields})
+    if wrong := limits.fault(scene):
+        raise ConfigError(f"{where}: {wrong}")
     try:
         check_catheter(scene)
     except ValueError as error:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 import yaml
 
 from services.runtime import config
@@ -48,3 +49,39 @@ def test_schemas(trocar: Trocar) -> None:
     ran = trocar("config", "schema", "moon")
     assert ran.code == 2
     assert "known: rig, scene, device" in ran.sentence()
+
+
+@pytest.mark.parametrize(
+    ("override", "sentence"),
+    [
+        ("duct.length_m=-0.04", "default.yaml: duct.length_m: must be positive, is -0.04"),
+        ("forceps.1.jaw_radius_m=-1e-3", "default.yaml: forceps.1.jaw_radius_m: must be positive, is -0.001"),
+        ("catheter.outer_diameter_m=0.0", "default.yaml: catheter.outer_diameter_m: must be positive, is 0.0"),
+        ("duct.damping_ratio=-0.1", "default.yaml: duct.damping_ratio: must not be negative, is -0.1"),
+        ("quality=[]", "default.yaml: quality: needs at least one level"),
+        ("duct.mesh_file=nowhere.stl", "nowhere.stl: no such file"),
+        ("duct.n_modes=6000", "n_modes must lie between 1 and 1559, the free translations, is 6000"),
+        ("duct.poisson_ratio=0.6", "poisson_ratio of an isotropic material must not exceed 0.5"),
+    ],
+)
+@pytest.mark.parametrize("by", ["scene", "rig"])
+def test_what_up_would_refuse_is_refused(trocar: Trocar, by: str, override: str, sentence: str) -> None:
+    name = "default" if by == "scene" else "stub"
+    ran = trocar("config", "show", f"--{by}", name, "--set", override)
+    assert ran.code == 2
+    assert ran.sentence().endswith(sentence)
+
+
+@pytest.mark.parametrize(
+    ("override", "sentence"),
+    [
+        ("scene=nowhere", "there is no scene 'nowhere'"),
+        ("gateway.instruments.0.arm.driver=nobody", "instrument 'left': there is no driver 'nobody'"),
+        ("gateway.instruments.0.arm.device=nothing", "there is no device 'nothing'"),
+        ("gateway.instruments.0.arm.settings.scrpt=insertion", "scrpt: unknown key 'scrpt'; known:"),
+    ],
+)
+def test_a_rig_with_what_is_not_there_is_refused(trocar: Trocar, override: str, sentence: str) -> None:
+    ran = trocar("config", "show", "--rig", "stub", "--set", override)
+    assert ran.code in (2, 4)
+    assert sentence in ran.sentence()

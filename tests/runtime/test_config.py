@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import pytest
+from pydantic import Field
 
+from services.gateway.device_files import DeviceFile
 from services.runtime import config
 from services.runtime.errors import ConfigError
-from services.runtime.rig import Rig
+from services.runtime.rig import Rig, Settings
 
 
 def write(path: Path, text: str) -> Path:
@@ -35,7 +38,7 @@ def write(path: Path, text: str) -> Path:
         ("name: a\ntransport: {kind: pigeon}", r"transport.kind: input should be 'ipc' or 'tcp'"),
         (
             "name: a\ngateway: {instruments: [{name: left, port_m: [0, 0, 0], arm: {drver: x}}]}",
-            r"gateway.instruments.0.arm.driver: this key is missing \(and 1 more\)",
+            r"gateway.instruments.0.arm.drver: unknown key 'drver'; known: device, driver, settings \(and 1 more\)",
         ),
         ("name: a\ntransport: {kind: tcp, bind_host: 0.0.0.0}", r"transport: tcp to 0.0.0.0 leaves this host"),
         (
@@ -54,6 +57,52 @@ def test_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> 
     with pytest.raises(ConfigError, match=sentence) as caught:
         config.load(Rig, write(tmp_path, text))
     assert "\n" not in str(caught.value)
+
+
+class Wheel(Settings):
+    kind: Literal["wheel"]
+    radius_m: float
+
+
+class Rail(Settings):
+    kind: Literal["rail"]
+    gauge_m: float
+
+
+class Axle(Settings):
+    length_m: float
+
+
+class Cart(Settings):
+    on: Annotated[Wheel | Rail, Field(discriminator="kind")] | None = None
+    parts: tuple[Annotated[Wheel | Rail, Field(discriminator="kind")], ...] = ()
+    ends: tuple[Axle, Wheel] | None = None
+    either: Axle | Rail | None = None
+    named: dict[str, Axle] | None = None
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        ({"on": {"kind": "rail", "gage_m": 1.0}}, "on.rail.gage_m: unknown key 'gage_m'; known: gauge_m, kind (and"),
+        ({"parts": [{"kind": "wheel", "radius": 1.0}]}, "parts.0.wheel.radius: unknown key 'radius'; known: kind, rad"),
+        ({"ends": [{"l": 1.0}, {}]}, "ends.0.l: unknown key 'l'; known: length_m (and"),
+        ({"ends": [{"length_m": 1.0}, {"l": 1.0}]}, "ends.1.l: unknown key 'l'; known: kind, radius_m (and"),
+        ({"either": {"x": 1.0}}, "either.Axle.x: unknown key 'x'; known: length_m (and"),
+        ({"named": {"a": {"x": 1.0}}}, "named.a.x: unknown key 'x'; known: length_m (and"),
+        ({"wheels": 4}, "wheels: unknown key 'wheels'; known: either, ends, named, on, parts"),
+    ],
+)
+def test_an_unknown_key_names_those_that_are_known_there(data: dict[str, Any], sentence: str) -> None:
+    """Where a value may be of several types, the keys are those of the one that was chosen or tried."""
+    with pytest.raises(ConfigError) as caught:
+        config.build(Cart, data, "file")
+    assert str(caught.value).startswith(f"file: {sentence}")
+
+
+def test_of_a_file_that_may_be_two_things_too() -> None:
+    with pytest.raises(ConfigError, match=r"arm.modle: unknown key 'modle'; known: continuous_force_n, kind, max_dam"):
+        config.build(DeviceFile, {"kind": "arm", "modle": "x"}, "file")
 
 
 def test_a_merged_key_may_be_given_again(tmp_path: Path) -> None:

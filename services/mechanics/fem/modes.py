@@ -36,6 +36,13 @@ class EigenModes:
         return self.omega_rad_s / (2.0 * np.pi)
 
 
+def check_n_modes(model: ShellModel, n_modes: int) -> None:
+    """Raise ValueError if a model has no ``n_modes`` modes."""
+    n = len(model.free_translations)
+    if not 0 < n_modes < n:
+        raise ValueError(f"n_modes must lie between 1 and {n - 1}, the free translations, is {n_modes}")
+
+
 def compute_modes(model: ShellModel, n_modes: int, on_solve: Callable[[], None] | None = None) -> EigenModes:
     """Lowest ``n_modes`` of K phi = omega² M phi where M has no entries for rotations (paper eq. 19).
 
@@ -55,10 +62,9 @@ def compute_modes(model: ShellModel, n_modes: int, on_solve: Callable[[], None] 
     ValueError
         More modes are asked for than the model has free translations, or the model is ill-conditioned.
     """
+    check_n_modes(model, n_modes)
     translations = model.free_translations
     n = len(translations)
-    if not 0 < n_modes < n:
-        raise ValueError(f"n_modes must lie between 1 and {n - 1}, the free translations, is {n_modes}")
     model.check_condition()
     root_mass = np.sqrt(model.free_mass_kg[translations])
     full = np.zeros(len(model.free_dofs))

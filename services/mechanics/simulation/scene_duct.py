@@ -10,8 +10,10 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.effects import Effect, build_effects, by_stage
+from services.mechanics.fem.modes import check_n_modes
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.reduce import fetch_residual_displacement, reduce_duct
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe, wall_section
@@ -49,10 +51,7 @@ def build_scene_duct(
     if mesh is None:
         mesh = scene_mesh(scene.duct)
     stages = by_stage(build_effects(scene).values())
-    section = wall_section(scene.duct)
-    for effect in stages["modify_section"]:
-        section = effect.modify_section(section)
-    recipe = duct_recipe(scene.duct, mesh, section)
+    recipe = _recipe(scene, mesh, stages["modify_section"])
     duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
     load = constant_load_n(stages["constant_load_n"], mesh)
     if load is not None and load.any():
@@ -61,6 +60,27 @@ def build_scene_duct(
     for effect in stages["modify_duct"]:
         duct = effect.modify_duct(duct)
     return duct
+
+
+def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> None:
+    """Refuse a duct that could not be reduced, in a fraction of the time.
+
+    Raises
+    ------
+    ValueError
+        As `build_scene_duct`, for all that is known before the eigenvalues are.
+    """
+    stages = by_stage(build_effects(scene).values())
+    recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, stages["modify_section"])
+    check_n_modes(recipe.model(), recipe.n_modes)
+
+
+def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Iterable[Effect]) -> DuctRecipe:
+    """Return the recipe of the duct; ``effects`` are those that modify the wall's section, in order."""
+    section = wall_section(scene.duct)
+    for effect in effects:
+        section = effect.modify_section(section)
+    return duct_recipe(scene.duct, mesh, section)
 
 
 def scene_mesh(duct: DuctScene) -> TriangleMesh:

@@ -1,0 +1,47 @@
+"""Which numbers of a scene must be above zero, and which may be zero but not below: a length, say, or a damping.
+
+The mechanics takes plain data; much of it would compute with a negative radius without a word.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+from services.mechanics.scene import SceneModel
+
+_POSITIVE = {
+    "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
+    "mesh_lumen_diameter_m",
+    "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
+    "forceps": "shaft_radius_m jaw_radius_m jaw_length_m jaw_ratio jaw_max_angle_rad coupling_stiffness_n_m",
+    "contact": "tolerance_n capacity penalty_stiffness_n_m",
+    "quality": "n_modes iterations",
+}
+_NOT_NEGATIVE = {
+    "duct": "slit_length_m slit_width_m damping_ratio",
+    "catheter": "inner_diameter_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m introducer_friction "
+    "introducer_seal_friction_n",
+    "forceps": "coupling_damping_n_s_m",
+    "contact": "margin_m recovery penalty_damping_n_s_m",
+}
+
+
+def fault(scene: SceneModel) -> str:
+    """Return what is wrong with the first number that is out of its bounds, with its key; empty for nothing."""
+    for part, path, holder in _parts(scene):
+        for names, lowest, wanted in ((_POSITIVE, 0.0, "be positive"), (_NOT_NEGATIVE, -5e-324, "not be negative")):
+            for name in names.get(part, "").split():
+                value = getattr(holder, name)
+                if value is not None and not value > lowest:
+                    return f"{path}.{name}: must {wanted}, is {value}"
+    return "" if scene.quality else "quality: needs at least one level"
+
+
+def _parts(scene: SceneModel) -> Iterator[tuple[str, str, Any]]:
+    """Yield each part of a scene with its key: the parts of a list one by one."""
+    for field in dataclasses.fields(scene):
+        value = getattr(scene, field.name)
+        for index, each in enumerate(value) if isinstance(value, tuple) else [(None, value)]:
+            yield field.name, field.name if index is None else f"{field.name}.{index}", each
