@@ -38,10 +38,17 @@ class RodEnergy:
     @property
     def total_j(self) -> float:
         """Kinetic plus everything stored."""
-        return self.kinetic_j + self.stretch_j + self.bending_j + self.twist_j + self.support_j
+        return self.kinetic_j + self.elastic_j
+
+    @property
+    def elastic_j(self) -> float:
+        """Everything stored, in the rod and in the springs of its supports."""
+        return self.stretch_j + self.bending_j + self.twist_j + self.support_j
 
 
-def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None) -> RodEnergy:
+def rod_energy(
+    model: RodModel, state: RodState, twist: TwistModel | None = None, work: RodWork | None = None
+) -> RodEnergy:
     """Return the energies of a state; allocates, so not for the 1 kHz step.
 
     Parameters
@@ -50,8 +57,10 @@ def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None
         As an integrator holds them.
     state
         Where the particles are, and how fast.
+    work
+        Scratch to use again, for who asks in every tick.
     """
-    work = allocate_work(len(state.position_m))
+    work = work or allocate_work(len(state.position_m))
     np.copyto(work.position, state.position_m)
     segment_geometry(work)
     return RodEnergy(
@@ -63,7 +72,9 @@ def rod_energy(model: RodModel, state: RodState, twist: TwistModel | None = None
     )
 
 
-def internal_forces(model: RodModel, state: RodState, before: RodState | None = None) -> FloatArray:
+def internal_forces(
+    model: RodModel, state: RodState, before: RodState | None = None, work: RodWork | None = None
+) -> FloatArray:
     """Return the rod's own forces (n, 3) in N: elastic, damping, of clamps and introducer; not drag, not the frame's.
 
     With a state at rest they are the elastic ones. Allocates, so not for the 1 kHz step.
@@ -75,15 +86,18 @@ def internal_forces(model: RodModel, state: RodState, before: RodState | None = 
     before
         The state that the step before ended with, whose speeds and pushes the introducer's friction follows; ``state``
         itself where it is None.
+    work
+        Scratch to use again, for who asks in every tick.
     """
     before = before or state
-    work = allocate_work(len(state.position_m))
+    work = work or allocate_work(len(state.position_m))
+    work.force[:] = 0.0
     work.previous_position[:] = before.position_m
     work.previous_velocity[:] = before.velocity_m_s
     work.position[:] = state.position_m
     work.velocity[:] = state.velocity_m_s
     add_internal_forces(model, work, (0.0, 0.0), 0.0)
-    return work.force
+    return work.force.copy()
 
 
 def _wall_energy(model: RodModel, work: RodWork) -> float:

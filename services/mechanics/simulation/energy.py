@@ -14,6 +14,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
 from services.mechanics.rod.energy import RodEnergy, internal_forces, rod_energy
+from services.mechanics.rod.model import RodWork, allocate_work
 from services.mechanics.rod.twist import add_frame_forces
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -72,21 +73,27 @@ class EnergyBook:
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
         self.flow = EnergyFlow()
-        self._opening_j = stored_energy_j(simulation)
+        self._work = allocate_work(len(simulation.catheter.state.position_m))
+        self._rod = rod_energy_now(simulation, self._work)
+        self._opening_j = self._stored_j()
 
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Take one step of the simulation and enter it."""
-        before = _Snapshot.of(self.simulation)
+        before = _Snapshot.of(self.simulation, self._rod)
         slipped_j = self.simulation.holds.dissipated_j
         spent_j = _dissipated_by_effects_j(self.simulation)
         self.simulation.step(tools, None, dt_s)
+        self._rod = rod_energy_now(self.simulation, self._work)
         self._enter_tools(before, dt_s)
         self._enter_rod(before)
         self._enter_duct(before, dt_s)
         self._enter_contacts()
         self.flow.friction_j += self.simulation.holds.dissipated_j - slipped_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
-        self.flow.stored_j = stored_energy_j(self.simulation) - self._opening_j
+        self.flow.stored_j = self._stored_j() - self._opening_j
+
+    def _stored_j(self) -> float:
+        return float(sum(stored_energies_j(self.simulation, self._rod).values()))
 
     def _enter_tools(self, before: _Snapshot, dt_s: float) -> None:
         tools = self.simulation.tools
@@ -102,14 +109,14 @@ class EnergyBook:
         model, state = integrator.model, self.simulation.catheter.state
         motion = state.position_m - before.rod.position_m
         at_rest = RodState(state.position_m, np.zeros_like(motion))
-        elastic = internal_forces(model, at_rest)
-        viscous = internal_forces(model, state, before.rod) - elastic
+        elastic = internal_forces(model, at_rest, work=self._work)
+        viscous = internal_forces(model, state, before.rod, self._work) - elastic
         viscous -= model.drag[:, None] * state.velocity_m_s
         if integrator.twist is not None:
             add_frame_forces(integrator.twist, before.rod.copy(), elastic)
         self.flow.rod_j -= float(np.sum(viscous * motion))
         change = state.velocity_m_s - before.rod.velocity_m_s
-        elastic_change_j = rod_elastic_j(self.simulation) - before.rod_elastic_j
+        elastic_change_j = self._rod.elastic_j - before.rod_elastic_j
         self.flow.numerical_j += 0.5 * float(model.mass @ np.sum(change**2, axis=1))
         self.flow.numerical_j -= float(np.sum(elastic * motion)) + elastic_change_j
 
@@ -161,27 +168,25 @@ class _Snapshot:
     loads: FloatArray
 
     @classmethod
-    def of(cls, simulation: Simulation) -> _Snapshot:
+    def of(cls, simulation: Simulation, rod_energy: RodEnergy) -> _Snapshot:
         rod, tools = simulation.catheter.state, simulation.tools
         return cls(
             tools.hand.copy(),
             tools.stretch.copy(),
             rod.copy(),
-            rod_elastic_j(simulation),
+            rod_energy.elastic_j,
             simulation.duct.state.copy(),
             nodal_loads(simulation),
         )
 
 
-def stored_energy_j(simulation: Simulation) -> float:
-    """Return everything stored in the scene at the end of the last step."""
-    return float(sum(stored_energies_j(simulation).values()))
+def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> dict[str, float]:
+    """Return what is stored where at the end of the last step: catheter, duct, couplings, grips, and each effect.
 
-
-def stored_energies_j(simulation: Simulation) -> dict[str, float]:
-    """Return what is stored where: catheter, duct, couplings, grips, and each effect."""
+    ``rod`` is the catheter's, where it is known already.
+    """
     tools, duct = simulation.tools, simulation.duct
-    rod = _rod_energy(simulation)
+    rod = rod or rod_energy_now(simulation)
     stored = {
         "catheter": rod.total_j,
         "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
@@ -202,13 +207,13 @@ def _grip_energy_j(simulation: Simulation) -> float:
     return 0.5 * float(np.sum(rows.softness_m_n[held] * rows.force_n[held] ** 2))
 
 
-def _rod_energy(simulation: Simulation) -> RodEnergy:
-    """Energies with the material frame brought to where the particles are: in a step it lags by one."""
-    integrator = _implicit(simulation)
-    state = simulation.catheter.state.copy()
+def rod_energy_now(simulation: Simulation, work: RodWork | None = None) -> RodEnergy:
+    """Return the catheter's energies with the material frame brought to where the particles are: in a step it lags."""
+    integrator, state = _implicit(simulation), simulation.catheter.state
     if integrator.twist is not None:
+        state = state.copy()
         add_frame_forces(integrator.twist, state, np.zeros_like(state.position_m))
-    return rod_energy(integrator.model, state, integrator.twist)
+    return rod_energy(integrator.model, state, integrator.twist, work)
 
 
 def _implicit(simulation: Simulation) -> ImplicitIntegrator:
@@ -216,12 +221,6 @@ def _implicit(simulation: Simulation) -> ImplicitIntegrator:
     if not isinstance(integrator, ImplicitIntegrator):
         raise TypeError("the books are kept for the implicit integrator of the catheter only")
     return integrator
-
-
-def rod_elastic_j(simulation: Simulation) -> float:
-    """Return the elastic energy of the catheter and of the springs of its supports."""
-    energy = _rod_energy(simulation)
-    return energy.total_j - energy.kinetic_j
 
 
 def nodal_loads(simulation: Simulation) -> FloatArray:
