@@ -169,6 +169,28 @@ def effects(
     run_effects(scene or "default", measure, json)
 
 
+@app.command()
+def stability(
+    long: Annotated[
+        bool, typer.Option("--long/--quick", help="All of every family, more than 2,000 runs; or a few of each.")
+    ] = False,
+    families: Annotated[
+        list[str] | None, typer.Option("--family", metavar="NAME", help="Only this family; may be given again.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Other seeds, other members of the families.")] = 1,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder that keeps results as they come; a run that was ended goes on there.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Write the table as a page, as docs/stability.md.")] = None,
+    json: Json = False,
+) -> None:
+    """Run the hard cases: nothing blows up, nothing stays wrong, nothing lies quietly."""
+    from services.cli.stability import Request, run_stability
+
+    run_stability(Request(long, tuple(families or ()), seed, jobs, out, report, json))
+
+
 @config_app.command("show")
 def config_show(
     rig: Annotated[str | None, typer.Option(help="Rig file or name; the default.")] = None,

@@ -107,6 +107,16 @@ class DuctBody:
         point: FloatArray = weights @ corners
         return point
 
+    def surface_m(self) -> FloatArray:
+        """Return where all nodes are at the end of the last step, (n, 3) in m; not for every tick."""
+        self._motion.update(self.state.q)
+        nodes = np.arange(self.reduced.mesh.n_vertices, dtype=np.int32)
+        positions = self._motion.positions(nodes, self.state.q)
+        n = self.n_loads
+        if n:
+            self.reduced.residual.apply(self.load_nodes[:n], self.load_force_n[:n], nodes, positions)
+        return positions
+
     @property
     def position_gain(self) -> FloatArray:
         """(r,) change of q at the end of the step per modal contact force."""

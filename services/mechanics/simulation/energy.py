@@ -105,7 +105,7 @@ class EnergyBook:
         self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
 
     def _enter_rod(self, before: _Snapshot) -> None:
-        integrator = _implicit(self.simulation)
+        integrator = implicit_integrator(self.simulation)
         model, state = integrator.model, self.simulation.catheter.state
         motion = state.position_m - before.rod.position_m
         at_rest = RodState(state.position_m, np.zeros_like(motion))
@@ -209,14 +209,15 @@ def _grip_energy_j(simulation: Simulation) -> float:
 
 def rod_energy_now(simulation: Simulation, work: RodWork | None = None) -> RodEnergy:
     """Return the catheter's energies with the material frame brought to where the particles are: in a step it lags."""
-    integrator, state = _implicit(simulation), simulation.catheter.state
+    integrator, state = implicit_integrator(simulation), simulation.catheter.state
     if integrator.twist is not None:
         state = state.copy()
         add_frame_forces(integrator.twist, state, np.zeros_like(state.position_m))
     return rod_energy(integrator.model, state, integrator.twist, work)
 
 
-def _implicit(simulation: Simulation) -> ImplicitIntegrator:
+def implicit_integrator(simulation: Simulation) -> ImplicitIntegrator:
+    """Return the catheter's integrator, which has to be the implicit one."""
     integrator = simulation.catheter.integrator
     if not isinstance(integrator, ImplicitIntegrator):
         raise TypeError("the books are kept for the implicit integrator of the catheter only")

@@ -1,0 +1,99 @@
+"""``trocar stability``: the suite of hard cases, its progress and its table."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from services.runtime.errors import ConfigError, UserError
+from services.studies.stability.families import FAMILIES
+from services.studies.stability.family import Reach
+from services.studies.stability.report import code_version, page, shown, worst_figures
+from services.studies.stability.suite import Log, Order, Result, list_cases, run_suite
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line."""
+
+    long: bool
+    families: tuple[str, ...]
+    seed: int
+    jobs: int | None
+    out: Path | None
+    report: Path | None
+    json: bool
+
+
+def run_stability(request: Request) -> None:
+    """Run the suite, print its table, and end with exit code 1 if a case failed.
+
+    Raises
+    ------
+    ConfigError
+        An unknown family, or a folder with results of something else.
+    """
+    for name in request.families:
+        if name not in FAMILIES:
+            raise ConfigError(f"--family {name}: there is no such family; known: {', '.join(FAMILIES)}")
+    if request.report is not None and not request.report.absolute().parent.is_dir():
+        raise ConfigError(f"--report {request.report}: there is no folder {request.report.absolute().parent}")
+    reach = Reach.LONG if request.long else Reach.QUICK
+    order = Order(reach, request.seed, request.families or tuple(FAMILIES))
+    code = code_version(Path(__file__).parents[2])
+    with tempfile.TemporaryDirectory() as scratch:
+        try:
+            log = Log(request.out or Path(scratch), order, code)
+        except ValueError as error:
+            raise ConfigError(f"--out {error}") from None
+        results = _run(order, request.jobs or os.cpu_count() or 1, log)
+    if request.report is not None:
+        request.report.write_text(page(order, results, code))
+    if request.json:
+        print(json.dumps({"code": code, "seed": order.seed, "results": [asdict(result) for result in results]}))
+    else:
+        _print(order, results)
+    failed = sum(bool(result.failed) for result in results)
+    if failed:
+        raise UserError(f"{failed} of {len(results)} hard cases failed")
+
+
+def _run(order: Order, jobs: int, log: Log) -> list[Result]:
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=len(list_cases(order)))
+        failed = 0
+
+        def tell(result: Result, count: int, total: int) -> None:
+            nonlocal failed
+            failed += bool(result.failed)
+            progress.update(task, completed=count, total=total, description=f"{failed} failed, {result.family}")
+
+        return run_suite(order, jobs, log, tell)
+
+
+def _print(order: Order, results: list[Result]) -> None:
+    table = Table(box=None, pad_edge=False)
+    for title in ("family", "what", "cases", "failed", *(("worst figures beyond their limits",))):
+        table.add_column(title, overflow="fold", no_wrap=title == "family")
+    for name in order.families:
+        mine = [result for result in results if result.family == name]
+        failed = [result for result in mine if result.failed]
+        beyond = {criterion for result in failed for criterion in result.failed}
+        worst = [each for each in worst_figures(mine).values() if each.criterion in beyond]
+        told = "\n".join(f"{each.criterion} {shown(each.criterion, each.value)}" for each in worst)
+        table.add_row(name, FAMILIES[name].what, str(len(mine)), str(len(failed)), told)
+    Console(highlight=False).print(table)

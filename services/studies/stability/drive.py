@@ -1,0 +1,167 @@
+"""One run of a simulation under hard hands, watched in every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import FloatArray
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.energy import EnergyBook
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.mechanics.surface.mesh import TriangleMesh
+from services.studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, Figures
+from services.studies.stability.hands import Hands
+from services.studies.stability.watch import Watch, is_at_rest
+
+QUIET_S = 0.15
+"""So long in a row at rest ends a run."""
+SETTLE_S = 4.0
+"""A scene that nobody disturbs has so long to come to rest."""
+LEFT_S = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Play:
+    """A run: a scene, the hands, and what is to be judged of it.
+
+    Attributes
+    ----------
+    scene : SceneModel
+    hands : Hands
+        One row a step; after the last one both tools are gone.
+    dt_s : float
+    before_step : callable (simulation, step), optional
+        What else happens, as a switch of the quality level.
+    mesh : TriangleMesh, optional
+        Of the wall, in the place of the scene's.
+    rests : bool
+        Whether it has to come to rest when the hands have left: what is undamped need not.
+    has_one_shape : bool
+        Whether there is one shape of rest, whatever happened: no friction, and nothing that slides for free.
+    may_jump : bool
+        Whether the hands or the ticks are other than those of a person: overlaps may be larger then.
+    """
+
+    scene: SceneModel
+    hands: Hands
+    dt_s: float = 1e-3
+    before_step: Callable[[Simulation, int], None] | None = None
+    mesh: TriangleMesh | None = None
+    rests: bool = True
+    has_one_shape: bool = False
+    may_jump: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """What came of a run: its figures, a digest of its end, and how many steps it took."""
+
+    figures: Figures
+    digest: str
+    steps: int
+
+
+def drive(play: Play) -> Driven:
+    """Run a play to its end and return its figures."""
+    simulation, tools = Simulation(play.scene, reduced_duct(play.scene, play.mesh)), ToolInputs()
+    speed_m_s = play.hands.top_speed_m_s(play.dt_s)
+    play.hands.write(0, tools)
+    simulation.step(tools, None, play.dt_s)
+    run = _Run(simulation, EnergyBook(simulation), Watch(simulation, speed_m_s), tools, play)
+    is_sound = run.through_hands() and run.until_quiet()
+    figures = run.watch.worst | run.watch.energy_figures()
+    depth_m = figures.pop("penetration")
+    figures["penetration_any"] = depth_m / play.scene.duct.thickness_m
+    if speed_m_s <= HAND_SPEED_M_S and not play.may_jump:
+        figures["penetration_hand"] = depth_m
+    if is_sound:
+        run.watch.count_crossings()
+        figures["crossings"] = run.watch.worst["crossings"]
+    if play.rests:
+        figures["rest"] = run.rest_s if is_sound else np.inf
+    if is_sound and play.has_one_shape and simulation.inserted_length_m > 0.0:
+        figures["shape"] = _distance_m(simulation, play)
+    return Driven({name: figures[name] for name in CRITERIA if name in figures}, run.watch.digest(), run.steps)
+
+
+@dataclass(slots=True)
+class _Run:
+    simulation: Simulation
+    book: EnergyBook
+    watch: Watch
+    tools: ToolInputs
+    play: Play
+    steps: int = 1
+    rest_s: float = np.inf
+
+    def through_hands(self) -> bool:
+        return all(self._step() for _ in range(1, len(self.play.hands)))
+
+    def until_quiet(self) -> bool:
+        """Go on without hands, until it has been quiet for a while; or not, for as long as it may take."""
+        dt_s, quiet_s, gone_s = self.play.dt_s, 0.0, 0.0
+        while quiet_s < QUIET_S and gone_s < LEFT_S + 2.0 * QUIET_S and self.play.rests:
+            if not self._step():
+                return False
+            gone_s += dt_s
+            quiet_s = quiet_s + dt_s if is_at_rest(self.watch.speed_m_s()) else 0.0
+        if quiet_s >= QUIET_S:
+            self.rest_s = gone_s - quiet_s
+        return True
+
+    def _step(self) -> bool:
+        play = self.play
+        play.hands.write(self.steps, self.tools)
+        if play.before_step is not None:
+            play.before_step(self.simulation, self.steps)
+        self.steps += 1
+        try:
+            self.book.step(self.tools, play.dt_s)
+        except FloatingPointError:
+            self.watch.worst["raised"] += 1
+            return False
+        return self.watch.look(play.dt_s, self.book.flow)
+
+
+def _distance_m(simulation: Simulation, play: Play) -> float:
+    """How far the catheter ends from where it would have been."""
+    undisturbed = _rest_shape(play.scene, play.dt_s)
+    return float(np.abs(simulation.catheter.state.position_m - undisturbed).max())
+
+
+_shapes: dict[tuple[str, float], FloatArray] = {}
+
+
+def _rest_shape(scene: SceneModel, dt_s: float) -> FloatArray:
+    """Where the catheter hangs when nobody has touched it."""
+    key = (repr(scene), dt_s)
+    if key not in _shapes:
+        simulation, tools = Simulation(scene, reduced_duct(scene)), ToolInputs()
+        tools.present[:] = False
+        for _ in range(round(SETTLE_S / dt_s)):
+            simulation.step(tools, None, dt_s)
+        _shapes[key] = simulation.catheter.state.position_m.copy()
+    return _shapes[key]
+
+
+_ducts: dict[str, ReducedDuct] = {}
+_MOST_DUCTS = 6
+
+
+def reduced_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> ReducedDuct:
+    """Return the duct of a scene, the same object for all scenes that have it alike."""
+    if mesh is not None:
+        return build_scene_duct(scene, cache_directory() / "bases", mesh=mesh)
+    key = repr((scene.duct, scene.effects))
+    if key not in _ducts:
+        if len(_ducts) == _MOST_DUCTS:  # 20 MB each
+            del _ducts[next(iter(_ducts))]
+        _ducts[key] = build_scene_duct(scene, cache_directory() / "bases")
+    return _ducts[key]

@@ -1,0 +1,143 @@
+"""The suite's results as a page: who ran, what the criteria are, the worst figure of each, and what failed."""
+
+from __future__ import annotations
+
+import math
+import platform
+import subprocess
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from services.studies.stability.criteria import CRITERIA, load_of
+from services.studies.stability.families import FAMILIES
+from services.studies.stability.suite import Order, Result
+
+PACKAGES = "numpy", "scipy", "numba"
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The worst figure of one criterion among some results, and whose it is."""
+
+    criterion: str
+    value: float
+    case: str
+
+
+def worst_figures(results: Iterable[Result]) -> dict[str, Worst]:
+    """Return by criterion, in the order of the table, the figure nearest to its limit or beyond it."""
+    worst: dict[str, Worst] = {}
+    for result in results:
+        for name, value in result.figures.items():
+            if name not in worst or load_of(name, value) > load_of(name, worst[name].value):
+                worst[name] = Worst(name, value, f"{result.family}: {result.case}")
+    return {name: worst[name] for name in CRITERIA if name in worst}
+
+
+def shown(name: str, value: float) -> str:
+    """A figure with its unit, in a size that is read easily."""
+    unit = CRITERIA[name].unit
+    if not math.isfinite(value):
+        return "never" if name == "rest" else "none"
+    if unit == "m" and value != 0.0:
+        return f"{1e3 * value:.3g} mm" if abs(value) >= 1e-5 else f"{1e6 * value:.3g} um"
+    return f"{value:.3g} {unit}".strip()
+
+
+def code_version(root: Path) -> str:
+    """Name the code that ran: the commit of the checkout, with a mark where it has been edited, else the package."""
+    try:
+        told = subprocess.run(
+            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=10"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return f"trocar {version('trocar')}"
+    return told.stdout.strip()
+
+
+def page(order: Order, results: Sequence[Result], code: str) -> str:
+    """Return the page in Markdown."""
+    failed = [result for result in results if result.failed]
+    lines = [
+        "# Hard cases",
+        "",
+        f"Written by `trocar stability --{order.reach.value} --seed {order.seed}`; not to be edited by hand.",
+        "",
+        *_head(order, results, len(failed), code),
+        "",
+        "## Worst figures",
+        "",
+        *_criteria(results),
+        "",
+        "## Families",
+        "",
+        *_families(order, results),
+        "",
+        *_failed(failed),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _head(order: Order, results: Sequence[Result], failed: int, code: str) -> list[str]:
+    steps, seconds = sum(result.steps for result in results), sum(result.seconds for result in results)
+    packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return [
+        f"- **{len(results)} cases, {failed} failed**; {steps:,} steps, {seconds / 60:.0f} minutes of processor time",
+        f"- code {code}, seed {order.seed}, {datetime.now(UTC):%Y-%m-%d}",
+        f"- {_machine()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, {packages}",
+    ]
+
+
+def _machine() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or "an unknown processor"
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{len(names)} cores of {names[0]}" if names else "an unknown processor"
+
+
+def _criteria(results: Sequence[Result]) -> list[str]:
+    rows = [
+        "| criterion | limit | worst | of | cases | failed | what it is |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, worst in worst_figures(results).items():
+        asked = [result for result in results if name in result.figures]
+        failed = sum(name in result.failed for result in asked)
+        criterion = CRITERIA[name]
+        rows.append(
+            f"| {name} | {shown(name, criterion.limit)} | {shown(name, worst.value)} | {worst.case} | {len(asked)} "
+            f"| {failed} | {criterion.what} |"
+        )
+    return rows
+
+
+def _families(order: Order, results: Sequence[Result]) -> list[str]:
+    rows = [
+        "| family | what | cases | failed | worst figures, nearest to their limits |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name in order.families:
+        mine = [result for result in results if result.family == name]
+        failed = sum(bool(result.failed) for result in mine)
+        worst = sorted(worst_figures(mine).values(), key=lambda each: -load_of(each.criterion, each.value))
+        told = "; ".join(f"{each.criterion} {shown(each.criterion, each.value)}" for each in worst[:4])
+        rows.append(f"| {name} | {FAMILIES[name].what} | {len(mine)} | {failed} | {told} |")
+    return rows
+
+
+def _failed(failed: Sequence[Result]) -> list[str]:
+    if not failed:
+        return ["No case failed."]
+    rows = ["## Failed", "", "| family | case | figures beyond their limits |", "| --- | --- | --- |"]
+    for result in failed:
+        told = "; ".join(f"{name} {shown(name, result.figures[name])}" for name in result.failed)
+        rows.append(f"| {result.family} | {result.case} | {told} |")
+    return rows
