@@ -138,15 +138,20 @@ def _refuse(struct: Struct, what: str, names: set[str]) -> None:
         raise TypeError(f"{type(struct).__name__}.{min(names)}: {what}")
 
 
+_PLAIN = {"float": float, "int": int, "bool": bool}
+
+
 def _number(label: str, field: ScalarField) -> property:
-    word, store = field.word, "_floats" if field.kind == "float" else "_words"
+    word, store, plain = field.word, "_floats" if field.kind == "float" else "_words", _PLAIN[field.kind]
 
     def get(struct: Any) -> float:
         value: float = struct.__dict__[store][word]
         return bool(value) if field.kind == "bool" else value
 
     def put(struct: Any, value: float) -> None:
-        struct.__dict__[store][word] = _checked_number(label, field, value)
+        # Asking an abstract class takes longer than a small kernel.
+        number = value if type(value) is plain else _checked_number(label, field, value)
+        struct.__dict__[store][word] = number
 
     return property(get, put)
 

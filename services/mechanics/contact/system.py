@@ -68,6 +68,7 @@ class ContactSystem:
         self.slides = self._state.slides
         self.sweeps = 0
         self.dropped_pairs = 0
+        self._gave_forces = False
 
     @property
     def motion_m(self) -> FloatArray:
@@ -114,7 +115,9 @@ class ContactSystem:
         """Give the forces to duct, catheter and, as generalised forces (2, 4), to the tools."""
         bodies, rows = self.bodies, self.rows
         k = rows.n_contacts
-        forces = self.force_n[:k]
-        bodies.duct.correct(rows.duct_node[:k], rows.duct_weight[:k], forces)
-        bodies.catheter.correct(rows.rod_node[:k], rows.rod_weight[:k], forces)
+        if k or self._gave_forces:  # once without any, so that the last ones are taken back
+            forces = self.force_n[:k]
+            bodies.duct.correct(rows.duct_node[:k], rows.duct_weight[:k], forces)
+            bodies.catheter.correct(rows.rod_node[:k], rows.rod_weight[:k], forces)
+        self._gave_forces = k > 0
         bodies.tools.correct(tool_force)
