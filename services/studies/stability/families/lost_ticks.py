@@ -10,14 +10,13 @@ import numpy as np
 from services.mechanics.arrays import IntArray
 from services.studies.stability.drive import Play
 from services.studies.stability.family import Case, Draw, played
-from services.studies.stability.hands import least_jerk
 from services.studies.stability.situations import LEAD_STEPS, approaching, threaded
+from services.studies.stability.strokes import stroking
 
 SITUATIONS = {"holding": threaded, "approaching": approaching}
 MOVING_STEPS = 450
 STALLS_MS = 5, 20, 50, 250
 COUNT = 12
-SPEEDS_M_S = 0.1, 0.3
 
 
 def cases(draw: Draw) -> Iterator[Case]:
@@ -70,10 +69,5 @@ def _freeze(ms: int, ticks: int, random: np.random.Generator) -> IntArray:
 
 def _play(draw: Draw, name: str, situation: str, index: Fault) -> Play:
     start, random = SITUATIONS[situation](), draw.random(f"lost ticks {name}")
-    hands = start.hands.then(MOVING_STEPS)
-    for tool, reach_m in ((0, 15e-3), (1, 5e-3)):
-        direction = random.normal(size=3) * (1.0, 0.3, 0.3)
-        way = least_jerk(reach_m, direction / np.linalg.norm(direction), float(random.choice(SPEEDS_M_S)))
-        strokes = np.concatenate([way, way[::-1]] * (MOVING_STEPS // (2 * len(way)) + 1))[:MOVING_STEPS]
-        hands = hands.moved(tool, strokes, LEAD_STEPS)
+    hands = stroking(start, random, MOVING_STEPS)
     return Play(scene=start.scene, hands=hands.sampled(index(len(hands), random)), may_jump=True)

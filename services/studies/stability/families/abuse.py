@@ -1,0 +1,125 @@
+"""What hands must not do to a catheter and a duct: jam, buckle, drag, tear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from services.mechanics.effects import EFFECTS
+from services.mechanics.effects.gallstones import GallstonesSettings
+from services.mechanics.scene.tools import N_TOOLS
+from services.studies.stability.drive import Play
+from services.studies.stability.family import Case, Draw, played
+from services.studies.stability.hands import Hands, junction, least_jerk, still
+from services.studies.stability.situations import LEAD_STEPS, Situation, approaching, threaded, with_effects
+
+Way = tuple[float, float, tuple[float, float, float]]
+"""Distance in m, top speed in m/s, direction."""
+COUNT = 12
+BUCKLING_N = 5.0
+
+
+def cases(draw: Draw) -> Iterator[Case]:
+    """Every kind of abuse, each with small changes of direction and speed."""
+    for what, play in KINDS.items():
+        for k in range(COUNT if draw.is_long else 1):
+            name = f"{what}, number {k}"
+            yield played(name, partial(_varied, draw, name, play))
+
+
+def _varied(draw: Draw, name: str, play: Callable[[np.random.Generator], Play]) -> Play:
+    return play(draw.random(f"abuse {name}"))
+
+
+def _pushed(start: Situation, random: np.random.Generator, ways: dict[int, Way]) -> Play:
+    """Move tools by (distance, speed, direction), stay for 100 ms, and leave."""
+    hands = start.hands
+    longest = 0
+    for tool, (distance_m, speed_m_s, direction) in ways.items():
+        aim = np.asarray(direction) + 0.1 * random.normal(size=3)
+        way = least_jerk(distance_m, aim / np.linalg.norm(aim), speed_m_s)
+        longest = max(longest, len(way))
+        hands = hands.then(max(LEAD_STEPS + longest + 100 - len(hands), 0)).moved(tool, way, LEAD_STEPS)
+    return Play(scene=start.scene, hands=hands)
+
+
+def _jammed(random: np.random.Generator) -> Play:
+    """Held fast by the steadying jaws through the wall, and pushed on."""
+    start = threaded()
+    shut = replace(start, hands=start.hands.with_jaws(1, np.linspace(0.8, 0.1, 100), LEAD_STEPS - 100))
+    return _pushed(shut, random, {0: (25e-3, 0.2, (-1.0, 0.0, 0.0)), 1: (1e-3, 0.2, (0.0, 0.0, -1.0))})
+
+
+def _buckled(random: np.random.Generator) -> Play:
+    """Aimed at the rim and pushed with 5 N: so far does the coupling stretch."""
+    start = approaching()
+    stiffness = start.scene.forceps[0].coupling_stiffness_n_m
+    hands = start.hands.moved(0, np.array([[0.0, 2.5e-3, 0.0]]), LEAD_STEPS - 100)
+    reach_m = 12e-3 + BUCKLING_N / stiffness
+    return _pushed(replace(start, hands=hands), random, {0: (reach_m, 0.3, (-1.0, 0.0, 0.0))})
+
+
+def _over_rim(random: np.random.Generator) -> Play:
+    return _pushed(threaded(), random, {0: (30e-3, 0.4, (0.5, 0.8, 0.4))})
+
+
+def _sideways(random: np.random.Generator) -> Play:
+    angle = random.uniform(0.0, 2.0 * np.pi)
+    return _pushed(threaded(), random, {0: (40e-3, 1.0, (0.0, np.cos(angle), np.sin(angle)))})
+
+
+def _apart(random: np.random.Generator) -> Play:
+    """Both tools hold the catheter between mouth and introducer, and pull."""
+    start = approaching()
+    left, right = start.scene.forceps
+    right = replace(right, port_position_m=(60e-3, 70e-3, 110e-3))
+    scene = replace(start.scene, forceps=(left, right))
+    points = np.array([junction(left, (76e-3, 0.0, 0.0), 10e-3), junction(right, (56e-3, 0.0, 0.0), 10e-3)])
+    hands = _shutting(still(points, (0.7, 0.7), LEAD_STEPS), (0.05, 0.05))
+    aim = (0.4, 0.6, 0.6)
+    opposite = (-0.4, -0.6, -0.6)
+    return _pushed(Situation(scene, hands), random, {0: (30e-3, 0.5, aim), 1: (30e-3, 0.5, opposite)})
+
+
+def _shut(where_m: tuple[float, float, float], random: np.random.Generator) -> Play:
+    """Jaws shut fully on what is there, pull, and let go."""
+    start = threaded()
+    right = start.scene.forceps[1]
+    points = start.hands.position_m[0].copy()
+    points[1] = junction(right, where_m, 10e-3)
+    hands = _shutting(still(points, (0.7, 1.15), LEAD_STEPS), (0.25, 0.0))
+    return _pushed(replace(start, hands=hands), random, {1: (8e-3, 0.3, (0.0, 0.3, 0.9))})
+
+
+def _shutting(hands: Hands, shut: tuple[float, float]) -> Hands:
+    for tool in range(N_TOOLS):
+        wide = hands.jaw_angle_rad[0, tool]
+        hands = hands.with_jaws(tool, np.linspace(wide, shut[tool], 150), 20)
+    return hands
+
+
+def _everything(random: np.random.Generator) -> Play:
+    """All effects, two stones, both tools shut and moving: every kind of contact at once."""
+    start = threaded()
+    effects = {name: entry.kind.Settings() for name, entry in EFFECTS.items() if name not in start.scene.effects}
+    effects["gallstones"] = GallstonesSettings(((22e-3, 0.0, -1.5e-3), (14e-3, 0.5e-3, -1.5e-3)), (1.5e-3, 1.2e-3))
+    scene = with_effects(start.scene, effects)
+    scene = replace(scene, contact=replace(scene.contact, capacity=160))
+    shut = replace(start, scene=scene, hands=start.hands.with_jaws(1, np.linspace(0.8, 0.3, 100), LEAD_STEPS - 100))
+    return _pushed(shut, random, {0: (15e-3, 0.3, (-1.0, 0.1, 0.1)), 1: (4e-3, 0.2, (0.3, 0.3, -0.5))})
+
+
+KINDS: dict[str, Callable[[np.random.Generator], Play]] = {
+    "jammed": _jammed,
+    "buckled by 5 N": _buckled,
+    "dragged over the rim": _over_rim,
+    "pulled out sideways at 1 m/s": _sideways,
+    "pulled apart by both tools": _apart,
+    "jaws shut on the wall": partial(_shut, (34e-3, 0.0, 4e-3)),
+    "jaws shut on the catheter": partial(_shut, (52e-3, 0.0, 0.0)),
+    "jaws shut on both": partial(_shut, (36e-3, 0.0, 0.0)),
+    "all contacts at once": _everything,
+}

@@ -1,0 +1,33 @@
+"""Ordinary motions of both hands, under which something else is made hard: steps, materials, effects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.studies.stability.hands import Hands, least_jerk
+from services.studies.stability.situations import LEAD_STEPS, Situation
+
+SPEEDS_M_S = 0.1, 0.3
+
+
+def stroking(start: Situation, random: np.random.Generator, steps: int) -> Hands:
+    """Go on from a situation: one tool back and forth by 15 mm mostly along the duct, the other by 5 mm."""
+    hands = start.hands.then(steps)
+    for tool, reach_m in ((0, 15e-3), (1, 5e-3)):
+        direction = random.normal(size=3) * (1.0, 0.3, 0.3)
+        way = least_jerk(reach_m, direction / np.linalg.norm(direction), float(random.choice(SPEEDS_M_S)))
+        hands = hands.moved(tool, repeated(np.concatenate([way, way[::-1]]), steps), LEAD_STEPS)
+    return hands
+
+
+def repeated(offset_m: FloatArray, steps: int) -> FloatArray:
+    """The same offsets over and over, (steps, 3)."""
+    return np.concatenate([offset_m] * (steps // len(offset_m) + 1))[:steps]
+
+
+def at_step(hands: Hands, dt_s: float) -> Hands:
+    """The same motion, given in steps of 1 ms, in steps of another length."""
+    wanted_s = np.arange(0.0, 1e-3 * len(hands), dt_s)
+    index: IntArray = np.minimum(np.rint(wanted_s / 1e-3), len(hands) - 1).astype(np.int32)
+    return hands.sampled(index)
