@@ -40,36 +40,38 @@ class Request:
 
 @dataclass(slots=True)
 class Tally:
-    """Counts of one topic."""
+    """Counts of one topic. Its rate is the publisher's, from what it numbered and stamped, however many came here."""
 
     frames: int = 0
     octets: int = 0
     gaps: int = 0
-    last_sequence: int = -1
+    sent: int = 0
+    span_s: float = 0.0
     periods_s: list[float] = field(default_factory=list)
-    last_s: float = 0.0
+    _last: tuple[int, int, float] | None = None  # incarnation, sequence, when it was sent
 
     def add(self, data: bytes) -> None:
         """Count one frame; periods are the sender's, for frames of a fast topic arrive many at a time."""
         self.frames, self.octets = self.frames + 1, self.octets + len(data)
         try:
             frame = unpack(data)
-            sequence, sent_s = int(frame["sequence"]), int(frame["sent_ns"]) * 1e-9
+            now = int(frame["incarnation"]), int(frame["sequence"]), int(frame["sent_ns"]) * 1e-9
         except (ValueError, KeyError, TypeError):
             return
-        if self.last_sequence >= 0:
-            self.periods_s.append(sent_s - self.last_s)
-        self.last_s = sent_s
-        if self.last_sequence >= 0 and sequence > self.last_sequence:
-            self.gaps += sequence - self.last_sequence - 1
-        self.last_sequence = sequence
+        last, self._last = self._last, now
+        if last is None or last[0] != now[0] or now[1] <= last[1]:  # the first of its publisher
+            return
+        self.sent += now[1] - last[1]
+        self.span_s += now[2] - last[2]
+        self.gaps += now[1] - last[1] - 1
+        self.periods_s.append(now[2] - last[2])
 
-    def row(self, topic: str, seconds: float) -> dict[str, Any]:
-        """Return the figures over `seconds`."""
+    def row(self, topic: str) -> dict[str, Any]:
+        """Return the figures."""
         periods = sorted(self.periods_s)
         return {
             "topic": topic,
-            "rate_hz": self.frames / seconds,
+            "rate_hz": self.sent / self.span_s if self.span_s > 0.0 else None,
             "frames": self.frames,
             "gaps": self.gaps,
             "bytes_per_frame": self.octets / self.frames if self.frames else None,
@@ -129,7 +131,7 @@ def _show_rates(request: Request, transport: Transport, topics: list[str]) -> No
         tallies[topic].add(data)
     if not tallies:
         raise BusError(f"nothing was heard for {seconds:g} s: is a rig running on this transport?")
-    rows = [tallies[topic].row(topic, seconds) for topic in topics if topic in tallies]
+    rows = [tallies[topic].row(topic) for topic in topics if topic in tallies]
     if request.json:
         print(json.dumps(rows, indent=1))
         return
@@ -139,9 +141,8 @@ def _show_rates(request: Request, transport: Transport, topics: list[str]) -> No
     for row in rows:
         period = "" if row["period_ms_min"] is None else f"{row['period_ms_min']:.2f}..{row['period_ms_max']:.2f}"
         declared = f"{TOPICS[row['topic']].rate_hz:g}"
-        table.add_row(
-            row["topic"], f"{row['rate_hz']:.1f}", declared, f"{row['bytes_per_frame']:.0f}", str(row["gaps"]), period
-        )
+        rate = "" if row["rate_hz"] is None else f"{row['rate_hz']:.1f}"
+        table.add_row(row["topic"], rate, declared, f"{row['bytes_per_frame']:.0f}", str(row["gaps"]), period)
     Console(highlight=False).print(table)
 
 

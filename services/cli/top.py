@@ -23,7 +23,8 @@ from services.supervisor.dashboard import Spread, loop_row, spread, topic_rows
 
 _TURN_S = 0.1
 _STALE_S = 1.0
-_PIPE_WIDTH = 140
+#: Of a terminal as it is opened; all tables fit.
+_WIDTH = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +128,7 @@ def _print_once(listener: Listener, *, as_json: bool) -> None:
         print(json.dumps(result, indent=1))
     else:
         console = Console(highlight=False)
-        console.print(render(result), width=None if console.is_terminal else _PIPE_WIDTH)
+        console.print(render(result), width=None if console.is_terminal else _WIDTH)
 
 
 def _follow(listener: Listener, *, as_json: bool) -> None:
@@ -144,14 +145,15 @@ def _follow(listener: Listener, *, as_json: bool) -> None:
 def render(result: dict[str, Any]) -> Group:
     """Return the tables of a result."""
     head = Text(f"rig {result['state']}  quality level {result['quality_level']}  {result['reason']}")
+    what = Text("late: p50, p99 and max of a tick's start; work: its p99; us", style="dim")
     return Group(
-        head, _process_table(result["processes"]), _path_table(result["paths"]), _topic_table(result["topics"])
+        head, what, _process_table(result["processes"]), _path_table(result["paths"]), _topic_table(result["topics"])
     )
 
 
 def _process_table(processes: list[dict[str, Any]]) -> Table:
     table = _table(
-        "process", "state", "Hz", "target", "late p50", "late p99", "late max", "work p99", "missed", "restarts"
+        "process", "state", "Hz", "target", "late", "p99", "max", "work", "missed", "restarts", first_width=13
     )
     for row in processes:
         loop = row["loop"] or {}
@@ -185,9 +187,9 @@ def _topic_table(topics: list[dict[str, Any]]) -> Table:
     return table
 
 
-def _table(first: str, *others: str) -> Table:
-    table = Table(box=None, pad_edge=False, title_justify="left")
-    table.add_column(first, min_width=22)
+def _table(first: str, *others: str, first_width: int = 22) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column(first, min_width=first_width)
     for title in others:
         table.add_column(title, justify="left" if title == "state" else "right")
     return table
