@@ -7,15 +7,17 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
+from typing import cast
 
 import numpy as np
 from report import Row, measure, write_report
 
-from protocol import bodies
+from protocol import Frame, bodies, topic
 from protocol.arrays import pack
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.runtime.memory_bus import MemoryBus, MemoryHub
+from services.runtime import bus
 from services.visualization import codec
 from services.visualization.composer import TOPICS, Composer
 
@@ -25,6 +27,7 @@ _FRAMES = 100
 
 _RENDER = """
 import sys, time
+from services.runtime import bus
 from services.visualization import codec
 from services.visualization.render import Renderer
 size = (int(sys.argv[1]), int(sys.argv[2]))
@@ -43,14 +46,15 @@ print((time.process_time() - start) / FRAMES)
 
 
 class Bench:
-    """A composer on a bus in memory with one frame of everything."""
+    """A composer, and the bus that it samples: one frame of everything, decoded as it would be."""
 
     def __init__(self, n_modes: int) -> None:
         scene = SceneModel(duct=DuctScene(n_modes=n_modes))
         self.duct = build_scene_duct(scene)
-        hub = MemoryHub()
-        self.out = MemoryBus(hub, publishes=TOPICS)
-        self.composer = Composer(MemoryBus(hub, reads=TOPICS), scene, "benchmark", self.duct)
+        self._outboxes = {name: bus.Outbox(topic(name), 1) for name in TOPICS}
+        self._inboxes = {name: bus.Inbox(topic(name)) for name in TOPICS}
+        self._frames: dict[str, Frame] = {}
+        self.composer = Composer(cast(bus.Bus, self), scene, "benchmark", self.duct)
         random = np.random.default_rng(0)
         q = pack(1e-6 * random.normal(size=n_modes))
         nodes = pack(np.arange(_LOADED_NODES), "<i4")
@@ -75,10 +79,16 @@ class Bench:
         }
         self.compose()
 
+    def sample(self, _names: Iterable[str], _until_ns: int) -> dict[str, Frame]:
+        """Return the newest frames: the one thing that a composer asks of its bus."""
+        return self._frames
+
     def compose(self) -> None:
         """Compose one picture from a new frame of every topic, decoding included."""
-        for topic, body in self.frames.items():
-            self.out.publish(topic, body, origin_ns=time.monotonic_ns())
+        for name, body in self.frames.items():
+            frame = self._inboxes[name].accept(self._outboxes[name].seal(body, time.monotonic_ns(), True))
+            if frame is not None:
+                self._frames[name] = frame
         self.picture = self.composer.compose()
 
     def pack(self) -> bytes:

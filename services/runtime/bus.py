@@ -64,6 +64,11 @@ class Bus(Protocol):
         """Return whether a reader of `topic`, which this process publishes, has subscribed."""
         ...
 
+    @property
+    def refused_readers(self) -> int:
+        """How many have knocked without the rig's keys."""
+        ...
+
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of every topic of this process."""
         ...

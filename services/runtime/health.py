@@ -112,5 +112,5 @@ class HealthReporter:
             stages=self.stages.take(),
             realtime=tuple(fact.body() for fact in self.realtime),
             quality_level=self.quality_level,
-            gauges={**self.gauges, **self.counts()},
+            gauges={**self.gauges, **self.counts(), "refused_readers": float(self._bus.refused_readers)},
         )

@@ -17,8 +17,8 @@ from services.haptics.__main__ import Haptics
 from services.physics.__main__ import Physics
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter, TickClock
-from services.runtime.memory_bus import MemoryBus, MemoryHub
 from services.scenes import load_duct, load_scene
+from tests.memory_bus import MemoryBus, MemoryHub
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 STALE_S = 1.0

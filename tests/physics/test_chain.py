@@ -11,7 +11,7 @@ import pytest
 from protocol.arrays import pack
 from protocol.bodies import GatewayState, GraspHold, InstrumentState
 from services.physics.inputs import ContactsReader
-from services.runtime.memory_bus import MemoryBus
+from tests.memory_bus import MemoryBus
 from tests.physics.conftest import STALE_S, Rig
 
 FAR = (0.02, -0.05, 0.08)

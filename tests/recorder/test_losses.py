@@ -18,9 +18,9 @@ from services.runtime import bus as bus_module
 from services.runtime import config
 from services.runtime.bus import Inbox, Outbox
 from services.runtime.health import HealthReporter
-from services.runtime.memory_bus import MemoryBus, MemoryHub
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from tests.memory_bus import MemoryBus, MemoryHub
 from tests.recorder.made_up import MS, state
 
 STATE = "gateway.state"

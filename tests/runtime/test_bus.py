@@ -18,10 +18,10 @@ from protocol import TOPICS, Frame, bodies
 from services.runtime import bus as bus_module
 from services.runtime.endpoints import endpoint
 from services.runtime.errors import BusError
-from services.runtime.memory_bus import MemoryBus, MemoryHub
 from services.runtime.rig import Transport
 from services.runtime.whole import SENDS_PER_S, whole
 from services.runtime.zmq_bus import ZmqBus
+from tests.memory_bus import MemoryBus, MemoryHub
 
 STATE = "gateway.state"
 STALE_S = 0.2

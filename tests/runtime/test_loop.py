@@ -12,7 +12,7 @@ import pytest
 from protocol import TOPICS, bodies
 from services.runtime import loop
 from services.runtime.loop import SHARE, DutyCycleLimiter, LoopMeter, TickClock, follow, ticks
-from services.runtime.memory_bus import MemoryBus, MemoryHub
+from tests.memory_bus import MemoryBus, MemoryHub
 
 
 class Clock:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import protocol.bodies as bodies
 from services.runtime.histogram import LatencyHistogram
-from services.runtime.memory_bus import MemoryBus, MemoryHub
 from services.runtime.rig import Rig
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Setup, Supervisor
+from tests.memory_bus import MemoryBus, MemoryHub
 from tests.protocol import samples
 
 MS = 1_000_000

@@ -9,8 +9,8 @@ import pytest
 from protocol import bodies
 from protocol.arrays import pack
 from services.mechanics.scene import SceneModel
-from services.runtime.memory_bus import MemoryBus, MemoryHub
 from services.visualization.composer import TOPICS, Composer
+from tests.memory_bus import MemoryBus, MemoryHub
 from tests.visualization.small_duct import MODES, make_duct
 
 DUCT = make_duct()

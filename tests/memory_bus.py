@@ -1,4 +1,4 @@
-"""A bus in one process: for tests and for runs without sockets. Frames are encoded and checked as on the real one."""
+"""A bus in one process, without sockets. Frames are encoded and checked as on the real one."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ class MemoryBus:
         reads_every: Iterable[str] = (),
         samples: Iterable[str] = (),
     ) -> None:
+        self.refused_readers = 0
         self._hub = hub
         incarnation = bus.new_incarnation()
         self._out = {name: bus.Outbox(topic(name), incarnation) for name in publishes}
