@@ -1,8 +1,9 @@
 """The gateway: devices at 1 kHz, and the servo between them and the newest contact model.
 
 A tick has two halves. At its deadline the arms are read, answered and published: nothing comes before what the hand
-feels. The handles, whose drives are on a bus that takes its time, are served while haptics works on the answer, or
-right after it has come.
+feels. The handles, whose drives are on a bus that takes its time, are served when haptics has worked on the answer,
+from the model that has come by then; what comes later is found at the deadline. Nothing wakes the gateway in between,
+for haptics works on the same core: `TIMED_EVERY` says which models are waited for, to measure their way.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ _GAUGES_EVERY = 50
 #: The handles are served this long before the next tick: twice what it takes at p99.9, and when haptics, which shares
 #: the core, is nearly always done. Earlier they would interrupt it where it is late already.
 _HANDLES_NS = 250_000
+#: Of so many ticks in one the model is waited for, so that the time of its arrival is known: `device_model`. A wake-up
+#: interrupts haptics for 50 us, so it is not had in every tick; a hundred are had within the supervisor's window.
+TIMED_EVERY = 16
 #: Frames looked at while waiting for an answer: a publisher that floods gets no more of this core.
 _LOOKS = 4
 
@@ -57,6 +61,7 @@ class Gateway:
 
     def tick(self, tick: Tick) -> None:
         """Read, answer, write, publish; then follow orders and report."""
+        take(self._bus, self._answers)
         sampled_ns = time.monotonic_ns()
         for instrument in self.instruments:
             instrument.read(tick.scheduled_ns)
@@ -67,22 +72,26 @@ class Gateway:
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
         self._servo.latency.record(written_ns - sampled_ns)
         self._answers.applied(written_ns)
-        self._answers.ask(tick.index, sampled_ns)
+        self._answers.ask(tick.index, sampled_ns, timed=tick.index % TIMED_EVERY == 0)
         self._orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
         if tick.index % _GAUGES_EVERY == 0:
             self._report()
         self._health.send_if_due()
 
     def serve(self, deadline_ns: int) -> None:
-        """Until `deadline_ns`: take the model that answers the last tick when it arrives, and serve the handles."""
-        listen(self._bus, self._answers, deadline_ns - _HANDLES_NS)
-        sleep_until(deadline_ns - _HANDLES_NS)  # haptics has this core until its work is done
+        """Until `deadline_ns`: serve the handles from the model that answers the last tick."""
+        handles_ns = deadline_ns - _HANDLES_NS
+        if self._answers.timed:
+            listen(self._bus, self._answers, handles_ns)
+        sleep_until(handles_ns)  # haptics has this core until its work is done
+        take(self._bus, self._answers)
         began_ns = time.monotonic_ns()
         if self.instruments:  # one handle a tick, so each of two at 500 Hz: docs/decisions/handles-take-turns.md
             self.instruments[self._turn % len(self.instruments)].exchange_handle()
             self._turn += 1
         self._grasp.latency.record(time.monotonic_ns() - began_ns)
-        listen(self._bus, self._answers, deadline_ns)
+        if self._answers.timed:
+            listen(self._bus, self._answers, deadline_ns)
         sleep_until(deadline_ns)
 
     def ended(self) -> bool:
@@ -106,14 +115,19 @@ class Gateway:
             instrument.close()
 
 
+def take(bus: Bus, answers: Answers) -> None:
+    """Give the answer to the last tick to the servos, if it has come and they have not had it."""
+    frame = bus.latest(MODEL) if answers.outstanding else None
+    if frame is not None:
+        answers.accept(frame, time.monotonic_ns())
+
+
 def listen(bus: Bus, answers: Answers, until_ns: int) -> None:
     """Wait for the answer to the last tick, at most until `until_ns`."""
     for _ in range(_LOOKS):
         if not answers.outstanding or not bus.wait(MODEL, until_ns):
             return
-        frame = bus.latest(MODEL)
-        if frame is not None:
-            answers.accept(frame, time.monotonic_ns())
+        take(bus, answers)
 
 
 def let_go(instruments: list[Instrument]) -> bool:

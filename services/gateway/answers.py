@@ -18,7 +18,8 @@ class Answers:
     instruments
         In the order of the device frames.
     arrival
-        Latency from a device sample to the arrival of the first model that answers it.
+        Latency from a device sample to the arrival of the first model that answers it: of samples that were asked for
+        as ``timed`` only, since a gateway that does not wait for a model does not know when it came.
     force
         Latency from a device sample to the first force computed from that model.
 
@@ -37,13 +38,21 @@ class Answers:
         self._asked = [-1] * _REMEMBERED
         self._newest_answered = -1
         self._last_asked = -1
+        self._timed = -1
         self._unapplied_ns = 0
 
-    def ask(self, index: int, sampled_ns: int) -> None:
-        """Remember that the device sample of tick `index` was published."""
+    def ask(self, index: int, sampled_ns: int, *, timed: bool) -> None:
+        """Remember that the device sample of tick `index` was published, and whether its answer will be waited for."""
         self._sampled_ns[index % _REMEMBERED] = sampled_ns
         self._asked[index % _REMEMBERED] = index
         self._last_asked = index
+        if timed:
+            self._timed = index
+
+    @property
+    def timed(self) -> bool:
+        """Whether the answer to the newest sample is to be waited for."""
+        return self._timed == self._last_asked and self.outstanding
 
     @property
     def outstanding(self) -> bool:
@@ -65,7 +74,8 @@ class Answers:
             if body.tick > self._newest_answered:
                 self._newest_answered = body.tick
                 self._unapplied_ns = sampled_ns
-                self._arrival.latency.record(now_ns - sampled_ns)
+                if body.tick == self._timed:
+                    self._arrival.latency.record(now_ns - sampled_ns)
             for instrument, model in zip(self._instruments, body.instruments, strict=True):
                 instrument.servo.accept(model, body.ttl_s, sampled_ns, frame.incarnation)
                 instrument.model_sequence = frame.sequence

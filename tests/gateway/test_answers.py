@@ -36,7 +36,7 @@ class Chain:
 
 def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
     chain = Chain()
-    chain.answers.ask(4, 1_000)
+    chain.answers.ask(4, 1_000, timed=True)
     chain.come(4, 301_000)
     assert [stub.accepted for stub in chain.instruments] == [[(0.02, 1_000, 7)]] * 2
     assert [stub.model_sequence for stub in chain.instruments] == [4, 4]
@@ -56,7 +56,7 @@ def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
 )
 def test_what_answers_nothing_that_was_asked_is_not_used(frame: dict[str, int], reason: str) -> None:
     chain = Chain()
-    chain.answers.ask(4, 1_000)
+    chain.answers.ask(4, 1_000, timed=True)
     chain.come(**frame)  # type: ignore[arg-type]
     assert chain.answers.refused[reason] == 1
     assert chain.instruments[0].accepted == []
@@ -65,7 +65,7 @@ def test_what_answers_nothing_that_was_asked_is_not_used(frame: dict[str, int], 
 
 def test_only_the_first_answer_to_a_sample_counts() -> None:
     chain = Chain()
-    chain.answers.ask(4, 1_000)
+    chain.answers.ask(4, 1_000, timed=True)
     for _ in range(3):
         chain.come(4, 300_000)
     assert chain.arrival.latency.total == 1
@@ -75,8 +75,26 @@ def test_the_share_answered_in_the_next_tick() -> None:
     chain = Chain()
     chain.answers.applied(0)
     for tick in range(10):
-        chain.answers.ask(tick, 1_000 + tick)
+        chain.answers.ask(tick, 1_000 + tick, timed=False)
         if tick % 5 != 4:
             chain.come(tick, 2_000 + tick)
         chain.answers.applied(3_000 + tick)
     assert (chain.arrival.asked, chain.arrival.answered) == (10, 8)
+
+
+def test_the_way_of_a_model_is_measured_where_it_was_waited_for_and_nowhere_else() -> None:
+    chain = Chain()
+    for tick in range(8):
+        chain.answers.ask(tick, 1_000 * tick, timed=tick % 4 == 0)
+        assert chain.answers.timed == (tick % 4 == 0)
+        chain.come(tick, 1_000 * tick + 300)
+        assert not chain.answers.timed
+    assert (chain.arrival.latency.total, chain.arrival.latency.sum_ns) == (2, 600)
+
+
+def test_a_model_that_comes_ticks_after_it_was_waited_for_still_counts() -> None:
+    chain = Chain()
+    chain.answers.ask(0, 1_000, timed=True)
+    chain.answers.ask(1, 2_000, timed=False)
+    chain.come(0, 5_000)
+    assert (chain.arrival.latency.total, chain.arrival.latency.max_ns) == (1, 4_000)

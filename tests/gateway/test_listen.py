@@ -24,7 +24,7 @@ class Flood:
 
 def test_a_publisher_that_floods_gets_a_few_looks_a_tick_and_no_more() -> None:
     flood: Any = Flood()
-    answers: Any = SimpleNamespace(outstanding=True)
+    answers: Any = SimpleNamespace(outstanding=True, accept=None)
     gateway.listen(flood, answers, time.monotonic_ns() + 10_000_000_000)
     assert flood.looks == gateway._LOOKS
 
@@ -34,6 +34,27 @@ def test_an_answered_tick_listens_no_longer() -> None:
     answers: Any = SimpleNamespace(outstanding=False)
     gateway.listen(flood, answers, time.monotonic_ns() + 10_000_000_000)
     assert flood.looks == 0
+
+
+class Quiet:
+    """A bus on which the answer lies, and which nobody may wait for."""
+
+    def __init__(self) -> None:
+        self.taken: list[str] = []
+
+    def latest(self, topic: str) -> str:
+        self.taken.append(topic)
+        return "frame"
+
+
+def test_an_answer_is_taken_once_and_without_being_waited_for() -> None:
+    bus: Any = Quiet()
+    accepted: list[Any] = []
+    answers: Any = SimpleNamespace(outstanding=True, accept=lambda frame, _now_ns: accepted.append(frame))
+    gateway.take(bus, answers)
+    answers.outstanding = False
+    gateway.take(bus, answers)
+    assert (bus.taken, accepted) == ([gateway.MODEL], ["frame"])
 
 
 def test_hands_are_let_go_before_the_process_ends() -> None:
