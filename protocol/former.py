@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Annotated
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-from protocol.arrays import Array, spec
-from protocol.bodies.haptics import GraspHold
+from protocol.arrays import Array, pack, spec
+from protocol.bodies.haptics import GraspHold, ToolContacts, ToolState
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
@@ -63,3 +64,31 @@ class ToolContacts1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     normal: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
     gap_m: Annotated[Array, spec("<f8", ("pairs",), "m")]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+
+
+class ToolContacts2(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 2 of ``haptics.contacts`` had an array a column."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
+    tool: Annotated[Array, spec("|i1", ("pairs",), "1")]
+    tool_segment: Annotated[Array, spec("|i1", ("pairs",), "1")]
+    target_kind: Annotated[Array, spec("|i1", ("pairs",), "1")]
+    target: Annotated[Array, spec("<i4", ("pairs",), "index")]
+    tool_parameter: Annotated[Array, spec("<f8", ("pairs",), "1")]
+    target_weights: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
+    normal: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
+    gap_m: Annotated[Array, spec("<f8", ("pairs",), "m")]
+    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+
+    def lift(self) -> ToolContacts:
+        """Return the body of version 3: its tables are these columns side by side."""
+        index = [self.tool, self.tool_segment, self.target_kind, self.target]
+        geometry = [self.tool_parameter, self.target_weights, self.normal, self.gap_m]
+        return ToolContacts(
+            tick=self.tick,
+            tools=self.tools,
+            pair_index=pack(np.column_stack([column.view() for column in index]), "<i4"),
+            pair_geometry=pack(np.column_stack([column.view() for column in geometry])),
+            holds=self.holds,
+        )

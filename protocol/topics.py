@@ -64,7 +64,7 @@ _OBEYING = ("physics", "gateway", "visualization", "recorder")
 _ROWS = (
     _state("gateway.state", "haptics", "visualization recorder supervisor", gateway.GatewayState, 1),
     _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 2),
-    _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 2),
+    _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 3),
     _state("physics.state", "haptics", "visualization recorder supervisor", physics.PhysicsState, 1),
     *(_health(process) for process in PROCESSES),
     Topic(

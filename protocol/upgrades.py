@@ -26,7 +26,8 @@ def by_name(old: type[msgspec.Struct], new: type[msgspec.Struct]) -> Upgrade:
 
 UPGRADES: dict[tuple[str, int], Upgrade] = {
     ("haptics.contact_model", 1): by_name(former.ContactModel1, bodies.ContactModel),
-    ("haptics.contacts", 1): by_name(former.ToolContacts1, bodies.ToolContacts),
+    ("haptics.contacts", 1): by_name(former.ToolContacts1, former.ToolContacts2),
+    ("haptics.contacts", 2): (former.ToolContacts2, former.ToolContacts2.lift),
 }
 
 

@@ -56,17 +56,29 @@ class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     jaw_angle_rad: Annotated[float, Meta(description="opening at which the jaws met what they hold")]
 
 
+#: Columns of the two tables of contact pairs.
+PAIR_INDICES, PAIR_GEOMETRY = 4, 8
+
+
 class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Tools and what they touch: one row per contact pair in the arrays."""
+    """Tools and what they touch: one row per contact pair in both tables, which are read and written whole."""
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered: physics' clock")]
     tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
-    tool: Annotated[Array, spec("|i1", ("pairs",), "1")]
-    tool_segment: Annotated[Array, spec("|i1", ("pairs",), "0 shaft, 1 jaw A, 2 jaw B")]
-    target_kind: Annotated[Array, spec("|i1", ("pairs",), "0 duct triangle, 1 catheter segment")]
-    target: Annotated[Array, spec("<i4", ("pairs",), "index")]
-    tool_parameter: Annotated[Array, spec("<f8", ("pairs",), "1")]
-    target_weights: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
-    normal: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
-    gap_m: Annotated[Array, spec("<f8", ("pairs",), "m")]
+    pair_index: Annotated[
+        Array,
+        spec(
+            "<i4",
+            ("pairs", PAIR_INDICES),
+            "tool; its segment: 0 shaft, 1 jaw A, 2 jaw B; kind of target: 0 duct triangle, 1 catheter segment; target",
+        ),
+    ]
+    pair_geometry: Annotated[
+        Array,
+        spec(
+            "<f8",
+            ("pairs", PAIR_GEOMETRY),
+            "place along the tool's segment, 0 to 1; three weights in the target; unit normal away from it; gap in m",
+        ),
+    ]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()

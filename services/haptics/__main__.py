@@ -10,7 +10,7 @@ from protocol.bodies import ContactModel, GatewayState, PhysicsState
 from services.cache_directory import cache_directory
 from services.haptics.deformed_scene import DeformedScene
 from services.haptics.local_model import FREE, local_model
-from services.haptics.outputs import tool_contacts
+from services.haptics.outputs import ContactsWriter
 from services.haptics.tool_tracker import ToolTracker
 from services.haptics.warm_up import warm_up
 from services.mechanics.bodies.forceps.grasp import Grasp
@@ -35,6 +35,7 @@ class Haptics:
         self.tools = ToolTracker(scene)
         self._detector = self.scene.tool_detector()
         self._pairs = ContactPairs.allocate(scene.contact.capacity)
+        self._writer = ContactsWriter(self._pairs)
         segment_m = scene.catheter.length_m / scene.catheter.n_segments
         self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in enumerate(self._forceps)]
         self._ttl_s = 0.02
@@ -56,7 +57,7 @@ class Haptics:
         self._detect()
         detected = time.monotonic_ns()
         holds = [hold for i in range(len(hands)) for hold in self._grasps[i].update(self._pairs, self.tools.jaws(i))]
-        body = tool_contacts(state.tick, hands, self._pairs, holds)
+        body = self._writer.body(state.tick, hands, holds)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         self._count(started, modelled, detected)
 

@@ -2,22 +2,57 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts, ToolState
-from services.mechanics.collision.pairs import TOOL_COLUMNS, ContactPairs
+from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.pairs import ContactPairs, pairs_at
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.scene.tools import GraspHold
 
 
-def tool_contacts(tick: int, tools: tuple[ToolState, ...], pairs: ContactPairs, holds: list[GraspHold]) -> ToolContacts:
-    """Return tools, the first ``pairs.count`` pairs, and the grasps in force as they travel."""
-    columns = {name: getattr(pairs, name)[: pairs.count] for name in TOOL_COLUMNS}
-    return ToolContacts(
-        tick=tick,
-        tools=tools,
-        holds=tuple(_hold(hold) for hold in holds),
-        **{name: pack(column, column.dtype.str) for name, column in columns.items()},
-    )
+class ContactsWriter:
+    """Makes the frame of tools and contact pairs.
+
+    Parameters
+    ----------
+    pairs
+        What collision detection fills.
+    """
+
+    def __init__(self, pairs: ContactPairs) -> None:
+        self._pairs = pairs
+        self._index = np.zeros((pairs.capacity, PAIR_INDICES), np.int32)
+        self._geometry = np.zeros((pairs.capacity, PAIR_GEOMETRY))
+
+    def body(self, tick: int, tools: tuple[ToolState, ...], holds: list[GraspHold]) -> ToolContacts:
+        """Return tools, the pairs in use, and the grasps in force as they travel."""
+        count = tabulate_pairs(self._pairs.address, self._index, self._geometry)
+        return ToolContacts(
+            tick=tick,
+            tools=tools,
+            pair_index=pack(self._index[:count], "<i4"),
+            pair_geometry=pack(self._geometry[:count]),
+            holds=tuple(map(_hold, holds)),
+        )
+
+
+@kernel
+def tabulate_pairs(address: Address[ContactPairs], index: IntArray, geometry: FloatArray) -> int:
+    """Write the pairs into tables of the wire, a row each, and return how many there are."""
+    pairs = pairs_at(address)
+    for row in range(pairs.count):
+        index[row, 0], index[row, 1] = pairs.tool[row], pairs.tool_segment[row]
+        index[row, 2], index[row, 3] = pairs.target_kind[row], pairs.target[row]
+        geometry[row, 0], geometry[row, 7] = pairs.tool_parameter[row], pairs.gap_m[row]
+        for axis in range(3):
+            geometry[row, 1 + axis] = pairs.target_weights[row, axis]
+            geometry[row, 4 + axis] = pairs.normal[row, axis]
+    return int(pairs.count)
 
 
 def _hold(hold: GraspHold) -> HoldBody:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from services.haptics.deformed_scene import DeformedScene
+from services.haptics.outputs import ContactsWriter
 from services.haptics.tool_tracker import ToolTracker
 from services.mechanics.bodies.forceps.grasp import deepest_touch
 from services.mechanics.collision import CatheterContactDetector
@@ -23,6 +24,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     pairs, particles_m = ContactPairs.allocate(scene.contact.capacity), deformed.particles_m
     progress("compiling collision detection", 0.0)
     deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
+    ContactsWriter(pairs).body(0, (), [])
     deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
     # Not for haptics: physics compiles its dynamics meanwhile and finds this in the cache.
     diameter_m = scene.catheter.outer_diameter_m

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
-from services.mechanics.arrays import IntArray
+from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, TOOL_COLUMNS, ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 
-Column = NDArray[Any]
+NO_PARTICLE = -1
 
 
 class ContactsReader:
@@ -42,33 +41,18 @@ class ContactsReader:
 
     def take(self, body: ToolContacts) -> bool:
         """Copy `body` into `tools` and `pairs`; False, and nothing copied, if it names something that is not there."""
-        columns = {name: getattr(body, name).view() for name in TOOL_COLUMNS}
-        indices = columns["tool"], columns["tool_segment"], columns["target_kind"], columns["target"]
-        if not (all(self._is_there(hold) for hold in body.holds) and indices_are_there(indices, self._n_targets)):
+        index, geometry = body.pair_index.view(), body.pair_geometry.view()
+        holds_there = all(self._is_there(hold) for hold in body.holds)
+        if not (holds_there and take_pairs(index, geometry, self._n_targets, self.pairs.address)):
             self.refused += 1
             return False
         self._take_tools(body)
-        self._take_pairs(columns)
         return True
-
-    def _take_pairs(self, columns: dict[str, Column]) -> None:
-        pairs, n_sent = self.pairs, len(columns["tool"])
-        pairs.count = n = min(n_sent, pairs.capacity)
-        pairs.dropped = n_sent - n
-        pairs.particle[:n] = -1
-        for name, column in columns.items():
-            getattr(pairs, name)[:n] = column[:n]
 
     def compile_kernels(self) -> None:
         """Read an empty frame as it comes off the wire."""
-        bytes_, floats = pack([], "|i1"), pack([])
-        rows = pack(np.zeros((0, 3)))
-        self.take(
-            ToolContacts(
-                tick=0, tools=(), tool=bytes_, tool_segment=bytes_, target_kind=bytes_, target=pack([], "<i4"),
-                tool_parameter=floats, target_weights=rows, normal=rows, gap_m=floats,
-            )
-        )  # fmt: skip
+        index, geometry = pack(np.zeros((0, PAIR_INDICES)), "<i4"), pack(np.zeros((0, PAIR_GEOMETRY)))
+        self.take(ToolContacts(tick=0, tools=(), pair_index=index, pair_geometry=geometry))
 
     def _is_there(self, hold: HoldBody) -> bool:
         return hold.tool < N_TOOLS and hold.target < int(self._n_targets[hold.target_kind])
@@ -86,13 +70,28 @@ class ContactsReader:
 
 
 @kernel
-def indices_are_there(indices: tuple[Column, ...], n_targets: IntArray) -> bool:
-    """Return whether tools, segments, kinds and targets of all pairs exist."""
-    tool, segment, kind, target = indices
-    for row in range(tool.shape[0]):
-        named = 0 <= tool[row] < N_TOOLS and 0 <= segment[row] < N_SEGMENTS and 0 <= kind[row] < n_targets.shape[0]
-        if not (named and 0 <= target[row] < n_targets[kind[row]]):
+def take_pairs(index: IntArray, geometry: FloatArray, n_targets: IntArray, address: Address[ContactPairs]) -> bool:
+    """Copy tables of the wire into the pairs; False, and nothing copied, if a row names what is not there.
+
+    ``n_targets`` (2,) are the numbers of triangles and of segments. Rows beyond the pairs' capacity are dropped.
+    """
+    n_sent = index.shape[0]
+    for row in range(n_sent):
+        tool, segment, kind, target = index[row, 0], index[row, 1], index[row, 2], index[row, 3]
+        named = 0 <= tool < N_TOOLS and 0 <= segment < N_SEGMENTS and 0 <= kind < n_targets.shape[0]
+        if not (named and 0 <= target < n_targets[kind]):
             return False
+    pairs = pairs_at(address)
+    pairs.count = min(n_sent, pairs.gap_m.shape[0])
+    pairs.dropped = n_sent - pairs.count
+    for row in range(pairs.count):
+        pairs.particle[row] = NO_PARTICLE
+        pairs.tool[row], pairs.tool_segment[row] = index[row, 0], index[row, 1]
+        pairs.target_kind[row], pairs.target[row] = index[row, 2], index[row, 3]
+        pairs.tool_parameter[row], pairs.gap_m[row] = geometry[row, 0], geometry[row, 7]
+        for axis in range(3):
+            pairs.target_weights[row, axis] = geometry[row, 1 + axis]
+            pairs.normal[row, axis] = geometry[row, 4 + axis]
     return True
 
 

@@ -47,7 +47,7 @@ def test_old_versions_climb_to_the_current_one() -> None:
         assert frame.body == bodies.SupervisorState(state="running")
 
 
-KEEPS_NAMES = [("haptics.contact_model", 1), ("haptics.contacts", 1)]
+KEEPS_NAMES = [("haptics.contact_model", 1), ("haptics.contacts", 1), ("haptics.contacts", 2)]
 
 
 @pytest.mark.parametrize(("name", "version"), KEEPS_NAMES)

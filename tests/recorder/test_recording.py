@@ -40,8 +40,9 @@ def test_numbers_and_arrays_are_those_of_the_frame(tmp_path: Path) -> None:
     by_topic = {message.topic: message.body for message in read(writer.path)}
     assert list(by_topic["gateway.state"].instruments[0].position_m) == [0.1, 0.2, 0.3]
     np.testing.assert_array_equal(by_topic["physics.state"].duct.q, [1.0, 2.0])
-    assert list(by_topic["haptics.contacts"].target) == [17, 3]
-    np.testing.assert_allclose(by_topic["haptics.contacts"].target_weights, [0.2, 0.3, 0.5, 0.5, 0.5, 0.0])
+    contacts = by_topic["haptics.contacts"]
+    assert list(contacts.pair_index) == [0, 1, 0, 17, 0, 2, 1, 3]
+    np.testing.assert_allclose(contacts.pair_geometry[:8], [0.25, 0.2, 0.3, 0.5, 0.0, 0.0, 1.0, -1e-4])
     assert by_topic["physics.health"].topics[0].refused["malformed"] == 1
 
 

@@ -11,7 +11,6 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
-from services.mechanics.compiled.layout import ArrayField
 from services.mechanics.compiled.struct import Struct, reader
 
 NO_TOOL = -1
@@ -79,7 +78,3 @@ class ContactPairs(Struct):
 
 
 pairs_at = reader(ContactPairs)
-# Columns of pairs whose first body is a tool: all but the particle.
-TOOL_COLUMNS = tuple(
-    name for name, field in ContactPairs.layout.fields if isinstance(field, ArrayField) and name != "particle"
-)
