@@ -6,8 +6,10 @@ import numpy as np
 
 from protocol.arrays import pack
 from protocol.bodies import Catheter, Duct
+from services.mechanics.arrays import IntArray
 from services.mechanics.bodies.wall import make_wall
 from services.mechanics.collision import ToolContactDetector
+from services.mechanics.compiled import kernel
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 
@@ -42,7 +44,7 @@ class DeformedScene:
         q, nodes, forces = body.q.view(), body.load_node.view(), body.load_force_n.view()
         if body.basis_hash != basis.content_hash or q.shape != (basis.n_modes,):
             self._refuse("basis")
-        elif nodes.size > self._max_loads or not ((nodes >= 0) & (nodes < basis.n_nodes)).all():
+        elif nodes.size > self._max_loads or not nodes_are_there(nodes, basis.n_nodes):
             self._refuse("load_node")
         else:
             self._wall.update(q, nodes, forces)
@@ -64,7 +66,17 @@ class DeformedScene:
     def warm_up(self) -> None:
         """Compile what `take_duct` calls, for arrays of the wire: read-only ones are another type to the compiler."""
         q, nodes, forces = np.zeros(self._duct.basis.n_modes), np.zeros(1, np.int32), np.zeros((1, 3))
+        nodes_are_there(pack(nodes, "<i4").view(), 1)
         self._wall.update(pack(q).view(), pack(nodes, "<i4").view(), pack(forces).view())
 
     def _refuse(self, what: str) -> None:
         self.refused[what] = self.refused.get(what, 0) + 1
+
+
+@kernel
+def nodes_are_there(nodes: IntArray, n_nodes: int) -> bool:
+    """Return whether all of `nodes` are among the first ``n_nodes``."""
+    there = True
+    for node in nodes:
+        there = there and 0 <= node < n_nodes
+    return there

@@ -10,6 +10,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.simulation import STAGE_NAMES
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.physics.warm_up import warm_up
@@ -56,8 +57,7 @@ class Physics:
     def _step(self) -> bool:
         """Take one step; False if the state it leads to is not a number, which no kernel may ever see."""
         self.simulation.step(self._reader.tools, self._reader.pairs)
-        for stage, cost_ns in self.simulation.stage_cost_ns.items():
-            self._process.health.stages.add(stage, cost_ns)
+        self._process.health.stages.add_all(STAGE_NAMES, self.simulation.cost_ns)
         return self._guard.watch()
 
     def _counts(self) -> dict[str, float]:

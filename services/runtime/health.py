@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from operator import add
 
 import protocol.bodies as bodies
 from services.runtime.bus import Bus
@@ -25,11 +26,21 @@ class LatencyPath:
     asked: int = 0
 
 
+@dataclass(slots=True)
+class _Row:
+    """Costs of stages that are timed together."""
+
+    sum_ns: list[int]
+    max_ns: list[int]
+    count: int = 0
+
+
 class StageClock:
     """Mean and maximum cost of named stages since the last report."""
 
     def __init__(self) -> None:
         self._sums: dict[str, list[float]] = {}
+        self._rows: dict[tuple[str, ...], _Row] = {}
 
     def add(self, name: str, duration_ns: float) -> None:
         """Count one run of a stage."""
@@ -41,14 +52,27 @@ class StageClock:
             cell[1] += duration_ns
             cell[2] = max(cell[2], duration_ns)
 
+    def add_all(self, names: tuple[str, ...], durations_ns: list[int]) -> None:
+        """Count one run each of stages that are timed together: for little more than one of them."""
+        row = self._rows.get(names)
+        if row is None:
+            row = self._rows[names] = _Row([0] * len(names), [0] * len(names))
+        row.count += 1
+        row.sum_ns = list(map(add, row.sum_ns, durations_ns))
+        row.max_ns = list(map(max, row.max_ns, durations_ns))
+
     def take(self) -> tuple[bodies.StageCost, ...]:
         """Return the figures and begin anew."""
-        costs = tuple(
-            bodies.StageCost(name=name, mean_us=total / count / 1e3, max_us=top / 1e3)
-            for name, (count, total, top) in self._sums.items()
-        )
+        sums = dict(self._sums)
+        for names, row in self._rows.items():
+            cells = zip(row.sum_ns, row.max_ns, strict=True)
+            sums.update({name: [row.count, total, top] for name, (total, top) in zip(names, cells, strict=True)})
         self._sums.clear()
-        return costs
+        self._rows.clear()
+        return tuple(
+            bodies.StageCost(name=name, mean_us=total / count / 1e3, max_us=top / 1e3)
+            for name, (count, total, top) in sums.items()
+        )
 
 
 class HealthReporter:

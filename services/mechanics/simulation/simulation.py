@@ -61,7 +61,7 @@ class Simulation:
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
-        self._cost_ns = [0] * len(STAGE_NAMES)
+        self.cost_ns = [0] * len(STAGE_NAMES)
         self._mark_ns = 0
         for effect in self._stages["prepare"]:
             effect.prepare(world)
@@ -155,7 +155,7 @@ class Simulation:
     @property
     def stage_cost_ns(self) -> dict[str, int]:
         """What each stage of the last step took."""
-        return dict(zip(STAGE_NAMES, self._cost_ns, strict=True))
+        return dict(zip(STAGE_NAMES, self.cost_ns, strict=True))
 
     @property
     def inserted_length_m(self) -> float:
@@ -180,7 +180,7 @@ class Simulation:
 
     def _lap(self, stage: int) -> None:
         now = perf_counter_ns()
-        self._cost_ns[stage] = now - self._mark_ns
+        self.cost_ns[stage] = now - self._mark_ns
         self._mark_ns = now
 
     def _add_loads(self, dt_s: float) -> None:
