@@ -23,7 +23,9 @@ from services.runtime.process import Process, main
 
 MODEL = "haptics.contact_model"
 RATE_HZ = 1000.0
-_GAUGES_EVERY = 50
+_LOOK_ROUND_EVERY = 50
+#: A report is made this long before the handles are served, and takes half of it.
+_REPORT_NS = 200_000
 #: The handles are served this long before the next tick: twice what it takes at p99.9, and when haptics, which shares
 #: the core, is nearly always done. Earlier they would interrupt it where it is late already.
 _HANDLES_NS = 250_000
@@ -46,6 +48,7 @@ class Gateway:
         self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))
         self._orders = Orders(self.instruments, process.rig.gateway.supervisor_timeout_s)
         self._turn = 0
+        self._look_round = False
 
     def _path(self, name: str, default_us: float) -> LatencyPath:
         contract = self._process.rig.contracts.paths.get(name)
@@ -60,7 +63,7 @@ class Gateway:
         progress("devices open", 1.0)
 
     def tick(self, tick: Tick) -> None:
-        """Read, answer, write, publish; then follow orders and report."""
+        """Read, answer, write, publish; then follow orders."""
         take(self._bus, self._answers)
         sampled_ns = time.monotonic_ns()
         for instrument in self.instruments:
@@ -74,15 +77,16 @@ class Gateway:
         self._answers.applied(written_ns)
         self._answers.ask(tick.index, sampled_ns, timed=tick.index % TIMED_EVERY == 0)
         self._orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
-        if tick.index % _GAUGES_EVERY == 0:
-            self._report()
-        self._health.send_if_due()
+        self._look_round = tick.index % _LOOK_ROUND_EVERY == 0
 
     def serve(self, deadline_ns: int) -> None:
         """Until `deadline_ns`: serve the handles from the model that answers the last tick."""
         handles_ns = deadline_ns - _HANDLES_NS
         if self._answers.timed:
             listen(self._bus, self._answers, handles_ns)
+        if self._look_round or self._health.is_due():
+            sleep_until(handles_ns - _REPORT_NS)
+            self._report()
         sleep_until(handles_ns)  # haptics has this core until its work is done
         take(self._bus, self._answers)
         began_ns = time.monotonic_ns()
@@ -108,6 +112,7 @@ class Gateway:
         silent = ["the supervisor is silent: every hand is let go"] if self._orders.unsupervised else []
         faults = "; ".join(silent + [f"{each.name}: {each.fault}" for each in self.instruments if each.fault])
         self._health.change("degraded" if faults else "running", faults)
+        self._health.send_if_due()
 
     def close(self) -> None:
         """Leave zero force on every device."""

@@ -114,11 +114,10 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     haptics = Haptics(process, *prepared)
     meter = LoopMeter(RATE_HZ)
     process.ready(meter)
-    for frame in follow(process.bus, "gateway.state", meter, process.stop):
+    for frame in follow(process.bus, "gateway.state", meter, process.stop, process.health.send_if_due):
         if frame is not None:
             haptics.answer(frame)
             process.health.change("running")
-        process.health.send_if_due()
 
 
 if __name__ == "__main__":

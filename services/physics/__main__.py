@@ -106,7 +106,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     meter = LoopMeter(RATE_HZ)
     clock = TickClock(meter)
     process.ready(meter)
-    for frame in follow(process.bus, "haptics.contacts", meter, process.stop):
+    for frame in follow(process.bus, "haptics.contacts", meter, process.stop, process.health.send_if_due):
         if frame is not None:
             steps = clock.steps(frame.body.tick)
             if steps:
@@ -114,7 +114,6 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
             process.health.change("running")
         for state in process.bus.drain("supervisor.state"):
             physics.obey(state.body.quality_level)
-        process.health.send_if_due()
 
 
 if __name__ == "__main__":

@@ -112,11 +112,19 @@ class HealthReporter:
             self._due_ns = 0
             self.send_if_due()
 
+    def is_due(self) -> bool:
+        """Return whether 100 ms have passed since the last report."""
+        return time.monotonic_ns() >= self._due_ns
+
     def send_if_due(self) -> None:
-        """Send a report if 100 ms have passed since the last."""
-        now = time.monotonic_ns()
-        if now < self._due_ns:
+        """Send a report if it is due: a tenth of a millisecond, best spent where nobody waits for this process.
+
+        What was published before leaves first.
+        """
+        if not self.is_due():
             return
+        os.sched_yield()
+        now = time.monotonic_ns()
         self._due_ns = now + _PERIOD_NS
         self._bus.publish(f"{self.process}.health", self._body(now))
 

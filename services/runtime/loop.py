@@ -193,8 +193,12 @@ class DutyCycleLimiter:
         return round(max(0.0, self._ahead_ns - _AHEAD_NS) / SHARE)
 
 
-def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> Iterator[Frame | None]:
-    """Yield each new frame of `topic`, newest only; None when none came for two periods, so that health goes on.
+def follow(
+    bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool], slack: Callable[[], None] = lambda: None
+) -> Iterator[Frame | None]:
+    """Yield each new frame of `topic`, newest only; None when none came for two periods.
+
+    After each, when the tick is done and counted, `slack` is called, for what is no tick's work: reports.
 
     The tick is due when its frame was sent and must be done one period later. Frames that come faster than the rate
     (a publisher that floods) are answered at no more than four times the rate, and a loop whose ticks take longer than
@@ -204,6 +208,7 @@ def follow(bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool]) -> 
     last_ns = 0
     limiter = DutyCycleLimiter()
     while not stop():
+        slack()
         if not bus.wait(topic, time.monotonic_ns() + 2 * meter.period_ns):
             meter.idle(time.monotonic_ns())
             yield None
