@@ -119,7 +119,7 @@ def decode(data: bytes, expected: str | None = None, *, used: bool = True) -> Fr
         with the named reason, for anything that is not exactly a valid frame.
     """
     frame = None if expected is None else _straight(expected, data)
-    return _look_into(data, expected) if frame is None else frame
+    return _look_into(data, expected, used=used) if frame is None else frame
 
 
 def _straight(name: str, data: bytes) -> Frame | None:
@@ -163,7 +163,7 @@ def _one_pass_decoder(row: Topic) -> msgspec.msgpack.Decoder[Any]:
 _KNOWN: dict[str, tuple[Topic, msgspec.msgpack.Decoder[Any], soundness.Check]] = {}
 
 
-def _look_into(data: bytes, expected: str | None) -> Frame:
+def _look_into(data: bytes, expected: str | None, *, used: bool) -> Frame:
     header = peek(data)
     row = TOPICS.get(header.topic)
     if row is None:
