@@ -60,11 +60,14 @@ class Process:
         """Return whether the process was asked to end."""
         return self._stopping[0]
 
-    def ready(self, meter: LoopMeter | None = None) -> None:
-        """Say that everything is built and warm; the loop begins now, and real time with it."""
+    def ready(self, meter: LoopMeter | None = None, *, starts_others: bool = False) -> None:
+        """Say that everything is built and warm; the loop begins now, and real time with it.
+
+        With `starts_others`, processes that this one starts are ordinary, whatever it is itself.
+        """
         self.health.meter = meter
         if self._fifo is not None:
-            realtime.resume(self._fifo)
+            realtime.resume(self._fifo, alone=starts_others)
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
@@ -146,6 +149,11 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     _stop_on_signals(process)
     process.health.change("starting", "building")
     return process
+
+
+def listen_as(name: str, rig: Rig) -> ZmqBus:
+    """Return a bus that hears what the table gives a process to read and says nothing: for a helper of that process."""
+    return ZmqBus(rig.transport, reads=read_by(name))
 
 
 def _stop_on_signals(process: Process) -> None:

@@ -68,9 +68,13 @@ def relax() -> None:
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-def resume(priority: int) -> None:
-    """Put the calling thread back into SCHED_FIFO, which `set_up` was granted."""
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+def resume(priority: int, *, alone: bool = False) -> None:
+    """Put the calling thread back into SCHED_FIFO, which `set_up` was granted.
+
+    With `alone`, what it starts from now on is ordinary: for one that starts processes.
+    """
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if alone else os.SCHED_FIFO
+    os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
 def freeze_garbage_collector() -> Fact:
@@ -85,7 +89,7 @@ def read_back() -> Fact:
     """Return the scheduling class of every thread of this process, as the kernel has it now."""
     threads = sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
     names = {os.SCHED_FIFO: "FIFO", os.SCHED_OTHER: "OTHER", os.SCHED_RR: "RR"}
-    policies = [os.sched_getscheduler(thread) for thread in threads]
+    policies = [os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK for thread in threads]
     had = [f"{names.get(p, '?')} {os.sched_getparam(t).sched_priority}" for p, t in zip(policies, threads, strict=True)]
     return Fact("threads", "one class for all", ", ".join(had), len(set(policies)) == 1)
 

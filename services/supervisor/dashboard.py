@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import msgspec
 
+import protocol.bodies as bodies
 from protocol.topics import TOPICS
 from services.runtime.histogram import Quantiles
-from services.runtime.rig import Contracts
-from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic
-from services.supervisor.member import Member
-from services.supervisor.supervisor import Supervisor
+from services.runtime.rig import Contracts, Rig
+from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic, Window
+from services.supervisor.figures import of as figures_of
+from services.supervisor.notes import MemberNote, Notes
 
 UNKNOWN = math.nan
+EVENTS_SHOWN = 50
 
 
 class Spread(msgspec.Struct, frozen=True):
@@ -135,45 +138,63 @@ class Snapshot(msgspec.Struct, frozen=True):
     events: tuple[EventRow, ...]
 
 
-def snapshot(supervisor: Supervisor, scene: str, now_s: float) -> Snapshot:
-    """Return what the page shows of the rig now."""
-    members = supervisor.crew.members
-    windows = {
-        name: member.window.figures(supervisor.rig.supervisor.window_s) or Figures(0.0)
-        for name, member in members.items()
-    }
-    contracts = supervisor.rig.contracts
-    broken = {breach.key for breach in supervisor.breaches}
-    body = supervisor.body()
+@dataclass
+class Heard:
+    """What one process said last, and what it counted lately."""
+
+    health: bodies.Health | None
+    window: Window
+    window_s: float
+
+    @classmethod
+    def nothing(cls, window_s: float) -> Heard:
+        """Nothing yet; figures will be of the last `window_s`."""
+        return cls(None, Window(window_s), window_s)
+
+    def take(self, health: bodies.Health) -> None:
+        """Take a report."""
+        self.health = health
+        self.window.add(health.pid, figures_of(health))
+
+    @property
+    def figures(self) -> Figures:
+        """What was counted lately."""
+        return self.window.figures(self.window_s) or Figures(0.0)
+
+
+def snapshot(notes: Notes, heard: Mapping[str, Heard], rig: Rig, scene: str) -> Snapshot:
+    """Return what the page shows of the rig now: as the supervisor judges it, and as the processes were heard."""
+    windows = {name: one.figures for name, one in heard.items()}
+    broken = set(notes.broken)
     paths = {name: path for window in windows.values() for name, path in window.paths.items()}
     model = paths.get("device_model")
+    nothing = Heard.nothing(rig.supervisor.window_s)
     return Snapshot(
-        t=round(now_s - supervisor.started_s, 3),
-        state=body.state,
-        reason=body.reason,
-        quality_level=body.quality_level,
-        safe_stop=body.safe_stop,
-        rig=supervisor.rig.name,
+        t=round(notes.said_s - notes.started_s, 3),
+        state=notes.state,
+        reason=notes.reason,
+        quality_level=notes.quality_level,
+        safe_stop=notes.safe_stop,
+        rig=rig.name,
         scene=scene,
-        processes=tuple(process_row(member, windows[name], broken) for name, member in members.items()),
+        processes=tuple(process_row(member, heard.get(member.name, nothing), broken) for member in notes.members),
         topics=topic_rows(windows),
-        paths=tuple(_path_row(name, path, contracts, broken) for name, path in paths.items()),
+        paths=tuple(_path_row(name, path, rig.contracts, broken) for name, path in paths.items()),
         answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
         heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
-        events=tuple(EventRow(round(e.t, 3), e.level, e.text) for e in supervisor.events),
+        events=tuple(EventRow(round(e.t, 3), e.level, e.text) for e in notes.events[-EVENTS_SHOWN:]),
     )
 
 
-def process_row(member: Member, window: Figures, broken: set[str]) -> ProcessRow:
+def process_row(member: MemberNote, heard: Heard, broken: set[str]) -> ProcessRow:
     """Return the row of one process."""
-    health = member.health
-    name = member.name
-    kept = f"{name} ticks" not in broken
+    health, window = heard.health, heard.figures
+    kept = f"{member.name} ticks" not in broken
     return ProcessRow(
-        name=name,
-        state=str(member.state),
+        name=member.name,
+        state=member.state,
         pid=member.pid,
-        restarts=member.restarts.count,
+        restarts=member.restarts,
         uptime_s=round(health.uptime_s, 3) if health else 0.0,
         reason=member.reason,
         detail=health.detail if health else "",

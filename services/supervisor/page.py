@@ -1,86 +1,122 @@
-"""The web page of a running supervisor: its socket, its thread, and who may command through it."""
+"""The web page of a running supervisor, as the supervisor keeps it: a process of the ordinary class.
+
+It shares no interpreter with the loop that judges: a page that is not run, or is busy with a slow browser, holds up
+nobody. It hears the processes for itself; what the supervisor makes of them it is told.
+"""
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import secrets
 import socket
-import threading
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import msgspec
-import uvicorn
-
-from services.supervisor import dashboard
-from services.supervisor.metrics import RigSource, Source, registry
+from services.runtime.private_directory import open_private
+from services.supervisor.notes import Command, Link, Opening, notes
 from services.supervisor.page_place import page_file, write_page_file
-from services.supervisor.state_machine import RigState
+from services.supervisor.processes import ENVIRONMENT
 from services.supervisor.supervisor import Supervisor
-from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
 
-_HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
-_encoder = msgspec.json.Encoder()
+#: What the page's process needs beyond the rest of the rig.
+PACKAGES = ("uvicorn", "starlette", "prometheus_client")
+_TELL_S = 0.2
+#: A page that ended is started again after so long, so often.
+_RETRY_S, _RETRIES = 2.0, 5
+_END_S = 3.0
+
+
+def missing_package() -> str:
+    """Return a package that the page needs and that is not installed, empty for none."""
+    return next((name for name in PACKAGES if importlib.util.find_spec(name) is None), "")
 
 
 class Page:
-    """Serves while it is open. The supervisor's loop only replaces one bytes object; no client can hold it up."""
+    """Serves while it is open."""
 
-    def __init__(self, sock: socket.socket, supervisor: Supervisor, scene: str) -> None:
+    def __init__(self, sock: socket.socket, supervisor: Supervisor, scene: str, log_file: Path) -> None:
         self._supervisor = supervisor
         self._socket = sock
-        self._due_s = 0.0
-        self.context = PageContext(
-            rig=supervisor.rig,
-            scene=scene,
-            registry=registry(self._source),
-            arm=supervisor.arm,
-            safe_stop=supervisor.safe_stop,
-            healthy=self._healthy,
-            view_port=self._view_port,
-        )
+        self._log_file = log_file
+        self._opening = Opening(supervisor.rig.model_dump_json(), scene, secrets.token_urlsafe(16))
         host, port = sock.getsockname()[:2]
         host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
         self.address = f"http://{host}:{port}/"
-        config = uvicorn.Config(
-            build_app(self.context), log_level="error", access_log=False, lifespan="off", ws="none",
-            timeout_graceful_shutdown=1,
-        )  # fmt: skip
-        self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(target=self._server.run, args=([sock],), name="page", daemon=True)
         self._file = page_file(supervisor.rig.transport)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._link: Link | None = None
+        self._starts = 0
+        self._due_s = self._retry_s = 0.0
 
     def __enter__(self) -> Self:
-        write_page_file(self._file, self.address, self.context.token)
-        self._supervisor.page_address = f"{self.address}#token={self.context.token}"
-        self._thread.start()
+        write_page_file(self._file, self.address, self._opening.token)
+        self._supervisor.page_address = f"{self.address}#token={self._opening.token}"
+        self._start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.context.closing = True
-        self._server.should_exit = True
-        self._thread.join(3.0)
+        if self._link is not None:
+            self._link.close()  # which it sees, and ends
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_END_S)
+            self._process.kill()
+            self._process.wait()
         self._socket.close()
         self._file.unlink(missing_ok=True)
 
     def turn(self, now_s: float) -> None:
-        """Replace what the page shows, when it is due."""
+        """Tell the page what there is to tell, do what it asks, start it again where it ended."""
+        if self._link is None or self._process is None:
+            if now_s >= self._retry_s and self._starts <= _RETRIES:
+                self._start()
+            return
+        try:
+            self._obey(self._link)
+        except ConnectionError:
+            self._lost(now_s)
+            return
         if now_s >= self._due_s:
-            self._due_s = now_s + EVENT_PERIOD_S
-            self.context.latest = _encoder.encode(dashboard.snapshot(self._supervisor, self.context.scene, now_s))
+            self._due_s = now_s + _TELL_S
+            self._link.send(notes(self._supervisor, now_s))
 
-    def _source(self) -> RigSource:
-        supervisor = self._supervisor
-        body = supervisor.body()
-        processes = [Source(m.name, m.up, m.restarts.count, m.health) for m in supervisor.crew.members.values()]
-        return RigSource(supervisor.state, body.quality_level, body.safe_stop, processes)
+    def _obey(self, link: Link) -> None:
+        while (command := link.receive(Command)) is not None:
+            act = self._supervisor.arm if command.what == "arm" else self._supervisor.safe_stop
+            act(command.who)
 
-    def _healthy(self) -> tuple[bool, str]:
-        state = self._supervisor.state
-        return state in _HEALTHY, f"{state}{': ' if self._supervisor.reason else ''}{self._supervisor.reason}"
+    def _start(self) -> None:
+        self._starts += 1
+        self._link, other = Link.pair()
+        self._link.send(self._opening)
+        descriptors = (other.fileno(), self._socket.fileno())
+        with os.fdopen(open_private(self._log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "services.supervisor.page_server", *map(str, descriptors)],
+                stdin=subprocess.DEVNULL,
+                stdout=sink,
+                stderr=sink,
+                env={**os.environ, **ENVIRONMENT},
+                pass_fds=descriptors,
+                process_group=0,
+            )
+        other.close()
 
-    def _view_port(self) -> int:
-        """Return where the picture is served: as the process says, where it was left to choose."""
-        member = self._supervisor.crew.members.get("visualization")
-        said = member.health.gauges.get("view_port") if member and member.health else None
-        return int(said) if said else self._supervisor.rig.visualization.port
+    def _lost(self, now_s: float) -> None:
+        assert self._process is not None
+        assert self._link is not None
+        self._link.close()
+        self._process.kill()
+        status = self._process.wait()
+        self._process = self._link = None
+        self._retry_s = now_s + _RETRY_S
+        again = "started again" if self._starts <= _RETRIES else "given up; the rig goes on without"
+        text = f"supervisor: the page's process ended with exit code {status}, {again} (see {self._log_file})"
+        self._supervisor.say("warning", text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import socket
 import time
@@ -9,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
@@ -19,12 +19,10 @@ from services.runtime.rig import Rig
 from services.supervisor.bus_threads import BusThreads
 from services.supervisor.crew import Launch
 from services.supervisor.holders import holders
+from services.supervisor.page import Page, missing_package
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Event, Setup, Supervisor
-
-if TYPE_CHECKING:
-    from services.supervisor.page import Page
 
 _TURN_S = 0.02
 
@@ -97,7 +95,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
     threads = BusThreads()
     supervisor.crew.has_heard_all = threads.are_idle
     with closing(threads), _page(sock, supervisor, process.scene_name) as page:
-        process.health.change("ready")
+        process.ready(starts_others=True)
+        gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:
             _watch(process, supervisor, page, session)
         finally:
@@ -109,13 +108,12 @@ def run_session(process: Process, session: SessionOptions) -> None:
 
 def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractContextManager[Page | None]:
     """Return the page; nothing where the packages that serve it are not installed: the rig does without."""
-    try:
-        from services.supervisor.page import Page
-    except ModuleNotFoundError as error:
+    missing = missing_package()
+    if missing:
         sock.close()
-        supervisor.say("warning", f"no web page: {error.name} is not installed (pip install 'trocar[web]')")
+        supervisor.say("warning", f"no web page: {missing} is not installed (pip install 'trocar[web]')")
         return nullcontext()
-    return Page(sock, supervisor, scene)
+    return Page(sock, supervisor, scene, log_directory(supervisor.rig) / "page.log")
 
 
 def _watch(process: Process, supervisor: Supervisor, page: Page | None, session: SessionOptions) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 import protocol.bodies as bodies
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.rig import Rig
+from services.supervisor.dashboard import Heard, Snapshot, snapshot
+from services.supervisor.notes import notes
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Setup, Supervisor
 from tests.memory_bus import MemoryBus, MemoryHub
@@ -159,3 +161,10 @@ class Bench:
 
 def rig(**settings: object) -> Rig:
     return Rig.model_validate({"name": "made up", "supervisor": {"mode": "attach"}, **settings})
+
+
+def shown(bench: Bench) -> Snapshot:
+    """Return what the page would show."""
+    supervisor = bench.supervisor
+    heard = {name: Heard(m.health, m.window, 2.0) for name, m in supervisor.crew.members.items()}
+    return snapshot(notes(supervisor, bench.now_s), heard, supervisor.rig, "default")

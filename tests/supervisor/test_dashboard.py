@@ -9,8 +9,7 @@ import msgspec
 import pytest
 
 import protocol.bodies as bodies
-from services.supervisor.dashboard import snapshot
-from tests.supervisor.made_up import Bench, health, histogram, loop_report, rig
+from tests.supervisor.made_up import Bench, health, histogram, loop_report, rig, shown
 
 ROW = {
     "name",
@@ -40,7 +39,7 @@ def _strict(text: bytes) -> Any:
 
 
 def _shown(bench: Bench) -> Any:
-    return _strict(msgspec.json.encode(snapshot(bench.supervisor, "default", bench.now_s)))
+    return _strict(msgspec.json.encode(shown(bench)))
 
 
 def test_nothing_heard_yet_is_null_not_nan() -> None:

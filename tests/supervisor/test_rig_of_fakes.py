@@ -7,22 +7,33 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import httpx
 import pytest
 
 from services.runtime.errors import BusError
 from services.runtime.process import Options
-from services.supervisor import run_report, session
+from services.supervisor import page, run_report, session
 from services.supervisor.member import MemberState
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 
 pytestmark = pytest.mark.rig
+
+
+def _fifo_is_granted() -> bool:
+    """Return whether a process of this user may have SCHED_FIFO; asked of one that ends at once."""
+    script = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))"
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, check=False).returncode == 0
+
 
 HERE = Path(__file__).parent
 Scenario = Iterator[None]
@@ -296,7 +307,69 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
 def test_without_the_web_packages_there_is_no_page_and_the_rig_runs(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "services.supervisor.page", raising=False)
-    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    monkeypatch.setattr(page, "PACKAGES", ("a_package_that_nobody_has",))
     events = fakes.play(until_running)
-    assert any(event.startswith("no web page: uvicorn is not installed") for event in events)
+    assert any(event.startswith("no web page: a_package_that_nobody_has is not installed") for event in events)
+
+
+def ask(supervisor: Supervisor, path: str) -> httpx.Response:
+    return httpx.get(supervisor.page_address.partition("#")[0] + path, timeout=20.0)
+
+
+def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> None:
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        told: list[dict[str, Any]] = []
+        asking = threading.Thread(target=lambda: told.append(_once_running(supervisor)))
+        asking.start()
+        yield from until(lambda: not asking.is_alive())
+        assert told[0]["state"] == "running"
+        assert {row["name"] for row in told[0]["processes"]} == set(supervisor.crew.members)
+        children = [pid for pid in _children() if b"page_server" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        assert len(children) == 1
+        os.kill(children[0], signal.SIGKILL)
+        yield from until(lambda: any("the page's process ended" in event.text for event in supervisor.events))
+        asking = threading.Thread(target=lambda: told.append(_once_running(supervisor)))
+        asking.start()
+        yield from until(lambda: not asking.is_alive())
+        assert told[1]["state"] == "running"
+        assert supervisor.state is RigState.RUNNING
+
+    fakes.play(scenario)
+    assert not any(b"page_server" in Path(f"/proc/{pid}/cmdline").read_bytes() for pid in _children())
+
+
+def _once_running(supervisor: Supervisor) -> dict[str, Any]:
+    """Return the state that the page shows once it serves, and has heard that the rig runs."""
+    for _ in range(60):
+        with suppress(httpx.HTTPError):
+            told = ask(supervisor, "api/state").json()
+            if told.get("state") == "running":
+                return dict(told)
+        time.sleep(0.3)
+    raise AssertionError("the page does not say that the rig runs")
+
+
+def _children() -> list[int]:
+    return [int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
+
+
+@pytest.mark.skipif(not _fifo_is_granted(), reason="this system refuses SCHED_FIFO")
+def test_it_judges_in_real_time_and_what_it_starts_is_ordinary(fakes: Fakes) -> None:
+    with open(fakes.options.rig, "a") as file:
+        file.write("processes: {supervisor: {priority: 10}}\n")
+    had: dict[str, int] = {}
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        had["judge"] = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+        had.update({name: os.sched_getscheduler(member.pid) for name, member in supervisor.crew.members.items()})
+        had["page"] = next(os.sched_getscheduler(pid) for pid in _children())
+
+    kept = os.sched_getscheduler(0)
+    try:
+        fakes.play(scenario)
+    finally:
+        os.sched_setscheduler(0, kept, os.sched_param(0))
+    assert had.pop("judge") == os.SCHED_FIFO
+    assert set(had.values()) == {os.SCHED_OTHER}

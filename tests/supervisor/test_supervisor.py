@@ -13,11 +13,10 @@ from prometheus_client import generate_latest
 import protocol.bodies as bodies
 from protocol.arrays import pack
 from services.runtime.histogram import BUCKETS
-from services.supervisor.dashboard import snapshot
 from services.supervisor.member import MemberState
 from services.supervisor.metrics import RigSource, Source, registry
 from services.supervisor.state_machine import RigState
-from tests.supervisor.made_up import MS, Bench, rig
+from tests.supervisor.made_up import MS, Bench, rig, shown
 
 STRICT = {"contracts": {"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.01}}}}
 
@@ -283,8 +282,7 @@ def test_nothing_a_process_says_of_itself_breaks_the_supervisor() -> None:
         bench.peers["physics"].next_health_s = math.inf
         bench.run(0.01)
         if turn % 10 == 0:
-            shown = msgspec.json.encode(snapshot(bench.supervisor, "default", bench.now_s))
-            assert b"NaN" not in shown
+            assert b"NaN" not in msgspec.json.encode(shown(bench))
             source = RigSource(bench.supervisor.state, 0, False, [Source("physics", True, 0, body)])
             assert b"trocar_loop" in generate_latest(registry(lambda source=source: source))
 

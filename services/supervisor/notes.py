@@ -1,0 +1,131 @@
+"""What the judging supervisor tells the page's process, and what that asks of it: messages of a socket pair."""
+
+from __future__ import annotations
+
+import socket
+from typing import Literal, TypeVar
+
+import msgspec
+
+from services.supervisor.supervisor import Event, Supervisor
+
+#: More than the largest notes: two hundred events of a few hundred characters.
+_MESSAGE_MAX = 1 << 18
+
+
+class Opening(msgspec.Struct, frozen=True):
+    """The first message: what the page is to be. `rig` is the rig as JSON, defaults and overrides in it."""
+
+    rig: str
+    scene: str
+    token: str
+
+
+class MemberNote(msgspec.Struct, frozen=True):
+    """One process as the supervisor judges it."""
+
+    name: str
+    state: str
+    up: bool
+    pid: int
+    restarts: int
+    reason: str
+
+
+class Notes(msgspec.Struct, frozen=True):
+    """The rig as the supervisor judges it. Times are seconds of the monotonic clock; `broken` are keys of breaches."""
+
+    said_s: float
+    started_s: float
+    state: str
+    reason: str
+    quality_level: int
+    safe_stop: bool
+    members: tuple[MemberNote, ...]
+    broken: tuple[str, ...]
+    events: tuple[Event, ...]
+
+
+class Command(msgspec.Struct, frozen=True):
+    """What a person asked for over the page."""
+
+    what: Literal["arm", "safe_stop"]
+    who: str
+
+
+_T = TypeVar("_T", Opening, Notes, Command)
+
+
+def notes(supervisor: Supervisor, now_s: float) -> Notes:
+    """Return what there is to tell now."""
+    body = supervisor.body()
+    members = supervisor.crew.members.values()
+    return Notes(
+        said_s=now_s,
+        started_s=supervisor.started_s,
+        state=body.state,
+        reason=body.reason,
+        quality_level=body.quality_level,
+        safe_stop=body.safe_stop,
+        members=tuple(MemberNote(m.name, str(m.state), m.up, m.pid, m.restarts.count, m.reason) for m in members),
+        broken=tuple(breach.key for breach in supervisor.breaches),
+        events=tuple(supervisor.events),
+    )
+
+
+class Link:
+    """One end of the socket pair. Nothing in it waits but `wait`."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+
+    @classmethod
+    def pair(cls) -> tuple[Link, Link]:
+        """Return both ends; messages keep their boundaries, and an end that is gone is seen at the other."""
+        one, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        for end in (one, other):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2 * _MESSAGE_MAX)
+        return cls(one), cls(other)
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._end.fileno()
+
+    def send(self, message: msgspec.Struct) -> bool:
+        """Send a message unless the other end is slow or gone; return whether it was."""
+        try:
+            self._end.send(msgspec.json.encode(message), socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+        except (BlockingIOError, ConnectionError):
+            return False
+        return True
+
+    def receive(self, kind: type[_T]) -> _T | None:
+        """Return the next message, None where there is none.
+
+        Raises
+        ------
+        ConnectionError
+            if the other end is gone.
+        """
+        try:
+            data = self._end.recv(_MESSAGE_MAX, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return None
+        if not data:
+            raise ConnectionResetError("the other end is gone")
+        return msgspec.json.decode(data, type=kind)
+
+    def wait(self, kind: type[_T], timeout_s: float) -> _T | None:
+        """Return the next message, None where none came in time; raises as `receive` does."""
+        self._end.settimeout(timeout_s)
+        try:
+            self._end.recv(1, socket.MSG_PEEK)
+        except TimeoutError:
+            return None
+        finally:
+            self._end.settimeout(None)
+        return self.receive(kind)
+
+    def close(self) -> None:
+        """Let go of this end."""
+        self._end.close()
