@@ -7,6 +7,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 from verification_table import Entry, Table
 
+from services.mechanics.rod.implicit import SPECTRAL_RADIUS
+from services.studies import rod_dynamics as dynamics
 from services.studies import rod_problems as problems
 
 ELASTICA = {  # P L^2/EI: tip angle [rad], deflection w/L, shortening u/L
@@ -22,7 +24,7 @@ CLOSED_FORM = "closed form"
 
 
 def tables() -> list[Table]:
-    return [elastica(), circle_and_catenary(), buckling(), vibration(), torsion()]
+    return [elastica(), circle_and_catenary(), buckling(), vibration(), convergence_in_time(), spinning(), torsion()]
 
 
 def segments(n: int) -> str:
@@ -122,8 +124,50 @@ def vibration() -> Table:
     ]
     return Table(
         "Catheter, vibration",
-        "Let go in the shape of a mode and timed by zero crossings, with the undamped midpoint rule (theta = 0.5) at "
-        "400 steps a period.",
+        "Let go in the shape of a mode and timed by zero crossings, with the undamped midpoint rule (spectral radius "
+        "1) at 400 steps a period.",
+        entries,
+    )
+
+
+def convergence_in_time() -> Table:
+    steps_s = (1e-3, 5e-4, 2.5e-4)
+    errors_m = dynamics.tip_errors_m(steps_s, SPECTRAL_RADIUS)
+    entries = [
+        Entry(
+            f"order from {1e3 * coarse:g} to {1e3 * fine:g} ms, tip error {1e3 * error:.2g} to {1e3 * finer:.2g} mm",
+            segments(50),
+            float(np.log2(error / finer)),
+            2.0,
+            "second order",
+        )
+        for coarse, fine, error, finer in zip(steps_s[:-1], steps_s[1:], errors_m[:-1], errors_m[1:], strict=True)
+    ]
+    return Table(
+        "Catheter, convergence in the time step",
+        "A cantilever bent by 17 mm is let go at rest, with the material damping of the scenes and the default "
+        "spectral radius. The error is the root mean square of the tip's over 0.3 s against the midpoint rule at 10 "
+        "us.",
+        entries,
+    )
+
+
+def spinning() -> Table:
+    entries = [
+        Entry(
+            f"angular momentum after 0.5 s at {rate:g} rad/s",
+            segments(50),
+            dynamics.spin(rate, rho).momentum,
+            1.0,
+            f"conserved; spectral radius {rho:g}",
+        )
+        for rate in (20.0, 100.0)
+        for rho in (1.0, 0.8, SPECTRAL_RADIUS)
+        if (rate, rho) != (100.0, 1.0)
+    ]
+    return Table(
+        "Catheter, free rotation",
+        "A straight, free, undamped rod spins across its axis, stepped at 1 ms, over that at the start.",
         entries,
     )
 

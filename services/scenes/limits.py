@@ -22,10 +22,11 @@ _POSITIVE = {
 _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",
     "catheter": "inner_diameter_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m introducer_friction "
-    "introducer_seal_friction_n",
+    "introducer_seal_friction_n spectral_radius",
     "forceps": "coupling_damping_n_s_m",
     "contact": "margin_m recovery penalty_damping_n_s_m",
 }
+_NOT_ABOVE_ONE = {"catheter": "spectral_radius"}
 
 
 def fault(scene: SceneModel) -> str:
@@ -36,6 +37,9 @@ def fault(scene: SceneModel) -> str:
                 value = getattr(holder, name)
                 if value is not None and not value > lowest:
                     return f"{path}.{name}: must {wanted}, is {value}"
+        for name in _NOT_ABOVE_ONE.get(part, "").split():
+            if getattr(holder, name) > 1.0:
+                return f"{path}.{name}: must not be above 1, is {getattr(holder, name)}"
     return "" if scene.quality else "quality: needs at least one level"
 
 

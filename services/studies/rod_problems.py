@@ -165,9 +165,9 @@ def mode_shape(mode: int, n_segments: int = 50) -> FloatArray:
     return np.asarray(shape / shape[-1])
 
 
-def ring(properties: RodProperties, mode: int, theta: float, dt_s: float, n_steps: int) -> FloatArray:
+def ring(properties: RodProperties, mode: int, spectral_radius: float, dt_s: float, n_steps: int) -> FloatArray:
     """(n_steps,) modal amplitude of a cantilever let go from a small deflection in one mode."""
-    integrator = ImplicitIntegrator(properties, clamped(X), theta=theta)
+    integrator = ImplicitIntegrator(properties, clamped(X), spectral_radius=spectral_radius)
     state = straight_rod(properties, (0, 0, 0), X)
     shape = mode_shape(mode, properties.n_segments)
     state.position_m[:, 1] += 1e-5 * shape
@@ -182,7 +182,7 @@ def ring(properties: RodProperties, mode: int, theta: float, dt_s: float, n_step
 def measured_frequency_rad_s(mode: int, n_segments: int = 50) -> float:
     """Angular frequency of a vibration in one mode, from zero crossings, by the undamped midpoint rule."""
     dt_s = 2.0 * np.pi / mode_frequency_rad_s(mode) / 400
-    amplitude = ring(example_rod(n_segments), mode, 0.5, dt_s, 2400)
+    amplitude = ring(example_rod(n_segments), mode, 1.0, dt_s, 2400)
     k = np.flatnonzero((amplitude[:-1] < 0.0) & (amplitude[1:] >= 0.0))
     crossing = k + amplitude[k] / (amplitude[k] - amplitude[k + 1])
     return float(2.0 * np.pi * (len(crossing) - 1) / ((crossing[-1] - crossing[0]) * dt_s))

@@ -45,7 +45,9 @@ class CatheterBody:
     ) -> None:
         self.properties = properties
         self.state = initial_state(scene, self.properties)
-        self.integrator = build_integrator(scene.integrator, self.properties, rod_supports(scene))
+        self.integrator = build_integrator(
+            scene.integrator, self.properties, rod_supports(scene), scene.spectral_radius
+        )
         n = self.properties.n_particles
         self.radius_m = 0.5 * scene.outer_diameter_m
         self.start_m = self.state.position_m.copy()

@@ -38,13 +38,16 @@ def _apply_wall(model: RodModel, work: RodWork, theta: float, where: tuple[int, 
     first, shift = where
     gradient = work.gradient
     k = model.wall_stiffness[0 if shift else 1]
-    rate = 0.0
+    out_of_plane = k * geometric_bending(theta)
+    lead, aside = 0.0, 0.0
     for a in range(6):
-        rate += gradient[0, shift + a] * work.velocity[first + a // 3, a % 3]
+        lead += gradient[0, shift + a] * work.lead[0, first + a // 3, a % 3]
+        aside += gradient[1, shift + a] * work.lead[1, first + a // 3, a % 3]
     for a in range(6):
-        work.force[first + a // 3, a % 3] -= k * (theta + model.beta * rate) * gradient[0, shift + a]
+        moments = k * (theta + lead) * gradient[0, shift + a] + out_of_plane * aside * gradient[1, shift + a]
+        work.force[first + a // 3, a % 3] -= moments
     if scale[0] > 0.0:
-        for kind, factor in ((0, scale[0] * k), (1, scale[1] * k * geometric_bending(theta))):
+        for kind, factor in ((0, scale[0] * k), (1, scale[1] * out_of_plane)):
             for c in range(6):
                 for a in range(6 - c):
                     work.band[3 * first + c, a] += factor * gradient[kind, shift + c] * gradient[kind, shift + c + a]

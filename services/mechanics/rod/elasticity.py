@@ -9,6 +9,10 @@ The tangent drops what is not positive: the geometric stiffness of a compressed 
 only turn it. What is left is the Gauss-Newton matrix plus the positive geometric part, so the banded matrix is always
 SPD; equilibria and buckling loads come from the force and are not changed.
 
+Damping acts on strains as if the particles were displaced by ``lead`` more. The material's lead is beta times their
+velocities, and acts along a segment and on the angle of a joint; that of an implicit step, its numerical damping, acts
+wherever there is stiffness. ``lead[0]`` is the sum of both, ``lead[1]`` the step's alone.
+
 ``scale`` throughout is what the stiffness is multiplied with in the band: scale[0] where the material's damping acts
 too (along a segment, in the plane of bending), scale[1] where only stiffness does; zero: no tangent is wanted.
 """
@@ -39,16 +43,41 @@ def any_normal(t: Vector) -> Vector:
 
 
 @kernel
-def segment_geometry(work: RodWork) -> None:
-    """Fill unit tangents and lengths of the segments; coincident particles keep the last tangent."""
+def segment_geometry(model: RodModel, work: RodWork) -> None:
+    """Fill unit tangents, lengths and elongations of the segments; coincident particles keep the last tangent."""
     x = work.position
     for j in range(work.length.shape[0]):
         e = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
         length = math.sqrt(dot(e, e))
         work.length[j] = length
+        work.elongation[j] = length - model.rest_length
+        work.taut[j] = length - model.rest_length
+        work.chord[j] = 1.0
         if length > 0.0:
             for c in range(3):
                 work.tangent[j, c] = e[c] / length
+
+
+@kernel
+def mean_elongation(model: RodModel, work: RodWork) -> None:
+    """Replace elongations in the middle of a step by the mean of those at its ends, where rotation is no stretch.
+
+    With the segment's direction in the middle and ``chord``, its length there over the mean of the lengths, that makes
+    the stretch force do exactly the work that stretch energy changes by (the discrete derivative of Simo and Tarnow
+    1992, and Gonzalez 1996).
+    """
+    x = work.previous_position
+    for j in range(work.length.shape[0]):
+        before, after = 0.0, 0.0
+        for c in range(3):
+            start = x[j + 1, c] - x[j, c]
+            end = 2.0 * work.length[j] * work.tangent[j, c] - start
+            before += start * start
+            after += end * end
+        mean = 0.5 * (math.sqrt(before) + math.sqrt(after))
+        work.elongation[j] = mean - model.rest_length
+        work.taut[j] = math.sqrt(before) - model.rest_length
+        work.chord[j] = work.length[j] / mean if mean > 0.0 else 1.0
 
 
 @kernel
@@ -92,16 +121,36 @@ def bending_energy(model: RodModel, work: RodWork) -> float:
 
 @kernel
 def add_stretch(model: RodModel, work: RodWork) -> None:
-    """Add the stretch forces, with the material's damping on the rate of stretch."""
-    v = work.velocity
+    """Add the stretch forces, damping included."""
     f = work.force
     for j in range(work.length.shape[0]):
         t = row(work.tangent, j)
-        rate = dot(t, (v[j + 1, 0] - v[j, 0], v[j + 1, 1] - v[j, 1], v[j + 1, 2] - v[j, 2]))
-        tension = model.EA[j] / model.rest_length * (work.length[j] - model.rest_length + model.beta * rate)
+        k = model.EA[j] / model.rest_length
+        lead, aside = _lead(work, j)
+        along = work.chord[j] * k * (work.elongation[j] + dot(t, lead))
+        across = geometric_stretch(model, work, j)
+        along -= across * dot(t, aside)
         for c in range(3):
-            f[j, c] += tension * t[c]
-            f[j + 1, c] -= tension * t[c]
+            pull = along * t[c] + across * aside[c]
+            f[j, c] += pull
+            f[j + 1, c] -= pull
+
+
+@kernel
+def _lead(work: RodWork, j: int) -> tuple[Vector, Vector]:
+    """What both leads do to segment j."""
+    u, v = work.lead[0], work.lead[1]
+    return (
+        (u[j + 1, 0] - u[j, 0], u[j + 1, 1] - u[j, 1], u[j + 1, 2] - u[j, 2]),
+        (v[j + 1, 0] - v[j, 0], v[j + 1, 1] - v[j, 1], v[j + 1, 2] - v[j, 2]),
+    )
+
+
+@kernel
+def geometric_stretch(model: RodModel, work: RodWork, j: int) -> float:
+    """Stiffness of segment j across itself: its tension over its length, nothing where it is compressed."""
+    k = model.EA[j] / model.rest_length
+    return float(k * max(0.0, work.taut[j]) / max(work.length[j], model.rest_length))
 
 
 @kernel
@@ -111,7 +160,7 @@ def add_stretch_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     for j in range(work.length.shape[0]):
         t = row(work.tangent, j)
         k = model.EA[j] / model.rest_length
-        geometric = scale[1] * k * max(0.0, 1.0 - model.rest_length / max(work.length[j], model.rest_length))
+        geometric = scale[1] * geometric_stretch(model, work, j)
         along = scale[0] * k - geometric
         first = 3 * j
         for c in range(3):
@@ -145,12 +194,12 @@ def joint_gradient(t: Vector, u: Vector, lengths: tuple[float, float], b: Vector
 
 
 @kernel
-def joint_rate(gradient: FloatArray, v: FloatArray, first: int) -> float:
-    """Rate of the strain of a joint whose three particles start at ``first``."""
-    rate = 0.0
+def joint_strain(gradient: FloatArray, u: FloatArray, first: int) -> float:
+    """Strain that displacements u (n, 3) add to a joint whose three particles start at ``first``."""
+    strain = 0.0
     for c in range(3):
-        rate += gradient[c] * v[first, c] + gradient[3 + c] * v[first + 1, c] + gradient[6 + c] * v[first + 2, c]
-    return rate
+        strain += gradient[c] * u[first, c] + gradient[3 + c] * u[first + 1, c] + gradient[6 + c] * u[first + 2, c]
+    return strain
 
 
 @kernel
@@ -173,7 +222,7 @@ def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float
 
 @kernel
 def add_bending(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add the bending forces -k (theta + beta dtheta/dt) d theta/dx and their tangent."""
+    """Add the bending forces -k (theta + d theta/dx . lead) d theta/dx and their tangent."""
     shortest = SHORTEST * model.rest_length
     q = work.gradient[0]
     r = work.gradient[1]
@@ -183,10 +232,10 @@ def add_bending(model: RodModel, work: RodWork, scale: Scale) -> None:
         theta, b = bending_angle(t, u)
         joint_gradient(t, u, (max(work.length[i], shortest), max(work.length[i + 1], shortest)), b, work.gradient)
         k = model.joint_stiffness[i]
-        add_joint_force(q, k * (theta + model.beta * joint_rate(q, work.velocity, i)), i, work.force)
-        if theta < _NO_PLANE:
-            add_joint_force(r, k * model.beta * joint_rate(r, work.velocity, i), i, work.force)
+        add_joint_force(q, k * (theta + joint_strain(q, work.lead[0], i)), i, work.force)
+        has_plane = theta >= _NO_PLANE
+        aside = geometric_bending(theta) if has_plane else 1.0
+        add_joint_force(r, k * aside * joint_strain(r, work.lead[1 if has_plane else 0], i), i, work.force)
         if scale[0] > 0.0:
-            out_of_plane = scale[0] if theta < _NO_PLANE else scale[1] * geometric_bending(theta)
             add_rank_one(work.band, 3 * i, q, scale[0] * k)
-            add_rank_one(work.band, 3 * i, r, out_of_plane * k)
+            add_rank_one(work.band, 3 * i, r, scale[1 if has_plane else 0] * aside * k)

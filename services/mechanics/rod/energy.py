@@ -62,7 +62,7 @@ def rod_energy(
     """
     work = work or allocate_work(len(state.position_m))
     np.copyto(work.position, state.position_m)
-    segment_geometry(work)
+    segment_geometry(model, work)
     return RodEnergy(
         kinetic_j=0.5 * float(model.mass @ np.sum(state.velocity_m_s**2, axis=1)),
         stretch_j=float(stretch_energy(model, work)),
@@ -96,6 +96,7 @@ def internal_forces(
     work.previous_velocity[:] = before.velocity_m_s
     work.position[:] = state.position_m
     work.velocity[:] = state.velocity_m_s
+    work.lead[0] = model.beta * state.velocity_m_s
     add_internal_forces(model, work, (0.0, 0.0), 0.0)
     return work.force.copy()
 

@@ -4,23 +4,44 @@ from __future__ import annotations
 
 from services.mechanics.compiled import kernel
 from services.mechanics.rod.clamp_forces import add_wall_joints
-from services.mechanics.rod.elasticity import Scale, add_bending, add_stretch, add_stretch_tangent, segment_geometry
+from services.mechanics.rod.elasticity import (
+    Scale,
+    add_bending,
+    add_stretch,
+    add_stretch_tangent,
+    mean_elongation,
+    segment_geometry,
+)
 from services.mechanics.rod.introducer_forces import add_introducer
 from services.mechanics.rod.model import RodModel, RodWork
 
 
 @kernel
 def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_scale: float) -> None:
-    """Add to ``work.force`` the elastic, damping and support forces at ``work.position``, ``work.velocity``.
+    """Add to ``work.force`` the elastic, damping and support forces at ``work.position``, with ``lead``, ``velocity``.
 
     Where scale[0] is not zero, add their tangent to ``work.band`` as well: see `elasticity`; ``damping_scale``
     multiplies damping that has no stiffness of its own.
     """
-    segment_geometry(work)
+    segment_geometry(model, work)
+    if work.is_middle:
+        mean_elongation(model, work)
     add_stretch(model, work)
     if scale[0] > 0.0:
         add_stretch_tangent(model, work, scale)
     add_bending(model, work, scale)
     add_wall_joints(model, work, scale)
     if model.introducer.is_there:
+        if work.is_middle:
+            _move_by_lead(work, 1.0)
         add_introducer(model, work, (scale[1], damping_scale))
+        if work.is_middle:
+            _move_by_lead(work, -1.0)
+
+
+@kernel
+def _move_by_lead(work: RodWork, share: float) -> None:
+    """Take the particles to where the step's damping wants them, and back: for springs that hold positions."""
+    for i in range(work.position.shape[0]):
+        for c in range(3):
+            work.position[i, c] += share * work.lead[1, i, c]

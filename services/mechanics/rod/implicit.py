@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.rod import implicit_kernels as kernels
+from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
@@ -13,23 +13,31 @@ from services.mechanics.rod.state import RodState
 from services.mechanics.rod.supports import Supports
 from services.mechanics.rod.twist import TwistModel, add_frame_forces, build_twist_model
 
+SPECTRAL_RADIUS = 0.6
+
 
 class ImplicitIntegrator:
-    """Theta method on the particles: ``A dv = dt f``, ``dx = dt (v + theta dv)``, by guarded Newton iterations.
+    """Generalized-alpha on the particles, second order, by guarded Newton iterations; contacts by implicit Euler.
 
-    ``A = M + theta dt C + (theta dt)^2 K``, K the positive semidefinite tangent, f taken at the inertial prediction.
-    One iteration is enough while a step turns segments by little; where it would turn rotation into stretch (an impact,
-    a jump of the hand), more are taken, at most ``max_iterations``: the worst case is known. ``iterations`` says what
-    the last step took.
+    ``A dv = dt f``, A the banded sum of mass, damping and the positive semidefinite tangent stiffness; f is taken in
+    the middle of the step, at the inertial prediction. One iteration is enough while a step turns segments by little;
+    where it would turn rotation into stretch (an impact, a jump of the hand), more are taken, at most
+    ``max_iterations``: the worst case is known. ``iterations`` says what the last step took.
 
-    theta = 1 (default) is implicit Euler: first order; it damps a mode of angular frequency omega by the ratio
-    ``omega dt / 2`` of its own (a 100 mm, 25 N mm^2 catheter at 1 ms: 2 % in its first bending mode, 12 % in its
-    second), never raises the energy, and brings a contact to rest without a rebound. Smaller theta has the numerical
-    damping ratio (theta - 1/2) omega dt and the rebound (1 - theta)/theta; 0.5 is the midpoint rule: second order and
-    undamped, for studies with small steps (at 1 ms large rotations of a stiff rod make it unstable). Linear momentum is
-    conserved exactly, angular momentum to the order of the method.
+    ``spectral_radius``, 0 to 1, is the numerical damping: the factor by which a step changes vibrations far too fast
+    for it. 1 is the midpoint rule, which conserves energy; below, a mode of angular frequency omega is damped by about
+    the ratio ``e^3 (omega dt)^3/2`` of its own, e = (1 - rho)/(1 + rho), while omega dt is small. Stable at any step in
+    the linear regime. Linear momentum is conserved exactly, angular momentum nearly so.
 
-    Call `predict`, then any number of `solve` or `compliance`, then `correct` once with the contact forces.
+    Contact forces, which change by jumps, are kept out of that (Chen, Acary, Virlez and Bruls 2013): `correct` changes
+    velocities by ``dt B^-1 f`` and positions by dt times that, B = M + dt C + dt^2 K, so that a contact comes to rest
+    without a rebound. A lasting force belongs into `predict`, which takes it as held over the step, and its change into
+    `correct`.
+
+    The first step of a state, and one in which segments turn too far, are taken by implicit Euler: it alone does not
+    mind velocities that are not smooth.
+
+    Call `predict`, then any number of `solve`, `compliance` and `correct`. B is factorised by the first of them.
     """
 
     def __init__(
@@ -37,17 +45,17 @@ class ImplicitIntegrator:
         properties: RodProperties,
         supports: Supports | None = None,
         *,
-        theta: float = 1.0,
+        spectral_radius: float = SPECTRAL_RADIUS,
         max_iterations: int = 4,
     ) -> None:
-        if not 0.5 <= theta <= 1.0:
-            raise ValueError(f"theta is {theta}; the theta method is stable from 0.5 to 1")
+        if not 0.0 <= spectral_radius <= 1.0:
+            raise ValueError(f"spectral_radius is {spectral_radius}; the step is stable from 0 to 1")
         if max_iterations < 1:
             raise ValueError(f"max_iterations is {max_iterations}; a step takes at least one Newton iteration")
         self.properties = properties
         self.model: RodModel = build_model(properties, supports or Supports())
         self.twist: TwistModel | None = build_twist_model(properties, self.model.walls)
-        self.theta = theta
+        self.spectral_radius = spectral_radius
         self.max_iterations = max_iterations
         self.iterations = 0
         n = properties.n_particles
@@ -56,6 +64,7 @@ class ImplicitIntegrator:
         self._external = np.zeros((n, 3)) if self.twist is not None else np.zeros((0, 3))
         self._columns = empty_columns(3 * n)
         self._dt_s = 0.0
+        self._is_factored = False
 
     @property
     def held(self) -> IntArray:
@@ -64,16 +73,16 @@ class ImplicitIntegrator:
 
     @property
     def position_gain_s2(self) -> float:
-        """What A^-1 f is multiplied with to give the position change of the step: theta dt^2."""
-        return self.theta * self._dt_s**2
+        """What B^-1 f is multiplied with to give the position change of the step: dt^2."""
+        return self._dt_s**2
 
     @property
     def velocity_gain_s(self) -> float:
-        """What A^-1 f is multiplied with to give the velocity change of the step: dt."""
+        """What B^-1 f is multiplied with to give the velocity change of the step: dt."""
         return self._dt_s
 
     def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
-        """Advance ``state`` in place by ``dt_s`` under external forces (n, 3) alone; A stays factorised for contacts.
+        """Advance ``state`` in place by ``dt_s`` under external forces (n, 3), held over the step.
 
         Raises
         ------
@@ -81,30 +90,48 @@ class ImplicitIntegrator:
             If the state or a force is not finite; ``state`` is then left as it was.
         """
         self._dt_s = dt_s
-        motion = (state.position_m, state.velocity_m_s)
-        step = (dt_s, self.theta, self.max_iterations)
+        self._is_factored = False
+        is_start = state.slow_velocity_m_s is None
+        if state.slow_velocity_m_s is None:
+            state.slow_velocity_m_s = np.zeros_like(state.velocity_m_s)
+        motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
+        step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
         addresses = (self.model.address, self.work.address)
         if self.twist is not None:
             np.copyto(self._external, external_force_n)
-            add_frame_forces(self.twist, state, self._external)
+            add_frame_forces(self.twist, state, self._external, of_next_step=True)
             external_force_n = self._external
-        self.iterations = kernels.predict(addresses, motion, external_force_n, self.held_target_m, step)
+        self.iterations = implicit_kernels.predict(addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
         """Fill ``out`` (n, 3, m) with the end-of-step position changes of ``force_n`` (n, 3, m), m right-hand sides."""
-        kernels.solve_many(self.model.address, self.work.band, self.position_gain_s2, self._columns, force_n, out)
+        self._factor()
+        contact_response.solve_many(
+            self.model.address, self.work.band, self.position_gain_s2, self._columns, force_n, out
+        )
 
     def compliance(self, particles: IntArray, out: FloatArray) -> None:
         """Fill ``out`` (3k, 3k) with the end-of-step position change of k particles per unit force on each [m/N].
 
         ``particles`` (k,) ascending and distinct. Symmetric positive semidefinite; zero rows for held particles.
         """
-        kernels.compliance(self.model.address, self.work.band, self.position_gain_s2, self._columns, particles, out)
+        self._factor()
+        contact_response.compliance(
+            self.model.address, self.work.band, self.position_gain_s2, self._columns, particles, out
+        )
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
-        """Add to ``state`` in place what contact forces (n, 3), constant over the step, change since `predict`."""
+        """Add to ``state`` in place what contact forces (n, 3), as impulses over the step, change since `predict`."""
+        self._factor()
         motion = (state.position_m, state.velocity_m_s)
         addresses = (self.model.address, self.work.address)
-        kernels.correct(addresses, motion, contact_force_n, (self._dt_s, self.theta))
+        contact_response.correct(addresses, motion, contact_force_n, self._dt_s)
+
+    def _factor(self) -> None:
+        """Factorise B, unless that is done."""
+        if not self._is_factored:
+            if not contact_response.factor_for_contacts((self.model.address, self.work.address), self._dt_s):
+                raise FloatingPointError("the rod's state is not finite")
+            self._is_factored = True

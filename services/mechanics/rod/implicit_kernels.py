@@ -1,70 +1,154 @@
-"""Kernels of the implicit step: assemble, solve, correct, and the compliance that contacts see."""
+"""Kernels of the implicit step without contacts."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
+from services.mechanics.rod.banded import HALF_BANDWIDTH, factor_ldl, solve_ldl
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
+from services.mechanics.rod.newton_guard import correct_stretch, line_search, put_held, start_guarded, turns_little
+from services.mechanics.rod.step_form import (
+    StepForm,
+    damping_scale,
+    generalized_alpha,
+    implicit_euler,
+    stiffness_scale,
+)
 
 Motion = tuple[FloatArray, FloatArray]
+Moving = tuple[FloatArray, FloatArray, FloatArray]
 Addresses = tuple[Address[RodModel], Address[RodWork]]
 
 _TOLERANCE = 1e-3  # unasked stretch energy left by a step, over the energy in motion
-_STILL = 1e-4  # of a segment length per step: what moves less than that is not refined
-_HALVINGS = 6
+_PATIENCE = 2  # iterations of the second-order step before implicit Euler takes it
 
 
 @kernel
 def predict(
     addresses: Addresses,
-    motion: Motion,
+    motion: Moving,
     external: FloatArray,
     target: FloatArray,
-    step: tuple[float, float, int],
+    step: tuple[float, float, int, bool],
 ) -> int:
-    """Advance motion = (x, v) in place without contacts; return the Newton iterations taken.
+    """Advance motion = (x, v, w) in place without contacts; return the Newton iterations taken.
 
-    Zero iterations, and motion as it was, mean that a number was not finite. In the unknown y = x_theta - x, with
-    h = theta dt, the step minimises |y - h v|_M^2 / (2 h^2) + V(x + y) - f.y; a Newton iteration is cut short where it
-    would raise that, and no more follow one that leaves behind unasked stretch within _TOLERANCE of the energy in
-    motion. So large rotations in one step do not become stretch, and stretch not motion.
+    ``step`` is (dt, spectral radius, most iterations, whether this is the first step).
+    Zero iterations, and motion as it was, mean that a number was not finite. One iteration of the second-order step is
+    enough where it leaves behind unasked stretch within _TOLERANCE of the energy in motion. Else segments turn too far,
+    and implicit Euler takes the step: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y over the ways y, and a
+    Newton iteration is cut short where it would raise that. So large rotations in one step do not become stretch, and
+    stretch not motion.
     """
-    model, work, (x, v) = model_at(addresses[0]), work_at(addresses[1]), motion
-    dt_s, theta, max_iterations = step
-    dv = work.velocity_change
-    energy = _start(model, work, motion, target, (dt_s, theta))
+    model, work, (x, v, _) = model_at(addresses[0]), work_at(addresses[1]), motion
+    dt_s, rho, max_iterations, is_start = step
+    energy = put_held(model, work, x, v, target, dt_s)
     taken = 0
-    while taken < max_iterations:
-        _assemble(model, work, motion, external, (dt_s, theta))
-        decrease = theta * theta * _newton_direction(model, work)
+    if not is_start and turns_little(model, x, v, dt_s):
+        form = generalized_alpha(dt_s, rho)
+        taken = _newton(model, work, motion, external, (form, energy, _PATIENCE))
+        if taken > 0:
+            _finish(model, work, motion, form)
+        if taken >= 0:
+            return taken
+    put_held(model, work, x, v, target, dt_s)
+    start_guarded(model, work, x, v, (dt_s, energy))
+    form = implicit_euler(dt_s)
+    more = abs(_newton(model, work, motion, external, (form, energy, max_iterations)))
+    if more == 0:
+        return 0
+    _finish(model, work, motion, form)
+    return more - taken
+
+
+@kernel
+def _newton(
+    model: RodModel, work: RodWork, motion: Moving, external: FloatArray, task: tuple[StepForm, float, int]
+) -> int:
+    """Iterate; return the iterations taken, negative where the last one was not good enough, 0 for what is not finite.
+
+    ``task`` is (form, energy in motion, most iterations).
+    """
+    form, energy, most = task
+    taken = 0
+    while taken < most:
+        _take_configuration(model, work, motion, form)
+        _assemble(model, work, external, form)
+        if work.hits_stop:
+            return -taken - 1
+        decrease = _newton_direction(model, work)
         if not math.isfinite(decrease):
             return 0
-        energy = max(energy, decrease)
-        share, excess = _line_search(model, work, theta * theta * dt_s, (decrease, _TOLERANCE * energy))
-        for i in range(x.shape[0]):
-            for c in range(3):
-                dv[i, c] += share * work.rhs[3 * i + c]
         taken += 1
-        if share == 1.0 and excess <= _TOLERANCE * energy:
-            break
+        if form.at < 1.0:
+            _add_solution(work, 1.0)
+            error = correct_stretch(model, work, form)
+            _add_solution(work, 1.0)
+            if error <= _TOLERANCE * energy:
+                return taken
+        else:
+            energy = max(energy, decrease)
+            share, excess = line_search(model, work, form, (decrease, _TOLERANCE * energy))
+            _add_solution(work, share)
+            if share == 1.0 and excess <= _TOLERANCE * energy:
+                return taken
+    return -most
+
+
+@kernel
+def _add_solution(work: RodWork, share: float) -> None:
+    for i in range(work.velocity_change.shape[0]):
+        for c in range(3):
+            work.velocity_change[i, c] += share * work.rhs[3 * i + c]
+
+
+@kernel
+def _mean_velocity(model: RodModel, work: RodWork, v: FloatArray, form: StepForm, i: int, c: int) -> float:
+    """A held particle moves evenly to its target, and jumps to that velocity."""
+    mean = 1.0 if model.is_held[i] else form.mean
+    return float(v[i, c] + mean * work.velocity_change[i, c])
+
+
+@kernel
+def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
+    """Positions, leads and velocities that forces are taken at, for the velocity change found so far."""
+    x, v, w = motion
+    dv = work.velocity_change
+    work.is_middle = form.at < 1.0
+    work.hits_stop = False
     for i in range(x.shape[0]):
         for c in range(3):
-            x[i, c] += dt_s * (v[i, c] + theta * dv[i, c])
-            v[i, c] += dv[i, c]
-    return taken
+            mean = _mean_velocity(model, work, v, form, i, c)
+            leading = mean + form.speed_change * dv[i, c] + form.speed_lag * (mean - w[i, c])
+            work.previous_position[i, c] = x[i, c]
+            work.previous_velocity[i, c] = v[i, c]
+            work.position[i, c] = x[i, c] + form.at * form.dt_s * mean
+            work.end_position[i, c] = x[i, c] + form.dt_s * mean
+            work.velocity[i, c] = v[i, c] + dv[i, c]
+            work.leading_velocity[i, c] = leading
+            work.lead[1, i, c] = form.dt_s * (form.lead_change * dv[i, c] + form.lead_lag * (mean - w[i, c]))
+            work.lead[0, i, c] = work.lead[1, i, c] + model.beta * leading
+
+
+@kernel
+def _finish(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
+    x, v, w = motion
+    for i in range(x.shape[0]):
+        for c in range(3):
+            mean = _mean_velocity(model, work, v, form, i, c)
+            x[i, c] += form.dt_s * mean
+            v[i, c] += work.velocity_change[i, c]
+            w[i, c] += form.follow * (mean - w[i, c])
 
 
 @kernel
 def _newton_direction(model: RodModel, work: RodWork) -> float:
     """Replace the right-hand side by the solution; return their scalar product, NaN for a matrix that is not SPD."""
-    _remove_held(model, work)
+    remove_held(model, work)
     for i in range(work.rhs.shape[0]):
         work.residual[i] = work.rhs[i]
     if not factor_ldl(work.band):
@@ -77,124 +161,32 @@ def _newton_direction(model: RodModel, work: RodWork) -> float:
 
 
 @kernel
-def _start(model: RodModel, work: RodWork, motion: Motion, target: FloatArray, step: tuple[float, float]) -> float:
-    """First iterate: held particles at their target (NaN: stay), free ones gone on as far as energy allows.
-
-    That is h v, or a half, a quarter... of it, or nothing, so that it stretches the rod by no more than half of the
-    kinetic energy that it spends. Returns the energy in motion [J], at least that of hardly visible motion.
-    """
-    x, v = motion
-    dt_s, theta = step
-    kinetic = 0.0
-    floor = 0.0
-    for i in range(x.shape[0]):
-        floor += 0.5 * model.mass[i] * (_STILL * model.rest_length / dt_s) ** 2
-        for c in range(3):
-            work.velocity_change[i, c] = 0.0
-            kinetic += 0.5 * model.mass[i] * v[i, c] * v[i, c]
-    for k in range(model.held.shape[0]):
-        i = model.held[k]
-        for c in range(3):
-            way = 0.0 if np.isnan(target[k, c]) else target[k, c] - x[i, c]
-            work.velocity_change[i, c] = (way / dt_s - v[i, c]) / theta
-    share = 1.0
-    least = _stretched(model, work, motion, (0.0, dt_s, theta))
-    while share > 0.1 and _stretched(model, work, motion, (share, dt_s, theta)) > least + 0.5 * share * kinetic:
-        share *= 0.5
-    if share < 0.1:
-        share = 0.0
-    if share < 1.0:
-        for i in range(x.shape[0]):
-            if not model.is_held[i]:
-                for c in range(3):
-                    work.velocity_change[i, c] = (share - 1.0) * v[i, c] / theta
-    return kinetic + floor
-
-
-@kernel
-def _stretched(model: RodModel, work: RodWork, motion: Motion, way: tuple[float, float, float]) -> float:
-    """Stretch energy with held particles at their target and free ones gone on by a share of their way."""
-    x, v = motion
-    share, dt_s, theta = way
-    total = 0.0
-    for j in range(model.EA.shape[0]):
-        squared = 0.0
-        for c in range(3):
-            edge = x[j + 1, c] - x[j, c]
-            for i, sign in ((j, -1.0), (j + 1, 1.0)):
-                if model.is_held[i]:
-                    edge += sign * theta * dt_s * (v[i, c] + theta * work.velocity_change[i, c])
-                else:
-                    edge += sign * share * theta * dt_s * v[i, c]
-            squared += edge * edge
-        total += 0.5 * model.EA[j] / model.rest_length * (math.sqrt(squared) - model.rest_length) ** 2
-    return total
-
-
-@kernel
-def _line_search(model: RodModel, work: RodWork, scale: float, energy: tuple[float, float]) -> tuple[float, float]:
-    """Share of the Newton step to take, and the stretch energy beyond the quadratic model that is left by it.
-
-    ``energy`` is (decrease that the quadratic model promises for the full step, excess that does not matter).
-    """
-    decrease, slack = energy
-    share = 1.0
-    excess = 0.0
-    for _ in range(_HALVINGS):
-        excess = _excess_stretch(model, work, share * scale)
-        if excess <= slack + (0.9 * share - 0.5 * share * share) * decrease:
-            break
-        share *= 0.5
-    return share, excess
-
-
-@kernel
-def _excess_stretch(model: RodModel, work: RodWork, scale: float) -> float:
-    """Stretch energy after moving the iterate by scale times the solution, minus its quadratic model at the iterate."""
-    total = 0.0
-    for j in range(model.EA.shape[0]):
-        along = 0.0
-        squared = 0.0
-        for c in range(3):
-            d = scale * (work.rhs[3 * j + 3 + c] - work.rhs[3 * j + c])
-            along += d * work.tangent[j, c]
-            squared += d * d
-        length = work.length[j]
-        moved = math.sqrt(max(length * length + 2.0 * length * along + squared, 0.0))
-        strain = length - model.rest_length
-        quadratic = strain * along + 0.5 * along * along
-        if strain > 0.0:
-            quadratic += 0.5 * strain / length * (squared - along * along)
-        now = moved - model.rest_length
-        total += model.EA[j] / model.rest_length * (0.5 * (now * now - strain * strain) - quadratic)
-    return total
-
-
-@kernel
-def _assemble(model: RodModel, work: RodWork, motion: Motion, external: FloatArray, step: tuple[float, float]) -> None:
+def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepForm) -> None:
     """Residual dt f - M dv into the right-hand side, and A, both at the current iterate."""
-    x, v = motion
-    dt_s, theta = step
-    h = theta * dt_s
-    dv = work.velocity_change
-    work.band[:] = 0.0
-    for i in range(x.shape[0]):
+    n = external.shape[0]
+    for i in range(n):
         for c in range(3):
-            work.previous_position[i, c] = x[i, c]
-            work.previous_velocity[i, c] = v[i, c]
-            work.velocity[i, c] = v[i, c] + theta * dv[i, c]
-            work.position[i, c] = x[i, c] + h * work.velocity[i, c]
-            work.force[i, c] = external[i, c] - model.drag[i] * work.velocity[i, c]
-            work.band[3 * i + c, 0] = model.mass[i] + h * model.drag[i]
-    add_internal_forces(model, work, (h * h + h * model.beta, h * h), h)
-    for i in range(x.shape[0]):
+            work.force[i, c] = external[i, c] - model.drag[i] * work.leading_velocity[i, c]
+    assemble_matrix(model, work, form)
+    for i in range(n):
         for c in range(3):
-            work.rhs[3 * i + c] = dt_s * work.force[i, c] - model.mass[i] * dv[i, c]
-    work.rhs[3 * x.shape[0] :] = 0.0
+            work.rhs[3 * i + c] = form.dt_s * work.force[i, c] - model.mass[i] * work.velocity_change[i, c]
+    work.rhs[3 * n :] = 0.0
 
 
 @kernel
-def _remove_held(model: RodModel, work: RodWork) -> None:
+def assemble_matrix(model: RodModel, work: RodWork, form: StepForm) -> None:
+    """Write the step's matrix and add the rod's own forces, at the configuration in ``work``."""
+    stiff, damped = stiffness_scale(form), damping_scale(form)
+    work.band[:] = 0.0
+    for i in range(model.mass.shape[0]):
+        for c in range(3):
+            work.band[3 * i + c, 0] = model.mass[i] + damped * model.drag[i]
+    add_internal_forces(model, work, (stiff + damped * model.beta, stiff), form.dt_s)
+
+
+@kernel
+def remove_held(model: RodModel, work: RodWork) -> None:
     """Take held particles out of the system: unit diagonal, zero couplings, zero right-hand side."""
     for k in range(model.held.shape[0]):
         for c in range(3):
@@ -205,67 +197,3 @@ def _remove_held(model: RodModel, work: RodWork) -> None:
                 if a <= j:
                     work.band[j - a, a] = 0.0
             work.band[j, 0] = 1.0
-
-
-@kernel
-def correct(addresses: Addresses, motion: Motion, force: FloatArray, step: tuple[float, float]) -> None:
-    """Add to motion = (x, v) what forces (n, 3), constant over the step, change: dv = dt A^-1 f, dx = theta dt dv."""
-    model, work, (x, v) = model_at(addresses[0]), work_at(addresses[1]), motion
-    dt_s, theta = step
-    n = x.shape[0]
-    for i in range(n):
-        for c in range(3):
-            work.rhs[3 * i + c] = 0.0 if model.is_held[i] else dt_s * force[i, c]
-    work.rhs[3 * n :] = 0.0
-    solve_ldl(work.band, work.rhs)
-    for i in range(n):
-        for c in range(3):
-            v[i, c] += work.rhs[3 * i + c]
-            x[i, c] += theta * dt_s * work.rhs[3 * i + c]
-
-
-@kernel
-def compliance(
-    address: Address[RodModel],
-    band: FloatArray,
-    gain: float,
-    columns: FloatArray,
-    particles: IntArray,
-    out: FloatArray,
-) -> None:
-    """Fill ``out`` (3k, 3k) with gain * A^-1 between ``particles`` (k,), given in ascending order."""
-    model, k = model_at(address), particles.shape[0]
-    for start in range(0, 3 * k, RHS_BLOCK):
-        stop = min(start + RHS_BLOCK, 3 * k)
-        first = 3 * particles[start // 3]
-        columns[first:] = 0.0  # from eight rows before the first unknown on
-        for column in range(start, stop):
-            p = particles[column // 3]
-            columns[HALF_BANDWIDTH + 3 * p + column % 3, column - start] = 0.0 if model.is_held[p] else gain
-        solve_ldl_block(band, first, columns)
-        for row in range(start, 3 * k):
-            unknown = HALF_BANDWIDTH + 3 * particles[row // 3] + row % 3
-            for column in range(start, min(stop, row + 1)):
-                out[row, column] = columns[unknown, column - start]
-                out[column, row] = out[row, column]
-
-
-@kernel
-def solve_many(
-    address: Address[RodModel], band: FloatArray, gain: float, columns: FloatArray, force: FloatArray, out: FloatArray
-) -> None:
-    """Fill ``out`` (n, 3, m) with gain * A^-1 force, RHS_BLOCK right-hand sides at a time."""
-    model, (n, _, m) = model_at(address), force.shape
-    for start in range(0, m, RHS_BLOCK):
-        stop = min(start + RHS_BLOCK, m)
-        columns[:] = 0.0
-        for i in range(n):
-            if not model.is_held[i]:
-                for c in range(3):
-                    for column in range(start, stop):
-                        columns[HALF_BANDWIDTH + 3 * i + c, column - start] = gain * force[i, c, column]
-        solve_ldl_block(band, 0, columns)
-        for i in range(n):
-            for c in range(3):
-                for column in range(start, stop):
-                    out[i, c, column] = columns[HALF_BANDWIDTH + 3 * i + c, column - start]

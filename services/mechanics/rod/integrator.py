@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.rod.implicit import ImplicitIntegrator
+from services.mechanics.rod.implicit import SPECTRAL_RADIUS, ImplicitIntegrator
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
 from services.mechanics.rod.state import RodState
@@ -15,9 +15,8 @@ from services.mechanics.rod.supports import Supports
 class RodIntegrator(Protocol):
     """A step in two halves, with the contacts solved in between.
 
-    `predict` ends the step as if nothing were touched; `compliance` or `solve` say how far contact forces, constant
-    over the step, move its end: dx = position_gain_s2 A^-1 f, dv = velocity_gain_s A^-1 f; `correct` applies them,
-    once.
+    `predict` ends the step as if nothing more were touched than what its forces say; `compliance` or `solve` say how
+    far contact forces move its end: dx = position_gain_s2 A^-1 f, dv = velocity_gain_s A^-1 f; `correct` applies them.
     """
 
     properties: RodProperties
@@ -35,16 +34,18 @@ class RodIntegrator(Protocol):
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None: ...  # noqa: D102
 
 
-def build_integrator(name: str, properties: RodProperties, supports: Supports | None = None) -> RodIntegrator:
-    """Return the integrator "implicit" or "semi_implicit" with its defaults.
+def build_integrator(
+    name: str, properties: RodProperties, supports: Supports | None = None, spectral_radius: float = SPECTRAL_RADIUS
+) -> RodIntegrator:
+    """Return the integrator "implicit" with this numerical damping, or "semi_implicit", which has none.
 
     Raises
     ------
     ValueError
-        There is none of this name.
+        There is none of this name, or the spectral radius is not within 0 and 1.
     """
     if name == "implicit":
-        return ImplicitIntegrator(properties, supports)
+        return ImplicitIntegrator(properties, supports, spectral_radius=spectral_radius)
     if name == "semi_implicit":
         return SemiImplicitIntegrator(properties, supports)
     raise ValueError(f"unknown rod integrator {name!r}; known: implicit, semi_implicit")

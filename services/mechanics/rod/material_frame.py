@@ -17,6 +17,7 @@ from services.mechanics.compiled.vectors import Vector, cross, dot, row
 from services.mechanics.rod.elasticity import any_normal
 
 Frame = tuple[FloatArray, FloatArray, FloatArray]  # tangent (m, 3), m1 (m, 3), twist of the joints (m-1,)
+_SWIFTNESS = 0.5  # share of a step's way in what the next is expected to be
 NO_WALLS = np.full((2, 3), np.nan)
 
 
@@ -41,10 +42,31 @@ class MaterialFrame:
     m1: FloatArray
     twist_rad: FloatArray
     end_is_held: bool = False
+    _path_m: FloatArray | None = None  # (3, n, 3): last positions, a step's way of late, what was expected
 
     def copy(self) -> MaterialFrame:
         """An independent frame with the same values."""
-        return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held)
+        path_m = None if self._path_m is None else self._path_m.copy()
+        return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held, path_m)
+
+    def ahead(self, position_m: FloatArray) -> FloatArray:
+        """Where particles (n, 3) will be in the middle of the next step; to be asked once a step.
+
+        From the middle of the last step with what particles have moved in a step, over the last few: what a step
+        cannot resolve must not come back magnified, or a twisted rod flutters.
+        """
+        if self._path_m is None:
+            self._path_m = np.stack([position_m, np.zeros_like(position_m), position_m])
+        last, way, expected = self._path_m
+        np.subtract(position_m, last, out=expected)
+        expected -= way
+        expected *= _SWIFTNESS
+        way += expected
+        np.add(position_m, last, out=expected)
+        expected *= 0.5
+        expected += way
+        last[:] = position_m
+        return expected
 
 
 def initial_frame(

@@ -36,14 +36,22 @@ class RodWork(Struct):
     previous_velocity: Annotated[FloatArray, "n", 3]
     position: Annotated[FloatArray, "n", 3]  # what forces are taken at
     velocity: Annotated[FloatArray, "n", 3]
+    end_position: Annotated[FloatArray, "n", 3]  # of the step whose middle ``position`` is
+    lead: Annotated[FloatArray, 2, "n", 3]  # how far damping takes strains on, m: all of it, and the step's alone
     force: Annotated[FloatArray, "n", 3]
     tangent: Annotated[FloatArray, "n - 1", 3]  # of the segments
     length: Annotated[FloatArray, "n - 1"]
+    elongation: Annotated[FloatArray, "n - 1"]  # what stretches a segment, m
+    taut: Annotated[FloatArray, "n - 1"]  # what stretched it at the start of the step, m: what makes it stiff across
+    chord: Annotated[FloatArray, "n - 1"]  # its length over the mean of those at both ends of the step
     gradient: Annotated[FloatArray, 2, 9]  # of one joint
     band: Annotated[FloatArray, "padded", HALF_BANDWIDTH + 1]  # the implicit step's system, see `banded`
     rhs: Annotated[FloatArray, "padded"]
     residual: Annotated[FloatArray, "padded"]  # a copy of the right-hand side
     velocity_change: Annotated[FloatArray, "n", 3]  # the implicit step's solution
+    leading_velocity: Annotated[FloatArray, "n", 3]  # what drag acts on in it
+    is_middle: bool = False  # whether ``position`` is in the middle of a step from ``previous_position``
+    hits_stop: bool = False  # whether that step would end in a stop of the introducer
 
 
 model_at, work_at = reader(RodModel), reader(RodWork)
@@ -80,4 +88,5 @@ def allocate_work(n_particles: int) -> RodWork:
     """Zeroed arrays for one rod; nothing else is allocated while stepping."""
     n, band = n_particles, empty_band(3 * n_particles)
     tangent = np.tile([1.0, 0.0, 0.0], (n - 1, 1))
-    return RodWork.zeros(n=n, padded=len(band), band=band, tangent=tangent, length=np.zeros(n - 1))
+    extents = {"n": n, "n - 1": n - 1, "padded": len(band)}
+    return RodWork.zeros(band=band, tangent=tangent, **extents)

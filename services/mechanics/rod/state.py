@@ -23,16 +23,21 @@ class RodState:
     frame
         The material frame of a rod with torsional stiffness; None for one without, and until the first step makes
         an untwisted one.
+    slow_velocity_m_s
+        (n, 3) velocities that follow the others within about a step: what the implicit step's numerical damping
+        remembers. None before the first step, and where velocities were made up: the step then starts anew.
     """
 
     position_m: FloatArray
     velocity_m_s: FloatArray
     frame: MaterialFrame | None = None
+    slow_velocity_m_s: FloatArray | None = None
 
     def copy(self) -> RodState:
         """An independent state with the same values."""
         frame = None if self.frame is None else self.frame.copy()
-        return RodState(self.position_m.copy(), self.velocity_m_s.copy(), frame)
+        slow = None if self.slow_velocity_m_s is None else self.slow_velocity_m_s.copy()
+        return RodState(self.position_m.copy(), self.velocity_m_s.copy(), frame, slow)
 
 
 def straight_rod(properties: RodProperties, start_m: ArrayLike, direction: ArrayLike) -> RodState:

@@ -77,15 +77,18 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
     )
 
 
-def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) -> None:
+def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *, of_next_step: bool = False) -> None:
     """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
+
+    With ``of_next_step`` to where `MaterialFrame.ahead` expects them in the middle of the next step, to second order;
+    then it is to be called once before each.
 
     Raises
     ------
     ValueError
         The frame was made for other clamped ends.
 
-    The forces enter a step as they are at its beginning: no stiffness of theirs is in the implicit matrix. With the
+    The forces enter a step as given numbers: no stiffness of theirs is in the implicit matrix. With the
     frames in equilibrium it is small against bending's (by the ratio of a segment to the rod) and needs no bound on dt.
     """
     if state.frame is None:
@@ -96,7 +99,8 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray) ->
             "wall_directions of its supports"
         )
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-    _update(model.address, state.position_m, frame, state.frame.end_is_held, force_n)
+    x = state.frame.ahead(state.position_m) if of_next_step else state.position_m
+    _update(model.address, x, frame, state.frame.end_is_held, force_n)
 
 
 def twist_energy(model: TwistModel, state: RodState) -> float:

@@ -58,6 +58,9 @@ class CatheterScene:
     exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
     ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
     keeps the catheter where it was left.
+    ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, that vibrations far too
+    fast for a step keep from one step to the next. 1 keeps all of them, 0 makes them vanish at once; what a step
+    resolves is hardly damped by either. "semi_implicit" is the paper's integrator, without numerical damping.
     """
 
     n_segments: int = 50
@@ -78,6 +81,7 @@ class CatheterScene:
     introducer_friction: float = 0.0
     introducer_seal_friction_n: float = 0.0
     integrator: Literal["implicit", "semi_implicit"] = "implicit"
+    spectral_radius: float = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

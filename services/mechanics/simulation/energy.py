@@ -43,7 +43,7 @@ class EnergyFlow:
     impact_j
         Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
     numerical_j
-        What implicit steps take out: of the catheter (backward Euler), the couplings and the residual compliance.
+        What implicit steps take out: of the catheter, the couplings and the residual compliance.
     """
 
     input_j: float = 0.0
@@ -85,7 +85,7 @@ class EnergyBook:
         self.simulation.step(tools, None, dt_s)
         self._rod = rod_energy_now(self.simulation, self._work)
         self._enter_tools(before, dt_s)
-        self._enter_rod(before)
+        self._enter_rod(before, dt_s)
         self._enter_duct(before, dt_s)
         self._enter_contacts()
         self.flow.friction_j += self.simulation.holds.dissipated_j - slipped_j
@@ -104,21 +104,22 @@ class EnergyBook:
         self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
         self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
 
-    def _enter_rod(self, before: _Snapshot) -> None:
-        integrator = implicit_integrator(self.simulation)
-        model, state = integrator.model, self.simulation.catheter.state
-        motion = state.position_m - before.rod.position_m
-        at_rest = RodState(state.position_m, np.zeros_like(motion))
-        elastic = internal_forces(model, at_rest, work=self._work)
-        viscous = internal_forces(model, state, before.rod, self._work) - elastic
-        viscous -= model.drag[:, None] * state.velocity_m_s
-        if integrator.twist is not None:
-            add_frame_forces(integrator.twist, before.rod.copy(), elastic)
+    def _enter_rod(self, before: _Snapshot, dt_s: float) -> None:
+        """What the rod's own forces, those that its momentum balance tells, took beyond what is stored and damped."""
+        catheter, model = self.simulation.catheter, implicit_integrator(self.simulation).model
+        state, start = catheter.state, before.rod
+        motion = state.position_m - start.position_m
+        change, mean = state.velocity_m_s - start.velocity_m_s, motion / dt_s
+        middle = RodState(start.position_m + 0.5 * motion, mean)
+        viscous = internal_forces(model, middle, start, self._work)
+        viscous -= internal_forces(model, RodState(middle.position_m, np.zeros_like(mean)), work=self._work)
+        viscous -= model.drag[:, None] * mean
+        impulse = model.mass[:, None] * change
+        own = impulse / dt_s - catheter.external_force_n - catheter.contact_force_n
         self.flow.rod_j -= float(np.sum(viscous * motion))
-        change = state.velocity_m_s - before.rod.velocity_m_s
-        elastic_change_j = self._rod.elastic_j - before.rod_elastic_j
-        self.flow.numerical_j += 0.5 * float(model.mass @ np.sum(change**2, axis=1))
-        self.flow.numerical_j -= float(np.sum(elastic * motion)) + elastic_change_j
+        self.flow.numerical_j += float(np.sum(impulse * (mean - start.velocity_m_s - 0.5 * change)))
+        self.flow.numerical_j -= float(np.sum((own - viscous) * motion))
+        self.flow.numerical_j -= self._rod.elastic_j - before.rod_elastic_j
 
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
         duct = self.simulation.duct

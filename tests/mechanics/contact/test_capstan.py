@@ -73,7 +73,8 @@ def slip_ratio(mu, angle):
         force[:] = 0.0
         force[0], force[-1] = hold * down[0], pull * down[1]
         before = state.position_m.copy()
-        rod.predict(state, force, 1e-3)
+        rod.predict(state, force + contact, 1e-3)
+        rod.correct(state, -contact)
         rows = contact_rows(before, state.position_m - before, mu)
         contact[:] = solve(rows, rod, properties.n_particles)
         rod.correct(state, contact)

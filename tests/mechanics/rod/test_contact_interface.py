@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.rod import Supports, build_integrator, straight_rod
+from services.mechanics.rod import ImplicitIntegrator, Supports, build_integrator, clamped, rod_energy, straight_rod
 from services.studies.rod_problems import example_rod
 
 DT_S = 1e-3
@@ -70,20 +70,31 @@ def test_gains_relate_velocity_and_position_changes(stepped):
     )
 
 
-def test_an_implicit_step_with_contact_forces_is_the_step_with_them_as_external_forces():
-    integrator, before, load = bent("implicit")
-    contact = np.zeros((51, 3))
-    contact[20] = [0.0, 2e-4, 1e-4]
-    contact[49] = [-3e-4, 0.0, 4e-4]
-    corrected = before.copy()
-    integrator.predict(corrected, load, DT_S)
-    integrator.correct(corrected, contact)
-    at_once = before.copy()
-    integrator.predict(at_once, load + contact, DT_S)
-    assert integrator.iterations == 1
-    assert np.abs(contact_effect := at_once.position_m - before.position_m).max() > 1e-6, contact_effect
-    np.testing.assert_allclose(corrected.position_m, at_once.position_m, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(corrected.velocity_m_s, at_once.velocity_m_s, rtol=0, atol=1e-9)
+@pytest.mark.parametrize("spectral_radius", [1.0, 0.6, 0.0])
+@pytest.mark.parametrize("touched", [[50], [25, 40, 50], list(range(10, 51, 4))])
+def test_a_rod_laid_on_points_comes_to_rest_on_them_at_once_with_the_forces_of_its_load(spectral_radius, touched):
+    """Frictionless points under a rod with weight, kept at their height by the forces that the compliance tells."""
+    properties = example_rod(internal_damping_s=2e-4)
+    integrator = ImplicitIntegrator(properties, clamped((1, 0, 0)), spectral_radius=spectral_radius)
+    state = straight_rod(properties, (0, 0, 0), (1, 0, 0))
+    state.velocity_m_s[1:, 2] = -0.05
+    weight = properties.particle_mass_kg()[:, None] * np.array([0.0, 0.0, -9.81])
+    contact, particles = np.zeros((51, 3)), np.array(touched, dtype=np.int32)
+    compliance = np.empty((3 * len(touched), 3 * len(touched)))
+    energy, supported = [np.inf], []
+    for _ in range(300):
+        integrator.predict(state, weight + contact, DT_S)
+        integrator.correct(state, -contact)
+        integrator.compliance(particles, compliance)
+        contact[particles, 2] = np.linalg.solve(compliance[2::3, 2::3], -state.position_m[particles, 2])
+        integrator.correct(state, contact)
+        np.testing.assert_allclose(state.position_m[particles, 2], 0.0, rtol=0, atol=1e-12)
+        energy.append(rod_energy(integrator.model, state).total_j - np.sum(weight * state.position_m))
+        supported.append(contact[:, 2].sum())
+    assert np.diff(energy[10:]).max() < 1e-3 * np.ptp(energy[1:])
+    if len(touched) > 5:
+        # The clamp carries three eighths of the first span's weight and what that span's beam makes of it.
+        assert np.mean(supported[200:]) == pytest.approx(-weight[:, 2].sum(), rel=0.15)
 
 
 def test_held_particles_reach_their_target_and_feel_no_contact(stepped):

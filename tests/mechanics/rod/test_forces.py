@@ -24,6 +24,7 @@ def forces(model, position, velocity=None, scale=(0.0, 0.0)):
     work.position[:] = position
     if velocity is not None:
         work.velocity[:] = velocity
+        work.lead[0] = model.beta * velocity
     add_internal_forces(model, work, scale, 1.0)
     return work
 

@@ -148,8 +148,24 @@ def test_semi_implicit_substeps_below_its_limit_and_refuses_more_than_it_may_tak
         integrator.substeps(1e-3)
 
 
-def test_theta_and_iterations_outside_their_range_are_refused():
-    with pytest.raises(ValueError, match="theta"):
-        ImplicitIntegrator(example_rod(), theta=0.4)
+@pytest.mark.parametrize("stiffness", [0.01, 1.0, 1000.0])
+@pytest.mark.parametrize("dt_s", [1e-4, 1e-3, 0.05])
+@pytest.mark.parametrize("spectral_radius", [0.0, 0.6, 1.0])
+def test_small_vibrations_of_any_rod_gain_no_energy_at_any_step(stiffness, dt_s, spectral_radius):
+    properties = example_rod(bending_stiffness_n_m2=25e-6 * stiffness, axial_stiffness_n=176.7 * stiffness)
+    integrator = ImplicitIntegrator(properties, clamped(X), spectral_radius=spectral_radius)
+    state = straight_rod(properties, (0, 0, 0), X)
+    state.velocity_m_s[:] = 1e-6 * np.random.default_rng(0).normal(size=(51, 3))
+    energy = [rod_energy(integrator.model, state).total_j]
+    for _ in range(500):
+        integrator.predict(state, NO_LOAD, dt_s)
+        energy.append(rod_energy(integrator.model, state).total_j)
+    assert integrator.iterations == 1
+    assert (energy - np.minimum.accumulate(energy)).max() <= 3e-2 * energy[0]  # what the step's damping remembers
+
+
+def test_spectral_radius_and_iterations_outside_their_range_are_refused():
+    with pytest.raises(ValueError, match="spectral_radius"):
+        ImplicitIntegrator(example_rod(), spectral_radius=1.1)
     with pytest.raises(ValueError, match="iterations"):
         ImplicitIntegrator(example_rod(), max_iterations=0)

@@ -1,0 +1,83 @@
+"""What contact forces do to an implicit step: kernels on the factorised matrix of implicit Euler."""
+
+from __future__ import annotations
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
+from services.mechanics.rod.implicit_kernels import Addresses, Motion, assemble_matrix, remove_held
+from services.mechanics.rod.model import RodModel, model_at, work_at
+from services.mechanics.rod.step_form import implicit_euler
+
+
+@kernel
+def factor_for_contacts(addresses: Addresses, dt_s: float) -> bool:
+    """Factorise M + dt C + dt^2 K, where the last prediction took its forces; False where it is not SPD."""
+    model, work = model_at(addresses[0]), work_at(addresses[1])
+    assemble_matrix(model, work, implicit_euler(dt_s))
+    remove_held(model, work)
+    return bool(factor_ldl(work.band))
+
+
+@kernel
+def correct(addresses: Addresses, motion: Motion, force: FloatArray, dt_s: float) -> None:
+    """Add to motion = (x, v) what contact forces (n, 3) change: dv = dt A^-1 f, dx = dt dv."""
+    model, work, (x, v) = model_at(addresses[0]), work_at(addresses[1]), motion
+    n = x.shape[0]
+    for i in range(n):
+        for c in range(3):
+            work.rhs[3 * i + c] = 0.0 if model.is_held[i] else dt_s * force[i, c]
+    work.rhs[3 * n :] = 0.0
+    solve_ldl(work.band, work.rhs)
+    for i in range(n):
+        for c in range(3):
+            v[i, c] += work.rhs[3 * i + c]
+            x[i, c] += dt_s * work.rhs[3 * i + c]
+
+
+@kernel
+def compliance(
+    address: Address[RodModel],
+    band: FloatArray,
+    gain: float,
+    columns: FloatArray,
+    particles: IntArray,
+    out: FloatArray,
+) -> None:
+    """Fill ``out`` (3k, 3k) with gain * A^-1 between ``particles`` (k,), given in ascending order."""
+    model, k = model_at(address), particles.shape[0]
+    for start in range(0, 3 * k, RHS_BLOCK):
+        stop = min(start + RHS_BLOCK, 3 * k)
+        first = 3 * particles[start // 3]
+        columns[first:] = 0.0  # from eight rows before the first unknown on
+        for column in range(start, stop):
+            p = particles[column // 3]
+            columns[HALF_BANDWIDTH + 3 * p + column % 3, column - start] = 0.0 if model.is_held[p] else gain
+        solve_ldl_block(band, first, columns)
+        for row in range(start, 3 * k):
+            unknown = HALF_BANDWIDTH + 3 * particles[row // 3] + row % 3
+            for column in range(start, min(stop, row + 1)):
+                out[row, column] = columns[unknown, column - start]
+                out[column, row] = out[row, column]
+
+
+@kernel
+def solve_many(
+    address: Address[RodModel], band: FloatArray, gain: float, columns: FloatArray, force: FloatArray, out: FloatArray
+) -> None:
+    """Fill ``out`` (n, 3, m) with gain * A^-1 force, RHS_BLOCK right-hand sides at a time."""
+    model, (n, _, m) = model_at(address), force.shape
+    for start in range(0, m, RHS_BLOCK):
+        stop = min(start + RHS_BLOCK, m)
+        columns[:] = 0.0
+        for i in range(n):
+            if not model.is_held[i]:
+                for c in range(3):
+                    for column in range(start, stop):
+                        columns[HALF_BANDWIDTH + 3 * i + c, column - start] = gain * force[i, c, column]
+        solve_ldl_block(band, 0, columns)
+        for i in range(n):
+            for c in range(3):
+                for column in range(start, stop):
+                    out[i, c, column] = columns[HALF_BANDWIDTH + 3 * i + c, column - start]
