@@ -57,7 +57,8 @@ class MaterialFrame:
         """
         if self._path_m is None:
             self._path_m = np.stack([position_m, np.zeros_like(position_m), position_m])
-        last, way, expected = self._path_m
+        last, way = self._path_m[0], self._path_m[1]
+        expected: FloatArray = self._path_m[2]
         np.subtract(position_m, last, out=expected)
         expected -= way
         expected *= _SWIFTNESS
