@@ -50,6 +50,10 @@ def test_motion_of_the_bodies_is_the_motion_that_was_solved_for(pressed):
     rows, n, holds = simulation.contacts, simulation.contacts.n_contacts, simulation.holds.rows
     wall = duct_points(simulation, duct_state(simulation), rows, n) - duct_points(simulation, before, rows, n)
     rod = simulation.catheter.state.position_m - start_rod
+    # The duct's part of W is kept in single precision: half a bit of all that the forces move.
+    size = np.abs(simulation.system.compliance_m_n) @ np.abs(rows.force_n[:n]).ravel()
+    rounding_m = 2.0**-24 * size.max()
+    print(f"motions up to {size.max():.1e} m are rounded by {rounding_m:.1e} m")
     for row in range(n):
         solved = simulation.system.motion_m[3 * row : 3 * row + 3].copy()
         solved -= rows.softness_m_n[row] * rows.force_n[row]
@@ -62,7 +66,7 @@ def test_motion_of_the_bodies_is_the_motion_that_was_solved_for(pressed):
         if row not in holds:
             gap_m = rows.gap_m[row]
             expected[0] += gap_m if gap_m > 0.0 else simulation.system.settings.recovery * gap_m
-        assert np.allclose(expected, solved, atol=1e-12)
+        assert np.allclose(expected, solved, atol=1e-12 + rounding_m)
     others = [row for row in range(n) if row not in holds]
     assert len(holds) > 0
     assert (rows.tool[others] >= 0).any()
