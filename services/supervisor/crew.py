@@ -264,6 +264,7 @@ class Crew:
         member.child = None
         first_start = member.name not in self._was_ready and status > 0
         hung = member.reason if member.killed else ""
+        member.status = status
         member.forget()
         if self.stopping:
             member.enter(MemberState.WAITING, now_s)

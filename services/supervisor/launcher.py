@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from services.runtime.private_directory import open_private
+from services.supervisor.kernel_word import KernelWord
 from services.supervisor.processes import ProcessSpec
 
 #: Beyond this a line is cut: nothing a child writes takes memory without bound.
@@ -39,8 +40,7 @@ class Child:
             )
         self.pid = self._popen.pid
         self.descriptor = os.pidfd_open(self.pid)
-        self._status = os.open(f"/proc/{self.pid}/stat", os.O_RDONLY)
-        self._schedule = _open_if_there(f"/proc/{self.pid}/schedstat")
+        self._kernel = KernelWord(self.pid)
         self._log = os.fdopen(open_private(log_file, os.O_RDONLY), "rb")
         self._rest = b""
 
@@ -57,21 +57,11 @@ class Child:
 
     def is_stopped(self) -> bool:
         """Return whether a signal or a debugger holds the process (SIGSTOP)."""
-        try:
-            text = os.pread(self._status, 512, 0)
-        except ProcessLookupError:
-            return False
-        state = text.rpartition(b")")[2].split(maxsplit=1)
-        return bool(state) and state[0] in (b"T", b"t")
+        return self._kernel.is_stopped()
 
     def waited_s(self) -> float:
         """Return for how long the main thread has waited for a processor since its start, 0 where unknown."""
-        if self._schedule is None:
-            return 0.0
-        try:
-            return int(os.pread(self._schedule, 128, 0).split()[1]) * 1e-9
-        except (OSError, IndexError, ValueError):
-            return 0.0  # it has just ended
+        return self._kernel.waited_s()
 
     def send(self, number: signal.Signals) -> None:
         """Send a signal; one to a process that has ended is nothing."""
@@ -90,15 +80,5 @@ class Child:
     def close(self) -> None:
         """Let go of the descriptors of a process that has ended."""
         os.close(self.descriptor)
-        os.close(self._status)
-        if self._schedule is not None:
-            os.close(self._schedule)
+        self._kernel.close()
         self._log.close()
-
-
-def _open_if_there(path: str) -> int | None:
-    """Return a descriptor of a file that not every kernel has."""
-    try:
-        return os.open(path, os.O_RDONLY)
-    except FileNotFoundError:
-        return None

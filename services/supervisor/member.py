@@ -46,6 +46,7 @@ class Member:
     last_lines: list[str] = field(default_factory=list)
     progress: tuple[str, float] | None = None
     killed: bool = False
+    status: int = 0  # with which it last ended
     came_up: bool = False  # was ready since it was started
     stalls_s: list[float] = field(default_factory=list)  # when silences ended that it came back from by itself
     _stalls_told: int = 0  # index of the loop's last stall that was

@@ -19,6 +19,7 @@ from services.runtime.rig import Rig
 from services.supervisor.bus_threads import BusThreads
 from services.supervisor.crew import Launch
 from services.supervisor.holders import holders
+from services.supervisor.member import MemberState
 from services.supervisor.page import Page, missing_package
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
@@ -33,6 +34,10 @@ class StartError(UserError):
     def __init__(self, sentence: str, exit_code: int) -> None:
         super().__init__(sentence)
         self.exit_code = exit_code
+
+
+class GivenUpError(StartError):
+    """A process of the rig was given up, and the rig went on without it: a recorder whose disk is full."""
 
 
 @dataclass(slots=True)
@@ -87,7 +92,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
     Raises
     ------
     UserError
-        if a process cannot start; everything started is ended before.
+        if a process cannot start, or was given up on the way; everything started is ended before.
     """
     setup = _setup(process, session)
     sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
@@ -104,6 +109,9 @@ def run_session(process: Process, session: SessionOptions) -> None:
                 supervisor.crew.wait(_TURN_S)
     if supervisor.crew.fatal is not None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
+    for member in supervisor.crew.members.values():
+        if member.state is MemberState.FAILED:
+            raise GivenUpError(member.reason, max(1, member.status))
 
 
 def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractContextManager[Page | None]:

@@ -14,6 +14,8 @@ from services.supervisor.member import Member, MemberState
 STREAM_SILENCE_S = 0.06
 #: So many silences within so long that a process came back from by itself are no accident: it has too much to do.
 STALLS, STALLS_WITHIN_S = 3, 10.0
+#: Waiting for a processor so long since it was last heard is worth a word.
+_STARVED_MS = 10
 _LIVING = ("ready", "running", "degraded")
 
 
@@ -81,8 +83,16 @@ def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
     if member.spec.stream is not None and member.stream_s is not None:
         stream_s = now_s - member.stream_s
         if stream_s > limits.stream_s:
-            return f"{member.spec.stream}: silent for {stream_s * 1e3:.0f} ms, limit {limits.stream_s * 1e3:.0f} ms"
+            said = f"{member.spec.stream}: silent for {stream_s * 1e3:.0f} ms, limit {limits.stream_s * 1e3:.0f} ms"
+            return said + _starved(member)
     silence_s = now_s - member.heard_s
     if silence_s > limits.heartbeat_s and silence_s - member.starved_s() > limits.heartbeat_s:
-        return f"{member.name}.health: silent for {silence_s * 1e3:.0f} ms, limit {limits.heartbeat_s * 1e3:.0f} ms"
+        said = f"{member.name}.health: silent for {silence_s * 1e3:.0f} ms, limit {limits.heartbeat_s * 1e3:.0f} ms"
+        return said + _starved(member)
     return ""
+
+
+def _starved(member: Member) -> str:
+    """Return what is to be added of a process that was not run rather than hanging, as the kernel has it."""
+    starved_ms = round(member.starved_s() * 1e3)
+    return f"; it waited {starved_ms} ms for a processor" if starved_ms >= _STARVED_MS else ""

@@ -1,7 +1,8 @@
 """A tiny process for the launcher's tests: beats and ticks as $FAKE_NAME, misbehaves as $FAKE_WORDS says.
 
 Words: ``exit`` (ends with code 2 and a sentence), ``slow`` (misses half its ticks), ``mute`` (never says ready),
-``crash`` (dies of a signal), ``stubborn`` (does not end when asked).
+``crash`` (dies of a signal), ``stubborn`` (does not end when asked), ``full`` (ends a while after it was ready, as a
+recorder whose disk is full).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import time
 import msgspec
 
 import protocol.bodies as bodies
+from services.recorder.disk import RecordingError
 from services.runtime import log
 from services.runtime.errors import ConfigError
 from services.runtime.loop import LoopMeter, ticks
@@ -57,6 +59,8 @@ def run(process: Process) -> None:
         if "slow" in words and tick.index % 4 < 2:
             time.sleep(0.006)
         process.health.send_if_due()
+        if "full" in words and tick.index > RATE_HZ:
+            raise RecordingError("a.mcap: no space left on device; 200 frames were kept")
 
 
 if __name__ == "__main__":

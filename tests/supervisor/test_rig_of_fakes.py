@@ -150,6 +150,26 @@ def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes) -> None:
     fakes.play(scenario)
 
 
+def test_a_recorder_whose_disk_is_full_is_given_up_the_rig_goes_on_and_its_end_tells(fakes: Fakes) -> None:
+    """Picture and forces do not depend on a disk; who waits for the rig to end learns of it by the exit code."""
+    fakes = replace(fakes, options=replace(fakes.options, overrides=("supervisor.max_restarts_per_minute=0",)))
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        recorder = supervisor.crew.members["recorder"]
+        yield from until(lambda: supervisor.crew.all_ready)
+        before = {name: member.pid for name, member in supervisor.crew.members.items() if member is not recorder}
+        yield from until(lambda: recorder.state is MemberState.FAILED)
+        for _ in range(25):
+            yield
+        assert {n: m.pid for n, m in supervisor.crew.members.items() if m is not recorder} == before
+        assert all(member.up for member in supervisor.crew.members.values() if member is not recorder)
+        assert not supervisor.body().safe_stop
+
+    with pytest.raises(session.GivenUpError, match=r"a\.mcap: no space left on device; 200 frames were kept") as caught:
+        fakes.play(scenario, recorder="full")
+    assert caught.value.exit_code == 5
+
+
 def test_too_many_restarts_are_a_safe_stop_until_armed(fakes: Fakes) -> None:
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)

@@ -58,6 +58,13 @@ def test_a_starving_process_is_not_silent_but_its_stream_is() -> None:
         assert bool(watch.hang(starving, False, 100.8, LIMITS)) is bool(said)
 
 
+def test_silence_of_one_who_was_not_run_is_told_as_such() -> None:
+    starving = member("physics")
+    starving.child.waited = 0.06  # type: ignore[union-attr]
+    said = "physics.state: silent for 70 ms, limit 60 ms; it waited 60 ms for a processor"
+    assert watch.hang(starving, False, 100.07, LIMITS) == said
+
+
 def test_a_starving_process_is_not_ended_a_hanging_one_is() -> None:
     hung = member("physics", MemberState.HUNG)
     assert watch.beyond_waiting(hung, False, 100.6, LIMITS)
