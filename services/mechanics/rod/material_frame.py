@@ -42,32 +42,18 @@ class MaterialFrame:
     m1: FloatArray
     twist_rad: FloatArray
     end_is_held: bool = False
-    _path_m: FloatArray | None = None  # (3, n, 3): last positions, a step's way of late, what was expected
+    _path_m: FloatArray | None = None
 
     def copy(self) -> MaterialFrame:
         """An independent frame with the same values."""
         path_m = None if self._path_m is None else self._path_m.copy()
         return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held, path_m)
 
-    def ahead(self, position_m: FloatArray) -> FloatArray:
-        """Where particles (n, 3) will be in the middle of the next step; to be asked once a step.
-
-        From the middle of the last step with what particles have moved in a step, over the last few: what a step
-        cannot resolve must not come back magnified, or a twisted rod flutters.
-        """
+    def path(self, position_m: FloatArray) -> FloatArray:
+        """(3, n, 3): last positions of the particles, a step's way of late, and what `expect_middle` writes."""
         if self._path_m is None:
             self._path_m = np.stack([position_m, np.zeros_like(position_m), position_m])
-        last, way = self._path_m[0], self._path_m[1]
-        expected: FloatArray = self._path_m[2]
-        np.subtract(position_m, last, out=expected)
-        expected -= way
-        expected *= _SWIFTNESS
-        way += expected
-        np.add(position_m, last, out=expected)
-        expected *= 0.5
-        expected += way
-        last[:] = position_m
-        return expected
+        return self._path_m
 
 
 def initial_frame(
@@ -103,6 +89,21 @@ def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
     """
     last = len(frame.m1) - 1
     rotate_frame((frame.tangent, frame.m1, frame.twist_rad), segment % (last + 1), angle_rad)
+
+
+@kernel
+def expect_middle(x: FloatArray, path: FloatArray) -> None:
+    """Write into path[2] where particles x (n, 3) will be in the middle of the next step; to be asked once a step.
+
+    From the middle of the last step with what particles have moved in a step, over the last few: what a step cannot
+    resolve must not come back magnified, or a twisted rod flutters.
+    """
+    for i in range(x.shape[0]):
+        for c in range(3):
+            last, now = path[0, i, c], x[i, c]
+            path[1, i, c] += _SWIFTNESS * (now - last - path[1, i, c])
+            path[2, i, c] = 0.5 * (now + last) + path[1, i, c]
+            path[0, i, c] = now
 
 
 @kernel

@@ -23,7 +23,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, cross, dot, row
 from services.mechanics.rod.elasticity import SHORTEST, bending_angle
-from services.mechanics.rod.material_frame import NO_WALLS, Frame, follow, initial_frame, rotate_frame
+from services.mechanics.rod.material_frame import NO_WALLS, Frame, expect_middle, follow, initial_frame, rotate_frame
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
 
@@ -43,6 +43,7 @@ class TwistModel(Struct):
     shortest: float  # a segment crushed below this counts as that long, m
 
 
+Task = tuple[Address[TwistModel], Frame, bool]
 twist_at = reader(TwistModel)
 
 
@@ -80,7 +81,7 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
 def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *, of_next_step: bool = False) -> None:
     """Bring the frames of ``state`` to its positions and to torsional equilibrium, and add their forces to ``force_n``.
 
-    With ``of_next_step`` to where `MaterialFrame.ahead` expects them in the middle of the next step, to second order;
+    With ``of_next_step`` to where `expect_middle` expects them in the middle of the next step, to second order;
     then it is to be called once before each.
 
     Raises
@@ -99,8 +100,11 @@ def add_frame_forces(model: TwistModel, state: RodState, force_n: FloatArray, *,
             "wall_directions of its supports"
         )
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
-    x = state.frame.ahead(state.position_m) if of_next_step else state.position_m
-    _update(model.address, x, frame, state.frame.end_is_held, force_n)
+    task = (model.address, frame, state.frame.end_is_held)
+    if of_next_step:
+        _update_ahead(task, state.position_m, state.frame.path(state.position_m), force_n)
+    else:
+        _update(task, state.position_m, force_n)
 
 
 def twist_energy(model: TwistModel, state: RodState) -> float:
@@ -112,8 +116,14 @@ def twist_energy(model: TwistModel, state: RodState) -> float:
 
 
 @kernel
-def _update(address: Address[TwistModel], x: FloatArray, frame: Frame, end_is_held: bool, f: FloatArray) -> None:
-    model = twist_at(address)
+def _update_ahead(task: Task, x: FloatArray, path: FloatArray, f: FloatArray) -> None:
+    expect_middle(x, path)
+    _update(task, path[2], f)
+
+
+@kernel
+def _update(task: Task, x: FloatArray, f: FloatArray) -> None:
+    model, frame, end_is_held = twist_at(task[0]), task[1], task[2]
     follow(x, frame, model.first)
     relax(model, frame, end_is_held)
     add_forces(model, x, frame, f)
