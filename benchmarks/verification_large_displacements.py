@@ -1,0 +1,113 @@
+"""Verification tables of shells at large displacements."""
+
+from __future__ import annotations
+
+import numpy as np
+from verification_table import Entry, Table
+
+from services.mechanics.fem.nonlinear import PathSettings, trace_path
+from services.studies.large_displacement_problems import (
+    HEMISPHERE,
+    PINCH,
+    SHEAR,
+    SLIT_PLATE,
+    cantilever,
+    force_over_linear,
+    hemisphere,
+    hinged_roof,
+    slit_plate,
+    squeezed_duct,
+)
+
+SZE = "Sze, Liu and Lo 2004"
+
+
+def tables() -> list[Table]:
+    entries = [*_cantilevers(), *_slit_plate(), *_hemisphere(), *_roofs(), *_duct()]
+    about = (
+        "Corotated triangles (`docs/decisions/nonlinear-shell.md`), the values of the same command with "
+        "`analysis: nonlinear`. Displacements in the units of the source."
+    )
+    return [Table("Shells at large displacements", about, entries)]
+
+
+def _cantilevers() -> list[Entry]:
+    entries = []
+    for n in (8, 16, 32):
+        problem = cantilever("shear", n)
+        for point in trace_path(problem.shell, problem.load, PathSettings(n_steps=4)):
+            deflection, shortening = SHEAR[point.part]
+            tip = problem.moved(point)[0]
+            quantity = f"cantilever under {4.0 * point.part:.0f}"
+            entries.append(Entry(f"{quantity}, deflection", f"cst, {n} x 2", tip[2], deflection, SZE))
+            entries.append(Entry(f"{quantity}, shortening", f"cst, {n} x 2", -tip[0], shortening, SZE))
+    problem = cantilever("moment")
+    end = trace_path(problem.shell, problem.load, PathSettings(n_steps=10))[-1]
+    entries.append(
+        Entry("strip bent to a circle, tip back by", "cst, 16 x 2", -problem.moved(end)[0, 0], 10.0, "closed form")
+    )
+    return sorted(entries, key=lambda entry: entry.quantity)
+
+
+def _slit_plate() -> list[Entry]:
+    entries = []
+    for n_around, n_across in ((30, 4), (60, 8)):
+        problem = slit_plate(n_around, n_across)
+        path = trace_path(problem.shell, problem.load, PathSettings(n_steps=20))
+        for point in path:
+            if round(point.part, 6) not in SLIT_PLATE:
+                continue
+            for name, lift, published in zip(
+                ("outer", "inner"), problem.moved(point)[:, 2], SLIT_PLATE[round(point.part, 6)], strict=True
+            ):
+                quantity = f"slit annular plate at {point.part:.2g} of its load, {name} corner"
+                entries.append(Entry(quantity, f"andes, {n_around} x {n_across}", lift, published, SZE))
+    return sorted(entries, key=lambda entry: entry.quantity)
+
+
+def _hemisphere() -> list[Entry]:
+    entries = []
+    for n in (16, 32, 48):
+        problem = hemisphere(n)
+        pulled, pushed = problem.moved(trace_path(problem.shell, problem.load, PathSettings(n_steps=4))[-1])
+        mesh = f"andes, {n} x {n} a quarter"
+        entries.append(Entry("pinched hemisphere, outward", mesh, pulled[0], HEMISPHERE[0], f"{SZE} (unverified)"))
+        entries.append(Entry("pinched hemisphere, inward", mesh, -pushed[1], HEMISPHERE[1], f"{SZE} (unverified)"))
+    return sorted(entries, key=lambda entry: entry.quantity)
+
+
+def _roofs() -> list[Entry]:
+    entries = []
+    fine = {thickness: _extremes(thickness, 16) for thickness in (12.7, 6.35)}
+    for thickness, (limit, lowest) in fine.items():
+        coarse = _extremes(thickness, 8)
+        for name, value, reference in (("limit", coarse[0], limit), ("lowest", coarse[1], lowest)):
+            quantity = f"hinged roof, thickness {thickness}, {name} load"
+            entries.append(Entry(quantity, "andes, 8 x 8 a quarter", value, reference, "the same at 16 x 16"))
+    return entries
+
+
+def _extremes(thickness: float, n: int) -> tuple[float, float]:
+    """Load at which the roof snaps, and the lowest after it; of the parabola through the three points nearest."""
+    problem = hinged_roof(thickness, n)
+    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=20, control="arc_length"))
+    load = 3000.0 * np.array([point.part for point in path])
+    top = int(np.flatnonzero(np.diff(load) < 0.0)[0])
+    bottom = top + int(load[top:].argmin())
+    return _vertex(load[top - 1 : top + 2]), _vertex(load[bottom - 1 : bottom + 2])
+
+
+def _vertex(three: np.ndarray) -> float:
+    bend, slope = 0.5 * (three[0] - 2.0 * three[1] + three[2]), 0.5 * (three[2] - three[0])
+    return float(three[1] - slope**2 / (4.0 * bend))
+
+
+def _duct() -> list[Entry]:
+    entries = []
+    for n_around, n_along in ((16, 24), (24, 36), (32, 48)):
+        problem = squeezed_duct(n_around, n_along)
+        ratio = force_over_linear(problem, trace_path(problem.shell, problem.load, PathSettings(n_steps=10)))
+        for part, published in PINCH.items():
+            quantity = f"duct squeezed by {50 * part:.0f} %, force over linear force"
+            entries.append(Entry(quantity, f"andes, {n_around} x {n_along}", ratio[part], published, "CalculiX S8R"))
+    return sorted(entries, key=lambda entry: entry.quantity)

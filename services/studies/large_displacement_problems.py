@@ -1,0 +1,157 @@
+"""Shells of the literature on large displacements, on grids of any fineness, and the duct that a forceps squeezes.
+
+K. Y. Sze, X. H. Liu and S. H. Lo, Finite Elements in Analysis and Design 40:1551 (2004), unless said otherwise. Units
+are theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
+from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathPoint
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+
+SHEAR = {0.25: (3.015, 0.563), 0.5: (4.933, 1.604), 0.75: (6.031, 2.541), 1.0: (6.698, 3.286)}
+"""Cantilever under shear: deflection and shortening of the tip by part of the load."""
+SLIT_PLATE = {0.25: (10.288, 7.602), 0.5: (13.768, 10.468), 0.75: (15.842, 12.31), 1.0: (17.528, 13.891)}
+"""Slit annular plate: lift of the outer and the inner corner."""
+HEMISPHERE = (4.067, 8.178)
+"""Pinched hemisphere at its full load: outward at the pull, inward at the push (unverified: from memory)."""
+PINCH = {0.2: 0.876, 0.5: 0.746, 1.0: 0.642}
+"""CalculiX, S8R with large displacements: force over the linear force at 10, 25, 50 % closure of the duct's mouth."""
+
+Place = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A shell, its full load, and the vertices whose motion is asked for."""
+
+    shell: CorotationalShell
+    load: NonlinearLoad
+    watched: IntArray
+
+    def moved(self, point: PathPoint) -> FloatArray:
+        """(k, 3) displacements of the watched vertices."""
+        mesh = self.shell.model.mesh
+        displacement: FloatArray = (point.at.position_m - mesh.vertices_m)[self.watched]
+        return displacement
+
+
+def grid(place: Place, n_u: int, n_v: int) -> tuple[TriangleMesh, IntArray]:
+    """Triangles over the unit square mapped by ``place``, diagonals in turn, and the (n_u + 1, n_v + 1) vertices."""
+    u, v = np.meshgrid(np.linspace(0, 1, n_u + 1), np.linspace(0, 1, n_v + 1), indexing="ij")
+    vertices = np.stack(np.broadcast_arrays(*place(u.ravel(), v.ravel())), axis=1)
+    index = np.arange(u.size, dtype=np.int32).reshape(u.shape)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    turned = (np.add.outer(np.arange(n_u), np.arange(n_v)) % 2 == 1)[..., None]
+    first = np.where(turned, np.stack([a, b, d], -1), np.stack([a, b, c], -1))
+    second = np.where(turned, np.stack([b, c, d], -1), np.stack([a, c, d], -1))
+    triangles = np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)])
+    return TriangleMesh(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(triangles)), index
+
+
+def cantilever(load: str, n_along: int = 16, membrane: str = "cst") -> Problem:
+    """L 10, W 1, t 0.1, E 1.2e6, nu 0; ``shear`` of 4 at its end, or the ``moment`` that closes it to a circle."""
+    mesh, index = grid(lambda u, v: (10.0 * u, v, 0.0 * u), n_along, 2)
+    dead = np.zeros((mesh.n_vertices, 6))
+    if load == "shear":
+        dead[index[-1], 2] = 4.0 * along_edge(3)
+    else:
+        dead[index[-1], 4] = -2.0 * np.pi * 100.0 / 10.0 * along_edge(3)
+    shell = _shell(mesh, 0.1, 1.2e6, 0.0, [Support(index[0])], membrane)
+    return Problem(shell, _dead(dead), index[[-1, n_along // 2], 1])
+
+
+def slit_plate(n_around: int, n_across: int, membrane: str = "andes") -> Problem:
+    """An annular plate 6 to 10, t 0.03, E 2.1e7, nu 0, one side of its slit clamped, the other lifted by 3.2."""
+    mesh, index = grid(
+        lambda u, v: (
+            (6.0 + 4.0 * v) * np.cos(2.0 * np.pi * u),
+            (6.0 + 4.0 * v) * np.sin(2.0 * np.pi * u),
+            0.0 * u,
+        ),
+        n_around,
+        n_across,
+    )
+    dead = np.zeros((mesh.n_vertices, 6))
+    dead[index[-1], 2] = 3.2 * along_edge(n_across + 1)
+    shell = _shell(mesh, 0.03, 2.1e7, 0.0, [Support(index[0])], membrane)
+    return Problem(shell, _dead(dead), index[-1, [-1, 0]])
+
+
+def hemisphere(n: int, membrane: str = "andes") -> Problem:
+    """A quarter of the hemisphere R 10, t 0.04, E 6.825e7, nu 0.3, its hole of 18 degrees; pulled and pushed by 400."""
+
+    def place(u: FloatArray, v: FloatArray) -> Sequence[FloatArray]:
+        around, up = 0.5 * np.pi * u, np.radians(72.0) * v
+        return 10.0 * np.cos(up) * np.cos(around), 10.0 * np.cos(up) * np.sin(around), 10.0 * np.sin(up)
+
+    mesh, index = grid(place, n, n)
+    supports = [
+        Support(index[0], ("uy", "rx", "rz")),
+        Support(index[-1], ("ux", "ry", "rz")),
+        Support(index[0, :1], ("uz",)),
+    ]
+    dead = np.zeros((mesh.n_vertices, 6))
+    dead[index[0, 0], 0], dead[index[-1, 0], 1] = 200.0, -200.0
+    return Problem(_shell(mesh, 0.04, 6.825e7, 0.3, supports, membrane), _dead(dead), index[[0, -1], 0])
+
+
+def hinged_roof(thickness: float, n: int = 8) -> Problem:
+    """A quarter of the cylindrical roof R 2540, L 508, theta 0.1, E 3102.75, nu 0.3, pushed by 3000 in its middle."""
+    mesh, index = grid(lambda u, v: (2540.0 * np.sin(0.1 * u), 254.0 * v, 2540.0 * (np.cos(0.1 * u) - 1.0)), n, n)
+    supports = [
+        Support(index[-1], ("ux", "uy", "uz")),
+        Support(index[0], ("ux", "ry", "rz")),
+        Support(index[:, 0], ("uy", "rx", "rz")),
+    ]
+    dead = np.zeros((mesh.n_vertices, 6))
+    dead[index[0, 0], 2] = -3000.0 / 4.0
+    return Problem(_shell(mesh, thickness, 3102.75, 0.3, supports, "andes"), _dead(dead), index[:1, 0])
+
+
+def squeezed_duct(n_around: int = 24, n_along: int = 36) -> Problem:
+    """The reference duct, jaws 4 mm wide on its mouth that close it by half; watched are the vertices of one jaw."""
+    geometry = DuctGeometry(radius_m=0.004, length_m=0.04, n_around=n_around, n_along=n_along, wall_thickness_m=0.5e-3)
+    mesh = parametric_duct(geometry)
+    x, y, z = mesh.vertices_m.T
+    jaws = [np.flatnonzero((x > 0.0359) & (side * y > 0.0039) & (abs(z) < 1e-6)) for side in (1.0, -1.0)]
+    supports = [clamp(mesh), *(Support(jaw.astype(np.int32), ("uy",)) for jaw in jaws)]
+    model = ShellModel(mesh, ShellSection(0.5e-3, 1e5, 0.45, 1060.0), supports, ElementChoice("andes", "dkt"))
+    imposed = np.zeros((mesh.n_vertices, 6))
+    imposed[jaws[0], 1], imposed[jaws[1], 1] = -0.002, 0.002
+    load = NonlinearLoad(np.zeros_like(imposed), 0.0, imposed)
+    return Problem(CorotationalShell(model), load, jaws[1].astype(np.int32))
+
+
+def force_over_linear(problem: Problem, path: Sequence[PathPoint]) -> dict[float, float]:
+    """By part of the closure, the force on the watched jaw over that of the linear shell."""
+    load, jaw = problem.load, problem.watched
+    linear = problem.shell.model.solve_static(load.dead, load.imposed).reaction[jaw, 1].sum()
+    return {round(point.part, 6): float(point.reaction[jaw, 1].sum() / (point.part * linear)) for point in path}
+
+
+def along_edge(n: int) -> FloatArray:
+    """(n,) shares of a line load among equally spaced vertices."""
+    weights = np.ones(n)
+    weights[[0, -1]] = 0.5
+    shares: FloatArray = weights / weights.sum()
+    return shares
+
+
+def _shell(
+    mesh: TriangleMesh, thickness: float, modulus: float, poisson: float, supports: Sequence[Support], membrane: str
+) -> CorotationalShell:
+    section = ShellSection(thickness, modulus, poisson, 1.0)
+    return CorotationalShell(ShellModel(mesh, section, supports, ElementChoice(membrane, "dkt")))
+
+
+def _dead(dead: FloatArray) -> NonlinearLoad:
+    return NonlinearLoad(dead, 0.0, np.zeros_like(dead))
