@@ -56,7 +56,7 @@ class StraightMotion(PointCompliance):
 
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         super().__init__(reduced, n_points)
-        self._kept = NodeCompliance(reduced)
+        self._kept = NodeCompliance(reduced, n_points)
 
     def update(self, q: FloatArray) -> None:
         """Take over the state; there is nothing to prepare."""

@@ -18,7 +18,7 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
@@ -52,6 +52,7 @@ class NodeArrays(Struct):
     gain: Annotated[FloatArray, "r"]  # with which `whole` was made, the first n_modes
     moved: Annotated[FloatArray, "3 m"]  # scratch: displacements of the nodes
     rows: Annotated[FloatArray, 3, "3 m"]  # scratch: compliance between a point and the nodes
+    first: Annotated[LongArray, "k", 3]  # scratch: the first column of each corner of the points
     n_modes: int = 0
 
 
@@ -64,16 +65,18 @@ class NodeCompliance:
     Parameters
     ----------
     duct : ReducedDuct
+    n_points : int
+        Contact points there is room for.
     n_places : int
         How many nodes are followed; where contacts touch more, every tick gathers anew.
     """
 
-    def __init__(self, duct: ReducedDuct, n_places: int = N_PLACES) -> None:
+    def __init__(self, duct: ReducedDuct, n_points: int, n_places: int = N_PLACES) -> None:
         touched = TouchedNodes.of(duct.mesh.n_vertices, n_places)
         m = len(touched.node)
         self._store = duct.residual.store
         self._arrays = NodeArrays.zeros(
-            touched=touched, Phi=duct.basis.Phi, gain=np.zeros(duct.basis.n_modes), m=m, **{"3 m": 3 * m}
+            touched=touched, Phi=duct.basis.Phi, gain=np.zeros(duct.basis.n_modes), m=m, k=n_points, **{"3 m": 3 * m}
         )
 
     def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> bool:
@@ -190,17 +193,18 @@ def weigh_blocks(address: Address[NodeArrays], points: Points, gain: FloatArray,
     _take_gain(kept, gain)
     if not _complete(kept, points):
         return False
-    place, rows = kept.touched.place, kept.rows
+    place, first, rows = kept.touched.place, kept.first, kept.rows
     for a in range(nodes.shape[0]):
+        for corner in range(3):
+            is_used = weights[a, corner] != 0.0
+            first[a, corner] = 3 * place[nodes[a, corner]] if is_used else 0
         if weights[a, 0] == 0.0 and weights[a, 1] == 0.0 and weights[a, 2] == 0.0:
             _clear_rows(out, a)
             continue
-        _weigh_rows(kept, nodes[a], weights[a])
+        _weigh_rows(kept, a, weights)
         for b in range(a + 1):
             u, v, w = weights[b, 0], weights[b, 1], weights[b, 2]
-            p = 3 * place[nodes[b, 0]] if u != 0.0 else 0
-            q = 3 * place[nodes[b, 1]] if v != 0.0 else 0
-            r = 3 * place[nodes[b, 2]] if w != 0.0 else 0
+            p, q, r = first[b, 0], first[b, 1], first[b, 2]
             for i in range(3):
                 for j in range(3):
                     out[3 * a + i, 3 * b + j] = u * rows[i, p + j] + v * rows[i, q + j] + w * rows[i, r + j]
@@ -215,13 +219,11 @@ def _clear_rows(out: FloatArray, a: int) -> None:
 
 
 @kernel
-def _weigh_rows(kept: NodeArrays, nodes: IntArray, weights: FloatArray) -> None:
+def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
     """Write the compliance between a point and all places into ``rows``."""
-    place, whole, rows = kept.touched.place, kept.whole, kept.rows
-    u, v, w = weights[0], weights[1], weights[2]
-    p = 3 * place[nodes[0]] if u != 0.0 else 0
-    q = 3 * place[nodes[1]] if v != 0.0 else 0
-    r = 3 * place[nodes[2]] if w != 0.0 else 0
+    whole, rows, first = kept.whole, kept.rows, kept.first
+    u, v, w = weights[point, 0], weights[point, 1], weights[point, 2]
+    p, q, r = first[point, 0], first[point, 1], first[point, 2]
     for i in range(3):
         for column in range(3 * kept.touched.extent):
             rows[i, column] = u * whole[p + i, column] + v * whole[q + i, column] + w * whole[r + i, column]

@@ -67,7 +67,7 @@ def gain(duct):
 
 def test_it_is_the_compliance_of_modes_and_residual_in_single_precision(duct, points_on, gain):
     points = points_on(1)
-    W, _ = gathered(NodeCompliance(duct), points, gain)
+    W, _ = gathered(NodeCompliance(duct, 30), points, gain)
     expected, size = dense(duct, points, gain)
     rows, columns = np.indices(W.shape) // 3
     half_a_bit = 2.0**-24 * (1.0 + 1e-6)
@@ -77,26 +77,26 @@ def test_it_is_the_compliance_of_modes_and_residual_in_single_precision(duct, po
 @pytest.mark.parametrize("n_places", [128, 30])
 def test_it_does_not_depend_on_what_was_touched_before(duct, points_on, gain, n_places):
     """Thirty places are hardly more than one tick's nodes: they are taken from nodes touched before."""
-    kept = NodeCompliance(duct, n_places)
+    kept = NodeCompliance(duct, 30, n_places)
     for seed in range(2, 80):
         displace(kept, points_on(seed), loads_on(points_on(seed)))
         kept.gather(points_on(seed), gain, np.empty((3 * N_POINTS, 3 * N_POINTS)))
     W, _ = gathered(kept, points_on(99), gain)
-    anew, _ = gathered(NodeCompliance(duct), points_on(99), gain)
+    anew, _ = gathered(NodeCompliance(duct, 30), points_on(99), gain)
     np.testing.assert_array_equal(W, anew)
 
 
 def test_another_number_of_modes_or_another_gain_makes_it_anew(duct, points_on, gain):
-    points, kept = points_on(3), NodeCompliance(duct)
+    points, kept = points_on(3), NodeCompliance(duct, 30)
     gathered(kept, points, gain)
     for changed in (gain[:20], gain[:40], gain, 1.5 * gain, np.append(gain[:-1], 0.0)):
         W, _ = gathered(kept, points, changed)
-        anew, _ = gathered(NodeCompliance(duct), points, changed)
+        anew, _ = gathered(NodeCompliance(duct, 30), points, changed)
         np.testing.assert_array_equal(W, anew)
 
 
 def test_a_tick_computes_a_bounded_number_of_blocks(duct, gain):
-    rng, kept = np.random.default_rng(5), NodeCompliance(duct)
+    rng, kept = np.random.default_rng(5), NodeCompliance(duct, 30)
     corners = rng.permutation(duct.basis.n_nodes)[:90].reshape(30, 3).astype(np.int32)
     points, W = (corners, np.full((30, 3), 1.0 / 3.0)), np.empty((90, 90))
     out = np.zeros((2, 30, 3))
@@ -108,7 +108,7 @@ def test_a_tick_computes_a_bounded_number_of_blocks(duct, gain):
 
 
 def test_more_nodes_than_places_are_refused(duct, points_on, gain):
-    kept, points = NodeCompliance(duct, 10), points_on(6)
+    kept, points = NodeCompliance(duct, 30, 10), points_on(6)
     out = np.zeros((2, N_POINTS, 3))
     assert not kept.displace(points, loads_on(points), (out[0], out[1]))
     assert not kept.gather(points, gain, np.empty((3 * N_POINTS, 3 * N_POINTS)))
@@ -117,7 +117,7 @@ def test_more_nodes_than_places_are_refused(duct, points_on, gain):
 
 def test_residual_displacements_of_points_are_those_of_the_residual(duct, points_on):
     """To the last bit: in which order loads are added is the same."""
-    kept = NodeCompliance(duct)
+    kept = NodeCompliance(duct, 30)
     for seed in (11, 12, 11):
         points = points_on(seed)
         loads = loads_on(points_on(seed + 1), seed)
