@@ -10,6 +10,7 @@ from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps import ToolBody
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.holds import HoldRegistry
+from services.mechanics.contact.seal import IntroducerSeal
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import SceneModel
@@ -29,6 +30,8 @@ class World:
         Rows, compliance and forces of this step's contacts.
     holds : HoldRegistry
         What the jaws hold.
+    seal : IntroducerSeal
+        What the introducer holds.
     search : ContactSearch
         Collision detection.
     pairs : ContactPairs
@@ -43,6 +46,7 @@ class World:
     tools: ToolBody
     system: ContactSystem
     holds: HoldRegistry
+    seal: IntroducerSeal
     search: ContactSearch
     pairs: ContactPairs
     acceleration_m_s2: FloatArray

@@ -53,7 +53,7 @@ def test_one_module_and_one_row_make_a_law(tree: TreeCopy) -> None:
         (("    penalty=penalty,\n", ""), "missing 1 required keyword-only argument: 'penalty'"),
         (
             ('    "sticky": sticky.LAW,\n', ""),
-            "contact law 'sticky' is not in the table; known: unilateral, hold, film",
+            "contact law 'sticky' is not in the table; known: unilateral, hold, film, seal",
         ),
     ],
 )

@@ -33,6 +33,10 @@ class CatheterBody:
         Loads that effects put on the particles in this step.
     contact_force_n : (n, 3) float64
         Contact forces of the last step.
+    slept : bool
+        Whether this step left it where it was.
+    n_own_rows : int
+        Contact rows of this step in which nobody else has a part: its introducer's friction. They do not wake it.
     """
 
     def __init__(
@@ -55,7 +59,9 @@ class CatheterBody:
         self.external_force_n = np.zeros((n, 3))
         self.contact_force_n = np.zeros((n, 3))
         self._load_n = np.zeros((n, 3))
-        self._was_touched = False
+        self.slept = False
+        self.n_own_rows = 0
+        self._was_touched = self._was_woken = False
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
         self._acts_in_next_step = acts_in_next_step
@@ -71,7 +77,8 @@ class CatheterBody:
         not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
         """
         self.start_m[:] = self.state.position_m
-        if self.is_asleep():
+        self.slept = self.is_asleep()
+        if self.slept:
             self.motion_m[:] = 0.0
             return
         self._last_external_n[:] = self.external_force_n
@@ -93,7 +100,7 @@ class CatheterBody:
         """
         return (
             self._may_sleep
-            and not self._was_touched
+            and not self._was_woken
             and float(np.abs(self.state.velocity_m_s).max()) < SLEEP_SPEED_M_S
             and np.array_equal(self.external_force_n, self._last_external_n)
         )
@@ -118,7 +125,7 @@ class CatheterBody:
         penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments.
         """
         spread_rod_forces(nodes, weights, forces, self.contact_force_n)
-        self._was_touched = len(forces) > 0
+        self._was_touched, self._was_woken = len(forces) > 0, len(forces) > self.n_own_rows
         if self._was_touched and not self._acts_in_next_step:
             self.integrator.correct(self.state, self.contact_force_n)
 

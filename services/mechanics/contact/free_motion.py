@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.laws import FIXES_DISTANCE
+from services.mechanics.contact.laws import ELASTIC_AXES, FIXES_DISTANCE
 from services.mechanics.contact.rows import ContactRows
 
 
@@ -33,6 +33,7 @@ def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: Fl
 def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
     """Write what the contact law asks to be zero or positive without contact forces into ``out`` (3 k,), in m.
 
+    Tangents: the slip, on top of the elastic slip that is remembered.
     Normal: the gap at the end of the step. An overlap at the start is a linearisation error of the last tick;
     only the fraction ``recovery`` of it is taken back per tick, because all of it at once would be a velocity.
     """
@@ -41,6 +42,9 @@ def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
             total = 0.0
             for k in range(3):
                 total += rows.frame[row, axis, k] * rows.slip_m[row, k]
+            if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+                for k in range(3):
+                    total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
         gap = rows.gap_m[row]
         out[3 * row] += gap if gap > 0.0 else recovery * gap

@@ -31,6 +31,8 @@ class ContactRows(Struct):
         Distance of the surfaces at the start of the step.
     slip_m : (C, 3) float64
         Motion of the first body relative to the target over the step without contact forces, in world axes.
+    elastic_m : (C, 3) float64
+        Elastic slip at the start of the step, in world axes, for laws that remember it; see `anchors`.
     friction : (C,) float64
         Coefficient of Coulomb friction, for laws that have it.
     force_limit_n : (C,) float64
@@ -59,6 +61,7 @@ class ContactRows(Struct):
     point_m: Annotated[FloatArray, "c", 3]
     gap_m: Annotated[FloatArray, "c"]
     slip_m: Annotated[FloatArray, "c", 3]
+    elastic_m: Annotated[FloatArray, "c", 3]
     friction: Annotated[FloatArray, "c"]
     force_limit_n: Annotated[FloatArray, "c"]
     softness_m_n: Annotated[FloatArray, "c", 3]

@@ -12,10 +12,11 @@ from services.mechanics.contact.rows import ContactRows
 
 
 class ForceMemory(Struct):
-    """Forces along world axes and sliding states of the last tick, and scratch for the search."""
+    """Forces and elastic slips along world axes and sliding states of the last tick, and scratch for the search."""
 
     identity: Annotated[LongArray, "c"]
     force_n: Annotated[FloatArray, "c", 3]
+    elastic_m: Annotated[FloatArray, "c", 3]
     slides: Annotated[BoolArray, "c"]
     taken: Annotated[BoolArray, "c"]
     found: Annotated[BoolArray, "c"]
@@ -24,7 +25,7 @@ class ForceMemory(Struct):
 
 @kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> None:
-    """Fill ``rows.force_n`` and ``slides`` (C,) with what is remembered, zero where nothing is.
+    """Fill ``rows.force_n``, ``rows.elastic_m`` and ``slides`` (C,) with what is remembered, zero where nothing is.
 
     First the same pair, then the same first body against the same kind of target, so that a contact which slid
     on to the next triangle keeps its force. A remembered force is given away once.
@@ -32,6 +33,7 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> 
     memory.taken[: memory.n_contacts] = False
     for row in range(rows.n_contacts):
         rows.force_n[row] = 0.0
+        rows.elastic_m[row] = 0.0
         slides[row] = False
         memory.found[row] = _match(memory, rows, row, False, slides)
     for row in range(rows.n_contacts):
@@ -50,6 +52,7 @@ def _match(memory: ForceMemory, rows: ContactRows, row: int, on_any_target: bool
             memory.taken[old] = True
             slides[row] = memory.slides[old]
             for axis in range(3):
+                rows.elastic_m[row, axis] = memory.elastic_m[old, axis]
                 rows.force_n[row, axis] = (
                     rows.frame[row, axis, 0] * memory.force_n[old, 0]
                     + rows.frame[row, axis, 1] * memory.force_n[old, 1]

@@ -72,9 +72,7 @@ def rod_energy(
     )
 
 
-def internal_forces(
-    model: RodModel, state: RodState, before: RodState | None = None, work: RodWork | None = None
-) -> FloatArray:
+def internal_forces(model: RodModel, state: RodState, work: RodWork | None = None) -> FloatArray:
     """Return the rod's own forces (n, 3) in N: elastic, damping, of clamps and introducer; not drag, not the frame's.
 
     With a state at rest they are the elastic ones. Allocates, so not for the 1 kHz step.
@@ -83,21 +81,15 @@ def internal_forces(
     ----------
     model, state
         The rod, and where its particles are.
-    before
-        The state that the step before ended with, whose speeds and pushes the introducer's friction follows; ``state``
-        itself where it is None.
     work
         Scratch to use again, for who asks in every tick.
     """
-    before = before or state
     work = work or allocate_work(len(state.position_m))
     work.force[:] = 0.0
-    work.previous_position[:] = before.position_m
-    work.previous_velocity[:] = before.velocity_m_s
     work.position[:] = state.position_m
     work.velocity[:] = state.velocity_m_s
     work.lead[0] = model.beta * state.velocity_m_s
-    add_internal_forces(model, work, (0.0, 0.0), 0.0)
+    add_internal_forces(model, work, (0.0, 0.0))
     return work.force.copy()
 
 

@@ -17,11 +17,10 @@ from services.mechanics.rod.model import RodModel, RodWork
 
 
 @kernel
-def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_scale: float) -> None:
+def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add to ``work.force`` the elastic, damping and support forces at ``work.position``, with ``lead``, ``velocity``.
 
-    Where scale[0] is not zero, add their tangent to ``work.band`` as well: see `elasticity`; ``damping_scale``
-    multiplies damping that has no stiffness of its own.
+    Where scale[0] is not zero, add their tangent to ``work.band`` as well: see `elasticity`.
     """
     segment_geometry(model, work)
     if work.is_middle:
@@ -34,7 +33,7 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale, damping_sc
     if model.introducer.is_there:
         if work.is_middle:
             _move_by_lead(work, 1.0)
-        add_introducer(model, work, (scale[1], damping_scale))
+        add_introducer(model, work, scale[1])
         if work.is_middle:
             _move_by_lead(work, -1.0)
 

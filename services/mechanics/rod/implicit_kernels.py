@@ -125,7 +125,6 @@ def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: St
             mean = _mean_velocity(model, work, v, form, i, c)
             leading = mean + form.speed_change * dv[i, c] + form.speed_lag * (mean - w[i, c])
             work.previous_position[i, c] = x[i, c]
-            work.previous_velocity[i, c] = v[i, c]
             work.position[i, c] = x[i, c] + form.at * form.dt_s * mean
             work.end_position[i, c] = x[i, c] + form.dt_s * mean
             work.velocity[i, c] = v[i, c] + dv[i, c]
@@ -182,7 +181,7 @@ def assemble_matrix(model: RodModel, work: RodWork, form: StepForm) -> None:
     for i in range(model.mass.shape[0]):
         for c in range(3):
             work.band[3 * i + c, 0] = model.mass[i] + damped * model.drag[i]
-    add_internal_forces(model, work, (stiff + damped * model.beta, stiff), form.dt_s)
+    add_internal_forces(model, work, (stiff + damped * model.beta, stiff))
 
 
 @kernel

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.rod.implicit import SPECTRAL_RADIUS, ImplicitIntegrator
+from services.mechanics.rod.model import RodModel
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
 from services.mechanics.rod.state import RodState
@@ -20,6 +21,7 @@ class RodIntegrator(Protocol):
     """
 
     properties: RodProperties
+    model: RodModel
     held_target_m: FloatArray
 
     @property

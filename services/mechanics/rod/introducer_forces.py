@@ -4,7 +4,7 @@ Held are the points of the centreline nearest to the ends of the axis, to these,
 a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or out
 changes no force by a jump. Stops keep both ends of the rod from leaving; a step that runs into one is taken by implicit
 Euler, for felt half a step late it would push with energy that nobody had. All springs are the gradient of an energy:
-without friction the introducer takes no work.
+they take no work. Friction is none of theirs: it is solved with the contacts.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot, row
-from services.mechanics.rod.elasticity import Scale
 from services.mechanics.rod.introducer_passage import (
+    Passage,
     axial_position,
     closest_on_segment,
     depth_weight,
@@ -28,11 +28,10 @@ from services.mechanics.rod.model import RodModel, RodWork
 
 
 @kernel
-def add_introducer(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add the forces that keep the rod on the axis of the introducer and in it, and friction along it.
+def add_introducer(model: RodModel, work: RodWork, scale: float) -> None:
+    """Add the forces that keep the rod on the axis of the introducer and in it.
 
-    scale is ((theta dt)^2, theta dt): what stiffness and damping are multiplied with in the band; (0, dt) is an
-    explicit step, in which friction may stop the rod but not turn it round; (0, 0) is no step, only forces.
+    ``scale`` is (theta dt)^2, what stiffness is multiplied with in the band; 0 adds forces only.
     """
     passage = find_passage(model.introducer, work.position)
     for i in range(passage.first, passage.last + 1):
@@ -68,17 +67,17 @@ def introducer_energy(model: RodModel, work: RodWork) -> float:
 
 
 @kernel
-def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: Scale) -> None:
+def _stop(model: RodModel, work: RodWork, i: int, over: float, scale: float) -> None:
     k = model.introducer.stop_stiffness
     for c in range(3):
         work.force[i, c] -= k * over * model.introducer.axis[c]
-        if scale[0] > 0.0:
+        if scale > 0.0:
             for b in range(c, 3):
-                work.band[3 * i + c, b - c] += scale[0] * k * model.introducer.axis[c] * model.introducer.axis[b]
+                work.band[3 * i + c, b - c] += scale * k * model.introducer.axis[c] * model.introducer.axis[b]
 
 
 @kernel
-def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
+def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
     a = (model.introducer.axis[0], model.introducer.axis[1], model.introducer.axis[2])
     o = offset_from_axis(model.introducer, work.position, i)
     weight, slope = depth_weight(model, i, axial)
@@ -86,14 +85,12 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
     along = 0.5 * model.introducer.stiffness * slope * dot(o, o)
     for c in range(3):
         work.force[i, c] -= k * o[c] + along * a[c]
-    before = offset_from_axis(model.introducer, work.previous_position, i)
-    drag = _friction(model, work, (i, 0.0), model.introducer.friction * k * math.sqrt(dot(before, before)), scale)
-    if scale[0] > 0.0:
-        _add_tangent(model, work, (i, 0.0), a, (scale[0] * k, scale[1] * drag))
+    if scale > 0.0:
+        _add_tangent(work, (i, 0.0), a, scale * k)
 
 
 @kernel
-def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale) -> None:
+def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
     """Hold segment i to an end of the axis where it is nearest to it: the push is normal to the rod at any angle."""
     end = end_point(model.introducer, axial)
     s, o = closest_on_segment(work.position, i, end)
@@ -101,68 +98,35 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: Scale
     for c in range(3):
         work.force[i, c] -= (1.0 - s) * k * o[c]
         work.force[i + 1, c] -= s * k * o[c]
-    most = model.introducer.friction * k * _distance_before(work, i, end)
-    if axial > 0.0:
-        most += model.introducer.seal
-    drag = _friction(model, work, (i, s), most, scale)
-    if scale[0] > 0.0:
+    if scale > 0.0:
         # A particle that is nearest itself, at a kink, is held in every direction.
         along = row(work.tangent, i) if 0.0 < s < 1.0 else (0.0, 0.0, 0.0)
-        _add_tangent(model, work, (i, s), along, (scale[0] * k, scale[1] * drag))
+        _add_tangent(work, (i, s), along, scale * k)
 
 
 @kernel
-def _distance_before(work: RodWork, i: int, end: Vector) -> float:
-    """How far the rod was from an end of the axis, which may have been on a segment next to i then."""
-    squared = math.inf
-    for j in range(max(i - 1, 0), min(i + 2, work.length.shape[0])):
-        o = closest_on_segment(work.previous_position, j, end)[1]
-        squared = min(squared, dot(o, o))
-    return math.sqrt(squared)
+def wall_push(model: RodModel, x: FloatArray, passage: Passage) -> float:
+    """Sum [N] of the pushes of the introducer's wall on the rod at ``x`` (n, 3)."""
+    introducer, total = model.introducer, 0.0
+    for i in range(passage.first, passage.last + 1):
+        o = offset_from_axis(introducer, x, i)
+        total += depth_weight(model, i, axial_position(introducer, x, i))[0] * math.sqrt(dot(o, o))
+    if passage.has_entry:
+        o = closest_on_segment(x, passage.first - 1, end_point(introducer, 0.0))[1]
+        total += math.sqrt(dot(o, o))
+    if passage.has_exit:
+        o = closest_on_segment(x, passage.last, end_point(introducer, introducer.length))[1]
+        total += math.sqrt(dot(o, o))
+    return float(introducer.stiffness * total)
 
 
 @kernel
-def _friction(model: RodModel, work: RodWork, at: tuple[int, float], most: float, scale: Scale) -> float:
-    """Brake the point (1 - s) x_i + s x_{i+1} along the axis by at most ``most``, and return force per speed.
-
-    Coulomb's law, viscous below the slip speed. The wall's push, in ``most``, and the speed that sets the slope are
-    those that the last step ended with: at the prediction that forces are taken at, the stiff springs stand under loads
-    that never come about, and a rod under tension does not move at all.
-    """
-    if most == 0.0:
-        return 0.0
+def _add_tangent(work: RodWork, at: tuple[int, float], along: Vector, lateral: float) -> None:
+    """Gauss-Newton stiffness ``lateral`` of a point held across ``along``, between its two particles."""
     i, s = at
-    j = i + 1 if s > 0.0 else i
-    speed = _axial_speed(model, work.velocity, i, s)
-    drag = most / max(abs(_axial_speed(model, work.previous_velocity, i, s)), model.introducer.slip_speed)
-    if scale[0] == 0.0 and scale[1] > 0.0:
-        drag = min(drag, 0.25 * model.mass[i] / scale[1])
-    for c in range(3):
-        work.force[i, c] -= (1.0 - s) * drag * speed * model.introducer.axis[c]
-        work.force[j, c] -= s * drag * speed * model.introducer.axis[c]
-    return float(drag)
-
-
-@kernel
-def _axial_speed(model: RodModel, v: FloatArray, i: int, s: float) -> float:
-    """Speed along the axis of the point (1 - s) x_i + s x_{i+1}."""
-    j = i + 1 if s > 0.0 else i
-    speed = 0.0
-    for c in range(3):
-        speed += ((1.0 - s) * v[i, c] + s * v[j, c]) * model.introducer.axis[c]
-    return speed
-
-
-@kernel
-def _add_tangent(
-    model: RodModel, work: RodWork, at: tuple[int, float], along: Vector, factor: tuple[float, float]
-) -> None:
-    """Gauss-Newton stiffness of a point held across ``along``, and drag along the axis, between its two particles."""
-    i, s = at
-    lateral, drag = factor
     for c in range(3):
         for b in range(3):
-            value = drag * model.introducer.axis[c] * model.introducer.axis[b] - lateral * along[c] * along[b]
+            value = -lateral * along[c] * along[b]
             if b == c:
                 value += lateral
             if b >= c:

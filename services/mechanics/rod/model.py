@@ -33,7 +33,6 @@ class RodWork(Struct):
     """What a step fills: the configuration that forces are taken at, the forces, and the banded system."""
 
     previous_position: Annotated[FloatArray, "n", 3]  # how the last step ended
-    previous_velocity: Annotated[FloatArray, "n", 3]
     position: Annotated[FloatArray, "n", 3]  # what forces are taken at
     velocity: Annotated[FloatArray, "n", 3]
     end_position: Annotated[FloatArray, "n", 3]  # of the step whose middle ``position`` is

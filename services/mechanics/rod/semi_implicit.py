@@ -146,13 +146,11 @@ def _semi_implicit_euler(model: RodModel, work: RodWork, motion: Motion, externa
     x, v = motion
     for i in range(x.shape[0]):
         for c in range(3):
-            work.previous_position[i, c] = x[i, c]
-            work.previous_velocity[i, c] = v[i, c]
             work.position[i, c] = x[i, c]
             work.velocity[i, c] = v[i, c]
             work.lead[0, i, c] = model.beta * v[i, c]
             work.force[i, c] = external[i, c] - model.drag[i] * v[i, c]
-    add_internal_forces(model, work, (0.0, 0.0), h)
+    add_internal_forces(model, work, (0.0, 0.0))
     for i in range(x.shape[0]):
         inverse_mass = 0.0 if model.is_held[i] else 1.0 / model.mass[i]
         for c in range(3):

@@ -37,7 +37,7 @@ def largest_frequency_rad_s(model: RodModel) -> float:
         held=model.held,
         is_held=model.is_held,
     )
-    add_internal_forces(straight, work, (1.0, 1.0), 0.0)
+    add_internal_forces(straight, work, (1.0, 1.0))
     if model.introducer.is_there:
         work.band[: 3 * n, 0] += np.tile([0.0, 2.0, 2.0], n) * model.introducer.stiffness
         work.band[0 : 3 * n : 3, 0] += model.introducer.stop_stiffness

@@ -20,7 +20,6 @@ class IntroducerSprings(Struct):
     length: float
     stiffness: float
     friction: float
-    slip_speed: float
     seal: float
     stop_stiffness: float
     least_tip: float
@@ -43,9 +42,8 @@ class Introducer:
     lateral_stiffness_n_m
         Per constrained point; solved implicitly, so that any value is stable in the implicit integrator.
     friction
-        Coulomb coefficient against the wall, 0 for none. Regularised: full friction above ``slip_speed_m_s``.
-    slip_speed_m_s
-        Below this sliding speed friction is viscous (an introducer holds by creeping, not by sticking).
+        Coulomb coefficient against the wall, 0 for none. To the rod the introducer is smooth: this friction and that of
+        the seal are solved with the contacts, see `services.mechanics.contact.seal`.
     seal_friction_n
         Friction of a seal at the exit, whatever the rod's push on the wall.
     stop_stiffness_n_m
@@ -58,7 +56,6 @@ class Introducer:
     exit_m: ArrayLike
     lateral_stiffness_n_m: float = 1e5
     friction: float = 0.0
-    slip_speed_m_s: float = 1e-5
     seal_friction_n: float = 0.0
     stop_stiffness_n_m: float = 2e4
     least_tip_m: float = 5e-3
@@ -76,8 +73,8 @@ class Introducer:
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
             raise ValueError("the entry and exit of an introducer must be apart")
-        if not min(self.lateral_stiffness_n_m, self.stop_stiffness_n_m, self.slip_speed_m_s) > 0.0:
-            raise ValueError("an introducer needs positive stiffnesses and slip speed")
+        if not min(self.lateral_stiffness_n_m, self.stop_stiffness_n_m) > 0.0:
+            raise ValueError("an introducer needs positive stiffnesses")
         if not min(self.friction, self.seal_friction_n, self.least_tip_m) >= 0.0:
             raise ValueError("the friction of an introducer, of its seal, and least_tip_m must be at least 0")
         return IntroducerSprings(
@@ -86,7 +83,6 @@ class Introducer:
             length=length,
             stiffness=self.lateral_stiffness_n_m,
             friction=self.friction,
-            slip_speed=self.slip_speed_m_s,
             seal=self.seal_friction_n,
             stop_stiffness=self.stop_stiffness_n_m,
             least_tip=self.least_tip_m,

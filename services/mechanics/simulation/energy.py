@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
 from services.mechanics.rod.energy import RodEnergy, internal_forces, rod_energy
@@ -33,11 +34,11 @@ class EnergyFlow:
     coupling_j
         Dampers of the virtual couplings.
     rod_j
-        Damping of the catheter's material, its drag and its introducer's friction.
+        Damping of the catheter's material and its drag.
     duct_j
         Damping of the modes.
     friction_j
-        Sliding in contacts and slipping holds.
+        Sliding in contacts and in the introducer, and slipping holds.
     effects_j
         What effects say that they dissipate.
     impact_j
@@ -80,15 +81,15 @@ class EnergyBook:
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Take one step of the simulation and enter it."""
         before = _Snapshot.of(self.simulation, self._rod)
-        slipped_j = self.simulation.holds.dissipated_j
+        slipped_j = _slipped_j(self.simulation)
         spent_j = _dissipated_by_effects_j(self.simulation)
         self.simulation.step(tools, None, dt_s)
         self._rod = rod_energy_now(self.simulation, self._work)
         self._enter_tools(before, dt_s)
         self._enter_rod(before, dt_s)
         self._enter_duct(before, dt_s)
-        self._enter_contacts()
-        self.flow.friction_j += self.simulation.holds.dissipated_j - slipped_j
+        self._enter_contacts(before)
+        self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = self._stored_j() - self._opening_j
 
@@ -111,8 +112,8 @@ class EnergyBook:
         motion = state.position_m - start.position_m
         change, mean = state.velocity_m_s - start.velocity_m_s, motion / dt_s
         middle = RodState(start.position_m + 0.5 * motion, mean)
-        viscous = internal_forces(model, middle, start, self._work)
-        viscous -= internal_forces(model, RodState(middle.position_m, np.zeros_like(mean)), work=self._work)
+        viscous = internal_forces(model, middle, self._work)
+        viscous -= internal_forces(model, RodState(middle.position_m, np.zeros_like(mean)), self._work)
         viscous -= model.drag[:, None] * mean
         impulse = model.mass[:, None] * change
         own = impulse / dt_s - catheter.external_force_n - catheter.contact_force_n
@@ -142,16 +143,18 @@ class EnergyBook:
         duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
         self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
 
-    def _enter_contacts(self) -> None:
-        """Work of the contact forces on the relative motion, friction and normal apart."""
+    def _enter_contacts(self, before: _Snapshot) -> None:
+        """Work of the contact forces on the relative motion, friction and normal apart; anchors store some of it."""
         system = self.simulation.system
-        rows = system.rows
+        rows, own = system.rows, {*self.simulation.holds.rows, *self.simulation.seal.rows}
+        self.flow.friction_j -= _anchor_energy_j(self.simulation) - before.anchors_j
         for row in range(rows.n_contacts):
             force = rows.force_n[row]
             end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
-            if row in self.simulation.holds.rows:
+            if row in own:
                 continue
-            self.flow.friction_j -= float(force[1:] @ end[1:])
+            elastic = rows.frame[row] @ rows.elastic_m[row]
+            self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
             gap = float(rows.gap_m[row])
             start = gap if gap > 0.0 else system.settings.recovery * gap
             self.flow.impact_j -= float(force[0] * (end[0] - start))
@@ -167,6 +170,7 @@ class _Snapshot:
     rod_elastic_j: float
     modal: ModalState
     loads: FloatArray
+    anchors_j: float
 
     @classmethod
     def of(cls, simulation: Simulation, rod_energy: RodEnergy) -> _Snapshot:
@@ -178,6 +182,7 @@ class _Snapshot:
             rod_energy.elastic_j,
             simulation.duct.state.copy(),
             nodal_loads(simulation),
+            _anchor_energy_j(simulation),
         )
 
 
@@ -194,6 +199,7 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
         "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
         "grips": _grip_energy_j(simulation),
+        "anchors": _anchor_energy_j(simulation),
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
     return stored
@@ -204,8 +210,20 @@ def _dissipated_by_effects_j(simulation: Simulation) -> float:
 
 
 def _grip_energy_j(simulation: Simulation) -> float:
-    rows, held = simulation.system.rows, list(simulation.holds.rows)
+    rows, held = simulation.system.rows, [*simulation.holds.rows, *simulation.seal.rows]
     return 0.5 * float(np.sum(rows.softness_m_n[held] * rows.force_n[held] ** 2))
+
+
+def _anchor_energy_j(simulation: Simulation) -> float:
+    """What the tangents of contacts that stick, or slide, have stored."""
+    rows, k = simulation.system.rows, simulation.system.rows.n_contacts
+    is_elastic = np.arange(3) >= 3 - ELASTIC_AXES[rows.law[:k], None]
+    return 0.5 * float(np.sum((rows.softness_m_n[:k] * rows.force_n[:k] ** 2)[is_elastic]))
+
+
+def _slipped_j(simulation: Simulation) -> float:
+    """What slipping holds, and a slipping seal, have taken out."""
+    return simulation.holds.dissipated_j + simulation.seal.dissipated_j
 
 
 def rod_energy_now(simulation: Simulation, work: RodWork | None = None) -> RodEnergy:

@@ -13,6 +13,7 @@ from services.mechanics.bodies.forceps import ToolBody
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.holds import HoldRegistry
+from services.mechanics.contact.seal import IntroducerSeal
 from services.mechanics.contact.search import ContactSearch, DuctSearch
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.system import ContactSystem
@@ -48,6 +49,7 @@ def build_world(
         tools=tools,
         system=system,
         holds=HoldRegistry(scene.forceps, system),
+        seal=IntroducerSeal(catheter, system),
         search=search or DuctSearch(scene, duct),
         pairs=ContactPairs.allocate(capacity),
         acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),

@@ -49,6 +49,7 @@ class Simulation:
         self.world = world = build_world(scene, duct, self._stages, search)
         self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
+        self.seal = world.seal
         segment_length_m = self.catheter.properties.segment_length_m
         self.grasps = tuple(
             Grasp(tool, forceps, duct.mesh, segment_length_m) for tool, forceps in enumerate(scene.forceps)
@@ -197,6 +198,7 @@ class Simulation:
         """Find pairs and turn them, and the holds, into contact rows."""
         system = self.system
         system.clear()
+        self.seal.append_row()
         self.search.start(self.duct)
         if pairs is None:
             pairs = self._tool_pairs
@@ -240,6 +242,7 @@ class Simulation:
 
     def _correct(self, dt_s: float) -> None:
         system = self.system
+        self.seal.slide()
         self.holds.slide()
         self._manifold.keep(system.rows)
         load_tools(system.address, self._tool_force)

@@ -63,6 +63,7 @@ def test_motion_of_the_bodies_is_the_motion_that_was_solved_for(pressed):
         if row in holds:
             moved = moved + rows.point_m[row] + rows.rod_weight[row] @ start_rod[rows.rod_node[row]]
         expected = rows.frame[row] @ moved
+        expected[1:] += (rows.frame[row] @ rows.elastic_m[row])[1:]
         if row not in holds:
             gap_m = rows.gap_m[row]
             expected[0] += gap_m if gap_m > 0.0 else simulation.system.settings.recovery * gap_m

@@ -25,7 +25,7 @@ def forces(model, position, velocity=None, scale=(0.0, 0.0)):
     if velocity is not None:
         work.velocity[:] = velocity
         work.lead[0] = model.beta * velocity
-    add_internal_forces(model, work, scale, 1.0)
+    add_internal_forces(model, work, scale)
     return work
 
 

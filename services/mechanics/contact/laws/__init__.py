@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from services.mechanics.compiled import made_kernel
-from services.mechanics.contact.laws import film, hold, unilateral
+from services.mechanics.contact.laws import film, hold, seal, unilateral
 from services.mechanics.contact.laws.law import ContactLaw, Kernel
 
 LAWS: dict[str, ContactLaw] = {
     "unilateral": unilateral.LAW,
     "hold": hold.LAW,
     "film": film.LAW,
+    "seal": seal.LAW,
 }
 
 
@@ -77,3 +78,4 @@ closed_axes = _by_law("closed_axes")
 penalty = _by_law("penalty")
 HAS_GAP = _flags("has_gap")
 FIXES_DISTANCE = _flags("fixes_distance")
+ELASTIC_AXES = _flags("elastic_axes")

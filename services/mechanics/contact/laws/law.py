@@ -86,6 +86,8 @@ class ContactLaw:
         point is a candidate again in the next tick.
     fixes_distance : bool
         Whether the law asks for the whole distance between two points at the end of the step, not for its change.
+    elastic_axes : int
+        Along how many of the row's last axes the contact remembers its elastic slip from tick to tick, see `anchors`.
     """
 
     what: str
@@ -98,6 +100,7 @@ class ContactLaw:
     penalty: Kernel
     has_gap: bool
     fixes_distance: bool
+    elastic_axes: int = 0
 
 
 @kernel

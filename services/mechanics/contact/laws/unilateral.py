@@ -1,6 +1,7 @@
 r"""Unilateral contact with Coulomb friction: :math:`0 \le u_n \perp f_n \ge 0` and :math:`|f_t| \le \mu f_n`.
 
-Sliding obeys maximal dissipation: the slip opposes the friction force.
+Friction is elastoplastic: within the cone :math:`f_t = -e / c` with e the elastic slip, which the contact remembers,
+and c the softness of the surfaces. Sliding obeys maximal dissipation: the slip opposes the friction force.
 """
 
 from __future__ import annotations
@@ -130,4 +131,5 @@ LAW = ContactLaw(
     penalty=penalty,
     has_gap=True,
     fixes_distance=False,
+    elastic_axes=2,
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.anchors import store_anchors
 from services.mechanics.contact.delassus import (
     add_rod_compliance,
     add_tool_compliance,
@@ -70,4 +71,5 @@ def solve_implicitly(state_address: Address[ContactState], recovery: float, iter
     free_motion(state.rows, recovery, state.problem.motion)
     sweeps: int = solve_contacts(state.problem, W, (iterations, tolerance_n), state.scratch)
     finish(state)
+    store_anchors(state.problem, state.slides, state.memory.elastic_m)
     return sweeps

@@ -1,0 +1,117 @@
+"""The introducer's friction as one contact row: what its seal and its wall hold of the catheter, along its axis.
+
+The wall's friction acts where the seal is, at the exit: within the introducer the catheter hardly stretches.
+"""
+
+from __future__ import annotations
+
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.contact.frames import write_frame
+from services.mechanics.contact.identity import pair_identity, with_law
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.contact.system import ContactSystem
+from services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_rod
+from services.mechanics.rod.introducer_forces import wall_push
+from services.mechanics.rod.introducer_passage import closest_on_segment, end_point, find_passage
+from services.mechanics.rod.model import RodModel, model_at
+
+_SEAL = number_of("seal")
+_NO_ROW = -1
+
+
+class SealMemory(Struct):
+    """What the seal remembers: its elastic slip along the axis, and its row in this step."""
+
+    elastic_m: float = 0.0
+    dissipated_j: float = 0.0
+    row: int = _NO_ROW
+
+
+seal_at = reader(SealMemory)
+
+
+class IntroducerSeal:
+    """Friction of an introducer: elastoplastic, so that it breaks away at its limit at any speed and never creeps.
+
+    A catheter that sleeps needs no row: what the seal holds is part of its rest.
+    """
+
+    def __init__(self, catheter: CatheterBody, system: ContactSystem) -> None:
+        self._catheter = catheter
+        self._system = system
+        self._memory = SealMemory()
+        introducer = catheter.integrator.model.introducer
+        self._is_there = introducer.is_there and max(introducer.seal, introducer.friction) > 0.0
+
+    @property
+    def rows(self) -> range:
+        """Row of the seal in this step, if it has one."""
+        row = self._memory.row
+        return range(row, row + 1) if row != _NO_ROW else range(0)
+
+    @property
+    def dissipated_j(self) -> float:
+        """What slipping has taken out so far."""
+        return self._memory.dissipated_j
+
+    def append_row(self) -> None:
+        """Append its row, unless nothing is held or the catheter sleeps."""
+        self._memory.row = _NO_ROW
+        if self._is_there and not self._catheter.slept:
+            append_seal(self._system.address, self._catheter.integrator.model.address, self._memory.address)
+        self._catheter.n_own_rows = len(self.rows)
+
+    def slide(self) -> None:
+        """Take up what the solve has left of the step."""
+        if self.rows:
+            slide_seal(self._system.address, self._memory.address, not self._system.strategy.acts_in_next_step)
+
+
+@kernel
+def append_seal(
+    state_address: Address[ContactState], model_address: Address[RodModel], seal_address: Address[SealMemory]
+) -> None:
+    """Append the row of the seal where the rod leaves the introducer, or at the end of the rod within it."""
+    state, model, seal = state_at(state_address), model_at(model_address), seal_at(seal_address)
+    introducer, rod, rows = model.introducer, state.geometry.rod, state.rows
+    x = rod.position
+    passage = find_passage(introducer, x)
+    limit = introducer.friction * wall_push(model, x, passage)
+    i, s, end = passage.last, 0.0, end_point(introducer, introducer.length)
+    if passage.has_exit:
+        limit += introducer.seal
+        s = closest_on_segment(x, i, end)[0]
+    if limit <= 0.0:
+        seal.elastic_m = 0.0
+        return
+    row = append_row(rows, _SEAL, with_law(pair_identity(NO_TOOL, 0, -1, 0, 0), _SEAL))
+    if row == NO_ROOM:
+        return
+    seal.row, rows.force_limit_n[row] = row, limit
+    j = min(i + 1, x.shape[0] - 1)
+    put_on_rod(rows, row, FIRST_SIDE, (i, j), (1.0 - s, s))
+    for axis in range(3):
+        rows.frame[row, 0, axis], rows.point_m[row, axis] = introducer.axis[axis], end[axis]
+        slip = (1.0 - s) * rod.motion[i, axis] + s * rod.motion[j, axis]
+        rows.slip_m[row, axis] = slip + seal.elastic_m * introducer.axis[axis]
+    write_frame(rows.frame[row, 0], rows.frame[row])
+
+
+@kernel
+def slide_seal(state_address: Address[ContactState], seal_address: Address[SealMemory], has_moved: bool) -> None:
+    """Keep the elastic slip that the solve ended with; ``has_moved`` is whether its motions are those with forces."""
+    state, seal = state_at(state_address), seal_at(seal_address)
+    rows, row = state.rows, seal.row
+    force, motion = rows.force_n[row, 0], state.problem.motion[3 * row]
+    if not has_moved:
+        seal.elastic_m = 0.0
+        return
+    seal.elastic_m = -rows.softness_m_n[row, 0] * force
+    if state.slides[row]:
+        seal.dissipated_j -= force * motion
+    else:
+        seal.elastic_m += motion

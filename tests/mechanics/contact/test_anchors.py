@@ -1,0 +1,110 @@
+"""Friction with memory: what sticks stays, what slides obeys Coulomb, at any step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.mechanics.contact.anchors import store_anchors
+from services.mechanics.contact.free_motion import free_motion
+from services.mechanics.contact.identity import pair_identity
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.laws.unilateral import SURFACE_SOFTNESS_M_N
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.stages import mark_sliding, write_world_forces
+from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_forces
+from services.mechanics.contact.writer import append_row
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+
+STEPS_S = (1e-3, 2.5e-4, 1e-4)
+
+
+class Block:
+    """A block of 1 kg on an incline, its contact hopping from triangle to triangle, its tangents turning."""
+
+    def __init__(self, slope, mu, dt_s):
+        self.mu, self.dt_s, self.tick = mu, dt_s, 0
+        self.load_n = 9.81 * np.array([-np.cos(slope), np.sin(slope), 0.0])
+        self.x, self.v = np.zeros(3), np.zeros(3)
+        self.rows = ContactRows.zeros(c=1)
+        self.memory, self.slides = ForceMemory.zeros(c=1), np.zeros(1, np.bool_)
+        self.problem, self.scratch = ContactProblem.zeros(m=3, rows=self.rows), SolverScratch.allocate(1)
+
+    def step(self):
+        rows, gain = self.rows, self.dt_s**2
+        rows.n_contacts = 0
+        append_row(rows, number_of("unilateral"), pair_identity(-1, 0, 0, 0, self.tick))
+        c, s = np.cos(0.3 * self.tick), np.sin(0.3 * self.tick)
+        rows.frame[0] = [[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]
+        motion = self.dt_s * self.v + gain * self.load_n
+        rows.slip_m[0], rows.friction[0], rows.softness_m_n[0, 0] = motion, self.mu, 0.0
+        recall_forces(self.memory, rows, self.slides)
+        free_motion(rows, 0.2, self.problem.motion)
+        W = np.diag(gain + rows.softness_m_n[0])
+        solve_contacts(self.problem, W, (30, 1e-12), self.scratch)
+        mark_sliding(rows, self.slides)
+        force = np.zeros((1, 3))
+        write_world_forces(rows, force)
+        store_forces(self.memory, rows, force, self.slides)
+        store_anchors(self.problem, self.slides, self.memory.elastic_m)
+        motion += gain * force[0]
+        self.x += motion
+        self.v = motion / self.dt_s
+        self.tick += 1
+        return force[0]
+
+
+@pytest.mark.parametrize("dt_s", STEPS_S)
+def test_a_block_on_an_incline_below_the_angle_of_friction_rests_on_the_stiffness_of_the_surfaces(dt_s):
+    block = Block(0.3, 0.7, dt_s)
+    for _ in range(4000):
+        force = block.step()
+    rest_m = SURFACE_SOFTNESS_M_N * block.load_n[1]
+    assert block.x[1] == pytest.approx(rest_m, rel=1e-6)
+    assert force[1] == pytest.approx(-block.load_n[1], rel=1e-6)
+    before = block.x[1]
+    for _ in range(500):
+        block.step()
+    assert abs(block.x[1] - before) * 60.0 / (500 * dt_s) < 1e-9
+
+
+@pytest.mark.parametrize("dt_s", STEPS_S)
+def test_a_block_on_a_steeper_incline_slides_with_what_coulomb_leaves_of_its_weight(dt_s):
+    slope, mu = 0.5, 0.4
+    block, n = Block(slope, mu, dt_s), round(0.2 / dt_s)
+    for _ in range(round(0.02 / dt_s)):  # the surfaces take up the first few micrometres
+        block.step()
+    start_m_s = block.v[1]
+    for _ in range(n):
+        block.step()
+    speed_m_s = 9.81 * (np.sin(slope) - mu * np.cos(slope)) * n * dt_s
+    assert block.v[1] - start_m_s == pytest.approx(speed_m_s, rel=1e-6)
+
+
+def test_a_catheter_that_sticks_to_a_slope_does_not_creep(with_effects, small_duct):
+    """Settled in thick oil, then watched: less than 0.1 um in a minute."""
+    tilt, normal = np.arctan(0.35), np.array([0.0, -np.sin(np.pi / 12), -np.cos(np.pi / 12)])
+    g = 9.81 * (np.cos(tilt) * normal - [np.sin(tilt), 0.0, 0.0])
+    scene = with_effects(gravity={"acceleration_m_s2": tuple(g)}, friction={"mu_static": 0.5, "mu_kinetic": 0.5})
+    catheter = replace(
+        scene.catheter,
+        anchor="free",
+        length_m=20e-3,
+        n_segments=10,
+        tip_position_m=(10e-3, *(2.45e-3 * normal[1:])),
+        viscous_drag_n_s_m2=2.0,
+    )
+    # Each particle weighs 30 uN.
+    scene = replace(scene, catheter=catheter, contact=replace(scene.contact, tolerance_n=1e-9))
+    simulation, tools = Simulation(scene, small_duct), ToolInputs()
+    tools.present[:] = False
+    for _ in range(1000):
+        simulation.step(tools)
+    start = simulation.catheter.state.position_m[:, 0].mean()
+    for _ in range(400):
+        simulation.step(tools)
+    crept_m = abs(simulation.catheter.state.position_m[:, 0].mean() - start)
+    assert crept_m * 60.0 / 0.4 < 1e-7
