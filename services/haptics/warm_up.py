@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from services.haptics.deformed_scene import DeformedScene
 from services.haptics.outputs import ContactsWriter
 from services.haptics.tool_tracker import ToolTracker
+from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.grasp import deepest_touch
 from services.mechanics.collision import CatheterContactDetector
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
+from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
+from services.mechanics.simulation.scene_catheter import scene_rod
 from services.runtime.log import progress
 
 
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Deform the wall and detect contacts once, as every tick does."""
+    """Deform the wall and detect contacts once, as every tick does; then compile a share for physics.
+
+    That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here.
+    """
     deformed, tools = DeformedScene(scene, duct), ToolTracker(scene)
     tools.present[:] = True
     tools.update_pose()
@@ -22,11 +30,23 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     tools.segments_m[:, :, 1] += 0.01
     deformed.warm_up()
     pairs, particles_m = ContactPairs.allocate(scene.contact.capacity), deformed.particles_m
-    progress("compiling collision detection", 0.0)
+    progress("compiling collision detection", 0.1)
     deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
     ContactsWriter(pairs).body(0, (), [])
     deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
-    # Not for haptics: physics compiles its dynamics meanwhile and finds this in the cache.
     diameter_m = scene.catheter.outer_diameter_m
     CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)
+    progress("compiling the catheter", 0.6)
+    _step_catheter(scene)
     progress("kernels are compiled", 1.0)
+
+
+def _step_catheter(scene: SceneModel) -> None:
+    """Take a step of a catheter that is touched, and one of it when it was."""
+    catheter = CatheterBody(scene.catheter, scene_rod(scene, by_stage(build_effects(scene).values())["modify_rod"]))
+    nodes, weights, forces = np.zeros((1, 4), np.int32), np.zeros((1, 4)), np.zeros((1, 3))
+    weights[:, 0] = 1.0
+    catheter.predict(1e-3)
+    catheter.compliance(nodes, weights)
+    catheter.correct(nodes, weights, forces)
+    catheter.predict(1e-3)

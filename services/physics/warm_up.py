@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.rod import RodState
+from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
@@ -23,14 +26,16 @@ _STEPS = 20
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     """Run throw-away simulations until nothing is left to compile.
 
-    The first has no collision detection: haptics compiles that at the same time, on the other core, and what it has
-    compiled is found in the cache when the second simulation asks for it.
+    The first has neither collision detection nor a rod that moves: haptics compiles these at the same time, on the
+    other core, and what it has compiled is found in the cache when the second simulation asks for it.
     """
-    progress("compiling dynamics and contact", 0.0)
-    _touch_everything(Simulation(scene, duct, _NoSearch(duct)))
-    progress("compiling collision detection", 0.5)
+    progress("compiling contact", 0.0)
+    still = Simulation(scene, duct, _NoSearch(duct))
+    still.catheter.integrator = _StillRod(still.catheter.properties)
+    _touch_everything(still)
+    progress("compiling what haptics has not yet", 0.6)
     simulation = Simulation(scene, duct)
-    tools = _tools(simulation)
+    tools = _touch_everything(simulation)
     for _ in range(_STEPS):
         simulation.step(tools)
     ContactsReader(simulation).compile_kernels()
@@ -38,8 +43,8 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     progress("kernels are compiled", 1.0)
 
 
-def _touch_everything(simulation: Simulation) -> None:
-    """Take steps with a contact of each kind and a grasp."""
+def _touch_everything(simulation: Simulation) -> ToolInputs:
+    """Take steps with a contact of each kind and a grasp; return the tools without it."""
     tools, pairs = _tools(simulation), ContactPairs.allocate(simulation.scene.contact.capacity)
     tools.holds = [GraspHold(0, 1, CATHETER_SEGMENT, 0, np.array([0.5, 0.5, 0.0]), 1.0, 0.2)]
     for row, kind in enumerate((DUCT_TRIANGLE, CATHETER_SEGMENT)):
@@ -49,6 +54,8 @@ def _touch_everything(simulation: Simulation) -> None:
     pairs.count = 2
     for _ in range(_STEPS):
         simulation.step(tools, pairs)
+    tools.holds = []
+    return tools
 
 
 def _tools(simulation: Simulation) -> ToolInputs:
@@ -90,3 +97,18 @@ class _NoDetector:
 
     def detect(self, centre_m: npt.NDArray[np.float64], pairs: ContactPairs) -> None:
         """Append nothing."""
+
+
+class _StillRod(ImplicitIntegrator):
+    """Neither moves nor yields much."""
+
+    def predict(self, state: RodState, external_force_n: FloatArray, dt_s: float) -> None:
+        """Stay."""
+
+    def compliance(self, particles: IntArray, out: FloatArray) -> None:
+        """Fill in the compliance of stiff springs, one a particle."""
+        out[:] = 0.0
+        np.fill_diagonal(out, 1e-6)
+
+    def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
+        """Stay."""

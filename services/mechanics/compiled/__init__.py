@@ -6,19 +6,22 @@ counts references (`docs/decisions/kernels-without-runtime.md`). What kernels ar
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from typing import Any, TypeVar
+from types import FunctionType
+from typing import Any, TypeVar, cast
 
 from numba import njit
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+#: No kernel is handed to others by its address, so none needs an entry for that.
+_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+
 
 def kernel(function: F) -> F:
     """Compile a function that runs in a tick; decorator."""
-    compile_it = njit(cache=True, nogil=True, fastmath=False, error_model="numpy", _nrt=False)
-    compiled: F = compile_it(function)
-    return compiled
+    return _compiled(function, {**_OPTIONS, "fastmath": False})
 
 
 def made_kernel(function: F) -> F:
@@ -26,16 +29,14 @@ def made_kernel(function: F) -> F:
 
     All those made in one place have one name, so none is kept on disk by itself: each is part of its callers.
     """
-    compile_it = njit(nogil=True, fastmath=False, error_model="numpy", _nrt=False)
+    compile_it = njit(fastmath=False, **_OPTIONS)
     compiled: F = compile_it(function)
     return compiled
 
 
 def summing_kernel(function: F) -> F:
     """Compile a long sum in vectorised parts: only the order of its terms is left to the compiler; decorator."""
-    compile_it = njit(cache=True, nogil=True, fastmath={"reassoc"}, error_model="numpy", _nrt=False)
-    compiled: F = compile_it(function)
-    return compiled
+    return _compiled(function, {**_OPTIONS, "fastmath": {"reassoc"}})
 
 
 def building_kernel(function: F) -> F:
@@ -43,3 +44,31 @@ def building_kernel(function: F) -> F:
     compile_it = njit(cache=True, nogil=True)
     compiled: F = compile_it(function)
     return compiled
+
+
+def _compiled(function: F, options: dict[str, Any]) -> F:
+    """Return the function as Python calls it; kernels that call it are given a twin without an entry for Python.
+
+    Nine kernels of ten are called by kernels only, and what takes arguments from Python's objects into a kernel is a
+    fifth of what there is to compile.
+    """
+    compiled = njit(cache=True, **options)(function)
+
+    @functools.cache
+    def twin() -> Any:
+        return njit(cache=True, no_cpython_wrapper=True, **options)(_renamed(cast(FunctionType, function)))
+
+    compiled.get_call_template = lambda args, keywords: twin().get_call_template(args, keywords)
+    compiled.get_overload = lambda signature: twin().get_overload(signature)
+    return cast(F, compiled)
+
+
+def _renamed(function: FunctionType) -> FunctionType:
+    """Return the same function under another name: the compiled ones are kept on disk by name."""
+    twin = FunctionType(
+        function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
+    )
+    twin.__kwdefaults__ = function.__kwdefaults__
+    twin.__module__ = function.__module__
+    twin.__qualname__ = f"{function.__qualname__}.within_kernels"
+    return twin
