@@ -123,7 +123,7 @@ def running_rig(directory: Path, scene: str, overrides: list[str], topics: tuple
         log.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
     """Return a running rig whose left hand presses on the duct."""
     script = HERE / "press.yaml"

@@ -1,0 +1,76 @@
+"""What a loop needs it has: while it runs, none takes memory from the system, gives any back, or meets a new page.
+
+Locked memory is populated when it is mapped, and a heap that is trimmed and grown again in every tick costs a
+millisecond a tick. Counted by the kernel (perf), which slows nobody.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.rig.conftest import Rig
+from tests.rig.faults import engage
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+
+LOOPS = ("gateway", "haptics", "physics")
+CALLS = ("brk", "mmap", "munmap", "madvise", "mremap")
+EVENTS = ("page-faults", *(f"syscalls:sys_enter_{call}" for call in CALLS))
+WARM_S, SECONDS = 2.0, 3.0
+
+
+def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig) -> None:
+    engage(rig)
+    _let_run(rig, WARM_S)
+    pids = {name: rig.observer.pids()[name] for name in LOOPS}
+    (pids["drives"],) = _children(pids["gateway"])
+    counters = {name: _start_counting(pid) for name, pid in pids.items()}
+    _let_run(rig, SECONDS)
+    counts = {name: _counts(counter) for name, counter in counters.items()}
+    assert counts == {name: dict.fromkeys(EVENTS, 0) for name in pids}
+
+
+def test_what_a_process_takes_is_counted() -> None:
+    code = "import mmap, time\ntime.sleep(0.5)\nfor _ in range(50): mmap.mmap(-1, 4096).write(b'x')\ntime.sleep(2.0)"
+    process = subprocess.Popen(["python3", "-c", code])
+    try:
+        time.sleep(0.2)
+        counter = _start_counting(process.pid, seconds=1.5)
+        counts = _counts(counter)
+    finally:
+        process.kill()
+        process.wait()
+    assert counts["syscalls:sys_enter_mmap"] >= 50
+    assert counts["syscalls:sys_enter_munmap"] >= 49
+    assert counts["page-faults"] >= 50
+
+
+def _let_run(rig: Rig, seconds: float) -> None:
+    began_s = time.monotonic()
+    rig.observer.until(lambda: time.monotonic() - began_s > seconds, 2 * seconds, "the time")
+
+
+def _children(pid: int) -> list[int]:
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def _start_counting(pid: int, seconds: float = SECONDS) -> subprocess.Popen[str]:
+    """Count `EVENTS` of every thread of a process for a while."""
+    if shutil.which("perf") is None:
+        pytest.skip("there is no perf here (Debian: linux-perf)")
+    command = ["perf", "stat", "-x,", "-e", ",".join(EVENTS), "-p", str(pid), "--", "sleep", str(0.8 * seconds)]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+
+
+def _counts(counter: subprocess.Popen[str]) -> dict[str, int]:
+    """Return what was counted; skip where this kernel does not let this user count."""
+    _, text = counter.communicate(timeout=30.0)
+    rows = [line.split(",") for line in text.splitlines() if line.count(",") > 3]
+    if counter.returncode != 0 or not all(row[0].isdigit() for row in rows) or len(rows) < len(EVENTS):
+        pytest.skip(f"perf may not count here: {text.strip().splitlines()[-1:]}")
+    return {row[2].partition(":u")[0]: int(row[0]) for row in rows}
