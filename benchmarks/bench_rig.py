@@ -1,109 +1,171 @@
-"""The whole rig for a minute: loops, paths, answered samples.
+"""The whole rig for a minute: loops, paths, answered samples, context switches, processor time, beside the floor.
 
-``python benchmarks/bench_rig.py [--seconds 60] [--runs 3]`` runs `trocar up --seconds N --json FILE` several times and
-tabulates medians over the runs. One run more has a watcher on each core, above every process of the rig, that does
-nothing but sleep: what it loses the machine takes, and nobody's ticks can be better (`machine_floor`). That run is
-not in the medians, for the watchers cost a little themselves.
+    python benchmarks/bench_rig.py [--seconds 60] [--runs 5] [--beside alone observers stress] [trocar up's options]
+
+Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians over the runs. ``--beside`` names what
+runs beside it, interleaved: ``observers`` are four readers of every frame of every topic and a fifth that never takes
+what it has subscribed to, ``stress`` is stress-ng (a Debian package) with two processes that compute and two that fill
+memory, on whatever core they get. A bare sleeper on each core, above every process of the rig, watches in every run
+what the machine takes (`machine_floor`): nobody's ticks can be better.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from machine_floor import Floor
 from report import RESULTS, Row, write_report
+from rig_threads import watch
 
 ROOT = Path(__file__).resolve().parents[1]
+LOADS = ("alone", "observers", "stress")
+_OBSERVERS = ("reads",) * 4 + ("stops",)
+_STRESS = ["stress-ng", "--cpu", "2", "--vm", "2", "--vm-bytes", "128M", "--quiet"]
+#: Misses that are asked of a loop: so many times the floor, or this share where that is more; under stress, this share.
+_TIMES_FLOOR, _LEAST_PERCENT, _STRESS_PERCENT = 2.0, 0.02, 0.2
+#: Asked of each loop: the core it runs on, and its work at 50 and 99 % in us.
+_LOOPS = {"gateway": (0, 55.0, 110.0), "haptics": (0, 140.0, 280.0), "physics": (1, 190.0, 380.0)}
 
 
-def run_rig(seconds: float, options: list[str]) -> dict[str, Any]:
-    """Return the report of one run."""
+@contextmanager
+def _beside(load: str, directory: Path) -> Iterator[None]:
+    commands = {
+        "alone": [],
+        "observers": [
+            [sys.executable, str(ROOT / "benchmarks/rig_observers.py"), str(directory), k] for k in _OBSERVERS
+        ],
+        "stress": [_STRESS],
+    }[load]
+    started = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) for command in commands]
+    try:
+        yield
+    finally:
+        for process in started:
+            process.terminate()
+            process.wait()
+
+
+def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
+    """Return the report of one run, with what its threads cost and what the machine took meanwhile."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "run.json"
-        command = [
-            str(Path(sys.executable).with_name("trocar")),
-            "up",
-            "--seconds",
-            str(seconds),
-            "--json",
-            str(file),
-            *options,
-        ]
-        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        file, bus = Path(folder) / "run.json", Path(folder) / "bus"
+        trocar = str(Path(sys.executable).with_name("trocar"))
+        overrides = ["--set", f"transport.directory={bus}", *options]
+        command = [trocar, "up", "--seconds", str(seconds), "--json", str(file), *overrides]
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}  # what it says is waited for
+        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env=environment)
+        assert process.stdout is not None
+        said = "".join(iter(lambda: _until_running(process), None))
+        with _beside(load, bus), Floor(seconds) as floor:
+            threads = watch(process.pid, seconds - 2.0)
+        said += process.communicate()[0]
+        if process.returncode != 0:
+            raise SystemExit(f"trocar up ended with {process.returncode}:\n{said[-2000:]}")
         report: dict[str, Any] = json.loads(file.read_text())
-    return report
+    return {**report, "threads": threads, "floor": floor.cores, "load": load}
 
 
-def floor_rows(seconds: float, options: list[str]) -> list[Row]:
-    """Return what a bare sleeper loses on each core while the rig runs, and what the rig lost in the same run."""
-    with Floor(seconds) as floor:
-        run = run_rig(seconds, options)
-    rows = [
-        Row(f"machine floor, core {each['core']}: ticks lost", each["lost_percent"], "%", extra=each)
-        for each in floor.cores
-    ]
-    for loop in ("gateway", "haptics", "physics"):
-        rows.append(Row(f"{loop}: late or lost ticks in that run", 100 * run["loops"][loop]["miss_ratio"], "%"))
-    return rows
+def _until_running(process: subprocess.Popen[str]) -> str | None:
+    """Return a line of what `process` says, None once it has said that the rig is running, or ended."""
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    return None if not line or "is running" in line else line
 
 
-def _median(runs: list[dict[str, Any]], *keys: str) -> float:
+def _values(runs: list[dict[str, Any]], *keys: str | int) -> list[float]:
     values = []
     for run in runs:
         value: Any = run
         for key in keys:
             value = value[key]
         values.append(np.nan if value is None else float(value))
-    return float(np.median(values))
+    return values
+
+
+def _row(
+    name: str, values: list[float], unit: str, limit: float | None = None, *, at_least: bool = False, **extra: float
+) -> Row:
+    """Return the median of `values`; noise is their range over it."""
+    median = float(np.median(values))
+    noise = (max(values) - min(values)) / median if median and len(values) > 1 else None
+    return Row(name, median, unit, limit, noise=noise, at_least=at_least, extra={"worst": max(values), **extra})
 
 
 def _latency(
     runs: list[dict[str, Any]], name: str, keys: tuple[str, ...], limits: tuple[float | None, float | None]
 ) -> list[Row]:
-    p99_9 = {"p99_9_us": _median(runs, *keys, "p99_9"), "max_us": _median(runs, *keys, "max")}
-    rows = [Row(f"{name}, median", _median(runs, *keys, "p50"), "us", limits[0], extra=p99_9)]
-    rows.append(Row(f"{name}, 99 %", _median(runs, *keys, "p99"), "us", limits[1], extra=p99_9))
+    rows = [_row(f"{name}, median", _values(runs, *keys, "p50"), "us", limits[0])]
+    p99_9 = float(np.median(_values(runs, *keys, "p99_9")))
+    return [*rows, _row(f"{name}, 99 %", _values(runs, *keys, "p99"), "us", limits[1], p99_9_us=p99_9)]
+
+
+def _loop_rows(runs: list[dict[str, Any]], load: str) -> list[Row]:
+    rows = []
+    for core in (0, 1):
+        late = _values(runs, "floor", core, "lost_percent")
+        rows.append(_row(f"machine floor, core {core}: late wake-ups of a bare sleeper", late, "%"))
+        slow = _values(runs, "floor", core, "arithmetic_us")
+        swing = float(np.median(_values(runs, "floor", core, "arithmetic_p99_over_median")))
+        rows.append(_row(f"machine floor, core {core}: fixed arithmetic", slow, "us", p99_over_median=swing))
+    for loop, (core, p50, p99) in _LOOPS.items():
+        floor = float(np.median(_values(runs, "floor", core, "lost_percent")))
+        limit = _STRESS_PERCENT if load == "stress" else max(_TIMES_FLOOR * floor, _LEAST_PERCENT)
+        misses = [100 * ratio for ratio in _values(runs, "loops", loop, "miss_ratio")]
+        rows.append(_row(f"{loop}: rate", _values(runs, "loops", loop, "rate_hz"), "Hz", 999.0, at_least=True))
+        rows.append(_row(f"{loop}: late or lost ticks", misses, "%", limit))
+        rows += _latency(runs, f"{loop}: work", ("loops", loop, "work_us"), (p50, p99))
     return rows
 
 
-def rows_of(runs: list[dict[str, Any]]) -> list[Row]:
-    """Return the table of several runs."""
-    rows = [Row("start to RUNNING, warm cache", _median(runs, "seconds_to_running"), "s", 10.0)]
-    for loop, ratio in (("gateway", 0.1), ("haptics", 0.1), ("physics", 0.1), ("visualization", 1.0)):
-        rate = 999.0 if loop != "visualization" else 30.0
-        rows.append(Row(f"{loop}: rate", _median(runs, "loops", loop, "rate_hz"), "Hz", rate, at_least=True))
-        rows.append(Row(f"{loop}: late or lost ticks", 100 * _median(runs, "loops", loop, "miss_ratio"), "%", ratio))
-        rows += _latency(runs, f"{loop}: work", ("loops", loop, "work_us"), (None, None))
+def rows_of(runs: list[dict[str, Any]], load: str) -> list[Row]:
+    """Return the table of several runs under one load."""
+    rows = [*_loop_rows(runs, load)]
+    rows.append(_row("context switches of the rig", _values(runs, "threads", "switches_per_s"), "1/s", 12_000.0))
+    realtime = _values(runs, "threads", "realtime_percent")
+    rows.append(_row("real-time threads' processor time", realtime, "% of a core", 65.0))
+    rows.append(_row("all threads' processor time", _values(runs, "threads", "all_percent"), "% of a core"))
     rows += _latency(runs, "servo", ("paths", "servo"), (None, 100.0))
-    rows += _latency(runs, "device_model", ("paths", "device_model"), (350.0, 800.0))
+    rows += _latency(runs, "device_model", ("paths", "device_model"), (170.0, 300.0))
     rows += _latency(runs, "device_force", ("paths", "device_force"), (None, None))
     rows += _latency(runs, "device_pixel", ("paths", "device_pixel"), (None, None))
-    answered = 100 * _median(runs, "answered_next_tick")
-    rows.append(Row("samples answered in the next tick", answered, "%", 99.0, at_least=True))
-    return rows
+    answered = [100 * share for share in _values(runs, "answered_next_tick")]
+    rows.append(_row("samples answered in the next tick", answered, "%", 99.98, at_least=True))
+    frames = _values(runs, "loops", "visualization", "rate_hz")
+    rows.append(_row("visualization: rate", frames, "Hz", 30.0, at_least=True))
+    restarts = [float(sum(run["restarts"].values())) for run in runs]
+    rows.append(_row("processes restarted", restarts, "", 0.0))
+    rows.append(_row("start to RUNNING, warm cache", _values(runs, "seconds_to_running"), "s", 4.0))
+    return [Row(f"{load}: {row.name}", **{k: v for k, v in vars(row).items() if k != "name"}) for row in rows]
 
 
 def main() -> None:
     """Measure and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--beside", nargs="+", choices=LOADS, default=["alone"])
+    parser.add_argument("--name", default="rig", help="of the table in benchmarks/results")
     arguments, options = parser.parse_known_args()
-    runs = [run_rig(arguments.seconds, options) for _ in range(arguments.runs)]
-    rows = rows_of(runs) + floor_rows(arguments.seconds, options)
+    runs = [run_rig(arguments.seconds, options, load) for _ in range(arguments.runs) for load in arguments.beside]
+    rows = [row for load in arguments.beside for row in rows_of([run for run in runs if run["load"] == load], load)]
     notes = (
-        f"{arguments.runs} runs of {arguments.seconds:g} s, all processes on this machine, web view, stub devices; "
-        "medians over the runs. The last five lines are one run more, with a bare sleeper above the rig on each core."
+        f"{arguments.runs} runs of {arguments.seconds:g} s each, all processes on this machine, web view, stub "
+        "devices; medians over the runs, noise is their range over the median. Of the gateway's work its part between "
+        "ticks (handles, models, reports) is not counted. `device_model` is timed in one tick of 16."
     )
-    write_report("rig", "The rig", rows, notes)
-    (RESULTS / "rig-last-run.json").write_text(json.dumps(runs[-1], indent=1) + "\n", encoding="utf-8")
+    write_report(arguments.name, "The rig", rows, notes)
+    last = RESULTS / f"{arguments.name}-last-run.json"
+    last.write_text(json.dumps(runs[-1], indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

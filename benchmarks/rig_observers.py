@@ -1,0 +1,29 @@
+"""Readers of everything beside a rig: ``python benchmarks/rig_observers.py DIRECTORY reads|stops``.
+
+One that ``reads`` takes every frame of every topic, twenty times a second; one that ``stops`` subscribes to all of them
+and never takes one.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from protocol import TOPICS
+from services.runtime.rig import Transport
+from services.runtime.zmq_bus import ZmqBus
+
+
+def main(directory: str, what: str) -> None:
+    """Read until killed."""
+    bus = ZmqBus(Transport(directory=Path(directory)), reads_every=TOPICS)
+    while True:
+        time.sleep(0.05)
+        if what == "reads":
+            for name in TOPICS:
+                bus.drain(name)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
