@@ -63,7 +63,9 @@ def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
         overrides = ["--set", f"transport.directory={bus}", *options]
         command = [trocar, "up", "--seconds", str(seconds), "--json", str(file), *overrides]
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}  # what it says is waited for
-        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env=environment)
+        process = subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+        )
         assert process.stdout is not None
         said = "".join(iter(lambda: _until_running(process), None))
         with _beside(load, bus), Floor(seconds) as floor:
