@@ -30,6 +30,7 @@ class Sample:
     """The first instrument at one tick."""
 
     sent_ns: int
+    sampled_ns: int
     incarnation: int
     tick: int
     force_n: tuple[float, float, float]
@@ -48,7 +49,8 @@ class Observer:
         for frame in self.bus.drain("gateway.state"):
             body: GatewayState = frame.body
             left = body.instruments[0]
-            self.samples.append(Sample(frame.sent_ns, frame.incarnation, body.tick, left.applied_force_n, left.state))
+            times_ns = frame.sent_ns, frame.origin_ns
+            self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, left.applied_force_n, left.state))
         self.states.extend((frame.sent_ns, frame.body) for frame in self.bus.drain("supervisor.state"))
 
     def until(self, condition: Callable[[], bool], seconds: float, what: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 
+from services.gateway.servo_law import MAX_STEP_S
 from services.runtime.config import load_rig
 from tests.rig.conftest import Rig, Sample
 
@@ -15,9 +16,9 @@ def force_n(sample: Sample) -> float:
     return math.hypot(*sample.force_n)
 
 
-def rate_limit_n() -> float:
-    """Return the largest change of force that a tick may bring."""
-    return load_rig("stub").gateway.force_rate_limit_n_s * 1e-3
+def rate_limit_n_s() -> float:
+    """Return how fast a force may change, with room for rounding."""
+    return load_rig("stub").gateway.force_rate_limit_n_s * (1.0 + 1e-9)
 
 
 def engage(rig: Rig) -> None:
@@ -30,10 +31,13 @@ def engage(rig: Rig) -> None:
     )  # fmt: skip
 
 
-def force_steps_n(samples: list[Sample]) -> list[float]:
-    """Return the change of force per tick, between neighbouring ticks of one gateway."""
+def force_rates_n_s(samples: list[Sample]) -> list[float]:
+    """Return how fast the force changed from tick to tick of each gateway, by the times that its servo goes by.
+
+    A tick that comes late may step as if it were `servo_law.MAX_STEP_S` long, and no further.
+    """
     return [
-        math.dist(b.force_n, a.force_n)
+        math.dist(b.force_n, a.force_n) / min(1e-9 * (b.sampled_ns - a.sampled_ns), MAX_STEP_S)
         for a, b in itertools.pairwise(samples)
         if b.incarnation == a.incarnation and b.tick == a.tick + 1
     ]

@@ -15,7 +15,7 @@ import pytest
 from protocol import topic
 from services.runtime.config import load_rig
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
-from tests.rig.faults import engage, force_n, force_steps_n, rate_limit_n
+from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
 
@@ -62,7 +62,7 @@ def _assert_force_goes_on(rig: Rig) -> None:
     ticks = [sample.tick for sample in samples]
     assert ticks[-1] - ticks[0] > 0.5 * HELD_S * topic("gateway.state").rate_hz
     assert all(b > a for a, b in itertools.pairwise(ticks))
-    assert max(force_steps_n(samples)) <= rate_limit_n() * 1.001 + 1e-9
+    assert max(force_rates_n_s(samples)) <= rate_limit_n_s()
     assert sum(sample.state in ("active", "engaging") for sample in samples) > 0.5 * len(samples)
 
 
@@ -76,7 +76,7 @@ def _assert_hands_are_let_go(rig: Rig) -> None:
     rig.observer.until(lambda: time.monotonic() - began > 0.5, 2.0, "the time")
     assert len({sample.incarnation for sample in samples}) == 1
     assert max(force_n(sample) for sample in samples[-100:]) == 0.0
-    assert max(force_steps_n(samples)) <= rate_limit_n() * 1.001 + 1e-9
+    assert max(force_rates_n_s(samples)) <= rate_limit_n_s()
 
 
 def _lives(pid: int) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 import zmq
@@ -111,6 +112,57 @@ def test_observers_of_every_frame_do_not_subscribe_to_the_fast_socket(
     finally:
         for each in (sender, reader, *observers):
             each.close()
+
+
+class CountedSocket:
+    """A socket whose sends are counted."""
+
+    def __init__(self, socket: Any) -> None:
+        self._socket = socket
+        self.sends = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._socket, name)
+
+    def send(self, data: bytes, flags: int) -> Any:
+        self.sends += 1
+        return self._socket.send(data, flags)
+
+    def send_multipart(self, parts: list[bytes], flags: int) -> Any:
+        self.sends += 1
+        return self._socket.send_multipart(parts, flags)
+
+
+def _sends(transport: Transport, n_observers: int, eventually: Callable[[Callable[[], bool]], None]) -> tuple[int, int]:
+    """Return the sends of 600 ticks at the fast socket and at that of batches."""
+    now_ns = 0
+    sender, reader = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, reads=[STATE])
+    every = [ZmqBus(transport, reads_every=[STATE]) for _ in range(n_observers)]
+    looking = [ZmqBus(transport, samples=[STATE]) for _ in range(n_observers)]
+    try:
+        eventually(lambda: sender.has_reader(STATE) and sender._batches[STATE].readers == n_observers)
+        fast, batched = CountedSocket(sender._senders[STATE]), CountedSocket(sender._batches[STATE]._socket)
+        sender._senders[STATE], sender._batches[STATE]._socket = fast, batched  # type: ignore[assignment]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("services.runtime.zmq_bus.time.monotonic_ns", lambda: now_ns)
+            for tick in range(600):
+                now_ns += MS
+                sender.publish(STATE, bodies.GatewayState(tick=tick))
+        assert sender._subscribed[STATE] == 1
+        return fast.sends, batched.sends
+    finally:
+        for each in (sender, reader, *every, *looking):
+            each.close()
+
+
+def test_more_observers_change_nothing_that_a_millisecond_waits_for(
+    transport: Transport, eventually: Callable[[Callable[[], bool]], None]
+) -> None:
+    """One send a tick to one subscriber, whoever looks on; and at most sixty batches a second, for one or for many."""
+    fast, batched = zip(*(_sends(transport, n, eventually) for n in (0, 1, 4)), strict=True)
+    assert fast == (600, 600, 600)
+    assert batched[0] == 0
+    assert 1 <= batched[1] == batched[2] <= round(0.6 * SENDS_PER_S) + 1
 
 
 def test_the_last_frames_of_a_process_that_ends_arrive(
