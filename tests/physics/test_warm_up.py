@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import pytest
+
 from services.cache_directory import cache_directory
 from services.mechanics.effects import EFFECTS
 from services.physics.warm_up import warm_up
 from services.scenes import load_duct, load_scene
 from tests.physics.conftest import SMALL
+
+pytestmark = pytest.mark.timeout(300)  # on a machine that has compiled nothing yet
 
 
 def test_a_scene_with_every_effect_warms_up() -> None:
