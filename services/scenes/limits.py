@@ -15,7 +15,8 @@ _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
     "mesh_lumen_diameter_m",
     "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
-    "forceps": "shaft_radius_m jaw_radius_m jaw_length_m jaw_ratio jaw_max_angle_rad coupling_stiffness_n_m",
+    "forceps": "shaft_radius_m jaw_radius_m jaw_length_m jaw_ratio jaw_max_angle_rad coupling_stiffness_n_m "
+    "jaw_stiffness_nm_rad grasp_torque_nm",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
     "quality": "n_modes iterations",
 }
@@ -23,10 +24,10 @@ _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",
     "catheter": "inner_diameter_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m introducer_friction "
     "introducer_seal_friction_n spectral_radius",
-    "forceps": "coupling_damping_n_s_m",
+    "forceps": "coupling_damping_n_s_m jaw_damping_nm_s_rad grip_friction release_angle_rad",
     "contact": "margin_m recovery penalty_damping_n_s_m",
 }
-_NOT_ABOVE_ONE = {"catheter": "spectral_radius"}
+_NOT_ABOVE_ONE = {"catheter": "spectral_radius", "contact": "recovery"}
 
 
 def fault(scene: SceneModel) -> str:

@@ -36,6 +36,23 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
         ("effects: {mucus_drag: {film_m: thin}}", r"effects.mucus_drag.film_m: input should be a valid number"),
         ("effects: {mucus_drag: {film_m: '3e-4'}}", r"effects.mucus_drag.film_m: input should be a valid number"),
         ("effects: {mucus_drag: {film_m: 0}}", r"effects.mucus_drag: film_m must be positive, is 0"),
+        (
+            "effects: {mucus_drag: {film_m: 1.0e-3}}",
+            r"effects.mucus_drag.film_m: 0.001 m is more than contact.margin_m",
+        ),
+        (
+            "effects: {gallstones: {bile_viscosity_pa_s: -1}}",
+            r"effects.gallstones: bile_viscosity_pa_s must not be nega",
+        ),
+        ("effects: {anisotropy: {modulus_ratio: 0}}", r"effects.anisotropy: modulus_ratio must be positive, is 0"),
+        (
+            "effects: {anisotropy: {poisson_ratio: 0.45}}",
+            r"effects.anisotropy: poisson_ratio 0.45 must be below .*0.408",
+        ),
+        ("effects: {anisotropy: {axis: [0, 0, 0]}}", r"effects.anisotropy: axis must not be zero"),
+        ("contact: {recovery: 1.5}", r"contact.recovery: must not be above 1, is 1.5"),
+        ("forceps: [{jaw_stiffness_nm_rad: 0}, {}]", r"forceps.0.jaw_stiffness_nm_rad: must be positive, is 0"),
+        ("forceps: [{}, {grip_friction: -0.1}]", r"forceps.1.grip_friction: must not be negative, is -0.1"),
         ("effects: {gravity: {on_duct: 1}}", r"effects.gravity.on_duct: input should be a valid boolean"),
         (
             "effects: {gravity: {acceleration_m_s2: [0, 0]}}",

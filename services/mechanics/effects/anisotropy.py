@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.effects.base import Effect
+from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.fem import Orthotropy, ShellSection
 
 
@@ -24,6 +24,16 @@ class AnisotropySettings:
     shear_modulus_ratio: float = 0.34
     poisson_ratio: float = 0.15
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "modulus_ratio", "shear_modulus_ratio")
+        if not self.poisson_ratio**2 * self.modulus_ratio < 1.0:
+            raise ValueError(
+                f"poisson_ratio {self.poisson_ratio} must be below 1 over the square root of modulus_ratio "
+                f"{self.modulus_ratio}, {self.modulus_ratio**-0.5:.3g}"
+            )
+        if not any(self.axis):
+            raise ValueError("axis must not be zero")
 
 
 class Anisotropy(Effect):

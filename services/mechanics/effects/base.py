@@ -27,6 +27,13 @@ def require_positive(settings: object, *names: str) -> None:
             raise ValueError(f"{name} must be positive, is {getattr(settings, name)}")
 
 
+def require_not_negative(settings: object, *names: str) -> None:
+    """Raise a ValueError that names the first of these settings that is below zero."""
+    for name in names:
+        if not getattr(settings, name) >= 0.0:
+            raise ValueError(f"{name} must not be negative, is {getattr(settings, name)}")
+
+
 class Effect:
     """One physical effect; override only the stages it acts in.
 

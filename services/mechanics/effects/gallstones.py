@@ -17,7 +17,7 @@ from services.mechanics.contact.identity import STONE, pair_identity, with_stone
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, append_row, put_on_rod
-from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.effects.base import Effect, require_not_negative, require_positive
 from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
 
@@ -39,6 +39,7 @@ class GallstonesSettings:
         if len(self.radius_m) >= STONE.size:
             raise ValueError(f"{len(self.radius_m)} stones are too many to be told apart, at most {STONE.size - 1}")
         require_positive(self, "density_kg_m3")
+        require_not_negative(self, "bile_viscosity_pa_s")
 
 
 class Gallstones(Effect):

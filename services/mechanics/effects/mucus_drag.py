@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
@@ -14,6 +14,7 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.writer import NO_ROOM, append_double
 from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
 
 _FILM = number_of("film")
@@ -40,41 +41,74 @@ class MucusDrag(Effect):
 
     Settings = MucusDragSettings
 
+    def __init__(self, settings: MucusDragSettings, scene: SceneModel) -> None:
+        super().__init__(settings, scene)
+        if settings.film_m > scene.contact.margin_m:
+            raise ValueError(
+                f"effects.mucus_drag.film_m: {settings.film_m:g} m is more than contact.margin_m, "
+                f"{scene.contact.margin_m:g} m, beyond which no wall is looked for"
+            )
+
     def prepare(self, world: World) -> None:
         """Work out b."""
         catheter = world.catheter
         area = catheter.properties.segment_length_m * 2.0 * catheter.radius_m
         self._b_n_s_m = self.settings.viscosity_pa_s * area / self.settings.film_m
         self._weight = np.zeros(catheter.start_m.shape[0])
+        self._source = np.zeros(world.system.rows.capacity, np.int32)
+        self._films = range(0)
 
     def add_rows(self, world: World, dt_s: float) -> None:
         """Double the rows of the catheter on the wall by a film."""
-        append_films(world.system.rows.address, self._weight, dt_s / self._b_n_s_m)
+        rows = world.system.rows
+        first = rows.n_contacts
+        append_films(rows.address, self._source)
+        self._films = range(first, rows.n_contacts)
+
+    def set_friction(self, world: World, dt_s: float) -> None:
+        """Let the films drag that reach their wall, now that all gaps are known."""
+        films, film_m = (self._films.start, self._films.stop), self.settings.film_m
+        wet_films(world.system.rows.address, films, self._source, self._weight, (dt_s / self._b_n_s_m, film_m))
 
 
 @kernel
-def append_films(rows_address: Address[ContactRows], weight: FloatArray, softness: float) -> None:
-    """Append a film to each row of the catheter against the wall; ``softness`` is dt / b of one particle.
-
-    A row takes of each of its particles that part of b which its weight is of the weights of all the particle's rows,
-    summed up in ``weight`` (n,). A point between two particles that no other row sees has b once.
-    """
+def append_films(rows_address: Address[ContactRows], source: IntArray) -> None:
+    """Append a film, dry for now, to each row of the catheter against the wall, and list these rows in ``source``."""
     rows = rows_at(rows_address)
-    n_sources = rows.n_contacts
+    first = rows.n_contacts
+    for on_wall in range(first):
+        if _is_catheter_on_wall(rows, on_wall):
+            row = append_double(rows, on_wall, _FILM)
+            if row != NO_ROOM:
+                source[row - first] = on_wall
+
+
+@kernel
+def wet_films(
+    rows_address: Address[ContactRows],
+    films: tuple[int, int],
+    source: IntArray,
+    weight: FloatArray,
+    sizes: tuple[float, float],
+) -> None:
+    """Give the films, rows films[0] to films[1], their softness along the wall where the gap is no wider than the film.
+
+    ``sizes`` is dt / b of one particle, and the thickness of the film. A film takes of each of its particles that part
+    of b which its weight is of the weights of all the particle's films, summed up in ``weight`` (n,). A point between
+    two particles that no other film sees has b once.
+    """
+    rows, (first, end), (softness, film_m) = rows_at(rows_address), films, sizes
     weight[:] = 0.0
-    for source in range(n_sources):
-        if _is_catheter_on_wall(rows, source):
-            for end in range(2):
-                weight[rows.rod_node[source, end]] += rows.rod_weight[source, end]
-    for source in range(n_sources):
-        if not _is_catheter_on_wall(rows, source):
-            continue
-        share = 0.0
-        for end in range(2):
-            share += rows.rod_weight[source, end] / max(weight[rows.rod_node[source, end]], 1.0)
-        row = append_double(rows, source, _FILM)
-        if row != NO_ROOM:
-            rows.softness_m_n[row, 1] = rows.softness_m_n[row, 2] = softness / share
+    for film in range(first, end):
+        if rows.gap_m[source[film - first]] <= film_m:
+            for side in range(2):
+                weight[rows.rod_node[film, side]] += rows.rod_weight[film, side]
+    for film in range(first, end):
+        if rows.gap_m[source[film - first]] <= film_m:
+            share = 0.0
+            for side in range(2):
+                share += rows.rod_weight[film, side] / max(weight[rows.rod_node[film, side]], 1.0)
+            rows.softness_m_n[film, 1] = rows.softness_m_n[film, 2] = softness / share
 
 
 @kernel

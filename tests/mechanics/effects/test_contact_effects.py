@@ -10,6 +10,7 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.contact.laws import number_of
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
+from services.runtime.errors import ConfigError
 
 
 def test_friction_holds_the_catheter_on_a_slope_below_its_angle_and_not_above(with_effects, small_duct):
@@ -80,7 +81,7 @@ def test_a_film_slows_a_sliding_catheter_by_its_viscosity_under_either_contact_m
         anchor="free",
         length_m=20e-3,
         n_segments=10,
-        tip_position_m=(10e-3, -2.3e-3 * np.sin(angle_rad), -2.3e-3 * np.cos(angle_rad)),
+        tip_position_m=(10e-3, -2.35e-3 * np.sin(angle_rad), -2.35e-3 * np.cos(angle_rad)),
         viscous_drag_n_s_m2=0.0,
     )
     contact = replace(scene.contact, model=model, penalty_stiffness_n_m=1.0)
@@ -95,6 +96,31 @@ def test_a_film_slows_a_sliding_catheter_by_its_viscosity_under_either_contact_m
     mass_kg = simulation.catheter.properties.particle_mass_kg()
     left = mass_kg @ state.velocity_m_s[:, 0] / (-20e-3 * mass_kg.sum())
     assert left == pytest.approx(np.exp(-50e-3 * 11 * b_n_s_m / mass_kg.sum()), rel=0.03)
+
+
+def test_a_film_reaches_no_further_than_it_is_thick(with_effects, small_duct):
+    """0.43 mm from the wall, where detection already looks, a film of 0.3 mm drags nothing."""
+    out = 2.1e-3 * np.array([np.sin(np.pi / 12), np.cos(np.pi / 12)])
+    catheter = {"anchor": "free", "length_m": 20e-3, "n_segments": 10, "viscous_drag_n_s_m2": 0.0}
+    catheter["tip_position_m"] = (10e-3, *(-out))
+    speeds_m_s = {}
+    for film_m in (0.3e-3, 0.45e-3):
+        scene = with_effects(mucus_drag={"film_m": film_m})
+        simulation = Simulation(replace(scene, catheter=replace(scene.catheter, **catheter)), small_duct)
+        tools, state = ToolInputs(), simulation.catheter.state
+        tools.present[:] = False
+        state.velocity_m_s[:, 0] = -20e-3
+        for _ in range(20):
+            simulation.step(tools)
+        assert (simulation.contacts.law[: simulation.contacts.n_contacts] == number_of("film")).sum() == 11
+        speeds_m_s[film_m] = -state.velocity_m_s[:, 0].mean()
+    assert speeds_m_s[0.3e-3] == pytest.approx(20e-3, rel=1e-6)
+    assert speeds_m_s[0.45e-3] < 1e-3
+
+
+def test_a_film_thicker_than_the_margin_of_detection_is_refused(with_effects):
+    with pytest.raises(ConfigError, match=r"film_m: 0\.0006 m is more than contact\.margin_m, 0\.0005 m"):
+        with_effects(mucus_drag={"film_m": 0.6e-3})
 
 
 def pull_at_the_catheter(with_effects, small_duct, effects, limit_n=0.05):

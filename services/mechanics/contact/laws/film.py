@@ -13,8 +13,8 @@ from services.mechanics.contact.laws.ball import relax_in_ball
 from services.mechanics.contact.laws.law import ContactLaw, ContactProblem, PenaltyGains, Unknowns, add_axes
 from services.mechanics.contact.rows import ContactRows
 
-# So soft along the normal that a film carries no load there: 1 N for a kilometre.
-NO_NORMAL_M_N = 1e3
+# So soft along the normal, and where it does not reach, that a film carries no load: 1 N for a million kilometres.
+NO_LOAD_M_N = 1e9
 # Films that a particle between two walls shares its drag out to.
 N_FILMS = 2
 
@@ -22,7 +22,7 @@ N_FILMS = 2
 @kernel
 def open_row(rows: ContactRows, row: int) -> None:
     """Let it carry no load at all, until somebody writes dt / b on its tangents."""
-    rows.softness_m_n[row] = NO_NORMAL_M_N
+    rows.softness_m_n[row] = NO_LOAD_M_N
 
 
 @kernel
