@@ -110,28 +110,29 @@ def decode(data: bytes, expected: str | None = None, *, used: bool = True) -> Fr
     expected
         The topic of the socket that it came from; any known topic where None.
     used
-        Whether the reader acts or computes with it. For one who only keeps it, single numbers that are none are a
-        finding and not a fault.
+        Whether the reader acts or computes with it. For one who only keeps it, numbers that are none are a finding and
+        not a fault.
 
     Raises
     ------
     FrameError
         with the named reason, for anything that is not exactly a valid frame.
     """
-    frame = None if expected is None else _straight(expected, data)
+    frame = None if expected is None else _straight(expected, data, used)
     return _look_into(data, expected, used=used) if frame is None else frame
 
 
-def _straight(name: str, data: bytes) -> Frame | None:
+def _straight(name: str, data: bytes, used: bool) -> Frame | None:
     """Return the frame in `data` if it is one of topic `name` as this process would send it: nearly every frame is.
 
     One pass over the bytes; whatever is not exactly that gets None, and `_look_into` says what it is.
     """
-    row, known = TOPICS.get(name), _KNOWN.get(name)
+    row, known = TOPICS.get(name), _KNOWN.get((name, used))
     if row is None or len(data) > MAX_FRAME_BYTES:
         return None
     if known is None or known[0] is not row:
-        known = _KNOWN[name] = row, _one_pass_decoder(row), soundness.check(row.body, finite_scalars=row.command)
+        sound = soundness.check(row.body, finite_scalars=row.command and used, finite_arrays=used)
+        known = _KNOWN[name, used] = row, _one_pass_decoder(row), sound
     try:
         head = known[1].decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError):
@@ -159,8 +160,8 @@ def _one_pass_decoder(row: Topic) -> msgspec.msgpack.Decoder[Any]:
     return msgspec.msgpack.Decoder(kind)
 
 
-#: By topic: its row, and what decodes and checks its frames.
-_KNOWN: dict[str, tuple[Topic, msgspec.msgpack.Decoder[Any], soundness.Check]] = {}
+#: By topic, and whether frames are used: its row, and what decodes and checks its frames.
+_KNOWN: dict[tuple[str, bool], tuple[Topic, msgspec.msgpack.Decoder[Any], soundness.Check]] = {}
 
 
 def _look_into(data: bytes, expected: str | None, *, used: bool) -> Frame:
@@ -170,14 +171,14 @@ def _look_into(data: bytes, expected: str | None, *, used: bool) -> Frame:
         raise FrameError(Reason.UNKNOWN_TOPIC, f"no topic {header.topic!r}")
     if expected is not None and header.topic != expected:
         raise FrameError(Reason.WRONG_TOPIC, f"{header.topic!r} on the socket of {expected!r}")
-    body = _decode_body(row, header, finite_scalars=row.command and used)
+    body = _decode_body(row, header, used=used)
     return Frame(
         header.protocol, header.topic, row.version, header.incarnation, header.sequence,
         header.sent_ns, header.origin_ns, header.valid, body,
     )  # fmt: skip
 
 
-def _decode_body(row: Topic, header: Header, *, finite_scalars: bool) -> Any:
+def _decode_body(row: Topic, header: Header, *, used: bool) -> Any:
     if header.version > row.version:
         raise FrameError(Reason.NEWER_VERSION, f"{row.name} version {header.version}, this knows {row.version}")
     kind = upgrades.body_type(row, header.version)
@@ -187,7 +188,8 @@ def _decode_body(row: Topic, header: Header, *, finite_scalars: bool) -> Any:
         body = declared.decoder(kind).decode(header.body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError) as error:
         raise FrameError(Reason.BODY, f"{row.name}: {error}") from None
-    if not soundness.check(kind, finite_scalars=finite_scalars)(body):
+    finite_scalars = row.command and used
+    if not soundness.check(kind, finite_scalars=finite_scalars, finite_arrays=used)(body):
         fault = declared.fault(body, finite_scalars=finite_scalars)
         if fault is not None:
             raise FrameError(Reason(fault[0]), f"{row.name}: {fault[1]}")

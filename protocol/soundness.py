@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from protocol.arrays import MAX_DIMENSION, Array, Spec
-from protocol.fields import Field, Form, fields
+from protocol.fields import Field, Form, fields, nested
 
 Check = Callable[[Any], bool]
 Leaf = tuple[str, Field]
@@ -31,7 +31,7 @@ _LAYOUTS = 256
 
 
 @cache
-def check(kind: type[msgspec.Struct], *, finite_scalars: bool) -> Check:
+def check(kind: type[msgspec.Struct], *, finite_scalars: bool, finite_arrays: bool = True) -> Check:
     """Return the check of bodies of `kind`.
 
     Parameters
@@ -40,9 +40,11 @@ def check(kind: type[msgspec.Struct], *, finite_scalars: bool) -> Check:
         A body type, or one that bodies hold.
     finite_scalars
         Whether numbers outside arrays must be finite: so for commands.
+    finite_arrays
+        Whether those of arrays must be, where the array is declared so: for who does more than keep them.
     """
     leaves = list(_leaves(kind))
-    checks = [*_of_arrays(leaves), *_of_fields(leaves, finite_scalars)]
+    checks = [*_of_arrays(leaves, finite_arrays), *_of_fields(leaves, finite_scalars, finite_arrays)]
     return reduce(_both, checks) if checks else lambda body: True
 
 
@@ -59,12 +61,22 @@ def _leaves(kind: type[msgspec.Struct], path: str = "") -> Iterator[Leaf]:
             yield path + field.name, field
 
 
-def _of_fields(leaves: list[Leaf], finite: bool) -> list[Check]:
+def _of_fields(leaves: list[Leaf], finite: bool, finite_arrays: bool) -> list[Check]:
     """Return the checks of everything that is not an array."""
-    checks = [_of_bodies(name, field, check(field.body, finite_scalars=finite)) for name, field in leaves if field.body]
+    checks = [
+        _of_bodies(name, field, check(field.body, finite_scalars=finite, finite_arrays=finite_arrays))
+        for name, field in leaves
+        if field.body and _holds_something_to_check(field.body, finite)
+    ]
     if finite:
         checks += _of_numbers([(name, field) for name, field in leaves if field.item is float])
     return checks
+
+
+def _holds_something_to_check(kind: type[msgspec.Struct], finite: bool) -> bool:
+    """Return whether a body, or one within it, has arrays, or numbers that must be `finite`."""
+    kinds = (kind, *nested(kind))
+    return any(field.spec is not None or (finite and field.item is float) for each in kinds for field in fields(each))
 
 
 def _of_bodies(name: str, field: Field, passes: Check) -> Check:
@@ -99,14 +111,14 @@ def _getter_of(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
     return attrgetter(*names, names[0])  # the first twice: attrgetter of one name is no tuple
 
 
-def _of_arrays(leaves: list[Leaf]) -> list[Check]:
+def _of_arrays(leaves: list[Leaf], finite: bool) -> list[Check]:
     """Return the check that arrays have the declared dtype, agree in shape, have their bytes, and are finite."""
     rows = [(name.rpartition(".")[0], field.spec) for name, field in leaves if field.spec is not None]
     names = [name for name, field in leaves if field.spec is not None]
     if not rows:
         return []
     get, n = _getter_of(names), len(names)
-    numbers = [name for name, field in leaves if field.spec is not None and field.spec.must_be_finite]
+    numbers = [name for name, field in leaves if field.spec is not None and finite and field.spec.must_be_finite]
     get_numbers = _getter_of(numbers) if numbers else None
     good: set[Layout] = set()
 

@@ -18,6 +18,7 @@ from protocol.topics import observed_by, read_by
 from services.recorder.losses import Losses, counts
 from services.recorder.recording import RecordingWriter
 from services.recorder.repair import repair_all
+from services.runtime import realtime
 from services.runtime.bus import Bus
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
@@ -91,6 +92,7 @@ class Recording:
 
 def run(process: Process) -> None:
     """Write what came, then one frame of everything that is sampled."""
+    realtime.keep_heap()  # chunks come and go: without it each is fresh memory of the system
     bus, settings = process.bus, process.rig.recorder
     for path, found in repair_all(settings.directory).items():
         process.log.info("%s was not closed: indexed anew, %d frames", path, found.frames)

@@ -45,12 +45,16 @@ def _writer(body: type[msgspec.Struct]) -> Write:
     for number, field in enumerate(fields(body), start=1):
         rows = together.get(field.form, others) if field.item is float else others
         rows.append((number, field))
-    parts = [_part(number, field) for number, field in others]
-    parts += [_numbers(numbers)] if numbers else []
-    parts += [_vectors(vectors)] if vectors else []
-    if len(parts) == 1:
-        return parts[0]
-    return lambda value: b"".join([part(value) for part in parts])
+    at_once = ([_numbers(numbers)] if numbers else []) + ([_vectors(vectors)] if vectors else [])
+    writes = [_field(number, field) for number, field in others]
+    get = _getter(others) if others else lambda value: ()
+
+    def write(value: Any) -> bytes:
+        parts = [each(value) for each in at_once]
+        parts += [each(item) for each, item in zip(writes, get(value), strict=False)]
+        return b"".join(parts)
+
+    return write
 
 
 def _numbers(rows: list[Row]) -> Write:
@@ -85,12 +89,6 @@ def _vectors(rows: list[Row]) -> Write:
 def _getter(rows: list[Row]) -> Callable[[Any], tuple[Any, ...]]:
     names = [field.name for _, field in rows]
     return attrgetter(*names, names[0])  # the first twice: attrgetter of one name is no tuple
-
-
-def _part(number: int, field: Field) -> Write:
-    """Return what writes one field of a body, by how it holds what."""
-    get, write = attrgetter(field.name), _field(number, field)
-    return lambda body: write(get(body))
 
 
 def _field(number: int, field: Field) -> Write:
@@ -139,6 +137,8 @@ def _write_array(tag: bytes, value: Array) -> bytes:
     if value.dtype == "<f8" or (value.dtype == "|i1" and data.isascii()):  # 0 to 127 are their own varints
         return _delimited(tag, data)
     integers = memoryview(data).cast(_INTEGERS[value.dtype]).tolist()
+    if integers and min(integers) >= 0 and max(integers) < _PAIR:
+        return _delimited(tag, b"".join(map(_LAST.__getitem__, integers)))
     return _delimited(tag, b"".join(map(_varint, integers)))
 
 
@@ -147,7 +147,8 @@ def _tag(number: int, kind: int) -> bytes:
 
 
 def _delimited(tag: bytes, data: bytes) -> bytes:
-    return tag + _varint(len(data)) + data
+    length = len(data)
+    return tag + (_LAST[length] if length < _PAIR else _varint(length)) + data
 
 
 def _varint(value: int) -> bytes:

@@ -139,3 +139,24 @@ def test_decoded_arrays_cannot_be_written() -> None:
     frame = decode(encode(samples.frame("physics.state")))
     with pytest.raises(ValueError, match="read-only"):
         frame.body.duct.q.view()[0] = 1.0
+
+
+@pytest.mark.parametrize("name", ["gateway.state", "physics.state"])
+def test_who_only_keeps_a_frame_gets_it_with_numbers_that_are_none_but_never_with_arrays_that_lie(name: str) -> None:
+    """A recording shows what went wrong; but what could not be read back is refused for everybody."""
+    frame = samples.frame(name)
+    if name == "gateway.state":
+        broken = msgspec.structs.replace(frame.body.instruments[0], handle_angle_rad=math.nan)
+        body = msgspec.structs.replace(frame.body, instruments=(broken,))
+    else:
+        q = pack(np.full(frame.body.duct.q.shape, math.nan))
+        body = msgspec.structs.replace(frame.body, duct=msgspec.structs.replace(frame.body.duct, q=q))
+    data = encode(msgspec.structs.replace(frame, body=body))
+    with pytest.raises(FrameError, match="not_finite"):
+        decode(data, name)
+    assert decode(data, name, used=False).sequence == frame.sequence
+    if name == "physics.state":
+        duct = msgspec.structs.replace(frame.body.duct, q=Array("<f8", (7,), b"short"))
+        data = encode(msgspec.structs.replace(frame, body=msgspec.structs.replace(frame.body, duct=duct)))
+        with pytest.raises(FrameError, match="array_shape"):
+            decode(data, name, used=False)

@@ -1,0 +1,162 @@
+"""What it costs to record every frame of every fast topic, and how much is lost.
+
+    python benchmarks/bench_recorder.py
+
+A process of the ordinary class publishes all four 1 kHz topics, each frame with other numbers, as large as those of the
+default scene with both tools in contact; the recorder records every frame of all, or of the devices as it does by
+default. In one run it is stopped for two seconds, as by a machine that has no time for it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from report import Row, write_report
+
+from protocol import bodies
+from protocol.arrays import pack
+from protocol.bodies.physics import Catheter, ContactForces, Duct
+from services.recorder.recording import read
+from services.runtime.rig import Transport
+from services.runtime.zmq_bus import ZmqBus
+
+TOPICS = ("gateway.state", "haptics.contact_model", "haptics.contacts", "physics.state")
+MODES, PARTICLES, PAIRS = 100, 51, 12
+SECONDS = 10.0
+_TICK_S = 1e-3
+
+
+class Numbers:
+    """Sources of numbers that differ from frame to frame in their low bits, as a simulation's do."""
+
+    def __init__(self) -> None:
+        self._values = np.random.default_rng(0).standard_normal(4096)
+
+    def array(self, *shape: int) -> np.ndarray:
+        """Return the next numbers of a slow walk."""
+        self._values += 1e-6
+        return self._values[: int(np.prod(shape))].reshape(shape)
+
+    def vector(self, n: int) -> tuple[float, ...]:
+        """Return them as a vector."""
+        return tuple(self.array(n).tolist())
+
+
+def frames(numbers: Numbers, tick: int) -> dict[str, object]:
+    """Return the bodies of a tick."""
+    a, v = numbers.array, numbers.vector
+    return {
+        "gateway.state": bodies.GatewayState(
+            tick=tick,
+            instruments=tuple(
+                bodies.InstrumentState(
+                    name=name, position_m=v(3), velocity_m_s=v(3), applied_force_n=v(3), port_m=v(3), state="active"
+                )
+                for name in ("left", "right")
+            ),
+        ),
+        "haptics.contact_model": bodies.ContactModel(
+            tick=tick,
+            ttl_s=0.02,
+            instruments=(bodies.LocalModel(force_n=v(3), stiffness_n_m=v(9), damping_n_s_m=v(9), in_contact=True),) * 2,
+        ),
+        "haptics.contacts": bodies.ToolContacts(
+            tick=tick,
+            tools=(bodies.ToolState(position_m=v(3), port_m=v(3)),) * 2,
+            pair_index=pack(np.full((PAIRS, 4), tick % 700), "<i4"),
+            pair_geometry=pack(a(PAIRS, 8)),
+        ),
+        "physics.state": bodies.PhysicsState(
+            tick=tick,
+            tools=(bodies.ToolReaction(force_n=v(3), stiffness_n_m=v(9), position_m=v(3), proxy_position_m=v(3)),) * 2,
+            duct=Duct(
+                basis_hash="0" * 64, q=pack(a(MODES)), q_rate=pack(a(MODES)),
+                load_node=pack(np.arange(PAIRS), "<i4"), load_force_n=pack(a(PAIRS, 3)),
+            ),
+            catheter=Catheter(position_m=pack(a(PARTICLES, 3)), velocity_m_s=pack(a(PARTICLES, 3)), radius_m=8e-4),
+            contacts=ContactForces(
+                kind=pack(np.zeros(2 * PAIRS), "|i1"), point_m=pack(a(2 * PAIRS, 3)), force_n=pack(a(2 * PAIRS, 3))
+            ),
+        ),
+    }  # fmt: skip
+
+
+def publish(directory: str, seconds: float) -> None:
+    """Publish every topic a thousand times a second, once somebody reads them all."""
+    bus, numbers = ZmqBus(Transport(directory=Path(directory)), publishes=TOPICS), Numbers()
+    while not bus.has_reader(TOPICS[0]):
+        time.sleep(0.01)
+    time.sleep(0.2)  # for the others, which it has asked for together with this one
+    for name in TOPICS:
+        bus.has_reader(name)
+    begun_s = time.monotonic()
+    for tick in range(round(seconds / _TICK_S)):
+        for name, body in frames(numbers, tick).items():
+            bus.publish(name, body)  # type: ignore[arg-type]
+        time.sleep(max(0.0, begun_s + (tick + 1) * _TICK_S - time.monotonic()))
+    time.sleep(0.5)
+    bus.close()
+
+
+def cpu_s(pid: int) -> float:
+    """Return the processor time that a process has taken."""
+    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def record(whole: tuple[str, ...], stopped_s: float = 0.0) -> tuple[float, int, int, float]:
+    """Return the recorder's share of a core, frames of `whole` topics published and lost, and megabytes a minute."""
+    with tempfile.TemporaryDirectory() as folder:
+        names = ",".join((*whole, "supervisor.state"))
+        settings = (f"transport.directory={folder}/bus", f"recorder.directory={folder}", f"recorder.whole=[{names}]")
+        options = [word for setting in settings for word in ("--set", setting)]
+        recorder = subprocess.Popen([sys.executable, "-m", "services.recorder", *options])
+        publisher = subprocess.Popen([sys.executable, __file__, "publish", f"{folder}/bus", str(SECONDS)])
+        time.sleep(4.0)
+        before_s, began_s = cpu_s(recorder.pid), time.monotonic()
+        if stopped_s:
+            recorder.send_signal(signal.SIGSTOP)
+            time.sleep(stopped_s)
+            recorder.send_signal(signal.SIGCONT)
+        time.sleep(4.0)
+        share = (cpu_s(recorder.pid) - before_s) / (time.monotonic() - began_s)
+        publisher.wait()
+        recorder.terminate()
+        recorder.wait()
+        (path,) = Path(folder).glob("*.mcap")
+        sequences: dict[str, Counter[int]] = {name: Counter() for name in TOPICS}
+        for message in read(path):
+            sequences.setdefault(message.topic, Counter())[message.body.envelope.sequence] += 1
+        published = len(whole) * round(SECONDS / _TICK_S)
+        kept = sum(len(sequences[name]) for name in whole)
+        return share, published, published - kept, path.stat().st_size / 1e6 * 60.0 / SECONDS
+
+
+def main() -> None:
+    """Measure undisturbed, then with the recorder held up."""
+    rows = []
+    for name, whole, stopped_s in (
+        ("all four", TOPICS, 0.0),
+        ("all four, stopped for 2 s", TOPICS, 2.0),
+        ("gateway.state, the others 25 times a second", TOPICS[:1], 0.0),
+    ):
+        share, published, lost, mb_min = record(whole, stopped_s)
+        rows.append(Row(f"{name}: processor time", 100.0 * share, "% of a core", limit=None if stopped_s else 10.0))
+        rows.append(Row(f"{name}: frames lost of {published}", lost, "frames", limit=0))
+        rows.append(Row(f"{name}: file", mb_min, "MB a minute"))
+    write_report("recorder", "The recorder: every frame of four 1 kHz topics", rows)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["publish"]:
+        publish(sys.argv[2], float(sys.argv[3]))
+    else:
+        main()
