@@ -46,7 +46,9 @@ class NewmarkConstants:
 class Newmark:
     """Average acceleration for decoupled modes (the paper's NIRMS).
 
-    Unconditionally stable, second order; without damping and load it conserves the energy of each mode.
+    Unconditionally stable, second order, spectral radius 1 at any frequency: without damping and load it conserves the
+    energy of each mode. Modes that a step does not resolve are damped by their damping ratio alone; contacts reach them
+    by impulses at the start of a step, which brings them to rest.
     The period comes out too long by (omega dt)^2 / 12: 0.5 % at 40 Hz and 7 % at 150 Hz for 1 ms.
     A force given to a step acts at its end, t + dt.
 

@@ -87,7 +87,6 @@ def internal_forces(model: RodModel, state: RodState, work: RodWork | None = Non
     work = work or allocate_work(len(state.position_m))
     work.force[:] = 0.0
     work.position[:] = state.position_m
-    work.velocity[:] = state.velocity_m_s
     work.lead[0] = model.beta * state.velocity_m_s
     add_internal_forces(model, work, (0.0, 0.0))
     return work.force.copy()

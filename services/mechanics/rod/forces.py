@@ -18,7 +18,7 @@ from services.mechanics.rod.model import RodModel, RodWork
 
 @kernel
 def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add to ``work.force`` the elastic, damping and support forces at ``work.position``, with ``lead``, ``velocity``.
+    """Add to ``work.force`` the elastic, damping and support forces at ``work.position``, with ``lead``.
 
     Where scale[0] is not zero, add their tangent to ``work.band`` as well: see `elasticity`.
     """

@@ -127,7 +127,6 @@ def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: St
             work.previous_position[i, c] = x[i, c]
             work.position[i, c] = x[i, c] + form.at * form.dt_s * mean
             work.end_position[i, c] = x[i, c] + form.dt_s * mean
-            work.velocity[i, c] = v[i, c] + dv[i, c]
             work.leading_velocity[i, c] = leading
             work.lead[1, i, c] = form.dt_s * (form.lead_change * dv[i, c] + form.lead_lag * (mean - w[i, c]))
             work.lead[0, i, c] = work.lead[1, i, c] + model.beta * leading

@@ -34,7 +34,6 @@ class RodWork(Struct):
 
     previous_position: Annotated[FloatArray, "n", 3]  # how the last step ended
     position: Annotated[FloatArray, "n", 3]  # what forces are taken at
-    velocity: Annotated[FloatArray, "n", 3]
     end_position: Annotated[FloatArray, "n", 3]  # of the step whose middle ``position`` is
     lead: Annotated[FloatArray, 2, "n", 3]  # how far damping takes strains on, m: all of it, and the step's alone
     force: Annotated[FloatArray, "n", 3]

@@ -147,7 +147,6 @@ def _semi_implicit_euler(model: RodModel, work: RodWork, motion: Motion, externa
     for i in range(x.shape[0]):
         for c in range(3):
             work.position[i, c] = x[i, c]
-            work.velocity[i, c] = v[i, c]
             work.lead[0, i, c] = model.beta * v[i, c]
             work.force[i, c] = external[i, c] - model.drag[i] * v[i, c]
     add_internal_forces(model, work, (0.0, 0.0))

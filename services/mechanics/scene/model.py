@@ -20,6 +20,8 @@ class DuctScene:
     """The cystic duct: a parametric tube along +x, or the name of a surface file read elsewhere.
 
     The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``.
+    Both integrators of its modes are of second order and without numerical damping (spectral radius 1); what damps each
+    mode is ``damping_ratio``.
     """
 
     radius_m: float = 4e-3

@@ -23,7 +23,6 @@ def forces(model, position, velocity=None, scale=(0.0, 0.0)):
     work = allocate_work(len(position))
     work.position[:] = position
     if velocity is not None:
-        work.velocity[:] = velocity
         work.lead[0] = model.beta * velocity
     add_internal_forces(model, work, scale)
     return work
