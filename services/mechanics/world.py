@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.catheter import CatheterBody
@@ -14,6 +15,13 @@ from services.mechanics.contact.seal import IntroducerSeal
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import SceneModel
+
+
+class KeepsState(Protocol):
+    """What has a state of its own."""
+
+    def state_arrays(self) -> tuple[FloatArray, ...]:
+        """Return the live arrays of the state, which are only ever changed in place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +46,8 @@ class World:
         This step's candidate pairs of the catheter.
     acceleration_m_s2 : (3,) float64
         Of the body forces on everything that has mass, in scene axes: zero unless an effect has added to it.
+    effects : tuple of effects
+        Those of the scene.
     """
 
     scene: SceneModel
@@ -50,6 +60,7 @@ class World:
     search: ContactSearch
     pairs: ContactPairs
     acceleration_m_s2: FloatArray
+    effects: tuple[KeepsState, ...] = ()
 
     @property
     def slides(self) -> BoolArray:

@@ -67,6 +67,7 @@ class Physics:
             "dropped_contacts": float(dropped.rows),
             "dropped_holds": float(dropped.holds),
             "refused_inputs": float(self.simulation.refused_inputs),
+            "healed_states": float(self.simulation.healed_states),
         }
 
     def _reset(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
@@ -90,6 +90,14 @@ class _NoSearch:
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append nothing."""
+
+    def is_sound(self) -> bool:
+        """Return that nobody is where he should not be."""
+        return True
+
+    def state_arrays(self) -> list[AnyArray]:
+        """Return nothing."""
+        return []
 
 
 class _NoDetector:

@@ -110,15 +110,15 @@ def test_out_of_contact_and_for_an_absent_tool_it_is_zero(in_memory: type[Rig]) 
     rig = in_memory()
     press(rig, 100)
     assert rig.model().in_contact
-    for _ in range(50):
+    for _ in range(250):  # 90 mm, at the half a metre a second at which physics follows
         rig.turn(FAR, FAR)
     assert rig.models() == (FREE, FREE)
-    press(rig, 100)
+    press(rig, 300)
     for _ in range(3):
         rig.turn(CENTRE)  # the second tool is gone
     touching, *others = rig.models()
     assert touching.in_contact
     assert others == []
-    for _ in range(3):
+    for _ in range(250):
         rig.turn(FAR, FAR, CENTRE)  # a third, of which mechanics knows nothing
     assert rig.models() == (FREE, FREE, FREE)

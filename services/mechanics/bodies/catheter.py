@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.rod import (
     Introducer,
@@ -104,6 +104,18 @@ class CatheterBody:
             and float(np.abs(self.state.velocity_m_s).max()) < SLEEP_SPEED_M_S
             and np.array_equal(self.external_force_n, self._last_external_n)
         )
+
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays of the state."""
+        state, frame = self.state, self.state.frame
+        rolled = () if frame is None else (frame.tangent, frame.m1, frame.twist_rad)
+        return state.position_m, state.velocity_m_s, self.contact_force_n, *rolled
+
+    def halt(self) -> None:
+        """Stop where it is."""
+        self.state.velocity_m_s[:] = 0.0
+        self.contact_force_n[:] = 0.0
+        self._last_external_n[:] = np.nan
 
     def compliance(self, nodes: IntArray, weights: FloatArray) -> FloatArray:
         """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
 from services.mechanics.reduction.duct import ReducedDuct
@@ -52,7 +52,7 @@ class DuctBody:
         self.motion_m = np.zeros((capacity, 3))
         self.load_nodes = np.zeros(3 * capacity, np.int32)
         self.load_force_n = np.zeros((3 * capacity, 3))
-        self.n_loads = 0
+        self._n_loads = np.zeros(1, np.int64)
         self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
         self._gains_dt_s = 0.0
 
@@ -64,8 +64,7 @@ class DuctBody:
 
     def predict(self, dt_s: float) -> None:
         """Step the modes without contact forces."""
-        if dt_s != self._gains_dt_s:
-            self._prepare(dt_s)
+        self.change_step(dt_s)
         self.q_start[:] = self.state.q
         self._motion.update(self.q_start)
         self.integrator.predict(self.state, self.modal_force, dt_s)
@@ -94,7 +93,7 @@ class DuctBody:
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
         loads = (self.load_nodes, self.load_force_n)
-        self.n_loads = spread_loads((nodes, weights), forces, self._slot, loads)
+        self._n_loads[0] = spread_loads((nodes, weights), forces, self._slot, loads)
         modal_contact_force(self.modes, forces, self.contact_impulse)
         add_impulse(self.contact_impulse, self._gains, self.state.q, self.state.qdot, self.state.qddot)
 
@@ -123,6 +122,21 @@ class DuctBody:
         gain: FloatArray = self._gains[0]
         return gain
 
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays of the state."""
+        state = self.state
+        return state.q, state.qdot, state.qddot, self.contact_impulse, self.load_nodes, self.load_force_n, self._n_loads
+
+    def halt(self) -> None:
+        """Stop where it is."""
+        self.state.qdot[:] = -0.5 * self.dt_s * self.contact_impulse
+        self.state.qddot[:] = self.constant_modal_force - self.reduced.basis.omega_rad_s**2 * self.state.q
+
+    @property
+    def n_loads(self) -> int:
+        """Nodes that contacts load."""
+        return int(self._n_loads[0])
+
     def kinetic_energy_j(self) -> float:
         """Kinetic energy of the modes."""
         return self.state.kinetic_energy_j()
@@ -134,6 +148,25 @@ class DuctBody:
         nodes, force, moved = self.load_nodes[:n], self.load_force_n[:n], np.zeros((n, 3))
         self.reduced.residual.apply(nodes, force, nodes, moved)
         return modal + 0.5 * float(np.sum(moved * force))
+
+    def change_step(self, dt_s: float) -> None:
+        """Prepare for a step of this length, if it is another than the last one's.
+
+        With a lasting contact force f the rates swing from -f dt / 2 at the end of a step to +f dt / 2 after the
+        impulse at the start of the next one. What of that belongs to the old length is motion that nobody has put in.
+        """
+        if dt_s == self.dt_s:
+            return
+        if self.dt_s > 0.0:
+            change = 0.5 * (self.dt_s - dt_s) * self.contact_impulse
+            self.state.qdot += change
+            self.state.qddot -= 2.0 * self.reduced.basis.omega_rad_s * self.reduced.damping_ratio * change
+        self._prepare(dt_s)
+
+    @property
+    def dt_s(self) -> float:
+        """Length of the last step, 0 before the first."""
+        return self._gains_dt_s
 
     def _prepare(self, dt_s: float) -> None:
         """Find the gains of an impulse by letting the integrator carry a unit jump of the rates through a step.

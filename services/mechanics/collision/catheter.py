@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import ByteArray, FloatArray
-from services.mechanics.collision.catheter_kernels import CatheterDetection, detect_catheter
+from services.mechanics.arrays import AnyArray, ByteArray, FloatArray
+from services.mechanics.collision.catheter_kernels import CatheterDetection, detect_catheter, enters_by_openings
 from services.mechanics.collision.inside import Lumen
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.probes import Probes
@@ -50,6 +50,16 @@ class CatheterContactDetector:
         self._detection.probes.reset()
         self._detection.lumen.reset()
         self._detection.rims.reset()
+
+    def enters_by_openings(self) -> bool:
+        """Return whether, as last detected, every segment with one end in the lumen is near an opening."""
+        found: bool = enters_by_openings(self._detection.address)
+        return found
+
+    def state_arrays(self) -> list[AnyArray]:
+        """Return the live arrays of the past."""
+        detection = self._detection
+        return [array for part in (detection.probes, detection.lumen, detection.rims) for array in part.own_arrays()]
 
     def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
         """Append the pairs of this tick for positions (n, 3).

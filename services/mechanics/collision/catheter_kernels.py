@@ -21,7 +21,7 @@ from services.mechanics.collision.probes import (
     motion_to,
 )
 from services.mechanics.collision.rim import RimMemory, detect_rims
-from services.mechanics.collision.search import NOT_FOUND, walk
+from services.mechanics.collision.search import NOT_FOUND, closest, walk
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, Contact, contact_of
 from services.mechanics.collision.writer import is_due, write_pair
@@ -67,6 +67,23 @@ def detect_catheter(
             _detect_particle(detection, i, p, row(detection.motion, i), pairs)
         else:
             forget(detection.probes, i)
+
+
+@kernel
+def enters_by_openings(address: Address[CatheterDetection]) -> bool:
+    """Return whether every segment between a particle in the lumen and one outside is near the cap of an opening.
+
+    Nearer than a particle on the rim is to the cap, since there flags are those of the particles and not of the rim.
+    """
+    detection = catheter_detection_at(address)
+    inside, ends, shell = detection.lumen.inside, detection.probes.ends, detection.shell
+    for i in range(inside.shape[0] - 1):
+        if inside[i] != inside[i + 1]:
+            a, b = row_of(ends, i, 0), row_of(ends, i + 1, 0)
+            near_m = detection.thickness_m + detection.margin_m
+            if closest(shell.body, shell.caps, a, b, near_m, index(NOT_FOUND))[0] == NOT_FOUND:
+                return False
+    return True
 
 
 @kernel

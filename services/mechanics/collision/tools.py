@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.arrays import AnyArray, BoolArray, FloatArray
 from services.mechanics.collision.capsules import CapsuleMemory
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.probes import Probes
@@ -56,6 +56,11 @@ class ToolContactDetector:
         """Forget the past: the next `detect` finds the sides from the positions alone."""
         self._detection.probes.reset()
         self._detection.capsules.reset()
+
+    def state_arrays(self) -> list[AnyArray]:
+        """Return the live arrays of the past."""
+        detection = self._detection
+        return [array for part in (detection.probes, detection.capsules) for array in part.own_arrays()]
 
     def detect(
         self,

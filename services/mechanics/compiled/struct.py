@@ -119,6 +119,10 @@ class Struct:
             raise AttributeError(f"{label}: no such field")
         vars(self)[name] = value
 
+    def own_arrays(self) -> tuple[np.ndarray[Any, Any], ...]:
+        """Return the arrays among the fields, not those of nested structs."""
+        return tuple(getattr(self, name) for name, field in self.layout.fields if isinstance(field, ArrayField))
+
     def _put_array(self, label: str, field: ArrayField, value: object) -> None:
         array, known = check_array(label, field, value), vars(self)["_extents"]
         words, places = vars(self)["_words"], dict(self.layout.extents)

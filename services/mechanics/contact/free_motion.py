@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws import ELASTIC_AXES, FIXES_DISTANCE
 from services.mechanics.contact.rows import ContactRows
@@ -29,13 +30,34 @@ def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: Fl
                 rows.slip_m[row, axis] -= u
 
 
+# An overlap of up to a tenth of a millimetre, more than contacts in motion leave, is taken back at its own rate; a
+# deeper one, which something drove in, no faster than that.
+RECOVERY_M_S = 20e-3
+# A tool that the wall throws back is held by a hand, which takes what comes of it; and it must not lag behind jaws that
+# close, whose levers turn within a step.
+TOOL_RECOVERY_M_S = 0.1
+
+
 @kernel
-def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
+def taken_back(rows: ContactRows, row: int, recovery: float, dt_s: float) -> float:
+    """Return what of the gap of a row counts in a step: all of a distance, of an overlap what may be taken back.
+
+    An overlap at the start is a linearisation error of the last tick. Only the fraction ``recovery`` of it is taken
+    back in a millisecond, and at a bounded speed, because it is a velocity that nobody has put in.
+    """
+    gap: float = rows.gap_m[row]
+    if gap > 0.0:
+        return gap
+    fastest = RECOVERY_M_S if rows.tool[row] == NO_TOOL else TOOL_RECOVERY_M_S
+    return max(min(recovery * (dt_s * 1e3), 1.0) * gap, -fastest * dt_s)
+
+
+@kernel
+def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray) -> None:
     """Write what the contact law asks to be zero or positive without contact forces into ``out`` (3 k,), in m.
 
     Tangents: the slip, on top of the elastic slip that is remembered.
-    Normal: the gap at the end of the step. An overlap at the start is a linearisation error of the last tick;
-    only the fraction ``recovery`` of it is taken back per tick, because all of it at once would be a velocity.
+    Normal: the gap at the end of the step, of an overlap what is `taken_back`.
     """
     for row in range(rows.n_contacts):
         for axis in range(3):
@@ -46,5 +68,4 @@ def free_motion(rows: ContactRows, recovery: float, out: FloatArray) -> None:
                 for k in range(3):
                     total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
-        gap = rows.gap_m[row]
-        out[3 * row] += gap if gap > 0.0 else recovery * gap
+        out[3 * row] += taken_back(rows, row, recovery, dt_s)

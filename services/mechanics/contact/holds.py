@@ -104,6 +104,12 @@ class HoldRegistry:
             elif request.hold_id not in self._lost:
                 self._take_up(request)
 
+    def lose(self) -> None:
+        """Let go of everything; who goes on asking for the same holds does not get them."""
+        self._lost |= set(self.active)
+        for hold_id in list(self.active):
+            self._drop(hold_id)
+
     def stop_jaws(self, tools: ToolBody) -> None:
         """Write into the tools what they hold and where that stops their jaws."""
         if not self.active and not self._stops_jaws:

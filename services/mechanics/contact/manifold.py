@@ -56,6 +56,10 @@ class ContactManifold:
         """Remember the pressed points of the rows just solved."""
         keep_pressed(rows.address, self._wall.address, self._pairs.address, self._nodes)
 
+    def forget(self) -> None:
+        """Let go of all points."""
+        self._pairs.count = 0
+
     def append_to(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
         """Append those that are still within reach and that ``pairs`` does not have, as far as there is room."""
         kept = self._pairs.count

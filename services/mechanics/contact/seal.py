@@ -58,6 +58,10 @@ class IntroducerSeal:
         """What slipping has taken out so far."""
         return self._memory.dissipated_j
 
+    def forget(self) -> None:
+        """Hold the catheter where it is now, without a force."""
+        self._memory.row, self._memory.elastic_m = _NO_ROW, 0.0
+
     def append_row(self) -> None:
         """Append its row, unless nothing is held or the catheter sleeps."""
         self._memory.row = _NO_ROW

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
@@ -47,6 +47,12 @@ class ContactSearch(Protocol):
     def sphere_detector(self, radius_m: float) -> SphereDetector:
         """Return what finds the contacts of one more sphere with the wall."""
 
+    def is_sound(self) -> bool:
+        """Return whether the catheter goes into the lumen by openings only, as last detected."""
+
+    def state_arrays(self) -> list[AnyArray]:
+        """Return the live arrays of what the search remembers."""
+
 
 class DuctSearch:
     """Collision detection of `services.mechanics.collision` on the reduced duct."""
@@ -60,6 +66,7 @@ class DuctSearch:
         self._had_tools = True
         n_particles = scene.catheter.n_segments + 1
         self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
+        self._spheres: list[CatheterContactDetector] = []
         self.tools = ToolContactDetector(self.surface, n_particles, radius_m, margin_m)
 
     @property
@@ -82,7 +89,17 @@ class DuctSearch:
 
     def sphere_detector(self, radius_m: float) -> CatheterContactDetector:
         """Return what finds the contacts of one more sphere with the wall."""
-        return CatheterContactDetector(self.surface, 1, radius_m, self._margin_m)
+        self._spheres.append(CatheterContactDetector(self.surface, 1, radius_m, self._margin_m))
+        return self._spheres[-1]
+
+    def is_sound(self) -> bool:
+        """Return whether the catheter goes into the lumen by openings only, as last detected."""
+        return self.catheter.enters_by_openings()
+
+    def state_arrays(self) -> list[AnyArray]:
+        """Return the live arrays of what the search remembers."""
+        spheres = [array for sphere in self._spheres for array in sphere.state_arrays()]
+        return [*self.catheter.state_arrays(), *self.tools.state_arrays(), *spheres]
 
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append those of the tools against duct and catheter."""

@@ -111,6 +111,11 @@ class ContactSystem:
         self.sweeps = 0
         self._state.memory.n_contacts = 0
 
+    def forget(self) -> None:
+        """Forget the contacts of this step and their forces."""
+        self.clear()
+        self.rest()
+
     def apply(self, tool_force: FloatArray) -> None:
         """Give the forces to duct, catheter and, as generalised forces (2, 4), to the tools."""
         bodies, rows = self.bodies, self.rows

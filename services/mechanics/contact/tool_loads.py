@@ -16,6 +16,9 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.scene.tools import N_TOOLS, ToolResults
 
+# What a hand of half a metre a second draws out of a coupling of 500 N/m. What snaps, as a grip that is lost, is felt
+# as a ramp of this slope instead of as a blow.
+FORCE_RATE_N_S = 250.0
 MOST_CLOSED = 72  # axes of the contacts of one tool that enter its local stiffness
 
 
@@ -70,27 +73,44 @@ def report(
     state_address: Address[ContactState],
     tools_address: Address[ToolArrays],
     report_address: Address[ReportArrays],
-    holding: bool,
-    wants_stiffness: bool,
+    dt_s: float,
+    wanted: tuple[bool, bool],
 ) -> float:
     """Write what the tools feel; return how deep the catheter overlaps wall or itself at the start of the step, in m.
 
-    ``holding`` says whether something held keeps jaws from closing.
+    ``wanted`` says whether something held keeps jaws from closing, and whether stiffnesses are wanted.
     """
+    holding, wants_stiffness = wanted
     state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
     _moments(state.rows, state.force_n, tools.port, out.port_moment)
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]
         if holding:
             out.grasp_torque[tool] += tools.stiffness[tool, 3] * _squeeze(tools, tool)
+        _follow_force(tools.present[tool], out.loads[tool], FORCE_RATE_N_S * dt_s, out.force[tool])
         for axis in range(3):
-            out.force[tool, axis] = out.loads[tool, axis]
             out.proxy_position[tool, axis] = tools.proxy[tool, axis]
         out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
     if wants_stiffness:
         size = 3 * state.rows.n_contacts
         local_stiffness(state.rows, state.delassus[: size * size].reshape(size, size), state.slides, tools, out)
     return _deepest_overlap(state.rows)
+
+
+@kernel
+def _follow_force(is_present: bool, load: FloatArray, most: float, out: FloatArray) -> None:
+    """Change the force (3,) to that of the contacts by ``most`` N at most; a tool that is gone feels none at once."""
+    change_2 = 0.0
+    for axis in range(3):
+        change_2 += (load[axis] - out[axis]) ** 2
+    share = most / math.sqrt(change_2) if change_2 > most * most else 1.0
+    for axis in range(3):
+        if not is_present:
+            out[axis] = 0.0
+        elif share == 1.0:
+            out[axis] = load[axis]
+        else:
+            out[axis] += share * (load[axis] - out[axis])
 
 
 @kernel

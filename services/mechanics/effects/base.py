@@ -53,6 +53,10 @@ class Effect:
         self.dissipated_j = 0.0
         """Energy that the effect itself has taken out so far, beyond what contact rows do."""
 
+    def state_arrays(self) -> tuple[FloatArray, ...]:
+        """Return the live arrays of what the effect remembers from step to step; they are only changed in place."""
+        return ()
+
     def potential_energy_j(self, world: World) -> float:
         """What the effect and its bodies store now, for the energy balance: nothing, unless it says so."""
         return 0.0

@@ -118,6 +118,10 @@ class Gallstones(Effect):
         lost_by_step_j = 0.5 * self._mass_kg @ np.sum((self.velocity_m_s - self._start_m_s) ** 2, axis=1)
         self.dissipated_j += float(dt_s * drag_power_w + lost_by_step_j)
 
+    def state_arrays(self) -> tuple[FloatArray, ...]:
+        """Where the stones are and how fast they move."""
+        return self.position_m, self.velocity_m_s
+
     def potential_energy_j(self, world: World) -> float:
         """Kinetic energy of the stones, and what their weight has stored, zero at the origin."""
         kinetic_j = 0.5 * self._mass_kg @ np.sum(self.velocity_m_s**2, axis=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.effects.base import Effect
 from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
 from services.mechanics.world import World
@@ -44,6 +45,10 @@ class Viscoelasticity(Effect):
         """Let the wall relax towards where it is."""
         self._modes.relax(world.duct.state.q, dt_s)
         self.dissipated_j = self._modes.dissipated_j
+
+    def state_arrays(self) -> tuple[FloatArray, ...]:
+        """The lagging coordinates."""
+        return (self._modes.d,)
 
     def potential_energy_j(self, world: World) -> float:
         """Energy in the springs of the Prony terms less that of the instantaneous modulus, which the duct reports."""

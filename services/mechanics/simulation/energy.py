@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.contact.free_motion import taken_back
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
@@ -43,6 +44,8 @@ class EnergyFlow:
         What effects say that they dissipate.
     impact_j
         Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
+    healing_j
+        What was stored in states that were not sound, less what is in those that were taken up again.
     numerical_j
         What implicit steps take out: of the catheter, the couplings and the residual compliance.
     """
@@ -56,6 +59,7 @@ class EnergyFlow:
     effects_j: float = 0.0
     impact_j: float = 0.0
     numerical_j: float = 0.0
+    healing_j: float = 0.0
 
     @property
     def dissipated_j(self) -> float:
@@ -77,18 +81,38 @@ class EnergyBook:
         self._work = allocate_work(len(simulation.catheter.state.position_m))
         self._rod = rod_energy_now(simulation, self._work)
         self._opening_j = self._stored_j()
+        self._healed_states = simulation.healed_states
 
     def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
         """Take one step of the simulation and enter it."""
-        before = _Snapshot.of(self.simulation, self._rod)
-        slipped_j = _slipped_j(self.simulation)
-        spent_j = _dissipated_by_effects_j(self.simulation)
+        self.simulation.watcher = self
         self.simulation.step(tools, None, dt_s)
+        self.simulation.watcher = None
+        healed_states = self.simulation.healed_states
+        if healed_states > self._healed_states:
+            self._healed_states = healed_states
+            self._rod = rod_energy_now(self.simulation, self._work)
+            stored_j = self._stored_j() - self._opening_j
+            self.flow.healing_j += self.flow.stored_j - stored_j
+            self.flow.stored_j = stored_j
+
+    def begin(self) -> None:
+        """Note what a part of a step begins with; rates that a change of its length has moved are entered."""
+        stored_j = self._stored_j() - self._opening_j
+        self.flow.numerical_j += self.flow.stored_j - stored_j
+        self.flow.stored_j = stored_j
+        self._before = _Snapshot.of(self.simulation, self._rod)
+        self._slipped_j = _slipped_j(self.simulation)
+        self._spent_j = _dissipated_by_effects_j(self.simulation)
+
+    def end(self, dt_s: float) -> None:
+        """Enter a part of a step."""
+        before, slipped_j, spent_j = self._before, self._slipped_j, self._spent_j
         self._rod = rod_energy_now(self.simulation, self._work)
         self._enter_tools(before, dt_s)
         self._enter_rod(before, dt_s)
         self._enter_duct(before, dt_s)
-        self._enter_contacts(before)
+        self._enter_contacts(before, dt_s)
         self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = self._stored_j() - self._opening_j
@@ -143,7 +167,7 @@ class EnergyBook:
         duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
         self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
 
-    def _enter_contacts(self, before: _Snapshot) -> None:
+    def _enter_contacts(self, before: _Snapshot, dt_s: float) -> None:
         """Work of the contact forces on the relative motion, friction and normal apart; anchors store some of it."""
         system = self.simulation.system
         rows, own = system.rows, {*self.simulation.holds.rows, *self.simulation.seal.rows}
@@ -155,8 +179,7 @@ class EnergyBook:
                 continue
             elastic = rows.frame[row] @ rows.elastic_m[row]
             self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
-            gap = float(rows.gap_m[row])
-            start = gap if gap > 0.0 else system.settings.recovery * gap
+            start = taken_back(rows, row, system.settings.recovery, dt_s)
             self.flow.impact_j -= float(force[0] * (end[0] - start))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from services.mechanics.contact.seal import IntroducerSeal
 from services.mechanics.contact.search import ContactSearch, DuctSearch
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.system import ContactSystem
-from services.mechanics.effects import Effect
+from services.mechanics.effects import Effect, by_stage
 from services.mechanics.reduction import ExactOscillator, ModalIntegrator, Newmark, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_catheter import scene_rod
@@ -26,9 +26,10 @@ from services.mechanics.world import World
 
 
 def build_world(
-    scene: SceneModel, duct: ReducedDuct, stages: Mapping[str, Iterable[Effect]], search: ContactSearch | None
+    scene: SceneModel, duct: ReducedDuct, effects: tuple[Effect, ...], search: ContactSearch | None
 ) -> World:
-    """Return everything at rest, the duct in equilibrium with its constant loads; ``stages`` as of `by_stage`."""
+    """Return everything at rest, the duct in equilibrium with its constant loads."""
+    stages = by_stage(effects)
     capacity = scene.contact.capacity
     duct_body = DuctBody(duct, _integrator(scene, duct), capacity)
     load_n = constant_load_n(stages["constant_load_n"], duct.mesh)
@@ -53,6 +54,7 @@ def build_world(
         search=search or DuctSearch(scene, duct),
         pairs=ContactPairs.allocate(capacity),
         acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),
+        effects=effects,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from time import perf_counter_ns
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +23,21 @@ from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
+from services.mechanics.simulation.healing import Healer
+from services.mechanics.simulation.pace import Pace
 from services.mechanics.simulation.scene_world import build_world
 
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
+
+
+class Watcher(Protocol):
+    """Sees a simulation before and after each of the parts that its steps are taken in."""
+
+    def begin(self) -> None:
+        """Look at what a part begins with."""
+
+    def end(self, dt_s: float) -> None:
+        """Look at what a part of this length has made of it."""
 
 
 class Simulation:
@@ -46,7 +59,7 @@ class Simulation:
         self.scene = scene
         self.effects = build_effects(scene)
         self._stages = by_stage(self.effects.values())
-        self.world = world = build_world(scene, duct, self._stages, search)
+        self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
         self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
         self.seal = world.seal
@@ -64,6 +77,9 @@ class Simulation:
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._mark_ns = 0
+        self._pace = Pace(world)
+        self._healer = Healer(world)
+        self.watcher: Watcher | None = None
         for effect in self._stages["prepare"]:
             effect.prepare(world)
 
@@ -87,6 +103,21 @@ class Simulation:
         if not 0.0 < dt_s < math.inf:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
         self._mark_ns = perf_counter_ns()
+        self.cost_ns[:] = [0] * len(STAGE_NAMES)
+        parts = self._pace.parts(tools, dt_s)
+        for part in range(parts):
+            self.duct.change_step(dt_s / parts)
+            if self.watcher is not None:
+                self.watcher.begin()
+            self._step(tools, pairs if part == 0 else None, dt_s / parts)
+            if self.watcher is not None:
+                self.watcher.end(dt_s / parts)
+            if not self._healer.watch():
+                self._heal(dt_s)
+                return
+
+    def _step(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:
+        """Advance everything by a step that nothing crosses unseen."""
         self._add_loads(dt_s)
         self._lap(0)
         self.duct.predict(dt_s)
@@ -103,8 +134,17 @@ class Simulation:
         self._lap(4)
         self._correct(dt_s)
         self._lap(5)
-        self._report()
+        self._report(dt_s)
         self._lap(6)
+
+    def _heal(self, dt_s: float) -> None:
+        """Go back to the last sound state; in this tick nothing acts on a tool."""
+        self._healer.heal()
+        self._manifold.forget()
+        for grasp in self.grasps:
+            grasp.let_go()
+        self._tool_force[:] = 0.0
+        self._report(dt_s)
 
     @property
     def duct_state(self) -> ModalState:
@@ -149,6 +189,11 @@ class Simulation:
         return self.tools.refused + self.holds.refused
 
     @property
+    def healed_states(self) -> int:
+        """How often since the start a state was not sound, and the last sound one was taken up again."""
+        return self._healer.healed
+
+    @property
     def slides(self) -> npt.NDArray[np.bool_]:
         """(C,) whether each contact slid in the last step."""
         return self.system.slides
@@ -181,7 +226,7 @@ class Simulation:
 
     def _lap(self, stage: int) -> None:
         now = perf_counter_ns()
-        self.cost_ns[stage] = now - self._mark_ns
+        self.cost_ns[stage] += now - self._mark_ns
         self._mark_ns = now
 
     def _add_loads(self, dt_s: float) -> None:
@@ -200,7 +245,7 @@ class Simulation:
         system.clear()
         self.seal.append_row()
         self.search.start(self.duct)
-        if pairs is None:
+        if pairs is None or self.tools.is_behind:  # others look for pairs where the hand is
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)
@@ -250,8 +295,8 @@ class Simulation:
         for effect in self._stages["after_solve"]:
             effect.after_solve(self.world, dt_s)
 
-    def _report(self) -> None:
+    def _report(self, dt_s: float) -> None:
         """Write what the tools feel."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         wants_stiffness = self.system.strategy.knows_stiffness
-        self.max_penetration_m = report(*addresses, bool(self.holds.active), wants_stiffness)
+        self.max_penetration_m = report(*addresses, dt_s, (bool(self.holds.active), wants_stiffness))

@@ -9,10 +9,14 @@ import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
+from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
+
+# Openings and rolls beyond this are numbers, but no hand's.
+MOST_TURNED_RAD = 1e3
 
 
 class ToolArrays(Struct):
@@ -24,6 +28,7 @@ class ToolArrays(Struct):
     damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
     roll: Annotated[FloatArray, N_TOOLS]
+    start: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # scratch: the hand at the start of the step
     hand: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     stretch: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     proxy: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
@@ -35,6 +40,7 @@ class ToolArrays(Struct):
     length: Annotated[FloatArray, N_TOOLS]
     segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
     refused: int = 0
+    behind: int = 0  # tools that were not where their hands are at the end of the last step
 
 
 tools_at = reader(ToolArrays)
@@ -91,14 +97,20 @@ class ToolBody:
 
     @property
     def refused(self) -> int:
-        """Inputs since the start that no instrument can have: a NaN, an infinity, J in the port itself."""
+        """Inputs since the start that no instrument can have: a NaN, J in the port itself or half a metre from it."""
         return self._arrays.refused
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether a tool is not where its hand is asked to be, because that is too far for a step."""
+        return self._arrays.behind > 0
 
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and find where the proxies go without contact; poses stay those of the start.
 
-        A tool that appears starts with its proxy at the hand. Jaws that hold something do not close further. A tool
-        whose input is refused is absent for the step, and stays where it was.
+        A hand that is further away than a hand can come in a step is followed at `FASTEST_HAND_M_S`. A tool that
+        appears starts with its proxy at the hand. Jaws that hold something do not close further. A tool whose input is
+        refused is absent for the step, and stays where it was.
         """
         hands = (inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad)
         predict_proxies(self.address, inputs.present, hands, dt_s)
@@ -106,6 +118,10 @@ class ToolBody:
     def correct(self, force: FloatArray) -> None:
         """Apply the generalised contact forces (2, 4) of the step, in N and N m."""
         correct_proxies(self.address, force)
+
+    def state_arrays(self) -> tuple[FloatArray, ...]:
+        """Return the live arrays of the state."""
+        return self.proxy, self.hand, self.stretch, self.roll_rad
 
     def update_pose(self) -> None:
         """Recompute frames and segments from the proxies."""
@@ -119,13 +135,11 @@ def predict_proxies(
     """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`."""
     tools = tools_at(address)
     position, opening, roll = hands
+    tools.behind = 0
     for tool in range(present.shape[0]):
         is_there = present[tool]
         if _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool]):
-            for axis in range(3):
-                tools.hand[tool, axis] = position[tool, axis]
-            tools.hand[tool, 3] = opening[tool]
-            tools.roll[tool] = roll[tool]
+            _move_hand(tools, tool, (position[tool], opening[tool], roll[tool]), is_there, dt_s)
         elif is_there:
             tools.refused += 1
             is_there = False
@@ -148,12 +162,31 @@ def predict_proxies(
 
 
 @kernel
+def _move_hand(
+    tools: ToolArrays, tool: int, target: tuple[FloatArray, float, float], is_there: bool, dt_s: float
+) -> None:
+    """Put the hand where it is asked to be, or as far on its way as a tool that is in touch may go in a step."""
+    hand, reach = tools.hand[tool], math.inf
+    if is_there and tools.present[tool]:
+        reach = FASTEST_HAND_M_S * dt_s
+    pose, sizes = (tools.start[tool], tools.roll[tool]), (tools.jaw_length[tool], reach)
+    for axis in range(hand.shape[0]):
+        tools.start[tool, axis] = hand[axis]
+    tools.roll[tool] = sweep(tools.port[tool], pose, target, sizes, hand)
+    is_behind = tools.roll[tool] != target[2] or hand[3] != target[1]
+    for axis in range(3):
+        is_behind = is_behind or hand[axis] != target[0][axis]
+    tools.behind += is_there and is_behind
+
+
+@kernel
 def _is_sound(junction: FloatArray, port: FloatArray, opening: float, roll: float) -> bool:
-    """Whether there is a pose for these numbers: all of them finite, and some shaft inside the port."""
+    """Whether there is a pose for these numbers: all finite, and some shaft inside the port but not too much."""
     length_2 = 0.0
     for axis in range(3):
         length_2 += (junction[axis] - port[axis]) ** 2
-    return bool(0.0 < length_2 < math.inf and math.isfinite(opening) and math.isfinite(roll))
+    is_reached = 0.0 < length_2 < LONGEST_SHAFT_M * LONGEST_SHAFT_M
+    return bool(is_reached and abs(opening) < MOST_TURNED_RAD and abs(roll) < MOST_TURNED_RAD)
 
 
 @kernel

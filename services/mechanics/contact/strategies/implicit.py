@@ -38,7 +38,7 @@ class ImplicitStrategy(ContactStrategy):
     def solve(self, iterations: int, dt_s: float) -> int:
         """Solve the complementarity problem."""
         settings = self._settings
-        sweeps: int = solve_implicitly(self._address, settings.recovery, iterations, settings.tolerance_n)
+        sweeps: int = solve_implicitly(self._address, (settings.recovery, dt_s), (iterations, settings.tolerance_n))
         return sweeps
 
 
@@ -63,13 +63,15 @@ def rotate(state_address: Address[ContactState]) -> None:
 
 
 @kernel
-def solve_implicitly(state_address: Address[ContactState], recovery: float, iterations: int, tolerance_n: float) -> int:
-    """Find the contact forces from W and return the number of sweeps."""
+def solve_implicitly(
+    state_address: Address[ContactState], recovery: tuple[float, float], effort: tuple[int, float]
+) -> int:
+    """Find the contact forces from W and return the number of sweeps; see `free_motion` and `solve_contacts`."""
     state = state_at(state_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
-    free_motion(state.rows, recovery, state.problem.motion)
-    sweeps: int = solve_contacts(state.problem, W, (iterations, tolerance_n), state.scratch)
+    free_motion(state.rows, recovery[0], recovery[1], state.problem.motion)
+    sweeps: int = solve_contacts(state.problem, W, effort, state.scratch)
     finish(state)
     store_anchors(state.problem, state.slides, state.memory.elastic_m)
     return sweeps

@@ -45,7 +45,7 @@ class PenaltyStrategy(ContactStrategy):
 def solve_by_penalty(state_address: Address[ContactState], gains: PenaltyGains) -> None:
     """Find the contact forces from penetrations."""
     state = state_at(state_address)
-    free_motion(state.rows, 1.0, state.problem.motion)
+    free_motion(state.rows, 1.0, gains.dt_s, state.problem.motion)
     write_penalties(state.rows, gains)
     finish(state)
 

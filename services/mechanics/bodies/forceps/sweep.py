@@ -1,0 +1,97 @@
+"""From where a tool is to where its hand is asked to be: at a bounded speed, never at once.
+
+A hand cannot jump, but ticks get lost and callers hand in anything. An instrument turns about its port and slides
+through it, so that is the path: the shaft swings in the plane of both directions while its length, roll and opening
+change.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.contact.frames import tangents
+
+# Instruments of bariatric surgery, the longest there are, have 0.45 m of shaft; J is no further from the port.
+LONGEST_SHAFT_M = 0.5
+# In training tasks instruments move at 0.05 to 0.3 m/s, and at a tick of 1 ms half a metre a second is how far ahead
+# contacts are seen. Whoever moves faster, up to the 1.2 m/s at which an arm trips, is followed late.
+FASTEST_HAND_M_S = 0.5
+_STRAIGHT = 1e-12
+
+
+@kernel
+def sweep(
+    port: FloatArray,
+    pose: tuple[FloatArray, float],
+    target: tuple[FloatArray, float, float],
+    sizes: tuple[float, float],
+    out: FloatArray,
+) -> float:
+    """Write J and opening at the end of the step into ``out`` (4,), and return the roll then.
+
+    ``pose`` holds J with opening (4,) and roll at its start, ``target`` J, opening and roll that are asked for;
+    ``sizes`` the length of the jaws and how far J may go, in m. A target within reach is reached exactly.
+    """
+    (start, roll), (junction, opening, asked_roll) = pose, target
+    share = _share(port, pose, target, sizes)
+    if share >= 1.0:
+        for axis in range(3):
+            out[axis] = junction[axis]
+        out[3] = opening
+        return asked_roll
+    _swing(port, start, junction, share, out)
+    out[3] = start[3] + share * (opening - start[3])
+    return roll + share * (asked_roll - roll)
+
+
+@kernel
+def _share(
+    port: FloatArray,
+    pose: tuple[FloatArray, float],
+    target: tuple[FloatArray, float, float],
+    sizes: tuple[float, float],
+) -> float:
+    """Return the part of the way that J, and the tips of the jaws about it, may go; more than 1 if they arrive."""
+    (start, roll), (junction, opening, asked_roll), (jaw_length, reach) = pose, target, sizes
+    before, after, angle = _polar(port, start, junction)
+    way = math.hypot(after - before, angle * max(before, after))
+    turn = jaw_length * (abs(asked_roll - roll) + 0.5 * abs(opening - start[3]))
+    longest = max(way, turn)
+    return reach / longest if longest > 0.0 else 1.0
+
+
+@kernel
+def _polar(port: FloatArray, start: FloatArray, end: FloatArray) -> tuple[float, float, float]:
+    """Return the distances of two points from the port and the angle between them there."""
+    before, after, along, across = 0.0, 0.0, 0.0, 0.0
+    for axis in range(3):
+        a, b = start[axis] - port[axis], end[axis] - port[axis]
+        before, after, along = before + a * a, after + b * b, along + a * b
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        normal = (start[i] - port[i]) * (end[j] - port[j]) - (start[j] - port[j]) * (end[i] - port[i])
+        across += normal * normal
+    return math.sqrt(before), math.sqrt(after), math.atan2(math.sqrt(across), along)
+
+
+@kernel
+def _swing(port: FloatArray, start: FloatArray, end: FloatArray, share: float, out: FloatArray) -> None:
+    """Write the point at ``share`` of the swing about the port from ``start`` to ``end`` into ``out``."""
+    before, after, angle = _polar(port, start, end)
+    length, sine, size = before + share * (after - before), math.sin(angle), 0.0
+    first, second, third = 1.0 - share, share, 0.0
+    across = (0.0, 0.0, 0.0)
+    if sine > _STRAIGHT:
+        first, second = math.sin((1.0 - share) * angle) / sine, math.sin(share * angle) / sine
+    elif angle > 1.0:  # straight through the port: any plane will do
+        first, second, third = math.cos(share * angle), 0.0, math.sin(share * angle)
+        x, y, z = start[0] - port[0], start[1] - port[1], start[2] - port[2]
+        across = tangents(x / before, y / before, z / before)[0]
+    for axis in range(3):
+        out[axis] = first * (start[axis] - port[axis]) / before + second * (end[axis] - port[axis]) / after
+        out[axis] += third * across[axis]
+        size += out[axis] * out[axis]
+    size = math.sqrt(size)
+    for axis in range(3):
+        out[axis] = port[axis] + length / size * out[axis]

@@ -1,0 +1,74 @@
+"""In how many parts a step is taken: so many that nothing moves past what it has not met yet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
+from services.mechanics.compiled import kernel
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.world import World
+
+# Nodes of the wall that say how fast it moves: modes that are fast are long.
+N_NODES = 32
+# At most; a power of two, so that few lengths of a step have to be prepared.
+MOST_PARTS = 64
+
+
+class Pace:
+    """Splits steps in which something moves further than contacts are seen ahead.
+
+    What moves at hand speeds is no reason to: at a tick of 1 ms it begins at half a metre a second or more.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._most_m = 2.0 * world.scene.contact.margin_m
+        basis, n = world.duct.reduced.basis, world.duct.reduced.mesh.n_vertices
+        nodes = np.unique(np.linspace(0, n - 1, N_NODES).astype(int))
+        self._modes = np.ascontiguousarray(basis.Phi[nodes].reshape(3 * len(nodes), -1))
+
+    def parts(self, tools: ToolInputs, dt_s: float) -> int:
+        """Return the number of parts of a step, a power of two."""
+        world = self._world
+        rod, duct, body = world.catheter, world.duct, world.tools
+        moved_m = fastest(rod.state.velocity_m_s) * dt_s
+        if duct.dt_s > 0.0:
+            moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * dt_s / duct.dt_s)
+        if dt_s * FASTEST_HAND_M_S > self._most_m:
+            away_m = np.linalg.norm(tools.position_m - body.hand[:, :3], axis=1)[tools.present & body.present]
+            moved_m = max(moved_m, min(float(away_m.max(initial=0.0)), dt_s * FASTEST_HAND_M_S))
+        parts = 1
+        while parts < MOST_PARTS and moved_m > parts * self._most_m:
+            parts *= 2
+        return parts
+
+
+@kernel
+def fastest(velocity: FloatArray) -> float:
+    """Return the largest speed of particles (n, 3)."""
+    largest_2 = 0.0
+    for i in range(velocity.shape[0]):
+        largest_2 = max(largest_2, velocity[i, 0] ** 2 + velocity[i, 1] ** 2 + velocity[i, 2] ** 2)
+    return math.sqrt(largest_2)
+
+
+@kernel
+def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
+    """Return the longest way in m of nodes whose rows ``modes`` (3 n, r) has, between coordinates (r,).
+
+    Rates would not do: those of a wall that is pressed on swing within each step.
+    """
+    largest_2 = 0.0
+    for node in range(modes.shape[0] // 3):
+        way_2 = 0.0
+        for axis in range(3):
+            way = 0.0
+            for mode in range(before.shape[0]):
+                way += modes[3 * node + axis, mode] * (after[mode] - before[mode])
+            way_2 += way * way
+        largest_2 = max(largest_2, way_2)
+    return math.sqrt(largest_2)
