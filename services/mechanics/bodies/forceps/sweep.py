@@ -11,7 +11,7 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.frames import tangents
+from services.mechanics.compiled.vectors import cross, unit
 
 # Instruments of bariatric surgery, the longest there are, have 0.45 m of shaft; J is no further from the port.
 LONGEST_SHAFT_M = 0.5
@@ -87,7 +87,7 @@ def _swing(port: FloatArray, start: FloatArray, end: FloatArray, share: float, o
     elif angle > 1.0:  # straight through the port: any plane will do
         first, second, third = math.cos(share * angle), 0.0, math.sin(share * angle)
         x, y, z = start[0] - port[0], start[1] - port[1], start[2] - port[2]
-        across = tangents(x / before, y / before, z / before)[0]
+        across = unit(cross((x, y, z), (1.0, 0.0, 0.0) if abs(x) < 0.6 * before else (0.0, 1.0, 0.0)))
     for axis in range(3):
         out[axis] = first * (start[axis] - port[axis]) / before + second * (end[axis] - port[axis]) / after
         out[axis] += third * across[axis]
