@@ -114,6 +114,9 @@ class CatheterBody:
     def halt(self) -> None:
         """Stop where it is."""
         self.state.velocity_m_s[:] = 0.0
+        self.state.slow_velocity_m_s = None
+        if self.state.frame is not None:
+            self.state.frame.forget_motion()
         self.contact_force_n[:] = 0.0
         self._last_external_n[:] = np.nan
 

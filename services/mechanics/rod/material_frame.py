@@ -49,6 +49,10 @@ class MaterialFrame:
         path_m = None if self._path_m is None else self._path_m.copy()
         return MaterialFrame(self.tangent.copy(), self.m1.copy(), self.twist_rad.copy(), self.end_is_held, path_m)
 
+    def forget_motion(self) -> None:
+        """Expect nothing to move in the next step."""
+        self._path_m = None
+
     def path(self, position_m: FloatArray) -> FloatArray:
         """(3, n, 3): last positions of the particles, a step's way of late, and what `expect_middle` writes."""
         if self._path_m is None:
