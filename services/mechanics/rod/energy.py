@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.introducer_forces import introducer_energy
-from services.mechanics.rod.model import RodModel, RodWork, allocate_work
+from services.mechanics.rod.model import RodModel, RodWork, allocate_work, model_at, work_at
 from services.mechanics.rod.state import RodState
 from services.mechanics.rod.twist import TwistModel, twist_energy
 
@@ -62,14 +64,23 @@ def rod_energy(
     """
     work = work or allocate_work(len(state.position_m))
     np.copyto(work.position, state.position_m)
-    segment_geometry(model, work)
+    stretch_j, bending_j, support_j = _energies(model.address, work.address)
     return RodEnergy(
-        kinetic_j=0.5 * float(model.mass @ np.sum(state.velocity_m_s**2, axis=1)),
-        stretch_j=float(stretch_energy(model, work)),
-        bending_j=float(bending_energy(model, work)) + _wall_energy(model, work),
+        kinetic_j=0.5 * float(np.einsum("i,ij,ij", model.mass, state.velocity_m_s, state.velocity_m_s)),
+        stretch_j=stretch_j,
+        bending_j=bending_j + _wall_energy(model, work),
         twist_j=twist_energy(twist, state) if twist is not None else 0.0,
-        support_j=float(introducer_energy(model, work)) if model.introducer.is_there else 0.0,
+        support_j=support_j,
     )
+
+
+@kernel
+def _energies(model_address: Address[RodModel], work_address: Address[RodWork]) -> tuple[float, float, float]:
+    """Return what stretch, bending and introducer store."""
+    model, work = model_at(model_address), work_at(work_address)
+    segment_geometry(model, work)
+    support_j = introducer_energy(model, work) if model.introducer.is_there else 0.0
+    return stretch_energy(model, work), bending_energy(model, work), support_j
 
 
 def internal_forces(model: RodModel, state: RodState, work: RodWork | None = None) -> FloatArray:
@@ -88,11 +99,18 @@ def internal_forces(model: RodModel, state: RodState, work: RodWork | None = Non
     work.force[:] = 0.0
     work.position[:] = state.position_m
     work.lead[0] = model.beta * state.velocity_m_s
-    add_internal_forces(model, work, (0.0, 0.0))
+    _add_forces(model.address, work.address)
     return work.force.copy()
 
 
+@kernel
+def _add_forces(model_address: Address[RodModel], work_address: Address[RodWork]) -> None:
+    add_internal_forces(model_at(model_address), work_at(work_address), (0.0, 0.0))
+
+
 def _wall_energy(model: RodModel, work: RodWork) -> float:
+    if np.isnan(model.walls).all():
+        return 0.0
     total = 0.0
     for wall, segment, stiffness in zip(model.walls, work.tangent[[0, -1]], model.wall_stiffness, strict=True):
         if not math.isnan(wall[0]):

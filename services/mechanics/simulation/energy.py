@@ -148,15 +148,15 @@ class EnergyBook:
 
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
         duct = self.simulation.duct
-        basis = duct.reduced.basis
-        impulse = dt_s * duct.contact_impulse
-        jumped = before.modal.qdot + impulse
+        basis, kick = duct.reduced.basis, dt_s * duct.contact_impulse
+        jumped, rate = before.modal.qdot + kick, duct.rate()
         mean_rate = 0.5 * (jumped + duct.state.qdot)
         damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio
         self.flow.duct_j += dt_s * float(np.sum(damping * mean_rate**2))
         change = duct.state.q - before.modal.q
         # The impulse acts at the start of the step; the rows below count its force over the whole of it.
-        self.flow.impact_j += float(np.sum(duct.contact_impulse * change - impulse * (jumped - 0.5 * impulse)))
+        kicked = jumped**2 - before.duct_rate**2 + rate**2 - duct.state.qdot**2
+        self.flow.impact_j += float(duct.contact_impulse @ change - 0.5 * np.sum(kicked))
         self._enter_residual(before)
 
     def _enter_residual(self, before: _Snapshot) -> None:
@@ -192,6 +192,7 @@ class _Snapshot:
     rod: RodState
     rod_elastic_j: float
     modal: ModalState
+    duct_rate: FloatArray
     loads: FloatArray
     anchors_j: float
 
@@ -204,6 +205,7 @@ class _Snapshot:
             rod.copy(),
             rod_energy.elastic_j,
             simulation.duct.state.copy(),
+            simulation.duct.rate(),
             nodal_loads(simulation),
             _anchor_energy_j(simulation),
         )
