@@ -12,6 +12,8 @@ from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 
+# Of what comes from a peer, which may have rounded it.
+WEIGHT_TOLERANCE = 1e-3
 # A grasp holds two points; more come only from a peer that has lost its mind.
 CAPACITY = 16
 
@@ -162,7 +164,7 @@ class HoldRegistry:
         """Whether a request means something; what does not is counted."""
         is_sound = 0 <= request.tool < N_TOOLS and request.target_kind in self._n_targets
         is_sound = is_sound and 0 <= request.target < self._n_targets[request.target_kind]
-        is_sound = is_sound and math.isfinite(sum(request.target_weights.tolist()) + request.jaw_angle_rad)
+        is_sound = is_sound and math.isfinite(request.jaw_angle_rad) and _are_weights(request.target_weights.tolist())
         is_sound = is_sound and request.limit_n >= 0.0
         self.refused += not is_sound
         return is_sound
@@ -183,3 +185,8 @@ class HoldRegistry:
 
     def _list_slots(self) -> None:
         self._arrays.order[: len(self.active)] = [hold.slot for hold in self.active.values()]
+
+
+def _are_weights(weights: list[float]) -> bool:
+    """Whether these are those of a point of what they are given for, and not of one beside it."""
+    return abs(sum(weights) - 1.0) <= WEIGHT_TOLERANCE and all(weight >= -WEIGHT_TOLERANCE for weight in weights)
