@@ -20,7 +20,7 @@ from services.studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, Figure
 from services.studies.stability.hands import Hands
 from services.studies.stability.watch import Watch, is_at_rest
 
-QUIET_S = 0.15
+QUIET_S = 0.1
 """So long in a row at rest ends a run."""
 SETTLE_S = 4.0
 """A scene that nobody disturbs has so long to come to rest."""
@@ -76,11 +76,12 @@ def drive(play: Play) -> Driven:
     simulation.step(tools, None, play.dt_s)
     run = _Run(simulation, EnergyBook(simulation), Watch(simulation, speed_m_s), tools, play)
     is_sound = run.through_hands() and run.until_quiet()
-    figures = run.watch.worst | run.watch.energy_figures()
-    depth_m = figures.pop("penetration")
-    figures["penetration_any"] = depth_m / play.scene.duct.thickness_m
-    if speed_m_s <= HAND_SPEED_M_S and not play.may_jump:
-        figures["penetration_hand"] = depth_m
+    figures = run.watch.worst | run.watch.energy_figures() | {"healed": float(simulation.healed_states)}
+    for name in ("penetration", "tool_penetration"):
+        depth_m = figures.pop(name)
+        figures[f"{name}_any"] = depth_m / play.scene.duct.thickness_m
+        if speed_m_s <= HAND_SPEED_M_S and not play.may_jump:
+            figures[f"{name}_hand"] = depth_m
     if is_sound:
         run.watch.count_crossings()
         figures["crossings"] = run.watch.worst["crossings"]

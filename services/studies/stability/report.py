@@ -32,7 +32,8 @@ def worst_figures(results: Iterable[Result]) -> dict[str, Worst]:
     worst: dict[str, Worst] = {}
     for result in results:
         for name, value in result.figures.items():
-            if name not in worst or load_of(name, value) > load_of(name, worst[name].value):
+            rank = (load_of(name, value), value)
+            if name not in worst or rank > (load_of(name, worst[name].value), worst[name].value):
                 worst[name] = Worst(name, value, f"{result.family}: {result.case}")
     return {name: worst[name] for name in CRITERIA if name in worst}
 
@@ -41,7 +42,7 @@ def shown(name: str, value: float) -> str:
     """A figure with its unit, in a size that is read easily."""
     unit = CRITERIA[name].unit
     if not math.isfinite(value):
-        return "never" if name == "rest" else "none"
+        return "never" if name == "rest" else "-"
     if unit == "m" and value != 0.0:
         return f"{1e3 * value:.3g} mm" if abs(value) >= 1e-5 else f"{1e6 * value:.3g} um"
     return f"{value:.3g} {unit}".strip()

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.rod.model import RodModel
 from services.mechanics.simulation import Simulation
@@ -43,7 +44,8 @@ class Watch:
         self._strain = 0.0
         self._steps = 0
         self.worst: Figures = dict.fromkeys(
-            ("raised", "not_finite", "speed", "stretch", "penetration", "crossings", "force_step"), 0.0
+            ("raised", "not_finite", "speed", "stretch", "penetration", "tool_penetration", "crossings", "force_step"),
+            0.0,
         )
 
     def look(self, dt_s: float, flow: EnergyFlow | None) -> bool:
@@ -54,7 +56,7 @@ class Watch:
             return False
         self._look_at_forces(dt_s)
         self._look_at_rod()
-        self._keep("penetration", self._penetration_m())
+        self._look_at_overlaps()
         if self._steps % CROSSINGS_EVERY == 0:
             self.count_crossings()
         if flow is not None:
@@ -110,15 +112,17 @@ class Watch:
         self._keep("stretch", stretch - explained)
 
     def _wall_speed_m_s(self) -> float:
-        velocity = (self._wall @ self._simulation.duct.state.qdot).reshape(-1, 3)
+        velocity = (self._wall @ self._simulation.duct.rate()).reshape(-1, 3)
         return math.sqrt(float(np.einsum("ij,ij->i", velocity, velocity).max()))
 
-    def _penetration_m(self) -> float:
+    def _look_at_overlaps(self) -> None:
         rows = self._simulation.contacts
         n = rows.n_contacts
-        if not n:
-            return 0.0
-        return float(np.where(_HAS_GAP[rows.law[:n]], -rows.gap_m[:n], 0.0).max(initial=0.0))
+        if n:
+            depth_m = np.where(_HAS_GAP[rows.law[:n]], -rows.gap_m[:n], 0.0)
+            by_tool = rows.tool[:n] != NO_TOOL
+            self._keep("penetration", float(depth_m[~by_tool].max(initial=0.0)))
+            self._keep("tool_penetration", float(depth_m[by_tool].max(initial=0.0)))
 
 
 _HAS_GAP = np.array(HAS_GAP, dtype=np.bool_)

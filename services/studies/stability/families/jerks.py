@@ -28,7 +28,7 @@ COUNT = 160
 
 def cases(draw: Draw) -> Iterator[Case]:
     """By turns of every situation, with one tool or both; the steadying one moved down first."""
-    for speed in SPEEDS_M_S if draw.is_long else (0.5, 2.0):
+    for speed in SPEEDS_M_S if draw.is_long else (0.5,):
         yield played(f"the steadying tool down by 20 mm at {speed:g} m/s", partial(_steadying, speed))
     for speed in SPEEDS_M_S if draw.is_long else (1.0,):
         for k in range(COUNT if draw.is_long else 1):

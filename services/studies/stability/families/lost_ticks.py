@@ -28,7 +28,7 @@ def cases(draw: Draw) -> Iterator[Case]:
         **{f"{ms} ms frozen": partial(_freeze, ms) for ms in STALLS_MS},
     }
     if not draw.is_long:
-        faults = {name: faults[name] for name in ("20 % lost", "50 ms stall")}
+        faults = {name: faults[name] for name in ("20 % lost", "250 ms stall")}
     for fault, index in faults.items():
         for situation in SITUATIONS if draw.is_long else ("holding",):
             for k in range(COUNT if draw.is_long else 1):

@@ -25,12 +25,12 @@ STEPS_S = 0.0, -1e-3, np.nan, np.inf, -np.inf
 def cases(draw: Draw) -> Iterator[Case]:
     """One number in one tick in fifty of each tool, for each kind of number and place; and steps and holds."""
     for value in VALUES if draw.is_long else ("nan",):
-        for place in PLACES:
+        for place in PLACES if draw.is_long else ("position_m",):
             for k in range(3 if draw.is_long else 1):
                 name = f"{value} in {place}, number {k}"
                 yield played(name, partial(_play, draw, name, value, place))
     yield Case("steps without a length", _steps_without_length)
-    for value in VALUES:
+    for value in VALUES if draw.is_long else ("1e200",):
         yield played(f"{value} in a hold", partial(_hold, VALUES[value]))
 
 

@@ -22,7 +22,7 @@ REACH_M = np.array([12e-3, 6e-3, 6e-3])
 def cases(draw: Draw) -> Iterator[Case]:
     """240 pieces of a quarter of a minute."""
     for k in range(PIECES if draw.is_long else 1):
-        yield played(f"piece {k}", partial(_play, draw, k, PIECE_STEPS if draw.is_long else 500))
+        yield played(f"piece {k}", partial(_play, draw, k, PIECE_STEPS if draw.is_long else 300))
 
 
 def _play(draw: Draw, k: int, steps: int) -> Play:

@@ -76,13 +76,15 @@ def _pulled(dt_s: float, watched_s: float) -> Driven:
 
 
 def _forces(scene: SceneModel, hands: Hands, dt_s: float) -> tuple[Simulation, FloatArray]:
-    """Force on tool 0 in every step, (T, 3)."""
+    """Force on tool 0 where it holds, in every step, (T, 3); at J it would be more, by the lever about the port."""
     simulation, tools = Simulation(scene, reduced_duct(scene)), ToolInputs()
     force_n = np.zeros((len(hands), 3))
     for step in range(len(hands)):
         hands.write(step, tools)
         simulation.step(tools, None, dt_s)
-        force_n[step] = simulation.tool_results.force_n[0]
+        force_n[step] = simulation.contact_force_n[simulation.contacts.tool[: simulation.contacts.n_contacts] == 0].sum(
+            axis=0
+        )
     return simulation, force_n
 
 

@@ -1,0 +1,55 @@
+"""The suite itself: its members, its log, its order."""
+
+import pytest
+
+from services.studies.stability.families import FAMILIES
+from services.studies.stability.family import Draw, Reach
+from services.studies.stability.report import page
+from services.studies.stability.suite import Log, Order, Result, list_cases, run_suite
+
+LONG = Order(Reach.LONG, 1, tuple(FAMILIES))
+THEORY = Order(Reach.QUICK, 1, ("theory",))
+
+
+def test_the_long_suite_has_at_least_2000_cases_and_500_jerks_with_names_of_their_own():
+    cases = list_cases(LONG)
+    assert len(cases) == len(set(cases)) >= 2000
+    assert sum(family == "jerks" for family, _ in cases) >= 500
+    assert {family for family, _ in cases} == set(FAMILIES)
+
+
+def test_the_quick_suite_takes_members_of_every_family():
+    assert {family for family, _ in list_cases(Order(Reach.QUICK, 1, tuple(FAMILIES)))} == set(FAMILIES)
+
+
+def test_a_case_is_drawn_from_the_seed_and_its_name():
+    draw = Draw(Reach.LONG, 3)
+    assert draw.random("one").random() == draw.random("one").random()
+    assert draw.random("one").random() != draw.random("other").random()
+    assert draw.random("one").random() != Draw(Reach.LONG, 4).random("one").random()
+
+
+def test_what_the_log_has_is_not_run_again(tmp_path):
+    told = []
+    first = run_suite(THEORY, 1, Log(tmp_path, THEORY, "code"), lambda *args: told.append(args))
+    assert len(told) == len(first) == len(list_cases(THEORY))
+    again = run_suite(THEORY, 1, Log(tmp_path, THEORY, "code"), lambda *args: told.append(args))
+    assert len(told) == len(first)
+    assert again == first
+
+
+def test_a_log_of_another_order_is_refused(tmp_path):
+    Log(tmp_path, THEORY, "code")
+    with pytest.raises(ValueError, match="holds the results of"):
+        Log(tmp_path, THEORY, "other code")
+
+
+def test_the_page_names_what_failed_and_the_worst_of_each_criterion():
+    results = [
+        Result("theory", "good", {"theory": 0.0, "rest": 1.0}, 10, 0.1),
+        Result("theory", "bad", {"theory": 1.0, "rest": float("inf")}, 10, 0.1),
+    ]
+    written = page(THEORY, results, "abc")
+    assert "2 cases, 1 failed" in written
+    assert "| theory | bad | rest never; theory 1 |" in written
+    assert "| rest | 2 s | never | theory: bad | 2 | 1 |" in written

@@ -1,0 +1,75 @@
+"""Every criterion sees what it is for: a state is spoilt on purpose, and the figure of that fault fails."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.studies.stability.criteria import CRITERIA, failures
+from services.studies.stability.drive import Play, drive, reduced_duct
+from services.studies.stability.situations import beside
+from services.studies.stability.watch import Watch
+
+
+def run(before_step):
+    start = beside()
+    return drive(Play(scene=start.scene, hands=start.hands.sampled(np.arange(100)), before_step=before_step)).figures
+
+
+def test_nothing_is_wrong_where_nothing_was_spoilt():
+    figures = run(None)
+    assert failures(figures) == []
+    assert {"gain", "imbalance", "speed", "penetration_any", "crossings", "force_step", "rest"} <= figures.keys()
+
+
+def test_energy_that_nobody_put_in_is_a_gain():
+    def kick(simulation, step):
+        if step == 60:
+            simulation.catheter.state.velocity_m_s[:, 2] += 0.3
+
+    assert "gain" in failures(run(kick))
+
+
+def shoot(simulation):
+    simulation.catheter.state.velocity_m_s[:, 2] += 60.0
+
+
+def draw_out(simulation):
+    simulation.catheter.state.position_m[:] *= 1.2
+
+
+def put_through_the_wall(simulation):
+    simulation.catheter.state.position_m[-6:, 1] += 8e-3
+
+
+def press(simulation):
+    simulation.tool_results.force_n[0, 0] += 0.4
+
+
+def lose(simulation):
+    simulation.catheter.state.velocity_m_s[-1, 0] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("spoil", "criterion"),
+    [
+        (shoot, "speed"),
+        (draw_out, "stretch"),
+        (put_through_the_wall, "crossings"),
+        (press, "force_step"),
+        (lose, "not_finite"),
+    ],
+)
+def test_the_figure_of_a_fault_fails_and_that_of_a_sound_state_does_not(spoil, criterion):
+    start, tools = beside(), ToolInputs()
+    simulation = Simulation(start.scene, reduced_duct(start.scene))
+    start.hands.write(0, tools)
+    simulation.step(tools)
+    watch = Watch(simulation, 0.1)
+    assert watch.look(1e-3, None)
+    watch.count_crossings()
+    assert watch.worst[criterion] <= CRITERIA[criterion].limit
+    spoil(simulation)
+    if watch.look(1e-3, None):
+        watch.count_crossings()
+    assert watch.worst[criterion] > CRITERIA[criterion].limit
