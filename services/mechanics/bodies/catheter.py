@@ -137,8 +137,11 @@ class CatheterBody:
         """Apply the contact forces (k, 3) on the first bodies to the particles that they act on, see `compliance`.
 
         With ``acts_in_next_step`` they are held over all of the next step, as in the paper's architecture (section VI):
-        penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments.
+        penalty forces are explicit anyway, and as an impulse they would shake the stretch of the segments. While it
+        sleeps untouched, what its introducer held when it fell asleep stays: it wakes to the same force.
         """
+        if self.slept and len(forces) == 0:
+            return
         spread_rod_forces(nodes, weights, forces, self.contact_force_n)
         self._was_touched, self._was_woken = len(forces) > 0, len(forces) > self.n_own_rows
         if self._was_touched and not self._acts_in_next_step:

@@ -41,21 +41,18 @@ class Pull:
         self.simulation.step(self.tools, dt_s=self.dt_s)
         rows, n = self.simulation.contacts, self.simulation.contacts.n_contacts
         along = self.simulation.contact_force_n[:, 0]
-        return tuple(
-            -along[rows.law[:n] == number_of(law)].sum() * sign for law, sign in (("hold", -1.0), ("seal", -1.0))
-        )
+        return tuple(along[rows.law[:n] == number_of(law)].sum() for law in ("hold", "seal"))
 
 
-@pytest.mark.parametrize("dt_s", [1e-3, 1e-4])
+@pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4])
 @pytest.mark.parametrize("speed_m_s", [1e-3, 1e-2, 5e-2])
 def test_breaking_away_takes_the_friction_of_the_seal_at_any_speed_and_step(with_effects, small_duct, speed_m_s, dt_s):
     simulation = in_introducer(with_effects, small_duct)
-    pull, way_m = Pull(simulation, dt_s), 0.3e-3
+    pull, way_m = Pull(simulation, dt_s), 0.2e-3 + 10e-3 * speed_m_s
     n = round(way_m / speed_m_s / dt_s)
     seal_n = np.array([pull.to(way_m * tick / n)[1] for tick in range(n + 1)])
     assert np.abs(seal_n).max() == pytest.approx(SEAL_N, rel=1e-9)
-    slides = np.flatnonzero(np.abs(seal_n) > 0.999 * SEAL_N)
-    assert np.all(np.abs(seal_n[slides[0] + round(1e-3 / dt_s) :]) > 0.0)
+    assert np.abs(seal_n[-n // 4 :]).mean() == pytest.approx(SEAL_N, rel=0.01)
 
 
 @pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4])
@@ -72,7 +69,7 @@ def test_the_hand_feels_no_more_than_the_friction_of_the_seal(with_effects, smal
 
 
 @pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4, 1e-4])
-def test_a_seal_that_is_pulled_at_holds_without_creeping(with_effects, small_duct, dt_s):
+def test_a_seal_and_the_grip_that_pulls_at_it_hold_without_creeping(with_effects, small_duct, dt_s):
     """Drawn taut within its friction in thick oil, then watched at each step: not a thousandth is lost in a minute."""
     simulation = in_introducer(with_effects, small_duct, viscous_drag_n_s_m2=5.0)
     pull, way_m = Pull(simulation, 1e-3), 40e-6
@@ -80,11 +77,12 @@ def test_a_seal_that_is_pulled_at_holds_without_creeping(with_effects, small_duc
         pull.to(way_m * min(tick / 200, 1.0))
     pull.dt_s = dt_s
     for _ in range(300):
-        start_n = pull.to(way_m)[1]
-    assert 0.7 * SEAL_N < abs(start_n) < 0.95 * SEAL_N
+        start_n = np.array(pull.to(way_m))
+    assert np.all(np.abs(start_n) > 0.7 * SEAL_N)
+    assert np.all(np.abs(start_n) < 0.95 * SEAL_N)
     for _ in range(300):
-        end_n = pull.to(way_m)[1]
-    assert abs(end_n - start_n) * 60.0 / (300 * dt_s) < 1e-3 * SEAL_N
+        end_n = np.array(pull.to(way_m))
+    assert np.all(np.abs(end_n - start_n) * 60.0 / (300 * dt_s) < 1e-3 * SEAL_N)
 
 
 @pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4])
@@ -142,3 +140,25 @@ def closest(a, b, p):
     """Place on the segment from a to b nearest to p, and the distance."""
     s = np.clip((p - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
     return s, np.linalg.norm(a + s * (b - a) - p)
+
+
+def test_a_catheter_that_hangs_in_its_seal_sleeps_and_is_held_when_it_wakes(with_effects, small_duct):
+    """Drawn by its weight within the seal's friction; asleep it needs no row, awake again it is where it was."""
+    mass_kg = in_introducer(with_effects, small_duct).catheter.properties.particle_mass_kg().sum()
+    gravity = {"gravity": {"acceleration_m_s2": (-0.8 * SEAL_N / mass_kg, 0.0, 0.0)}}
+    simulation = in_introducer(with_effects, small_duct, gravity, viscous_drag_n_s_m2=2.0)
+    tools = ToolInputs()
+    tools.present[:] = False
+    for _ in range(600):
+        simulation.step(tools)
+    assert simulation.catheter.slept
+    assert len(simulation.seal.rows) == 0
+    hung_m = simulation.catheter.state.position_m.copy()
+    # A push that nobody feels wakes it.
+    simulation.catheter.state.velocity_m_s[-1, 2] = 1e-6
+    simulation.step(tools)
+    assert not simulation.catheter.slept
+    assert abs(simulation.contacts.force_n[0, 0]) == pytest.approx(0.8 * SEAL_N, rel=1e-3)
+    for _ in range(20):
+        simulation.step(tools)
+    assert np.abs(simulation.catheter.state.position_m - hung_m).max() < 1e-8
