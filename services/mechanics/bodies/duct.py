@@ -82,13 +82,14 @@ class DuctBody:
         loads = self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads]
         self._motion.add_residual(points, loads, moved)
 
-    def compliance(self, nodes: IntArray, weights: FloatArray, n_modes: int, out: FloatArray) -> None:
+    def compliance(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
         """Write the compliance between the points of the last `gather` into the lower blocks of ``out`` (3 k, 3 k).
 
-        In m/N at the end of the step, along world axes; with the lowest ``n_modes`` modes and the residual.
+        In m/N at the end of the step, along world axes: with all modes, as forces act on all of them. With fewer, the
+        wall would give way more than the solve knows, and every tick would put energy in.
         """
         rows = self.modes[: 3 * len(nodes)]
-        self._motion.compliance((nodes, weights), rows, self.position_gain[:n_modes], out)
+        self._motion.compliance((nodes, weights), rows, self.position_gain, out)
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""

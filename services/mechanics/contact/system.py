@@ -98,9 +98,9 @@ class ContactSystem:
         duct.gather(rows.duct_node[:k], rows.duct_weight[:k])
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
-    def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
-        """Gather what the solve needs, with the lowest ``n_modes`` modes of the duct."""
-        self.strategy.assemble(n_modes, add_compliance)
+    def assemble(self, add_compliance: AddCompliance) -> None:
+        """Gather what the solve needs."""
+        self.strategy.assemble(add_compliance)
 
     def solve(self, iterations: int, dt_s: float) -> None:
         """Find the contact forces."""

@@ -129,11 +129,10 @@ class ContactSettings:
 class QualityLevel:
     """One rung of the quality ladder; rung 0 is the best, and a switch takes effect in the next tick.
 
-    ``n_modes`` is how many of the lowest modes contacts act on (None: all), ``iterations`` the most sweeps of a solve.
+    ``iterations`` is the most sweeps of a solve.
     """
 
     name: str = "full"
-    n_modes: int | None = None
     iterations: int = 30
 
 

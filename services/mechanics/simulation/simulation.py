@@ -215,12 +215,6 @@ class Simulation:
         self.quality_level = level
 
     @property
-    def _n_modes(self) -> int:
-        wanted = self.scene.quality[self.quality_level].n_modes
-        n_modes = self.duct.state.q.size
-        return n_modes if wanted is None else min(wanted, n_modes)
-
-    @property
     def _iterations(self) -> int:
         return self.scene.quality[self.quality_level].iterations
 
@@ -277,7 +271,7 @@ class Simulation:
         self.system.complete_rows()
         for effect in self._stages["set_friction"]:
             effect.set_friction(self.world, dt_s)
-        self.system.assemble(self._n_modes, lambda: self._add_compliance(dt_s))
+        self.system.assemble(lambda: self._add_compliance(dt_s))
         self._lap(3)
         self.system.solve(self._iterations, dt_s)
 

@@ -20,11 +20,11 @@ N_TICKS = 240
 
 @pytest.fixture
 def forces_with_places(with_effects, small_duct, monkeypatch):
-    """(t, 2, 3) forces of a tool that presses on the duct and meets it with other modes, and in other steps."""
+    """(t, 2, 3) forces of a tool that presses on the duct and goes on at another quality, and in other steps."""
 
     def run(n_places):
         monkeypatch.setattr(wall_motion, "NodeCompliance", partial(NodeCompliance, n_places=n_places))
-        levels = (QualityLevel(), QualityLevel(name="low", n_modes=20, iterations=50))
+        levels = (QualityLevel(), QualityLevel(name="high", iterations=50))
         simulation = Simulation(replace(with_effects(friction={}), quality=levels), small_duct)
         tools, forces = ToolInputs(), []
         tools.present[1] = False

@@ -11,7 +11,7 @@ from services.mechanics.simulation import Simulation
 @pytest.fixture
 def ladder(with_effects, small_duct):
     """A tool pressed on the duct and at rest, two rungs of quality."""
-    levels = (QualityLevel(), QualityLevel(name="low", n_modes=20, iterations=1))
+    levels = (QualityLevel(), QualityLevel(name="low", iterations=1))
     simulation = Simulation(replace(with_effects(friction={}), quality=levels), small_duct)
     tools = ToolInputs()
     tools.present[1] = False
@@ -36,15 +36,24 @@ def test_switching_quality_moves_nothing_by_itself(ladder):
     assert largest < 0.3
 
 
-def test_a_lower_rung_makes_fewer_sweeps_on_a_wall_of_fewer_modes(ladder):
-    """Modes that contacts do not see do not give way: the wall that a tool feels is stiffer."""
+def test_a_lower_rung_makes_fewer_sweeps_and_the_wall_stays_what_it_is(ladder):
+    """Contacts on part of the modes were solved for a wall that then gave way more: 434 N at a switch every tick."""
     simulation, tools = ladder
     simulation.step(tools)
     sweeps, stiffness_n_m = simulation.system.sweeps, simulation.tool_results.stiffness_n_m[0, 2, 2]
     simulation.set_quality(1)
     simulation.step(tools)
     assert simulation.system.sweeps == 1 < sweeps
-    assert simulation.tool_results.stiffness_n_m[0, 2, 2] > 1.05 * stiffness_n_m
+    assert simulation.tool_results.stiffness_n_m[0, 2, 2] == pytest.approx(stiffness_n_m, rel=1e-3)
+
+
+def test_switching_in_every_tick_moves_nothing(ladder):
+    simulation, tools = ladder
+    start_n = simulation.tool_results.force_n[0].copy()
+    for tick in range(100):
+        simulation.set_quality(tick % 2)
+        simulation.step(tools)
+        assert np.linalg.norm(simulation.tool_results.force_n[0] - start_n) < 0.02 * np.linalg.norm(start_n)
 
 
 def test_a_level_that_does_not_exist_is_refused(ladder):

@@ -24,12 +24,12 @@ class ImplicitStrategy(ContactStrategy):
     acts_in_next_step = False
     knows_stiffness = True
 
-    def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
+    def assemble(self, add_compliance: AddCompliance) -> None:
         """Gather W, along world axes first."""
         bodies, rows = self._bodies, self._state.rows
         duct, catheter, k = bodies.duct, bodies.catheter, rows.n_contacts
         W = self._state.W
-        duct.compliance(rows.duct_node[:k], rows.duct_weight[:k], n_modes, W)
+        duct.compliance(rows.duct_node[:k], rows.duct_weight[:k], W)
         rod = catheter.compliance(rows.rod_node[:k], rows.rod_weight[:k])
         add_body_compliances(self._address, catheter.slot, rod, bodies.tools.compliance)
         add_compliance()

@@ -29,7 +29,7 @@ class PenaltyStrategy(ContactStrategy):
         super().__init__(bodies, settings, state)
         self._lightest_kg = float(bodies.catheter.properties.particle_mass_kg().min())
 
-    def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
+    def assemble(self, add_compliance: AddCompliance) -> None:
         """Nothing: a penalty asks no body how it gives way."""
 
     def solve(self, iterations: int, dt_s: float) -> int:

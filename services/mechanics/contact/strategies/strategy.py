@@ -34,8 +34,8 @@ class ContactStrategy:
         self._state = state
         self._address = state.address
 
-    def assemble(self, n_modes: int, add_compliance: AddCompliance) -> None:
-        """Gather what the solve needs of the bodies, with the lowest ``n_modes`` modes of the duct."""
+    def assemble(self, add_compliance: AddCompliance) -> None:
+        """Gather what the solve needs of the bodies."""
         raise NotImplementedError
 
     def solve(self, iterations: int, dt_s: float) -> int:

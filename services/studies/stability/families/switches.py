@@ -15,9 +15,9 @@ from services.studies.stability.strokes import stroking
 
 LADDER = (
     QualityLevel(),
-    QualityLevel(name="half", n_modes=40, iterations=15),
-    QualityLevel(name="low", n_modes=10, iterations=3),
-    QualityLevel(name="least", n_modes=1, iterations=1),
+    QualityLevel(name="half", iterations=15),
+    QualityLevel(name="low", iterations=3),
+    QualityLevel(name="least", iterations=1),
 )
 SITUATIONS = {"holding": threaded, "approaching": approaching}
 
