@@ -71,7 +71,8 @@ class Process:
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
-        self.log.info("ready")
+        if not starts_others:  # who starts others speaks for them
+            self.log.info("ready")
 
 
 def parse(process: str, arguments: Sequence[str] | None) -> Options:

@@ -125,9 +125,9 @@ def running_rig(directory: Path, scene: str, overrides: list[str], topics: tuple
         log.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    """Return a running rig whose left hand presses on the duct."""
+    """Return a running rig whose left hand presses on the duct. It ends with its module: two rigs starve each other."""
     script = HERE / "press.yaml"
     overrides = [f"gateway.instruments.{i}.arm.settings.script={script}" for i in (0, 1)]
     with running_rig(tmp_path_factory.mktemp("rig"), str(SCENE), overrides) as rig:

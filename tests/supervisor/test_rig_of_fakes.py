@@ -345,9 +345,8 @@ def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> 
         yield from until(lambda: not asking.is_alive())
         assert told[0]["state"] == "running"
         assert {row["name"] for row in told[0]["processes"]} == set(supervisor.crew.members)
-        children = [pid for pid in _children() if b"page_server" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-        assert len(children) == 1
-        os.kill(children[0], signal.SIGKILL)
+        (page_server,) = _page_servers()
+        os.kill(page_server, signal.SIGKILL)
         yield from until(lambda: any("the page's process ended" in event.text for event in supervisor.events))
         asking = threading.Thread(target=lambda: told.append(_once_running(supervisor)))
         asking.start()
@@ -356,7 +355,7 @@ def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> 
         assert supervisor.state is RigState.RUNNING
 
     fakes.play(scenario)
-    assert not any(b"page_server" in Path(f"/proc/{pid}/cmdline").read_bytes() for pid in _children())
+    assert _page_servers() == []
 
 
 def _once_running(supervisor: Supervisor) -> dict[str, Any]:
@@ -370,8 +369,9 @@ def _once_running(supervisor: Supervisor) -> dict[str, Any]:
     raise AssertionError("the page does not say that the rig runs")
 
 
-def _children() -> list[int]:
-    return [int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
+def _page_servers() -> list[int]:
+    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    return [int(pid) for pid in children if b"page_server" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
 @pytest.mark.skipif(not _fifo_is_granted(), reason="this system refuses SCHED_FIFO")
@@ -384,7 +384,7 @@ def test_it_judges_in_real_time_and_what_it_starts_is_ordinary(fakes: Fakes) -> 
         yield from until_running(supervisor)
         had["judge"] = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
         had.update({name: os.sched_getscheduler(member.pid) for name, member in supervisor.crew.members.items()})
-        had["page"] = next(os.sched_getscheduler(pid) for pid in _children())
+        had["page"] = next(os.sched_getscheduler(pid) for pid in _page_servers())
 
     kept = os.sched_getscheduler(0)
     try:

@@ -30,6 +30,8 @@ class Pace:
         basis, n = world.duct.reduced.basis, world.duct.reduced.mesh.n_vertices
         nodes = np.unique(np.linspace(0, n - 1, N_NODES).astype(int))
         self._modes = np.ascontiguousarray(basis.Phi[nodes].reshape(3 * len(nodes), -1))
+        # No node moves further than this times the way of the coordinates: mostly that is all there is to know.
+        self._longest = float(np.sqrt((self._modes**2).reshape(len(nodes), -1).sum(axis=1).max()))
 
     def parts(self, tools: ToolInputs, dt_s: float) -> int:
         """Return the number of parts of a step, a power of two."""
@@ -37,7 +39,9 @@ class Pace:
         rod, duct, body = world.catheter, world.duct, world.tools
         moved_m = fastest(rod.state.velocity_m_s) * dt_s
         if duct.dt_s > 0.0:
-            moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * dt_s / duct.dt_s)
+            scale = dt_s / duct.dt_s
+            if self._longest * distance(duct.q_start, duct.state.q) * scale > self._most_m:
+                moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
         if dt_s * FASTEST_HAND_M_S > self._most_m:
             away_m = np.linalg.norm(tools.position_m - body.hand[:, :3], axis=1)[tools.present & body.present]
             moved_m = max(moved_m, min(float(away_m.max(initial=0.0)), dt_s * FASTEST_HAND_M_S))
@@ -54,6 +58,15 @@ def fastest(velocity: FloatArray) -> float:
     for i in range(velocity.shape[0]):
         largest_2 = max(largest_2, velocity[i, 0] ** 2 + velocity[i, 1] ** 2 + velocity[i, 2] ** 2)
     return math.sqrt(largest_2)
+
+
+@kernel
+def distance(before: FloatArray, after: FloatArray) -> float:
+    """Return the Euclidean distance of coordinates (r,)."""
+    total = 0.0
+    for mode in range(before.shape[0]):
+        total += (after[mode] - before[mode]) ** 2
+    return math.sqrt(total)
 
 
 @kernel
