@@ -44,30 +44,39 @@ def to_json(result: FemResult) -> dict[str, Any]:
 def _path_json(result: FemResult) -> dict[str, Any]:
     """Points of a nonlinear path, and the displacement of every vertex at its end."""
     start_m = result.model.mesh.vertices_m
-    points = []
-    for point in result.path:
-        displacement = point.at.position_m - start_m
-        force = point.reaction[:, :3]
-        moment = np.cross(point.at.position_m, force) + point.reaction[:, 3:]
-        length = np.linalg.norm(displacement, axis=1)
-        points.append(
-            {
-                "part": point.part,
-                "iterations": point.iterations,
-                "residual": point.residual,
-                "largest_displacement_m": float(length.max()),
-                "largest_displacement_vertex": int(length.argmax()),
-                "reaction_force_n": force.sum(axis=0).tolist(),
-                "reaction_moment_about_origin_n_m": moment.sum(axis=0).tolist(),
-                "support_force_n": [_support_force(result, k, force) for k in range(len(result.case.supports))],
-                "probes": {
-                    name: displacement[select(result.model.mesh, where, f"probes.{name}")].mean(axis=0).tolist()
-                    for name, where in result.case.probes.items()
-                },
-            }
-        )
+    points = [
+        {
+            "part": point.part,
+            "iterations": point.iterations,
+            "residual": point.residual,
+            **_equilibrium_json(result, point.at.position_m - start_m, point.reaction, point.at.position_m),
+            "support_force_n": [
+                _support_force(result, k, point.reaction[:, :3]) for k in range(len(result.case.supports))
+            ],
+        }
+        for point in result.path
+    ]
     end = result.path[-1].at.position_m - start_m
     return {"points": points, "displacement_m": end.tolist()}
+
+
+def _equilibrium_json(
+    result: FemResult, displacement: FloatArray, reaction: FloatArray, at_m: FloatArray
+) -> dict[str, Any]:
+    """Largest displacement, sum of the (n, 6) reactions, which act at ``at_m``, and the probes by name."""
+    force = reaction[:, :3]
+    moment = np.cross(at_m, force) + reaction[:, 3:]
+    length = np.linalg.norm(displacement, axis=1)
+    return {
+        "largest_displacement_m": float(length.max()),
+        "largest_displacement_vertex": int(length.argmax()),
+        "reaction_force_n": force.sum(axis=0).tolist(),
+        "reaction_moment_about_origin_n_m": moment.sum(axis=0).tolist(),
+        "probes": {
+            name: displacement[select(result.model.mesh, where, f"probes.{name}")].mean(axis=0).tolist()
+            for name, where in result.case.probes.items()
+        },
+    }
 
 
 def _support_force(result: FemResult, k: int, force: FloatArray) -> list[float]:
@@ -78,21 +87,10 @@ def _support_force(result: FemResult, k: int, force: FloatArray) -> list[float]:
 
 
 def _static_json(result: FemResult, static: StaticSolution) -> dict[str, Any]:
-    mesh = result.model.mesh
-    force = static.reaction[:, :3]
-    moment = np.cross(mesh.vertices_m, force) + static.reaction[:, 3:]
-    length = np.linalg.norm(static.displacement_m, axis=1)
     return {
         "residual": static.residual,
         "condition": result.model.condition,
-        "largest_displacement_m": float(length.max()),
-        "largest_displacement_vertex": int(length.argmax()),
-        "reaction_force_n": force.sum(axis=0).tolist(),
-        "reaction_moment_about_origin_n_m": moment.sum(axis=0).tolist(),
-        "probes": {
-            name: static.displacement_m[select(mesh, where, f"probes.{name}")].mean(axis=0).tolist()
-            for name, where in result.case.probes.items()
-        },
+        **_equilibrium_json(result, static.displacement_m, static.reaction, result.model.mesh.vertices_m),
         "displacement_m": static.displacement_m.tolist(),
     }
 

@@ -54,11 +54,17 @@ def local_stiffness(xy: FloatArray, D: FloatArray, thickness: FloatArray, choice
 
 def to_global_axes(K: FloatArray, frames: FloatArray) -> FloatArray:
     """(m, 18, 18) matrices of local dofs turned into global axes and made exactly symmetric."""
-    turned = K.reshape(-1, 18, 6, 3) @ frames[:, None]
-    turned = frames[:, None].transpose(0, 1, 3, 2) @ turned.reshape(-1, 6, 3, 18)
-    K = turned.reshape(-1, 18, 18)
+    K = turn(K, frames)
     symmetric: FloatArray = 0.5 * (K + K.transpose(0, 2, 1))
     return symmetric
+
+
+def turn(K: FloatArray, frames: FloatArray) -> FloatArray:
+    """(m, 18, 18) matrices of local dofs turned into global axes."""
+    turned = K.reshape(-1, 18, 6, 3) @ frames[:, None]
+    turned = frames[:, None].transpose(0, 1, 3, 2) @ turned.reshape(-1, 6, 3, 18)
+    result: FloatArray = turned.reshape(-1, 18, 18)
+    return result
 
 
 def assemble_stiffness(mesh: TriangleMesh, section: ShellSection, choice: ElementChoice) -> bsr_array[np.float64]:

@@ -15,6 +15,7 @@ from services.mechanics.fem.frames import local_coordinates, local_frames
 from services.mechanics.fem.model import ShellModel, StaticSolution
 from services.mechanics.fem.section import plane_stress_matrices
 from services.mechanics.fem.triangle import shape_gradients, signed_areas
+from services.mechanics.surface.mesh import TriangleMesh
 
 # Means over a triangle of the products of its six quadratic shape functions: corners, then mid-sides 12, 23, 31.
 QUADRATIC_PRODUCTS = (
@@ -100,11 +101,13 @@ def pressure_stiffness(model: ShellModel, pressure_pa: float) -> bsr_array[np.fl
     The rest belongs to the work at open rims that can move; on a closed surface, or one whose rims are held, there is
     none (Hibbitt, IJNME 14:937, 1979; Schweizerhof and Ramm, Computers and Structures 18:1099, 1984).
     """
-    return sum_triangles(model.mesh, _pressure_chunks(model, pressure_pa))
+    chunks = pressure_chunks(model.mesh, pressure_pa)
+    return sum_triangles(model.mesh, ((part, 0.5 * (K + K.transpose(0, 2, 1))) for part, K in chunks))
 
 
-def _pressure_chunks(model: ShellModel, pressure_pa: float) -> Iterator[tuple[slice, FloatArray]]:
-    corners = model.mesh.vertices_m[model.mesh.triangles]
+def pressure_chunks(mesh: TriangleMesh, pressure_pa: float) -> Iterator[tuple[slice, FloatArray]]:
+    """Slices of the triangles, each with minus the (k, 18, 18) derivative of its corners' forces; not symmetric."""
+    corners = mesh.vertices_m[mesh.triangles]
     for start in range(0, len(corners), CHUNK):
         x = corners[start : start + CHUNK]
         opposite = np.roll(x, -2, axis=1) - np.roll(x, -1, axis=1)
@@ -113,5 +116,4 @@ def _pressure_chunks(model: ShellModel, pressure_pa: float) -> Iterator[tuple[sl
         K[:, :, :3, :, :3] = (
             -pressure_pa / 6.0 * np.cross(opposite[:, :, None], np.eye(3)).transpose(0, 3, 1, 2)[:, None]
         )
-        flat = K.reshape(-1, 18, 18)
-        yield slice(start, start + CHUNK), 0.5 * (flat + flat.transpose(0, 2, 1))
+        yield slice(start, start + CHUNK), K.reshape(-1, 18, 18)

@@ -101,13 +101,6 @@ class CarriedFrame:
         turned: FloatArray = (vectors.reshape(-1, 6, 3) @ self.axes.transpose(0, 2, 1)).reshape(-1, 18)
         return turned
 
-    def matrix_to_global(self, matrices: FloatArray) -> FloatArray:
-        """(k, 18, 18) matrices of local components turned into global ones."""
-        turned = matrices.reshape(-1, 18, 6, 3) @ self.axes[:, None]
-        turned = self.axes[:, None].transpose(0, 1, 3, 2) @ turned.reshape(-1, 6, 3, 18)
-        result: FloatArray = turned.reshape(-1, 18, 18)
-        return result
-
 
 def _spin(now: FloatArray, flat: FloatArray) -> FloatArray:
     """(k, 3, 18) turn from displacements of the corners: slopes of the plane, and the best fit within it."""

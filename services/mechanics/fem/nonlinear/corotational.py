@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import bsr_array
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.assembly import CHUNK, local_stiffness, sum_triangles
+from services.mechanics.fem.assembly import CHUNK, local_stiffness, sum_triangles, turn
 from services.mechanics.fem.frames import local_coordinates, local_frames
 from services.mechanics.fem.model import ShellModel
 from services.mechanics.fem.nonlinear.carried_frame import CarriedFrame
@@ -126,7 +126,7 @@ class CorotationalShell:
         for part, state in self._states(at):
             K = self._K[part]
             raw = np.einsum("mij,mj->mi", K, state.d) if carried is None else carried[part]
-            yield part, state.frame.matrix_to_global(_local_tangent(K, state, raw))
+            yield part, turn(_local_tangent(K, state, raw), state.frame.axes)
 
     def _states(self, at: Configuration) -> Iterator[tuple[slice, _Deformation]]:
         for part in _parts(len(self.triangles)):
