@@ -1,4 +1,7 @@
-"""The bus over ZeroMQ: no broker, one PUB socket per topic and one for batches of a fast one, single-part frames."""
+"""The bus over ZeroMQ: no broker, one PUB socket per topic and one for batches of a fast one, single-part frames.
+
+On one host the loops send and receive the fast topics themselves (`services.runtime.direct`); all else goes by libzmq.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,9 @@ import msgspec
 import zmq
 
 import protocol.bodies as bodies
-from protocol import Frame, topic
+from protocol import Frame, Reason, Topic, topic
 from services.runtime import bus, endpoints, keys
+from services.runtime.direct import DirectReader, DirectSender
 from services.runtime.errors import BusError
 from services.runtime.rig import Transport
 from services.runtime.whole import SENDS_PER_S, BatchSender, count_readers, has_whole_socket, is_readable, whole
@@ -61,6 +65,8 @@ class ZmqBus:
         self._context = zmq.Context()
         self._context.linger = 0
         self._locks: list[IO[str]] = []
+        self._direct_senders: dict[str, DirectSender] = {}
+        self._direct_readers: dict[str, DirectReader] = {}
         self._senders: dict[str, zmq.Socket[bytes]] = {}
         self._receivers: dict[str, zmq.Socket[bytes]] = {}
         self._descriptors: dict[str, int] = {}
@@ -75,7 +81,7 @@ class ZmqBus:
             for name in publishes:
                 self._bind(transport, name, incarnation)
             for name in reads:
-                self._connect(transport, name, every=False).setsockopt(zmq.SUBSCRIBE, b"")
+                self._read_newest(transport, name)
             for name in reads_every:
                 self._connect(transport, name, every=True).setsockopt(zmq.SUBSCRIBE, b"")
             for name in samples:
@@ -88,8 +94,11 @@ class ZmqBus:
         row = topic(name)
         if transport.kind == "ipc":
             self._locks.append(endpoints.claim(transport, name))
-        self._senders[name] = self._bound(transport, name, name, _HIGH_WATER_MARK)
-        self._subscribed[name] = 0
+        if _is_direct(transport, row):
+            self._direct_senders[name] = _direct_sender(transport, name)
+        else:
+            self._senders[name] = self._bound(transport, name, name, _HIGH_WATER_MARK)
+            self._subscribed[name] = 0
         self._out[name] = bus.Outbox(row, incarnation)
         if has_whole_socket(row):
             self._batches[name] = BatchSender(self._bound(transport, name, whole(name), _BATCHES_KEPT))
@@ -108,6 +117,14 @@ class ZmqBus:
         except zmq.ZMQError as error:
             raise BusError(f"topic {name}: cannot bind {where}: {error.strerror}") from None
         return socket
+
+    def _read_newest(self, transport: Transport, name: str) -> None:
+        row = topic(name)
+        if _is_direct(transport, row):
+            self._direct_readers[name] = DirectReader(_path(transport, name))
+            self._in[name] = bus.Inbox(row)
+        else:
+            self._connect(transport, name, every=False).setsockopt(zmq.SUBSCRIBE, b"")
 
     def _connect(self, transport: Transport, name: str, *, every: bool) -> zmq.Socket[bytes]:
         box = bus.Inbox(topic(name), every=every)
@@ -130,16 +147,20 @@ class ZmqBus:
     ) -> int:
         """Send `body`; a reader that cannot keep up loses frames, the sender never waits.
 
-        The bus' own thread has the priority of the process: frames leave when it sleeps, all of a tick together, and
-        what arrives does not interrupt it. ``at_once`` lets that thread run first.
+        A fast topic on one host is sent here and now. What libzmq sends leaves when the process sleeps, all of a tick
+        together, for its thread has the priority of the process; ``at_once`` lets that thread run first.
         """
         box, batches = self._out[name], self._batches.get(name)
         data = box.seal(body, origin_ns, valid)
-        self._senders[name].send(data, zmq.NOBLOCK)
+        direct = self._direct_senders.get(name)
+        if direct is not None:
+            direct.send(data)
+        else:
+            self._senders[name].send(data, zmq.NOBLOCK)
+            if at_once:
+                os.sched_yield()
         if batches is not None:
             batches.add(data, time.monotonic_ns())
-        if at_once:
-            os.sched_yield()
         if box.sent % _COUNT_READERS_EVERY == 0:
             self.has_reader(name)
         if self._authenticator:
@@ -148,7 +169,11 @@ class ZmqBus:
 
     def latest(self, name: str) -> Frame | None:
         """Return the newest unread frame of `name`, or None."""
-        socket, box = self._receivers[name], self._in[name]
+        box, direct = self._in[name], self._direct_readers.get(name)
+        if direct is not None:
+            data = direct.newest()
+            return None if data is None else box.accept(data)
+        socket = self._receivers[name]
         if not is_readable(socket):
             return None
         try:
@@ -194,6 +219,9 @@ class ZmqBus:
 
     def wait(self, name: str, until_ns: int) -> bool:
         """Sleep until `name` may have a frame or the clock reaches `until_ns`: finer than zmq_poll's milliseconds."""
+        direct = self._direct_readers.get(name)
+        if direct is not None:
+            return direct.wait(until_ns)
         socket = self._receivers[name]
         descriptor = self._descriptors[name]
         while not is_readable(socket):
@@ -216,12 +244,17 @@ class ZmqBus:
         """Return whether somebody has subscribed to `name` and not gone since."""
         if self._authenticator:
             self._authenticator.answer()
-        self._subscribed[name] = count_readers(self._senders[name], self._subscribed[name])
+        direct = self._direct_senders.get(name)
+        if direct is not None:
+            direct.look()
+            readers = direct.readers
+        else:
+            readers = self._subscribed[name] = count_readers(self._senders[name], self._subscribed[name])
         batches = self._batches.get(name)
-        if batches is None:
-            return self._subscribed[name] > 0
-        batches.look()
-        return self._subscribed[name] > 0 or batches.readers > 0
+        if batches is not None:
+            batches.look()
+            readers += batches.readers
+        return readers > 0
 
     @property
     def refused_readers(self) -> int:
@@ -230,6 +263,10 @@ class ZmqBus:
 
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of all topics."""
+        for name, direct in self._direct_readers.items():
+            if direct.violations:
+                self._in[name].refused[Reason.MALFORMED] += direct.violations
+                direct.violations = 0
         return bus.summarise(self._out, self._in)
 
     def close(self) -> None:
@@ -237,7 +274,28 @@ class ZmqBus:
         for batches in self._batches.values():
             batches.close()
         self._batches.clear()
+        for sender in self._direct_senders.values():
+            sender.close()
+        for reader in self._direct_readers.values():
+            reader.close()
         self._context.destroy(linger=0)
         for lock in self._locks:
             lock.close()
         self._locks.clear()
+
+
+def _is_direct(transport: Transport, row: Topic) -> bool:
+    """Return whether the loops send and receive a topic themselves."""
+    return transport.kind == "ipc" and has_whole_socket(row)
+
+
+def _path(transport: Transport, name: str) -> str:
+    return endpoints.endpoint(transport, name).removeprefix("ipc://")
+
+
+def _direct_sender(transport: Transport, name: str) -> DirectSender:
+    path = _path(transport, name)
+    try:
+        return DirectSender(path)
+    except OSError as error:
+        raise BusError(f"topic {name}: cannot bind {path}: {error.strerror}") from None

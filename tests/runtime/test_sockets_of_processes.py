@@ -28,9 +28,10 @@ def entry(name, run, arguments=None, *, prepare=None, whole=None):
     entered[name] = whole
     return 0
 
-def sockets(bus, transport, names, which):
+def sockets(bus, transport, names, which, direct):
     import zmq
     there = {socket.getsockopt(zmq.LAST_ENDPOINT).rstrip(b"\\0").decode() for socket in which.values()}
+    there |= {f"ipc://{end.path}" for end in direct.values()}
     fast = {name for name in names if endpoints.endpoint(transport, name) in there}
     batched = {name for name in names if endpoints.endpoint(transport, whole(name)) in there} - fast
     return sorted(fast | batched), len(there), sorted(batched)
@@ -50,8 +51,8 @@ for name in protocol.PROCESSES:
         config = process.load_process_config(name, options)
         opened = process.open_process(config, entered[name](config) if entered[name] else ())
     bus, transport = opened.bus, opened.rig.transport
-    out, n_out, _none = sockets(bus, transport, protocol.TOPICS, bus._senders)
-    into, n_in, at_whole = sockets(bus, transport, protocol.TOPICS, bus._receivers)
+    out, n_out, _none = sockets(bus, transport, protocol.TOPICS, bus._senders, bus._direct_senders)
+    into, n_in, at_whole = sockets(bus, transport, protocol.TOPICS, bus._receivers, bus._direct_readers)
     found[name] = {"publishes": out, "reads": into, "n": [n_out, n_in], "whole": at_whole}
     bus.close()
 print(json.dumps(found))

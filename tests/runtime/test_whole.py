@@ -94,6 +94,13 @@ def test_a_publisher_that_floods_keeps_a_bounded_number() -> None:
     assert [len(parts) for parts in socket.sent] == [1, 1000]
 
 
+def looked(sender: ZmqBus, reader: ZmqBus) -> tuple[int, int]:
+    """Return how many read the fast socket and the batches, when both ends have looked."""
+    reader.latest(STATE)
+    sender.has_reader(STATE)
+    return sender._direct_senders[STATE].readers, sender._batches[STATE].readers
+
+
 def test_observers_of_every_frame_do_not_subscribe_to_the_fast_socket(
     transport: Transport, eventually: Callable[[Callable[[], bool]], None]
 ) -> None:
@@ -101,12 +108,10 @@ def test_observers_of_every_frame_do_not_subscribe_to_the_fast_socket(
     sender, reader = ZmqBus(transport, publishes=[STATE]), ZmqBus(transport, reads=[STATE])
     observers = [ZmqBus(transport, reads_every=[STATE]) for _ in range(4)]
     try:
-        eventually(
-            lambda: sender.has_reader(STATE) and (sender._subscribed[STATE], sender._batches[STATE].readers) == (1, 4)
-        )
+        eventually(lambda: looked(sender, reader) == (1, 4))
         for tick in range(3000):
             sender.publish(STATE, bodies.GatewayState(tick=tick))
-        assert (sender._subscribed[STATE], sender._batches[STATE].readers) == (1, 4)
+        assert looked(sender, reader) == (1, 4)
         observers.pop().close()
         eventually(lambda: sender.has_reader(STATE) and sender._batches[STATE].readers == 3)
     finally:
@@ -124,10 +129,6 @@ class CountedSocket:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._socket, name)
 
-    def send(self, data: bytes, flags: int) -> Any:
-        self.sends += 1
-        return self._socket.send(data, flags)
-
     def send_multipart(self, parts: list[bytes], flags: int) -> Any:
         self.sends += 1
         return self._socket.send_multipart(parts, flags)
@@ -140,16 +141,16 @@ def _sends(transport: Transport, n_observers: int, eventually: Callable[[Callabl
     every = [ZmqBus(transport, reads_every=[STATE]) for _ in range(n_observers)]
     looking = [ZmqBus(transport, samples=[STATE]) for _ in range(n_observers)]
     try:
-        eventually(lambda: sender.has_reader(STATE) and sender._batches[STATE].readers == n_observers)
-        fast, batched = CountedSocket(sender._senders[STATE]), CountedSocket(sender._batches[STATE]._socket)
-        sender._senders[STATE], sender._batches[STATE]._socket = fast, batched  # type: ignore[assignment]
+        eventually(lambda: looked(sender, reader) == (1, n_observers))
+        batched = CountedSocket(sender._batches[STATE]._socket)
+        sender._batches[STATE]._socket = batched  # type: ignore[assignment]
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("services.runtime.zmq_bus.time.monotonic_ns", lambda: now_ns)
             for tick in range(600):
                 now_ns += MS
                 sender.publish(STATE, bodies.GatewayState(tick=tick))
-        assert sender._subscribed[STATE] == 1
-        return fast.sends, batched.sends
+                assert reader._direct_readers[STATE].newest() is not None, "the fast reader has each frame at once"
+        return sender._direct_senders[STATE].sends, batched.sends
     finally:
         for each in (sender, reader, *every, *looking):
             each.close()

@@ -1,0 +1,259 @@
+"""Publisher and subscriber of the fast topics on one host, without a thread: the loops themselves send and receive.
+
+libzmq sends and receives in a thread of its own. One frame from loop to loop then wakes three threads: the sender's,
+the reader's, the reader itself. These ends speak the same protocol (`services.runtime.zmtp`) on the same sockets, so
+that any ZeroMQ program can connect to them, but write when the loop sends and read when the loop looks: one thread is
+woken, and by a topic that nobody waits for, none.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from protocol.frame import MAX_FRAME_BYTES
+from services.runtime import zmtp
+
+#: Connections at one socket: a rig has at most half a dozen.
+MAX_PEERS = 64
+_LONGEST_SUBSCRIPTION = 1024
+#: More than the system holds for one connection, so that one read empties it.
+_READ_BYTES = 1 << 18
+_RECONNECT_S = 2e-3
+_ROUNDING_S = 30e-6  # select() may return this much early; the rest is slept
+_GONE = (ConnectionError, zmtp.ProtocolError)
+
+
+class _Peer:
+    """A connection to a publisher, as that sees it."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self.connection = connection
+        self.subscriptions = 0
+        self._incoming = zmtp.Incoming(0, _LONGEST_SUBSCRIPTION)
+        self._rest = zmtp.GREETING + zmtp.ready(b"PUB")
+
+    def hear(self) -> None:
+        """Take what the peer says of what it wants."""
+        with suppress(BlockingIOError):
+            n_read = self.connection.recv_into(self._incoming.room)
+            if n_read == 0:
+                raise ConnectionResetError
+            for message in self._incoming.messages(n_read):
+                if message[:1] == b"\x01":
+                    self.subscriptions += 1
+                elif message[:1] == b"\x00":
+                    self.subscriptions = max(0, self.subscriptions - 1)
+        self._send_rest()
+
+    def send(self, message: bytes) -> None:
+        """Send `message`, or nothing of it if the peer has not taken what was sent before."""
+        if self._rest:
+            self._send_rest()
+            if self._rest:
+                return
+        with suppress(BlockingIOError):
+            n_sent = self.connection.send(message)
+            if n_sent < len(message):
+                self._rest = message[n_sent:]
+
+    def _send_rest(self) -> None:
+        if self._rest:
+            with suppress(BlockingIOError):
+                self._rest = self._rest[self.connection.send(self._rest) :]
+
+
+class DirectSender:
+    """Publishes at a path: each frame to all who have subscribed and can take it; never waits.
+
+    Attributes
+    ----------
+    path
+        Of the socket.
+    sends
+        Frames sent, counted for each reader.
+
+    Parameters
+    ----------
+    path
+        Of the socket; what is there is replaced, so the caller holds the lock of the endpoint.
+
+    Raises
+    ------
+    OSError
+        if the path cannot be bound.
+    """
+
+    def __init__(self, path: str) -> None:
+        Path(path).unlink(missing_ok=True)
+        self.path = path
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.setblocking(False)
+        self._listener.bind(path)
+        self._listener.listen(MAX_PEERS)
+        self._inode = os.stat(path).st_ino
+        self._poll = select.epoll()
+        self._poll.register(self._listener, select.EPOLLIN)
+        self._peers: dict[int, _Peer] = {}
+        self._subscribed: list[_Peer] = []
+        self.sends = 0
+
+    @property
+    def readers(self) -> int:
+        """How many have subscribed."""
+        return len(self._subscribed)
+
+    def look(self) -> None:
+        """Find out who has come, gone, subscribed or cancelled."""
+        events = self._poll.poll(0)
+        if not events:
+            return
+        for descriptor, _event in events:
+            peer = self._peers.get(descriptor)
+            if peer is None:
+                self._accept()
+                continue
+            try:
+                peer.hear()
+            except _GONE:
+                self._drop(peer)
+        self._subscribed = [peer for peer in self._peers.values() if peer.subscriptions]
+
+    def send(self, data: bytes) -> None:
+        """Send a frame; who cannot take it loses it."""
+        self.look()
+        if not self._subscribed:
+            return
+        self.sends += len(self._subscribed)
+        message = zmtp.framed(data)
+        for peer in self._subscribed:
+            try:
+                peer.send(message)
+            except _GONE:
+                self._drop(peer)
+                self._subscribed = [each for each in self._subscribed if each is not peer]
+
+    def close(self) -> None:
+        """Close every connection and remove the socket, unless it is another's by now."""
+        for peer in list(self._peers.values()):
+            self._drop(peer)
+        self._poll.close()
+        self._listener.close()
+        with suppress(FileNotFoundError):
+            if os.stat(self.path).st_ino == self._inode:
+                os.unlink(self.path)
+
+    def _accept(self) -> None:
+        with suppress(BlockingIOError, ConnectionError):
+            connection = self._listener.accept()[0]
+            if len(self._peers) >= MAX_PEERS:
+                connection.close()
+                return
+            peer = _Peer(connection)
+            self._peers[connection.fileno()] = peer
+            self._poll.register(connection, select.EPOLLIN)
+            try:
+                peer.hear()
+            except _GONE:
+                self._drop(peer)
+
+    def _drop(self, peer: _Peer) -> None:
+        descriptor = peer.connection.fileno()
+        self._poll.unregister(descriptor)
+        del self._peers[descriptor]
+        peer.connection.close()
+
+
+class DirectReader:
+    """Subscribes at a path and keeps the newest frame; connects anew when its publisher is gone.
+
+    Attributes
+    ----------
+    path
+        Of the socket.
+    violations
+        How often the publisher said what is not ZMTP, or longer than a frame may be.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._connection: socket.socket | None = None
+        self._incoming = zmtp.Incoming(_READ_BYTES, MAX_FRAME_BYTES)
+        self._frame: bytes | None = None
+        self._subscribed = False
+        self._retry_s = 0.0
+        self.violations = 0
+        self._connect()
+
+    def newest(self) -> bytes | None:
+        """Return the newest frame that was not returned before, or None. Never waits."""
+        if self._frame is None:
+            self._read()
+        frame, self._frame = self._frame, None
+        return frame
+
+    def wait(self, until_ns: int) -> bool:
+        """Sleep until there is a frame (True) or the monotonic clock reaches `until_ns` (False)."""
+        self._read()
+        while self._frame is None:
+            remaining_s = (until_ns - time.monotonic_ns()) * 1e-9
+            if remaining_s <= 0.0:
+                return False
+            if remaining_s < _ROUNDING_S:
+                time.sleep(remaining_s)
+            elif self._connection is None:
+                time.sleep(min(remaining_s, _RECONNECT_S))
+            else:
+                select.select((self._connection,), (), (), remaining_s)
+            self._read()
+        return True
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _connect(self) -> None:
+        now_s = time.monotonic()
+        if now_s < self._retry_s:
+            return
+        self._retry_s = now_s + _RECONNECT_S
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        connection.setblocking(False)
+        try:
+            connection.connect(self.path)
+            connection.send(zmtp.GREETING + zmtp.ready(b"SUB"))
+        except OSError:  # nobody there, or nobody who takes us now
+            connection.close()
+            return
+        self._incoming.begin()
+        self._subscribed = False
+        self._connection = connection
+
+    def _read(self) -> None:
+        """Take what has arrived."""
+        if self._connection is None:
+            self._connect()
+            return
+        try:
+            n_read = self._connection.recv_into(self._incoming.room)
+            if n_read == 0:
+                raise ConnectionResetError
+            messages = self._incoming.messages(n_read)
+            if self._incoming.is_ready and not self._subscribed:
+                self._connection.send(zmtp.SUBSCRIBE)
+                self._subscribed = True
+        except BlockingIOError:
+            return
+        except _GONE as fault:
+            self.violations += isinstance(fault, zmtp.ProtocolError)
+            self.close()
+            return
+        if messages:
+            self._frame = messages[-1]
