@@ -9,6 +9,8 @@ from msgspec import Meta
 
 from protocol.arrays import Array, spec
 
+_NO_COUNTS = Array("<i4", (0,), b"")
+
 
 class Histogram(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """Counts in log buckets anchored at `deadline_ns`; services.runtime.histogram has the edges."""
@@ -63,11 +65,16 @@ class PathLatency(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class StageCost(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """What one stage of the step cost since the last report."""
+    """What one stage of a tick cost: mean and maximum since the last report, counts since the start.
+
+    The buckets of `counts` are those of services.runtime.stage_times; of a process that does not count it is empty.
+    """
 
     name: Annotated[str, Meta(max_length=64)]
     mean_us: float
     max_us: float
+    counts: Annotated[Array, spec("<i4", ("stage_buckets",), "1")] = _NO_COUNTS
+    sum_us: float = 0.0
 
 
 class RealtimeFact(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -23,6 +23,7 @@ from services.runtime.process import Process, main
 
 MODEL = "haptics.contact_model"
 RATE_HZ = 1000.0
+STAGES = ("take", "servo", "send", "orders")
 _LOOK_ROUND_EVERY = 50
 #: A report is made this long before the handles are served, and takes half of it.
 _REPORT_NS = 200_000
@@ -42,6 +43,7 @@ class Gateway:
     def __init__(self, process: Process) -> None:
         self._process = process
         self._bus, self._health = process.bus, process.health
+        self.meter = LoopMeter(RATE_HZ, STAGES)
         self.instruments = build_instruments(process.rig.gateway)
         self._servo = self._path("servo", 100.0)
         self._grasp = self._path("grasp", 300.0)
@@ -73,11 +75,16 @@ class Gateway:
         written_ns = time.monotonic_ns()
         state = GatewayState(tick=tick.index, instruments=tuple(each.state() for each in self.instruments))
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
+        sent_ns = time.monotonic_ns()
         self._servo.latency.record(written_ns - sampled_ns)
         self._answers.applied(written_ns)
         self._answers.ask(tick.index, sampled_ns, timed=tick.index % TIMED_EVERY == 0)
         self._orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
         self._look_round = tick.index % _LOOK_ROUND_EVERY == 0
+        ended_ns = time.monotonic_ns()
+        self.meter.stages_ns = (
+            sampled_ns - tick.started_ns, written_ns - sampled_ns, sent_ns - written_ns, ended_ns - sent_ns
+        )  # fmt: skip
 
     def serve(self, deadline_ns: int) -> None:
         """Until `deadline_ns`: serve the handles from the model that answers the last tick."""
@@ -145,11 +152,10 @@ def let_go(instruments: list[Instrument]) -> bool:
 def run(process: Process) -> None:
     """Tick until asked to end."""
     gateway = Gateway(process)
-    meter = LoopMeter(RATE_HZ)
     try:
         gateway.open()
-        process.ready(meter)
-        for tick in ticks(meter, gateway.ended, gateway.serve):
+        process.ready(gateway.meter)
+        for tick in ticks(gateway.meter, gateway.ended, gateway.serve):
             gateway.tick(tick)
     finally:
         gateway.close()

@@ -23,13 +23,14 @@ from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
+STAGES = ("model", "detect", "send")
 
 
 class Haptics:
     """Collision detection and haptic rendering of one scene."""
 
-    def __init__(self, process: Process, scene: SceneModel, duct: ReducedDuct) -> None:
-        self._bus, self._health = process.bus, process.health
+    def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
+        self._bus, self._meter = process.bus, meter
         self._forceps = scene.forceps
         self.scene = DeformedScene(scene, duct)
         self.tools = ToolTracker(scene)
@@ -59,7 +60,8 @@ class Haptics:
         holds = [hold for i in range(len(hands)) for hold in self._grasps[i].update(self._pairs, self.tools.jaws(i))]
         body = self._writer.body(state.tick, hands, holds)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
-        self._count(started, modelled, detected)
+        self._meter.tick = state.tick
+        self._meter.stages_ns = (modelled - started, detected - modelled, time.monotonic_ns() - detected)
 
     def _take_reactions(self, solved: Frame | None) -> bool:
         """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
@@ -90,12 +92,6 @@ class Haptics:
             self._detector.detect(tools.segments_m, tools.radius_m, self.scene.particles_m, self._pairs, tools.present)
             self._dropped_pairs += self._pairs.dropped
 
-    def _count(self, started: int, modelled: int, detected: int) -> None:
-        stages = self._health.stages
-        stages.add("model", modelled - started)
-        stages.add("detect", detected - modelled)
-        stages.add("send", time.monotonic_ns() - detected)
-
     def _counts(self) -> dict[str, float]:
         refused = {f"refused_{what}": float(n) for what, n in self.scene.refused.items()}
         return {"dropped_pairs": float(self._dropped_pairs), **refused}
@@ -111,8 +107,8 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
 
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Answer each new device frame."""
-    haptics = Haptics(process, *prepared)
-    meter = LoopMeter(RATE_HZ)
+    meter = LoopMeter(RATE_HZ, STAGES)
+    haptics = Haptics(process, meter, *prepared)
     process.ready(meter)
     for frame in follow(process.bus, "gateway.state", meter, process.stop, process.health.send_if_due):
         if frame is not None:

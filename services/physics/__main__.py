@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from operator import add
 
 from protocol import Frame
 from services.cache_directory import cache_directory
@@ -21,13 +22,15 @@ from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
+STAGES = ("read", *STAGE_NAMES, "send")
 
 
 class Physics:
     """A simulation on the bus. A state with a NaN is written to a file and replaced by the scene at rest."""
 
-    def __init__(self, process: Process, scene: SceneModel, duct: ReducedDuct) -> None:
+    def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
         self._process = process
+        self._meter = meter
         self._scene, self._duct = scene, duct
         self._begin()
         self.resets = 0
@@ -42,22 +45,26 @@ class Physics:
 
     def advance(self, frame: Frame, steps: int) -> None:
         """Take `steps` with the tools of `frame` and publish the last one."""
-        stages, began_ns = self._process.health.stages, time.monotonic_ns()
+        began_ns = time.monotonic_ns()
+        self._meter.tick = frame.body.tick
         if not self._reader.take(frame.body):
             self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
             return
-        stages.add("read", time.monotonic_ns() - began_ns)
-        healthy = all(self._step() for _ in range(steps))
+        read_ns = time.monotonic_ns() - began_ns
+        costs_ns = [0] * len(STAGE_NAMES)
+        healthy = all(self._step(costs_ns) for _ in range(steps))
         if not healthy:
             self._reset()
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
-        stages.add("send", time.monotonic_ns() - stepped_ns)
+        self._meter.stages_ns = (read_ns, *costs_ns, time.monotonic_ns() - stepped_ns)
 
-    def _step(self) -> bool:
-        """Take one step; False if the state it leads to is not a number, which no kernel may ever see."""
+    def _step(self, costs_ns: list[int]) -> bool:
+        """Take one step, adding what its stages cost to `costs_ns`; False if the state it leads to is not a number,
+        which no kernel may ever see.
+        """
         self.simulation.step(self._reader.tools, self._reader.pairs)
-        self._process.health.stages.add_all(STAGE_NAMES, self.simulation.cost_ns)
+        costs_ns[:] = map(add, costs_ns, self.simulation.cost_ns)
         return self._guard.watch()
 
     def _counts(self) -> dict[str, float]:
@@ -102,9 +109,9 @@ def _say_what_is_approximate(process: Process, duct: ReducedDuct) -> None:
 
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Step on each new tick of the rig's clock."""
-    physics = Physics(process, *prepared)
+    meter = LoopMeter(RATE_HZ, STAGES)
+    physics = Physics(process, meter, *prepared)
     _say_what_is_approximate(process, prepared[1])
-    meter = LoopMeter(RATE_HZ)
     clock = TickClock(meter)
     process.ready(meter)
     for frame in follow(process.bus, "haptics.contacts", meter, process.stop, process.health.send_if_due):

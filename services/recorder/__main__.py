@@ -99,13 +99,17 @@ def run(process: Process) -> None:
     read = dict.fromkeys((*settings.whole, *read_by("recorder")))
     sampled = [topic for topic in observed_by("recorder") if topic not in read]
     recording = Recording(process)
-    meter = LoopMeter(settings.sample_rate_hz)
+    meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))
     process.ready(meter)
     try:
         for _tick in ticks(meter, process.stop):
+            began_ns = time.monotonic_ns()
             _take_all(bus, read, recording)
-            recording.take(bus.sample(sampled, time.monotonic_ns() + _PATIENCE_NS).values())
-            recording.turn(time.monotonic_ns())
+            taken_ns = time.monotonic_ns()
+            recording.take(bus.sample(sampled, taken_ns + _PATIENCE_NS).values())
+            sampled_ns = time.monotonic_ns()
+            recording.turn(sampled_ns)
+            meter.stages_ns = (taken_ns - began_ns, sampled_ns - taken_ns, time.monotonic_ns() - sampled_ns)
             process.health.send_if_due()
         _take_all(bus, read, recording)
     finally:

@@ -6,13 +6,13 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from operator import add
 
 import protocol.bodies as bodies
 from services.runtime.bus import Bus
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.loop import LoopMeter
 from services.runtime.realtime import Fact
+from services.runtime.stage_times import StageTimes
 
 _PERIOD_NS = 100_000_000
 
@@ -24,55 +24,6 @@ class LatencyPath:
     latency: LatencyHistogram
     answered: int = 0
     asked: int = 0
-
-
-@dataclass(slots=True)
-class _Row:
-    """Costs of stages that are timed together."""
-
-    sum_ns: list[int]
-    max_ns: list[int]
-    count: int = 0
-
-
-class StageClock:
-    """Mean and maximum cost of named stages since the last report."""
-
-    def __init__(self) -> None:
-        self._sums: dict[str, list[float]] = {}
-        self._rows: dict[tuple[str, ...], _Row] = {}
-
-    def add(self, name: str, duration_ns: float) -> None:
-        """Count one run of a stage."""
-        cell = self._sums.get(name)
-        if cell is None:
-            self._sums[name] = [1.0, duration_ns, duration_ns]
-        else:
-            cell[0] += 1.0
-            cell[1] += duration_ns
-            cell[2] = max(cell[2], duration_ns)
-
-    def add_all(self, names: tuple[str, ...], durations_ns: list[int]) -> None:
-        """Count one run each of stages that are timed together: for little more than one of them."""
-        row = self._rows.get(names)
-        if row is None:
-            row = self._rows[names] = _Row([0] * len(names), [0] * len(names))
-        row.count += 1
-        row.sum_ns = list(map(add, row.sum_ns, durations_ns))
-        row.max_ns = list(map(max, row.max_ns, durations_ns))
-
-    def take(self) -> tuple[bodies.StageCost, ...]:
-        """Return the figures and begin anew."""
-        sums = dict(self._sums)
-        for names, row in self._rows.items():
-            cells = zip(row.sum_ns, row.max_ns, strict=True)
-            sums.update({name: [row.count, total, top] for name, (total, top) in zip(names, cells, strict=True)})
-        self._sums.clear()
-        self._rows.clear()
-        return tuple(
-            bodies.StageCost(name=name, mean_us=total / count / 1e3, max_us=top / 1e3)
-            for name, (count, total, top) in sums.items()
-        )
 
 
 class HealthReporter:
@@ -92,7 +43,7 @@ class HealthReporter:
         self.detail = ""
         self.meter = meter
         self.paths: dict[str, LatencyPath] = {}
-        self.stages = StageClock()
+        self._stages: StageTimes | None = None
         self.gauges: dict[str, float] = {}
         self.counts: Callable[[], Mapping[str, float]] = dict
         self.realtime: list[Fact] = []
@@ -141,8 +92,15 @@ class HealthReporter:
                 bodies.PathLatency(name=name, latency=path.latency.body(), answered=path.answered, asked=path.asked)
                 for name, path in self.paths.items()
             ),
-            stages=self.stages.take(),
+            stages=self._stage_costs(),
             realtime=tuple(fact.body() for fact in self.realtime),
             quality_level=self.quality_level,
             gauges={**self.gauges, **self.counts(), "refused_readers": float(self._bus.refused_readers)},
         )
+
+    def _stage_costs(self) -> tuple[bodies.StageCost, ...]:
+        if self.meter is None:
+            return ()
+        if self._stages is None:
+            self._stages = StageTimes(self.meter.flight)
+        return self._stages.take()

@@ -92,17 +92,21 @@ class Quantiles:
 
 def quantile_ns(counts: NDArray[np.int64], deadline_ns: int, q: float, max_ns: float = np.inf) -> float:
     """Return the `q` quantile of bucket `counts`, interpolated inside its bucket and never above `max_ns`."""
+    return quantile(counts, edges_ns(deadline_ns), q, max_ns)
+
+
+def quantile(counts: NDArray[np.int64], edges: NDArray[np.float64], q: float, maximum: float = np.inf) -> float:
+    """Return the `q` quantile of `counts` of buckets with upper `edges`, the last one open; NaN where all are empty."""
     total = int(counts.sum())
     if total == 0:
         return float("nan")
-    edges = edges_ns(deadline_ns)
     cumulative = np.cumsum(counts)
     rank = q * total
     index = int(np.searchsorted(cumulative, rank, side="left"))
     low = edges[index - 1] if index > 0 else 0.0
-    high = edges[index] if index < len(edges) else max(max_ns, edges[-1]) if np.isfinite(max_ns) else edges[-1]
+    high = edges[index] if index < len(edges) else max(maximum, edges[-1]) if np.isfinite(maximum) else edges[-1]
     inside = (rank - (cumulative[index] - counts[index])) / counts[index]
-    return float(min(low + inside * (high - low), max_ns))
+    return float(min(low + inside * (high - low), maximum))
 
 
 def quantiles_us(counts: NDArray[np.int64], deadline_ns: int, max_ns: float = np.inf) -> Quantiles:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import protocol.bodies as bodies
 from protocol import Frame
 from services.runtime.bus import Bus
+from services.runtime.flight import FlightRing
 from services.runtime.histogram import LatencyHistogram
 
 
@@ -28,9 +29,24 @@ _STALLS_KEPT = 8
 
 
 class LoopMeter:
-    """Counts of a loop: lateness of the start, work, period, misses. A tick that never ran is a miss too."""
+    """Counts of a loop: lateness of the start, work, period, misses. A tick that never ran is a miss too.
 
-    def __init__(self, rate_hz: float) -> None:
+    Attributes
+    ----------
+    tick
+        Which one of the rig's is being worked on: written by the process in each.
+    stages_ns
+        What each of `stages` took in this one, in ns: likewise; nothing, unless it is said.
+    flight
+        The last ticks, one by one.
+    """
+
+    def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
+        self.flight = FlightRing(rate_hz, stages)
+        self.tick = 0
+        self._no_stages = (0,) * len(self.flight.stages)
+        self.stages_ns: Sequence[int] = self._no_stages
+        self._ran_ns = 0
         self.rate_hz = rate_hz
         self.period_ns = round(1e9 / rate_hz)
         self.ticks = 0
@@ -53,8 +69,11 @@ class LoopMeter:
             self.period.record(now_ns - self._started_ns)
             if now_ns - self._started_ns > self._stall_ns:
                 self._stalled(now_ns)
+        else:
+            self._ran_ns = time.thread_time_ns()
         self._scheduled_ns = scheduled_ns
         self._started_ns = now_ns
+        self.stages_ns = self._no_stages
 
     def finish(self, now_ns: int) -> None:
         """Count the end of the tick: finished after ``scheduled + period`` is a miss."""
@@ -62,6 +81,11 @@ class LoopMeter:
         self.work.record(now_ns - self._started_ns)
         if now_ns - self._scheduled_ns > self.period_ns:
             self.misses += 1
+        ran_ns = time.thread_time_ns()
+        self.flight.write(
+            self.tick, self._scheduled_ns, self._started_ns, now_ns, ran_ns - self._ran_ns, self.stages_ns
+        )
+        self._ran_ns = ran_ns
 
     def idle(self, now_ns: int) -> None:
         """Note that the loop ran at `now_ns` with nothing to do: of a gap between ticks that part is not its own."""
@@ -129,6 +153,7 @@ def ticks(
         wait_until(scheduled)
         now = time.monotonic_ns()
         meter.start(scheduled, now)
+        meter.tick = index
         yield Tick(index, scheduled, now)
         now = time.monotonic_ns()
         meter.finish(now)

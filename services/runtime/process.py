@@ -13,8 +13,9 @@ from types import FrameType
 from typing import Any
 
 from protocol.topics import observed_by, published_by, read_by
-from services.runtime import config, log, realtime
-from services.runtime.errors import UserError
+from services.runtime import config, endpoints, log, realtime
+from services.runtime.errors import BusError, UserError
+from services.runtime.flight import SUFFIX, FlightRing, flight_directory
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter
 from services.runtime.rig import Rig
@@ -66,6 +67,8 @@ class Process:
         With `starts_others`, processes that this one starts are ordinary, whatever it is itself.
         """
         self.health.meter = meter
+        if meter is not None:
+            self._share(meter.flight)
         if self._fifo is not None:
             realtime.resume(self._fifo, alone=starts_others)
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
@@ -73,6 +76,14 @@ class Process:
         self.health.change("ready")
         if not starts_others:  # who starts others speaks for them
             self.log.info("ready")
+
+    def _share(self, ring: FlightRing) -> None:
+        """Let others look at the last ticks; without that a rig runs as well."""
+        try:
+            directory = flight_directory(endpoints.run_directory(self.rig.transport))
+            ring.share(directory / f"{self.name}{SUFFIX}")
+        except (BusError, OSError) as error:
+            self.log.warning("the last ticks cannot be looked at: %s", error)
 
 
 def parse(process: str, arguments: Sequence[str] | None) -> Options:

@@ -144,6 +144,7 @@ class SupervisorSettings(Settings):
     backoff_s: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 5.0)
     max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
     web: WebSettings = WebSettings()
+    watch_floor: bool = Field(True, description="whether a thread a core measures how late the machine itself wakes")
 
 
 class Contracts(Settings):

@@ -6,8 +6,9 @@ Percentiles are over the last window. A number that is not known is null: NaN be
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 
 import msgspec
 
@@ -18,6 +19,7 @@ from services.runtime.rig import Contracts, Rig
 from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic, Window
 from services.supervisor.figures import of as figures_of
 from services.supervisor.notes import MemberNote, Notes
+from services.supervisor.threads import Usage
 
 UNKNOWN = math.nan
 EVENTS_SHOWN = 50
@@ -56,11 +58,31 @@ class FactRow(msgspec.Struct, frozen=True):
 
 
 class StageRow(msgspec.Struct, frozen=True):
-    """Cost of one stage of a step."""
+    """Cost of one stage of a tick."""
 
     name: str
-    mean_us: float
+    p50_us: float
+    p99_us: float
     max_us: float
+
+
+class UsageRow(msgspec.Struct, frozen=True):
+    """What the kernel counted of a process, and of what it has started, in the last second."""
+
+    wakeups_per_s: float
+    switches_per_s: float
+    processor_share: float
+    waited_share: float
+
+
+class FloorRow(msgspec.Struct, frozen=True):
+    """The machine on one core: of a thread above everybody, wake-ups over a millisecond late in the last minute."""
+
+    core: int
+    wakeups: int
+    late: int
+    late_ratio: float
+    lateness_us: Spread
 
 
 class ProcessRow(msgspec.Struct, frozen=True):
@@ -78,6 +100,7 @@ class ProcessRow(msgspec.Struct, frozen=True):
     stages: tuple[StageRow, ...]
     gauges: Mapping[str, float]
     quality_level: int
+    usage: UsageRow | None
 
 
 class TopicRow(msgspec.Struct, frozen=True):
@@ -135,6 +158,8 @@ class Snapshot(msgspec.Struct, frozen=True):
     paths: tuple[PathRow, ...]
     answered_next_tick: float
     heat: Mapping[str, Heat]
+    floor: tuple[FloorRow, ...]
+    flight: str
     events: tuple[EventRow, ...]
 
 
@@ -145,6 +170,7 @@ class Heard:
     health: bodies.Health | None
     window: Window
     window_s: float
+    _maxima: deque[tuple[float, dict[str, float]]] = field(default_factory=deque)
 
     @classmethod
     def nothing(cls, window_s: float) -> Heard:
@@ -154,7 +180,19 @@ class Heard:
     def take(self, health: bodies.Health) -> None:
         """Take a report."""
         self.health = health
-        self.window.add(health.pid, figures_of(health))
+        self.window.add(health.pid, figures_of(health, stages=True))
+        self._maxima.append((health.uptime_s, {stage.name: stage.max_us for stage in health.stages}))
+        while abs(health.uptime_s - self._maxima[0][0]) > self.window_s:  # a restarted process counts from 0
+            self._maxima.popleft()
+
+    def stage_rows(self) -> tuple[StageRow, ...]:
+        """Return what stages cost lately; the maximum is of the reports that were heard."""
+        rows = []
+        for name, stage in self.figures.stages.items():
+            maximum = max((maxima.get(name, 0.0) for _, maxima in self._maxima), default=UNKNOWN)
+            q = stage.quantiles()
+            rows.append(StageRow(name, min(q.p50, maximum), min(q.p99, maximum), maximum))
+        return tuple(rows)
 
     @property
     def figures(self) -> Figures:
@@ -162,8 +200,20 @@ class Heard:
         return self.window.figures(self.window_s) or Figures(0.0)
 
 
-def snapshot(notes: Notes, heard: Mapping[str, Heard], rig: Rig, scene: str) -> Snapshot:
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What the kernel and the machine say beside the rig: floor by core, threads by process, the last flight's file."""
+
+    floor: Mapping[int, Latencies] = field(default_factory=dict)
+    usage: Mapping[str, Usage] = field(default_factory=dict)
+    flight: str = ""
+
+
+def snapshot(
+    notes: Notes, heard: Mapping[str, Heard], rig: Rig, scene: str, around: Surroundings | None = None
+) -> Snapshot:
     """Return what the page shows of the rig now: as the supervisor judges it, and as the processes were heard."""
+    around = around or Surroundings()
     windows = {name: one.figures for name, one in heard.items()}
     broken = set(notes.broken)
     paths = {name: path for window in windows.values() for name, path in window.paths.items()}
@@ -177,16 +227,27 @@ def snapshot(notes: Notes, heard: Mapping[str, Heard], rig: Rig, scene: str) -> 
         safe_stop=notes.safe_stop,
         rig=rig.name,
         scene=scene,
-        processes=tuple(process_row(member, heard.get(member.name, nothing), broken) for member in notes.members),
+        processes=tuple(
+            process_row(member, heard.get(member.name, nothing), broken, around.usage.get(member.name))
+            for member in notes.members
+        ),
         topics=topic_rows(windows),
         paths=tuple(_path_row(name, path, rig.contracts, broken) for name, path in paths.items()),
         answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
         heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
+        floor=tuple(_floor_row(core, latencies) for core, latencies in sorted(around.floor.items())),
+        flight=around.flight,
         events=tuple(EventRow(round(e.t, 3), e.level, e.text) for e in notes.events[-EVENTS_SHOWN:]),
     )
 
 
-def process_row(member: MemberNote, heard: Heard, broken: set[str]) -> ProcessRow:
+def _floor_row(core: int, latencies: Latencies) -> FloorRow:
+    total = latencies.total
+    ratio = latencies.late / total if total else UNKNOWN
+    return FloorRow(core, total, latencies.late, ratio, spread(latencies))
+
+
+def process_row(member: MemberNote, heard: Heard, broken: set[str], usage: Usage | None = None) -> ProcessRow:
     """Return the row of one process."""
     health, window = heard.health, heard.figures
     kept = f"{member.name} ticks" not in broken
@@ -200,9 +261,10 @@ def process_row(member: MemberNote, heard: Heard, broken: set[str]) -> ProcessRo
         detail=health.detail if health else "",
         loop=loop_row(window.loop, window.seconds, kept) if window.loop else None,
         realtime=tuple(FactRow(f.name, f.asked, f.had, f.ok) for f in health.realtime) if health else (),
-        stages=tuple(StageRow(s.name, s.mean_us, s.max_us) for s in health.stages) if health else (),
+        stages=heard.stage_rows(),
         gauges=health.gauges if health else {},
         quality_level=health.quality_level if health else 0,
+        usage=UsageRow(**asdict(usage)) if usage is not None else None,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import protocol.bodies as bodies
+from services.runtime import stage_times
 from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns, late, quantiles_us
 
 #: What a bucket is believed to hold at most: sums over all buckets then stay within 64 bits, whatever a peer sends.
@@ -160,7 +161,35 @@ class Traffic:
         )  # fmt: skip
 
 
-_V = TypeVar("_V", Path, Traffic)
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Counts of one stage of a tick, in the buckets of services.runtime.stage_times; `max_us` is of the last report."""
+
+    counts: NDArray[np.int64]
+    sum_us: float
+    max_us: float
+
+    @classmethod
+    def of(cls, body: bodies.StageCost) -> Stage:
+        """Return the counts of a stage body; one of another size counts as empty."""
+        counts = body.counts.view()
+        if len(counts) != stage_times.BUCKETS:
+            return cls(np.zeros(stage_times.BUCKETS, np.int64), 0.0, body.max_us)
+        return cls(np.maximum(counts.astype(np.int64), 0), body.sum_us, body.max_us)
+
+    def quantiles(self) -> Quantiles:
+        """Return p50, p99, p99.9 and a bound of the maximum (its bucket's edge) in microseconds."""
+        return Quantiles(*(stage_times.quantile_us(self.counts, q) for q in (0.5, 0.99, 0.999, 1.0)))
+
+    def __sub__(self, older: Stage) -> Stage:
+        return Stage(np.maximum(self.counts - older.counts, 0), self.sum_us - older.sum_us, self.max_us)
+
+    def __add__(self, other: Stage) -> Stage:
+        total_us = self.sum_us + other.sum_us
+        return Stage(self.counts + other.counts, total_us, max(self.max_us, other.max_us))
+
+
+_V = TypeVar("_V", Path, Traffic, Stage)
 
 
 def _minus(new: Mapping[str, _V], old: Mapping[str, _V]) -> dict[str, _V]:
@@ -180,20 +209,21 @@ class Figures:
     loop: Loop | None = None
     paths: Mapping[str, Path] = field(default_factory=dict)
     topics: Mapping[str, Traffic] = field(default_factory=dict)
+    stages: Mapping[str, Stage] = field(default_factory=dict)
 
     def __sub__(self, older: Figures) -> Figures:
         loop = self.loop - older.loop if self.loop and older.loop else self.loop
         paths, topics = _minus(self.paths, older.paths), _minus(self.topics, older.topics)
-        return Figures(self.seconds - older.seconds, loop, paths, topics)
+        return Figures(self.seconds - older.seconds, loop, paths, topics, _minus(self.stages, older.stages))
 
     def __add__(self, other: Figures) -> Figures:
         loop = self.loop + other.loop if self.loop and other.loop else self.loop or other.loop
         paths, topics = _plus(self.paths, other.paths), _plus(self.topics, other.topics)
-        return Figures(self.seconds + other.seconds, loop, paths, topics)
+        return Figures(self.seconds + other.seconds, loop, paths, topics, _plus(self.stages, other.stages))
 
 
-def of(health: bodies.Health) -> Figures:
-    """Return what a process has counted since it began."""
+def of(health: bodies.Health, *, stages: bool = False) -> Figures:
+    """Return what a process has counted since it began; its stages too, if asked: who judges has no use for them."""
     topics: dict[str, Traffic] = {}
     for report in health.topics:
         age = Latencies.of(report.age) if report.age else None
@@ -203,7 +233,8 @@ def of(health: bodies.Health) -> Figures:
         topics[report.topic] = topics[report.topic] + traffic if report.topic in topics else traffic
     paths = {path.name: Path(Latencies.of(path.latency), path.answered, path.asked) for path in health.paths}
     loop = Loop.of(health.loop) if health.loop else None
-    return Figures(health.uptime_s, loop, paths, topics)
+    costs = {stage.name: Stage.of(stage) for stage in health.stages} if stages else {}
+    return Figures(health.uptime_s, loop, paths, topics, costs)
 
 
 class Window:

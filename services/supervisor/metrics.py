@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import metadata
 
 import prometheus_client
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 
 import protocol.bodies as bodies
-from services.supervisor.figures import Latencies
+from services.runtime import stage_times
+from services.supervisor.figures import Latencies, Stage
 from services.supervisor.state_machine import RigState
+from services.supervisor.threads import Counts
 
 #: Gauges ``device_link_up.<device>`` of a process are a metric of their own.
 LINK = "device_link_up"
+#: Buckets of stages come two to a doubling, not four.
+_EVERY = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +39,8 @@ class RigSource:
     quality_level: int
     safe_stop: bool
     processes: Sequence[Source]
+    threads: Mapping[str, Counts] = field(default_factory=dict)
+    floor: Mapping[int, Latencies] = field(default_factory=dict)
 
 
 class RigCollector:
@@ -53,6 +59,9 @@ class RigCollector:
         yield _paths(heard)
         yield from _topics(heard)
         yield from _gauges(heard)
+        yield _stages(heard)
+        yield from _threads(rig.threads)
+        yield _floor(rig.floor)
 
 
 def registry(source: Callable[[], RigSource]) -> prometheus_client.CollectorRegistry:
@@ -135,6 +144,43 @@ def _gauges(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
             else:
                 other.add_metric([health.process, name], value)
     yield from (link, other)
+
+
+def _stages(heard: Iterable[bodies.Health]) -> Metric:
+    family = HistogramMetricFamily("trocar_stage_seconds", "One stage of a tick", labels=["loop", "stage"])
+    bounds = [*(f"{edge / 1e9:.9g}" for edge in stage_times.edges_ns()[_EVERY - 1 :: _EVERY]), "+Inf"]
+    for health in heard:
+        for body in health.stages:
+            stage = Stage.of(body)
+            cumulative = stage.counts.cumsum()
+            counts = [*cumulative[_EVERY - 1 : -1 : _EVERY], cumulative[-1]]
+            buckets = [(bound, int(count)) for bound, count in zip(bounds, counts, strict=True)]
+            family.add_metric([health.process, body.name], buckets, stage.sum_us / 1e6)
+    return family
+
+
+def _threads(threads: Mapping[str, Counts]) -> Iterator[Metric]:
+    switches = CounterMetricFamily(
+        "trocar_context_switches",
+        "By the threads that live now: a wake-up ends in one that was wanted, the rest took the processor away",
+        labels=["service", "kind"],
+    )
+    ran = CounterMetricFamily("trocar_processor_seconds", "Time on a processor", labels=["service"])
+    waited = CounterMetricFamily("trocar_waited_seconds", "Time of waiting for a processor", labels=["service"])
+    for name, counts in threads.items():
+        switches.add_metric([name, "wanted"], counts.woken)
+        switches.add_metric([name, "preempted"], counts.preempted)
+        ran.add_metric([name], counts.ran_ns / 1e9)
+        waited.add_metric([name], counts.waited_ns / 1e9)
+    yield from (switches, ran, waited)
+
+
+def _floor(floor: Mapping[int, Latencies]) -> Metric:
+    text = "Wake-ups after their time of a thread above everybody: what the machine costs"
+    family = _histogram("trocar_machine_lateness_seconds", text, "core")
+    for core, latencies in floor.items():
+        _add(family, str(core), latencies)
+    return family
 
 
 def _histogram(name: str, text: str, label: str) -> HistogramMetricFamily:

@@ -10,6 +10,7 @@ import asyncio
 import socket
 import sys
 import time
+from contextlib import closing
 from dataclasses import dataclass, field
 
 import msgspec
@@ -19,6 +20,7 @@ from services.runtime.bus import Bus
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
 from services.supervisor import dashboard
+from services.supervisor.around import Around
 from services.supervisor.metrics import RigSource, Source, registry
 from services.supervisor.notes import Command, Link, Notes, Opening
 from services.supervisor.state_machine import RigState
@@ -36,6 +38,7 @@ class Knowledge:
     """What the page's process knows of the rig."""
 
     rig: Rig
+    around: Around
     notes: Notes | None = None
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
 
@@ -63,7 +66,14 @@ class Knowledge:
             return RigSource(RigState.OFF, 0, False, ())
         heard = {name: one.health for name, one in self.heard.items()}
         processes = [Source(m.name, m.up, m.restarts, heard.get(m.name)) for m in self.notes.members]
-        return RigSource(RigState(self.notes.state), self.notes.quality_level, self.notes.safe_stop, processes)
+        return RigSource(
+            state=RigState(self.notes.state),
+            quality_level=self.notes.quality_level,
+            safe_stop=self.notes.safe_stop,
+            processes=processes,
+            threads=self.around.threads.totals(),
+            floor=self.around.floor(),
+        )
 
     def view_port(self) -> int:
         """Return where the picture is served: as its process says, where it was left to choose."""
@@ -79,7 +89,14 @@ def main(link_descriptor: int, socket_descriptor: int) -> int:
     opening = link.wait(Opening, _OPENING_S)
     if opening is None:
         return 1
-    knowledge = Knowledge(Rig.model_validate_json(opening.rig))
+    rig = Rig.model_validate_json(opening.rig)
+    with closing(Around(rig)) as around:
+        _run(Knowledge(rig, around), opening, link, sock)
+    return 0
+
+
+def _run(knowledge: Knowledge, opening: Opening, link: Link, sock: socket.socket) -> None:
+    """Serve until the supervisor goes."""
     context = PageContext(
         rig=knowledge.rig,
         scene=opening.scene,
@@ -95,7 +112,6 @@ def main(link_descriptor: int, socket_descriptor: int) -> int:
         asyncio.run(_serve(context, knowledge, bus, link, sock))
     finally:
         bus.close()
-    return 0
 
 
 def _ask(link: Link, command: Command) -> None:
@@ -126,7 +142,9 @@ async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Li
             return
         knowledge.hear(bus)
         if knowledge.notes is not None:
-            shown = dashboard.snapshot(knowledge.notes, knowledge.heard, knowledge.rig, context.scene)
+            await knowledge.around.turn(knowledge.notes, {n: h.health for n, h in knowledge.heard.items() if h.health})
+            around = knowledge.around.shown()
+            shown = dashboard.snapshot(knowledge.notes, knowledge.heard, knowledge.rig, context.scene, around)
             context.latest = _encoder.encode(shown)
         await asyncio.sleep(EVENT_PERIOD_S)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
+from services.runtime.flight import remove_rings
 from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
@@ -107,6 +108,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
+    if process.rig.supervisor.mode == "launch":
+        remove_rings(endpoints.run_directory(process.rig.transport))
     if supervisor.crew.fatal is not None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
     for member in supervisor.crew.members.values():

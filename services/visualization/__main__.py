@@ -28,7 +28,7 @@ def run(process: Process) -> None:
     composer = Composer(process.bus, scene, process.scene_name, duct)
     rig_state = RigState(process.bus)
     output = open_output(settings, painted, process.log)
-    meter = LoopMeter(settings.rate_hz)
+    meter = LoopMeter(settings.rate_hz, ("compose", "show"))
     process.ready(meter)
     health.change("running")
     try:
@@ -37,8 +37,7 @@ def run(process: Process) -> None:
             picture = composer.compose()
             composed_ns = time.monotonic_ns()
             output.show(composer.layout, picture, rig_state.notice())
-            health.stages.add("compose", composed_ns - started_ns)
-            health.stages.add("show", time.monotonic_ns() - composed_ns)
+            meter.stages_ns = (composed_ns - started_ns, time.monotonic_ns() - composed_ns)
             health.gauges.update(output.gauges())
             health.gauges["duct_frames_refused"] = float(composer.refused)
             health.send_if_due()

@@ -13,7 +13,9 @@ from protocol import TOPICS
 from protocol.bodies import GatewayState, InstrumentState, LocalModel
 from protocol.topics import published_by, read_by
 from services.cache_directory import cache_directory
+from services.haptics import __main__ as haptics
 from services.haptics.__main__ import Haptics
+from services.physics import __main__ as physics
 from services.physics.__main__ import Physics
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter, TickClock
@@ -47,8 +49,8 @@ class Rig:
         self.haptics_process, self.physics_process = FakeProcess("haptics", self.hub), FakeProcess("physics", self.hub)
         scene = load_scene(SMALL, overrides)
         duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
-        self.haptics = Haptics(self.haptics_process, scene, duct)  # type: ignore[arg-type]
-        self.physics = Physics(self.physics_process, scene, duct)  # type: ignore[arg-type]
+        self.haptics = Haptics(self.haptics_process, LoopMeter(1000.0, haptics.STAGES), scene, duct)  # type: ignore[arg-type]
+        self.physics = Physics(self.physics_process, LoopMeter(1000.0, physics.STAGES), scene, duct)  # type: ignore[arg-type]
         self.clock = TickClock(LoopMeter(1000.0))
         self.tick = 0
 

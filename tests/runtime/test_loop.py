@@ -24,6 +24,9 @@ class Clock:
     def monotonic_ns(self) -> int:
         return self.now
 
+    def thread_time_ns(self) -> int:
+        return self.now
+
     def sleep(self, seconds: float) -> None:
         self.now += round(seconds * 1e9)
 

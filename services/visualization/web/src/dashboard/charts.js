@@ -4,7 +4,7 @@ import uPlot from "uplot";
 import { known, share, us } from "./format.js";
 
 const SECONDS = 120;
-export const COLOURS = ["#56c5b4", "#6ba8e5", "#eab54d", "#f0695a", "#b79cf2", "#8fd16a"];
+export const COLOURS = ["#56c5b4", "#6ba8e5", "#eab54d", "#f0695a", "#b79cf2", "#8fd16a", "#d98cc0"];
 const AXIS = { stroke: "#8d9aa8", grid: { stroke: "#1e252d", width: 1 }, ticks: { show: false }, font: "11px system-ui", size: 52 };
 const TIME = { ...AXIS, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t.toFixed(0)} s`)) };
 

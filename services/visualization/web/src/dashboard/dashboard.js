@@ -4,10 +4,11 @@ import { COLOURS, latencyChart, missChart } from "./charts.js";
 import { known, percent, us } from "./format.js";
 import { HeatMap } from "./heat.js";
 import { element, Rows, text } from "./rows.js";
-import { Budget, Events, Processes, Realtime, Stages, Topics } from "./tables.js";
+import { Budget, Events, Floor, Processes, Realtime, Stages, Threads, Topics } from "./tables.js";
 
 const $ = (id) => document.getElementById(id);
 const KEPT = 600; // messages: two minutes
+const MACHINE = "machine, core ";
 const FIRST_PATH = "device_force";
 const QUANTILES = ["p50", "p99", "p99_9", "max"];
 
@@ -46,8 +47,9 @@ export class Dashboard {
     this.paths = new Tabs($("path-tabs"), () => this.drawPath());
     this.loops = new Tabs($("heat-tabs"), () => this.heat.show(this.loops.chosen));
     this.latency = latencyChart($("path-chart"), () => this.path()?.limit_p99);
-    this.tables = [new Processes(), new Budget(), new Stages(), new Realtime()];
+    this.tables = [new Processes(), new Budget(), new Stages(), new Threads(), new Realtime()];
     this.topics = new Topics();
+    this.floor = new Floor();
     this.events = new Events();
     this.quantiles = [...QUANTILES, "answered"].map((name, i) => {
       const cell = element("div", {}, element("span", { textContent: name === "p99_9" ? "p99.9" : name }), element("b", { textContent: "–" }));
@@ -73,13 +75,15 @@ export class Dashboard {
 
   update(state) {
     if (this.history.length && state.t < this.history.at(-1).t) this.history = []; // the rig has started anew
-    this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state) });
+    this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state), floor: state.floor ?? [] });
     if (this.history.length > KEPT) this.history.shift();
     this.state = state;
     if (document.visibilityState === "hidden") return;
     this.showRig(state);
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);
+    this.floor.update(state.floor ?? [], state.processes ?? []);
+    text($("flight"), state.flight ? `last flight: ${state.flight} (trocar latency)` : "");
     this.events.update(state.events ?? []);
     this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);
     this.drawPath();
@@ -114,8 +118,9 @@ export class Dashboard {
   }
 
   drawMisses() {
-    const names = loopsOf(this.state).map(({ name }) => name);
-    if (!names.length) return;
+    const loops = loopsOf(this.state).map(({ name }) => name);
+    const names = [...loops, ...(this.state.floor ?? []).map(({ core }) => `${MACHINE}${core}`)];
+    if (!loops.length) return;
     if (names.join() !== this.missNames) {
       $("miss-chart").replaceChildren();
       this.misses = missChart($("miss-chart"), names, () => this.missBudget);
@@ -123,7 +128,7 @@ export class Dashboard {
       this.missLegend(names);
     }
     this.misses.set(this.history.map(({ t }) => t), names.map((name) =>
-      this.history.map(({ loops }) => loops.find((entry) => entry.name === name)?.loop.miss_ratio ?? null)));
+      this.history.map((message) => missRatio(message, name))));
   }
 
   missLegend(names) {
@@ -136,6 +141,11 @@ export class Dashboard {
     }));
     head.append(legend);
   }
+}
+
+function missRatio({ loops, floor }, name) {
+  if (name.startsWith(MACHINE)) return floor.find(({ core }) => `${MACHINE}${core}` === name)?.late_ratio ?? null;
+  return loops.find((entry) => entry.name === name)?.loop.miss_ratio ?? null;
 }
 
 function loopsOf(state) {

@@ -85,21 +85,40 @@ export class Stages {
     this.groups = new Rows($("stages"), ({ name }) => {
       const group = element("div", { className: "stage-group" }, element("h3", { textContent: name }));
       group.rows = new Rows(group, () => element("div", { className: "stage" }, element("span"),
-        element("b", {}, element("i")), element("span", { className: "numbers" })), (row, { stage, most }) => {
-        const [label, bar, numbers] = row.children;
+        element("b", {}, element("i"), element("u")), element("span", { className: "numbers" })), (row, { stage, most }) => {
+        const [label, bar, numbers] = row.children, part = (x) => `${known(x) ? Math.min(100, (100 * x) / most) : 0}%`;
         text(label, stage.name);
-        bar.firstChild.style.width = `${(100 * stage.mean_us) / most}%`;
-        text(numbers, `${us(stage.mean_us)}, max ${us(stage.max_us)}`);
+        bar.firstChild.style.width = part(stage.p50_us);
+        bar.lastChild.style.left = `calc(${part(stage.p99_us)} - 2px)`;
+        text(numbers, [stage.p50_us, stage.p99_us, stage.max_us].map(us).join(" · "));
       });
       return group;
     }, (group, process) => {
-      const most = Math.max(1e-9, ...process.stages.map((stage) => stage.mean_us));
+      const most = Math.max(1e-9, ...process.stages.map((stage) => stage.p99_us ?? 0));
       group.rows.update(process.stages.map((stage) => ({ stage, most })), ({ stage }) => stage.name);
     });
   }
 
   update(processes) {
     this.groups.update(processes.filter((process) => process.stages?.length), (process) => process.name);
+  }
+}
+
+// What the kernel counted of each process in the last second.
+export class Threads {
+  constructor() {
+    this.rows = new Rows(body("threads"), () => tableRow(5), (row, { name, usage }) => {
+      [name, hz(usage.wakeups_per_s), hz(usage.switches_per_s), share(usage.processor_share), share(usage.waited_share)]
+        .forEach((value, i) => text(row.children[i], value));
+    });
+  }
+
+  update(processes) {
+    const known = processes.filter((process) => process.usage);
+    const sum = (key) => known.reduce((total, { usage }) => total + usage[key], 0);
+    const keys = ["wakeups_per_s", "switches_per_s", "processor_share", "waited_share"];
+    const all = { name: "together", usage: Object.fromEntries(keys.map((key) => [key, sum(key)])) };
+    this.rows.update(known.length ? [...known, all] : [], (process) => process.name);
   }
 }
 
@@ -121,6 +140,24 @@ export class Realtime {
     this.order = order;
     this.rows.update(facts, ({ process, fact }) => `${process} ${fact.name}`);
   }
+}
+
+// Misses of the machine itself, beside those of the rig: who is to blame.
+export class Floor {
+  update(floor, processes) {
+    const worst = Math.max(0, ...processes.map(({ loop }) => (loop?.target_hz >= 500 ? loop.miss_ratio ?? 0 : 0)));
+    const parts = floor.map((row) => `core ${row.core} ${share(row.late_ratio)} (worst ${us(row.lateness_us.max)}${row.lateness_us.max < 10000 ? " µs" : ""})`);
+    text($("floor"), floor.length
+      ? `The machine alone wakes over 1 ms late: ${parts.join(", ")}, in the last minute. ${verdict(floor, worst)}`
+      : "What the machine itself costs is not measured (supervisor.watch_floor, or the rig runs in containers).");
+  }
+}
+
+// Twice the floor is what a loop can hope for: it meets a stall in its sleep and in its work.
+function verdict(floor, worst) {
+  const limit = 2 * Math.max(...floor.map((row) => row.late_ratio ?? 0));
+  if (worst <= 0.001) return "";
+  return worst <= limit ? "What is missed now is the machine's." : "More is missed now than the machine explains: the rig's, or its neighbours'.";
 }
 
 export class Events {

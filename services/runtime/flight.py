@@ -1,0 +1,142 @@
+"""The flight recorder of a loop: its last two seconds, tick by tick, in memory that others may look at.
+
+A process writes one row a tick: which tick of the rig, when it was due, began and ended, for how long its thread was
+run since the last one, and what each stage took. Writing is one copy into memory that was there before: nothing is
+allocated, nobody is asked. The memory is a file that never touches a disk, so whoever wants to know reads it without a
+word to the loop: the page's process after a miss, ``trocar latency`` at any time, of a process that hangs or died too.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import mmap
+import os
+import struct
+import zlib
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from services.runtime.private_directory import make_private, open_private
+
+MAGIC = b"TROCARF1"
+#: A row begins with these, in ns of the monotonic clock or of time, and goes on with the stages.
+COLUMNS = ("tick", "due_ns", "began_ns", "ended_ns", "ran_ns")
+SECONDS = 2.0
+SUFFIX = ".flight"
+#: Header: magic, length of a JSON object, the object; then the number of rows ever written; then the rows in a ring.
+HEADER_BYTES = 4096
+_COUNT_BYTES = 64
+ROWS_AT = HEADER_BYTES + _COUNT_BYTES
+_MEMORY = Path("/dev/shm")
+
+
+class FlightRing:
+    """The last ticks of one loop. One thread writes.
+
+    Attributes
+    ----------
+    stages
+        Names of what a tick is made of, in order.
+    written
+        Rows since the start; the ring keeps the newest `capacity`.
+    """
+
+    def __init__(self, rate_hz: float, stages: Sequence[str] = ()) -> None:
+        self.rate_hz = rate_hz
+        self.stages = tuple(stages)
+        self.capacity = max(64, math.ceil(SECONDS * rate_hz))
+        self.written = 0
+        row = struct.Struct(f"<{len(COLUMNS) + len(self.stages)}q")
+        self.row_bytes = row.size
+        self._pack = row.pack_into
+        self.memory: bytearray | mmap.mmap
+        self._use(bytearray(ROWS_AT + self.capacity * self.row_bytes))
+
+    def _use(self, memory: bytearray | mmap.mmap) -> None:
+        self.memory = memory
+        self._count = memoryview(memory)[HEADER_BYTES : HEADER_BYTES + 8].cast("q")
+
+    def write(
+        self, tick: int, due_ns: int, began_ns: int, ended_ns: int, ran_ns: int, stages_ns: Sequence[int]
+    ) -> None:
+        """Write a row; `stages_ns` has a number for each stage."""
+        place = ROWS_AT + self.written % self.capacity * self.row_bytes
+        self._pack(self.memory, place, tick, due_ns, began_ns, ended_ns, ran_ns, *stages_ns)
+        self.written += 1
+        self._count[0] = self.written
+
+    def share(self, path: Path) -> None:
+        """Go on in the file `path`, a new one in a private directory; to be called before there is anything to lose.
+
+        Raises
+        ------
+        BusError, OSError
+            if it cannot be made.
+        """
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        descriptor = open_private(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
+        try:
+            size = ROWS_AT + self.capacity * self.row_bytes
+            os.posix_fallocate(descriptor, 0, size)  # here, where it can be refused, and not by a signal in a tick
+            memory = mmap.mmap(descriptor, size)
+            memory[:] = bytes(size)  # every page is there before the first tick
+            header = json.dumps(self._header(path.name.removesuffix(SUFFIX))).encode()
+            struct.pack_into(f"<8sI{len(header)}s", memory, 0, MAGIC, len(header), header)
+            os.replace(temporary, path)
+        except OSError:
+            temporary.unlink(missing_ok=True)
+            raise
+        finally:
+            os.close(descriptor)
+        self.written = 0
+        self._use(memory)
+
+    def _header(self, name: str) -> dict[str, Any]:
+        return {
+            "name": name,
+            "pid": os.getpid(),
+            "rate_hz": self.rate_hz,
+            "cores": sorted(os.sched_getaffinity(0)),
+            "stages": self.stages,
+            "capacity": self.capacity,
+        }
+
+
+def flight_directory(run_directory: Path) -> Path:
+    """Return where the rings of the rig of `run_directory` are: there, where that is memory, else in ``/dev/shm``.
+
+    A page of a file on a disk is taken away to be written, and who writes to it then waits for the disk.
+
+    Raises
+    ------
+    BusError
+        if it cannot be had, or others could have their hands in it.
+    """
+    if is_memory(run_directory) or not _MEMORY.is_dir():
+        return run_directory
+    whose = make_private(_MEMORY / f"trocar-{os.getuid()}")
+    return make_private(whose / f"{zlib.crc32(os.fsencode(run_directory.absolute())):08x}")
+
+
+def is_memory(directory: Path) -> bool:
+    """Return whether a directory is on a file system that has no disk."""
+    device = directory.stat().st_dev
+    wanted = f"{os.major(device)}:{os.minor(device)}"
+    for line in Path("/proc/self/mountinfo").read_text().splitlines():
+        fields, _, rest = line.partition(" - ")
+        if fields.split()[2] == wanted:
+            return rest.split()[0] == "tmpfs"
+    return False
+
+
+def remove_rings(run_directory: Path) -> None:
+    """Remove the rings of a rig that has ended."""
+    directory = flight_directory(run_directory)
+    for path in directory.glob(f"*{SUFFIX}"):
+        path.unlink(missing_ok=True)
+    if directory != run_directory:
+        with suppress(OSError):  # not empty: somebody is still writing
+            directory.rmdir()

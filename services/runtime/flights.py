@@ -1,0 +1,176 @@
+"""Reading flight rings, of a rig that runs or of one that died, and keeping what was read in files."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import struct
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.runtime.errors import BusError, UserError
+from services.runtime.flight import COLUMNS, HEADER_BYTES, MAGIC, ROWS_AT, SUFFIX
+from services.runtime.private_directory import open_private
+
+#: Of a file with flights; the format is numpy's.
+FILE_SUFFIX = ".npz"
+_META = "about"
+_PREFIX = len(MAGIC) + 4
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """The last ticks of one loop.
+
+    Attributes
+    ----------
+    rows : (ticks, 5 + stages) int64
+        Columns as `services.runtime.flight.COLUMNS` has them, then the stages; oldest first.
+    """
+
+    name: str
+    pid: int
+    rate_hz: float
+    cores: tuple[int, ...]
+    stages: tuple[str, ...]
+    rows: NDArray[np.int64] = field(repr=False)
+
+    @property
+    def period_ns(self) -> float:
+        """Time from tick to tick."""
+        return 1e9 / self.rate_hz
+
+    def column(self, name: str) -> NDArray[np.int64]:
+        """Return one of `COLUMNS`, of all ticks."""
+        found: NDArray[np.int64] = self.rows[:, COLUMNS.index(name)]
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class ThreadTime:
+    """What the kernel says of one thread over the last `seconds`: for how long it ran, and waited for a processor."""
+
+    process: str
+    thread: str
+    seconds: float
+    ran_s: float
+    waited_s: float
+    switches: int
+
+
+@dataclass(frozen=True, slots=True)
+class Flights:
+    """The flights of a rig, taken at one time. `reason` says why; `threads` is empty where the kernel does not tell."""
+
+    flights: tuple[Flight, ...]
+    taken_ns: int
+    taken_at: str
+    reason: str = ""
+    threads: tuple[ThreadTime, ...] = ()
+
+
+def read_rings(directory: Path) -> tuple[Flight, ...]:
+    """Return what lies in a directory of rings; one that is no ring, or of another version, is left out."""
+    found = (read_ring(path) for path in sorted(directory.glob(f"[!.]*{SUFFIX}")))
+    return tuple(flight for flight in found if flight is not None)
+
+
+def read_ring(path: Path) -> Flight | None:
+    """Return the rows of a ring, however fast it is written to meanwhile; None of what is no ring."""
+    try:
+        descriptor = open_private(path, os.O_RDONLY)
+    except (FileNotFoundError, BusError):
+        return None
+    try:
+        return _read(descriptor)
+    except (OSError, ValueError, KeyError, TypeError, struct.error):
+        return None
+    finally:
+        os.close(descriptor)
+
+
+def _read(descriptor: int) -> Flight | None:
+    head = os.pread(descriptor, HEADER_BYTES, 0)
+    if head[: len(MAGIC)] != MAGIC:
+        return None
+    (length,) = struct.unpack_from("<I", head, len(MAGIC))
+    about: dict[str, Any] = json.loads(head[_PREFIX : _PREFIX + length])
+    capacity, columns = int(about["capacity"]), len(COLUMNS) + len(about["stages"])
+    before = _written(descriptor)
+    data = os.pread(descriptor, 8 * capacity * columns, ROWS_AT)
+    after = _written(descriptor)
+    rows = np.frombuffer(data, np.int64).reshape(capacity, columns)
+    # The writer may have been in the row after the last that it counted, in the place of the oldest.
+    whole = np.arange(max(0, after - capacity + 1), before)
+    cores, stages = tuple(map(int, about["cores"])), tuple(map(str, about["stages"]))
+    return Flight(str(about["name"]), int(about["pid"]), float(about["rate_hz"]), cores, stages, rows[whole % capacity])
+
+
+def _written(descriptor: int) -> int:
+    (count,) = struct.unpack("<q", os.pread(descriptor, 8, HEADER_BYTES))
+    return int(count)
+
+
+def to_bytes(flights: Flights) -> bytes:
+    """Return the contents of a file."""
+    about = {
+        "taken_ns": flights.taken_ns,
+        "taken_at": flights.taken_at,
+        "reason": flights.reason,
+        "threads": [asdict(thread) for thread in flights.threads],
+        "flights": [
+            {"name": f.name, "pid": f.pid, "rate_hz": f.rate_hz, "cores": f.cores, "stages": f.stages}
+            for f in flights.flights
+        ],
+    }
+    arrays: dict[str, NDArray[Any]] = {f"rows{i}": flight.rows for i, flight in enumerate(flights.flights)}
+    out = io.BytesIO()
+    arrays[_META] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    np.savez_compressed(out, **arrays)  # type: ignore[arg-type]
+    return out.getvalue()
+
+
+def read_file(path: Path) -> Flights:
+    """Return the flights of a file.
+
+    Raises
+    ------
+    UserError
+        if it is none, or cannot be read.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+            about = json.loads(bytes(data[_META]))
+            flights = tuple(_flight(each, data[f"rows{i}"]) for i, each in enumerate(about["flights"]))
+            threads = tuple(ThreadTime(**each) for each in about["threads"])
+        return Flights(flights, int(about["taken_ns"]), str(about["taken_at"]), str(about["reason"]), threads)
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror or 'is no file of flights'}") from None
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
+        raise UserError(f"{path}: is no file of flights; `trocar latency` without a file looks at the rig") from None
+
+
+def _flight(about: dict[str, Any], rows: NDArray[Any]) -> Flight:
+    stages: Sequence[str] = tuple(map(str, about["stages"]))
+    if rows.dtype != np.int64 or rows.ndim != 2 or rows.shape[1] != len(COLUMNS) + len(stages):
+        raise ValueError("rows do not fit their stages")
+    cores = tuple(map(int, about["cores"]))
+    return Flight(str(about["name"]), int(about["pid"]), float(about["rate_hz"]), cores, tuple(stages), rows)
+
+
+def overrun_ns(flight: Flight) -> NDArray[np.float64]:
+    """Return by how much each tick ended after its deadline, (ticks,); negative for one in time."""
+    return np.asarray(flight.column("ended_ns") - flight.column("due_ns") - flight.period_ns, np.float64)
+
+
+def worst_ns(flights: Iterable[Flight], min_rate_hz: float = 0.0) -> float:
+    """Return the largest overrun of loops of at least `min_rate_hz`, 0 where all were in time."""
+    late = (overrun_ns(f).max(initial=0.0) for f in flights if f.rate_hz >= min_rate_hz and len(f.rows))
+    return float(max(late, default=0.0))

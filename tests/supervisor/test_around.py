@@ -1,0 +1,229 @@
+"""What is seen beside the rig: the machine's floor, threads as the kernel counts them, flights of missed ticks."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import prometheus_client
+import pytest
+
+import protocol.bodies as bodies
+from services.runtime.flight import FlightRing
+from services.runtime.flights import read_file, read_ring
+from services.runtime.loop import LoopMeter
+from services.runtime.stage_times import StageTimes
+from services.supervisor import flight_files
+from services.supervisor.dashboard import Heard
+from services.supervisor.figures import Latencies
+from services.supervisor.flight_files import FlightFiles
+from services.supervisor.floor_watch import Core
+from services.supervisor.metrics import RigSource, Source, registry
+from services.supervisor.state_machine import RigState
+from services.supervisor.threads import Counts, ThreadWatch
+from tests.supervisor.made_up import MS, health, histogram, loop_report
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    tmp_path.chmod(0o700)
+    return tmp_path
+
+
+def eventually(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until, "it did not happen"
+        time.sleep(0.02)
+
+
+def _floor(directory: Path, parent: str = "") -> subprocess.Popen[bytes]:
+    code = f"import subprocess, sys; {parent}" if parent else ""
+    command = [sys.executable, "-m", "services.supervisor.floor", str(directory)]
+    if not code:
+        return subprocess.Popen(command)
+    return subprocess.Popen(
+        [sys.executable, "-c", f"{code}; subprocess.Popen({command!r}); sys.stdin.read()"], stdin=subprocess.PIPE
+    )
+
+
+def _ticks(path: Path) -> int:
+    flight = read_ring(path)
+    return 0 if flight is None else int(flight.column("tick").max(initial=0))
+
+
+def test_the_floor_watches_every_core_and_ends_with_who_started_it(directory: Path) -> None:
+    starter = _floor(directory, parent="pass")
+    cores = sorted(os.sched_getaffinity(0))
+    rings = [directory / f"floor{core}.flight" for core in cores]
+    eventually(lambda: all(_ticks(ring) > 20 for ring in rings))
+    flight = read_ring(rings[0])
+    assert flight is not None
+    assert flight.cores == (cores[0],)
+    assert (flight.column("began_ns") >= flight.column("due_ns")).all()  # nobody wakes before the time
+    assert starter.stdin is not None
+    starter.stdin.close()
+    starter.wait()
+    eventually(lambda: not Path(f"/proc/{flight.pid}").exists() or "Z" in _state(flight.pid))
+
+
+def _state(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return "Z"
+
+
+def test_late_wake_ups_are_counted_once_and_shares_are_of_a_minute(directory: Path) -> None:
+    ring = FlightRing(100.0)
+    path = directory / "floor0.flight"
+    ring.share(path)
+    core = Core(0)
+    for second in range(100):
+        for k in range(100):
+            due = (second * 100 + k) * 10 * MS
+            late = 3 * MS if second == 20 and k < 7 else 50_000
+            ring.write(k, due, due + late, due + late, 0, ())
+            if k % 20 == 19:  # more often than the ring is full
+                core.take(path, second + k / 100)
+        if second == 70:
+            recent = core.recent()
+            assert (recent.late, recent.total) == (7, pytest.approx(6000, abs=40))
+    assert (core.counts.total, Latencies.of(core.counts.body()).late) == (10_000, 7)
+    assert core.recent().late == 0
+    assert core.counts.max_ns == 3 * MS
+
+
+def test_threads_are_counted_as_the_kernel_does() -> None:
+    """A child that sleeps 200 times a second is woken so often, and takes next to nothing; one that spins, a core."""
+    sleeper = subprocess.Popen([sys.executable, "-c", "import time\nwhile True: time.sleep(0.005)"])
+    spinner = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        time.sleep(0.5)
+        watch = ThreadWatch()
+        began = time.monotonic()
+        pids = {"sleeper": sleeper.pid, "spinner": spinner.pid, "gone": 2**22 - 1, "not started": 0}
+        watch.turn(began, pids)
+        watch.turn(began + 0.5, pids)  # too early: not looked at
+        assert not watch.usage()
+        time.sleep(1.5)
+        watch.turn(time.monotonic(), pids)
+        usage = watch.usage()
+        assert usage.keys() == {"sleeper", "spinner"}
+        assert 40 < usage["sleeper"].wakeups_per_s < 205  # less where others have the machine
+        assert usage["spinner"].wakeups_per_s < 20
+        assert usage["spinner"].processor_share + usage["spinner"].waited_share == pytest.approx(1.0, abs=0.1)
+        assert usage["sleeper"].processor_share < 0.1
+        first = watch.recent()[0]
+        assert first.process == "spinner"
+        assert watch.totals()["spinner"].ran_ns > 0
+    finally:
+        for process in (sleeper, spinner):
+            process.kill()
+            process.wait()
+
+
+def test_what_a_process_started_is_its_own_unless_it_has_a_name() -> None:
+    child = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(30)'])"
+    parent = subprocess.Popen([sys.executable, "-c", child])
+    try:
+        eventually(lambda: _children(parent.pid) != [])
+        (grandchild,) = _children(parent.pid)
+        alone, named = ThreadWatch(), ThreadWatch()
+        alone.turn(0.0, {"parent": parent.pid})
+        named.turn(0.0, {"child": grandchild, "parent": parent.pid})
+        assert alone.totals().keys() == {"parent"}
+        assert named.totals().keys() == {"parent", "child"}
+        os.kill(grandchild, 9)
+    finally:
+        parent.kill()
+        parent.wait()
+
+
+def _children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def _missed(misses: int, rate_hz: float = 1000.0, pid: int = 7) -> bodies.Health:
+    return health("physics", pid=pid, loop=loop_report(10_000, misses, rate_hz=rate_hz))
+
+
+def test_a_miss_is_written_once_what_follows_it_included_and_no_more_often_than_agreed(directory: Path) -> None:
+    files = FlightFiles(directory, directory / "flights")
+    assert files.look(0.0, {"physics": _missed(3)}, {}) == ""  # before we came: not ours to tell
+    assert files.look(0.2, {"physics": _missed(3)}, {}) == ""
+    assert files.look(0.4, {"physics": _missed(5)}, {}) == ""  # what follows is waited for
+    assert files.look(0.8, {"physics": _missed(5)}, {}) == ""
+    assert files.look(0.9, {"physics": _missed(6)}, {}) == "physics: 2 ticks missed"
+    assert files.look(1.0, {"physics": _missed(6)}, {}) == ""
+    assert files.look(2.0, {"physics": _missed(9)}, {}) == ""  # too soon
+    assert files.look(0.9 + flight_files.APART_S, {"physics": _missed(9)}, {}) == "physics: 3 ticks missed"
+    assert files.look(30.0, {"physics": _missed(1, pid=8)}, {}) == ""  # started again: what it missed in that is known
+    assert files.look(60.0, {"physics": _missed(90, rate_hz=36.0, pid=9)}, {}) == ""  # a picture
+    assert files.look(61.0, {}, {"physics": "ended by signal 9"}) == ""
+    assert files.look(61.6, {}, {}) == "physics: ended by signal 9"
+
+
+def test_a_file_has_all_loops_and_tells_its_worst_tick(directory: Path) -> None:
+    for name, over_us in (("physics", 700), ("haptics", 20)):
+        ring = FlightRing(1000.0, ("a",))
+        ring.share(directory / f"{name}.flight")
+        for k in range(50):
+            ended = (k + 1) * MS + (over_us * 1000 if k == 30 else -500_000)
+            ring.write(k, k * MS, k * MS, ended, 0, (1,))
+    files = FlightFiles(directory, directory / "flights")
+    path = files.write("physics: 1 ticks missed", ())
+    assert path.name.endswith("-late-00000700us.npz")
+    assert path.stat().st_mode & 0o077 == 0
+    assert {flight.name: len(flight.rows) for flight in read_file(path).flights} == {"physics": 50, "haptics": 50}
+
+
+def test_the_newest_and_the_worst_are_kept(directory: Path) -> None:
+    files = FlightFiles(directory, directory / "flights")
+    made = [f"20260101-0000{k:02d}-late-{(k * 37) % 60:08d}us.npz" for k in range(60)]
+    for name in made:
+        (files.directory / name).touch()
+    newest = files.write("x", ()).name
+    left = {path.name for path in files.directory.iterdir()}
+    worst = sorted(made, key=lambda name: name[-14:])[-flight_files.WORST :]
+    assert left == {newest, *made[-flight_files.NEWEST + 1 :], *worst}
+
+
+def test_metrics_and_dashboard_tell_the_same_of_stages_threads_and_floor() -> None:
+    meter = LoopMeter(1000.0, ("solve", "send"))
+    times = StageTimes(meter.flight)
+    heard = Heard.nothing(2.0)
+    for report in range(30):
+        for k in range(100):
+            meter.flight.write(k, 0, 0, 0, 0, (200_000 if k else 700_000, 20_000))
+        body = health("physics", uptime_s=1.0 + report / 10, loop=loop_report(100 * report))
+        body = bodies.Health(**{f: getattr(body, f) for f in body.__struct_fields__} | {"stages": times.take()})
+        heard.take(body)
+    solve, send = heard.stage_rows()
+    assert (solve.name, send.name) == ("solve", "send")
+    assert (solve.p50_us, send.p50_us) == (pytest.approx(200, rel=0.15), pytest.approx(20, rel=0.15))
+    assert solve.max_us == pytest.approx(700)  # not a bucket's edge
+    assert solve.p99_us <= solve.max_us
+    floor = {1: Latencies.of(histogram([40_000] * 99 + [2 * MS]))}
+    counts = {"physics": Counts("physics", "", 500, 20, 3 * 10**9, 10**8)}
+    source = RigSource(RigState.RUNNING, 0, False, [Source("physics", True, 0, heard.health)], counts, floor)
+    text = prometheus_client.generate_latest(registry(lambda: source)).decode()
+    values = dict(line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))
+    assert float(values['trocar_stage_seconds_count{loop="physics",stage="solve"}']) == 3000
+    assert float(values['trocar_stage_seconds_sum{loop="physics",stage="solve"}']) == pytest.approx(
+        30 * 99 * 2e-4 + 30 * 7e-4
+    )
+    below = {float(key.partition('le="')[2].partition('"')[0]): float(value) for key, value in values.items()
+             if key.startswith("trocar_stage_seconds_bucket") and 'stage="solve"' in key}  # fmt: skip
+    assert below[min(edge for edge in below if edge > 2.0e-4)] == 2970
+    assert below[max(edge for edge in below if edge < 2.0e-4)] == 0
+    assert below[float("inf")] == 3000
+    assert float(values['trocar_context_switches_total{kind="wanted",service="physics"}']) == 500
+    assert float(values['trocar_context_switches_total{kind="preempted",service="physics"}']) == 20
+    assert float(values['trocar_processor_seconds_total{service="physics"}']) == 3.0
+    assert float(values['trocar_machine_lateness_seconds_count{core="1"}']) == 100
+    assert float(values['trocar_machine_lateness_seconds_bucket{core="1",le="0.001"}']) == 99
