@@ -80,6 +80,23 @@ def top(
 
 
 @app.command()
+def latency(
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="Files that the rig kept after missed ticks; without, the rig itself.")
+    ] = None,
+    rig: Rig = "stub",
+    worst: Annotated[int, typer.Option(min=1, help="How many ticks to show.")] = 12,
+    trace: Annotated[Path | None, typer.Option(help="Write a trace that ui.perfetto.dev opens.")] = None,
+    json: Json = False,
+    overrides: Overrides = None,
+) -> None:
+    """Show the worst ticks of the last seconds on one time line, and what had the core meanwhile."""
+    from services.cli.latency import Request, run_latency
+
+    run_latency(Request(tuple(files or ()), rig, worst, trace, json, tuple(overrides or ())))
+
+
+@app.command()
 def doctor(rig: Rig = "stub", overrides: Overrides = None, json: Json = False) -> None:
     """Check what this host can give the rig; exit code 1 where the rig cannot run."""
     from services.cli.doctor import run_doctor

@@ -1,0 +1,175 @@
+"""``trocar latency``: the worst ticks of all loops on one time line, of a rig that runs or from files that it left."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from services.cli.incidents import FLOOR_LATE_NS, UNKNOWN, BadTick, incidents, is_floor, worst_ticks
+from services.cli.trace import write_trace
+from services.runtime import config, endpoints
+from services.runtime.errors import UserError
+from services.runtime.flight import flight_directory
+from services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
+from services.supervisor.threads import ThreadWatch
+
+_LOOK_S = 1.0
+_THREADS = 8
+_WIDTH, _LINE = 110, 64
+_WORDS = ("longest stage", "mostly")
+_LEGEND = (
+    "s: before the end of what was kept; late: started after its time; ran: on the core since the tick before; "
+    f"over: after its deadline. Mostly: what took most of the time from when it was due; {UNKNOWN!r} is its frame "
+    "on its way, a bus thread, or somebody who is no loop of the rig."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to look at, and what to make of it."""
+
+    files: tuple[Path, ...]
+    rig: str
+    worst: int
+    trace: Path | None
+    json: bool
+    overrides: tuple[str, ...]
+
+
+def run_latency(request: Request) -> None:
+    """Show the worst ticks.
+
+    Raises
+    ------
+    UserError
+        if there is nothing to look at, or a file cannot be read or written.
+    """
+    taken = [read_file(path) for path in request.files] or [_now(request)]
+    if request.trace is not None:
+        if len(taken) > 1:
+            raise UserError(f"--trace: a trace is of one file, and {len(taken)} were given")
+        try:
+            write_trace(request.trace, taken[0])
+        except OSError as error:
+            raise UserError(f"--trace: cannot write {request.trace}: {error.strerror}") from None
+        print(f"wrote {request.trace}: open it at https://ui.perfetto.dev", file=sys.stderr)
+    if request.json:
+        print(json.dumps([_plain(each, request.worst) for each in taken]))
+        return
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
+    for each in taken:
+        _show(console, each, request.worst)
+
+
+def _now(request: Request) -> Flights:
+    """Return the last seconds of the rig's loops, whether they run or died; else the newest file that it left."""
+    transport = config.load_rig(request.rig, request.overrides).transport
+    directory = endpoints.run_directory(transport)
+    rings = flight_directory(directory)
+    pids = {flight.name: flight.pid for flight in read_rings(rings) if not is_floor(flight)}
+    if not pids:
+        kept = sorted((directory / "flights").glob(f"*{FILE_SUFFIX}"))
+        if not kept:
+            raise UserError(f"no loop has left a flight in {rings}, and no file is kept in {directory / 'flights'}")
+        print(f"no rig is running; of the last one: {kept[-1]}", file=sys.stderr)
+        return read_file(kept[-1])
+    threads = ThreadWatch()
+    for _ in range(2):
+        threads.turn(time.monotonic(), pids)
+        time.sleep(_LOOK_S)
+    threads.turn(time.monotonic(), pids)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return Flights(read_rings(rings), time.monotonic_ns(), now, "looked at by hand", threads.recent())
+
+
+def _plain(taken: Flights, worst: int) -> dict[str, object]:
+    ticks = worst_ticks(taken.flights, worst)
+    return {
+        "taken_at": taken.taken_at,
+        "reason": taken.reason,
+        "loops": {f.name: len(f.rows) for f in taken.flights},
+        "worst": [{**asdict(tick), "before_end_s": (taken.taken_ns - tick.due_ns) * 1e-9} for tick in ticks],
+        "threads": [asdict(thread) for thread in taken.threads],
+    }
+
+
+def _show(console: Console, taken: Flights, worst: int) -> None:
+    console.print(f"{taken.taken_at}  {taken.reason}", style="bold", markup=False)
+    ticks = worst_ticks(taken.flights, worst)
+    if not ticks:
+        console.print("no tick was late in what was kept")
+    else:
+        console.print(_table(ticks, taken))
+        console.print(Text(_LEGEND, style="dim"))
+        console.print(_time_line(max(ticks, key=lambda tick: tick.over_periods), taken.flights))
+    if taken.threads:
+        console.print(_thread_table(taken.threads))
+
+
+def _table(ticks: Sequence[BadTick], taken: Flights) -> Table:
+    table = _plain_table()
+    for title in ("s", "process", "core", "tick", "late us", "work us", "ran us", "over us", *_WORDS):
+        table.add_column(title, justify="left" if title in ("process", *_WORDS) else "right", no_wrap=True)
+    for group in incidents(ticks):
+        for tick in group:
+            stage = f"{tick.longest_stage} {tick.longest_stage_ns / 1e3:.0f}" if tick.longest_stage else ""
+            numbers = (tick.began_ns - tick.due_ns, tick.ended_ns - tick.began_ns, tick.on_core_ns, tick.over_ns)
+            cells = (f"{number / 1e3:.0f}" for number in numbers)
+            at = f"{(tick.due_ns - taken.taken_ns) * 1e-9:.3f}"
+            table.add_row(at, tick.process, _cores(tick.cores), str(tick.tick), *cells, stage, tick.why)
+        table.add_section()
+    return table
+
+
+def _plain_table(title: str | None = None) -> Table:
+    return Table(title=title, box=None, pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
+
+
+def _cores(cores: tuple[int, ...]) -> str:
+    return str(cores[0]) if len(cores) == 1 else "any"
+
+
+def _time_line(tick: BadTick, flights: Sequence[Flight]) -> Text:
+    """Return a line a loop over the time of a tick and a little more, and a line for the machine on each core."""
+    margin_ns = (tick.ended_ns - tick.due_ns) // 4 + 1
+    from_ns, to_ns = tick.due_ns - margin_ns, tick.ended_ns + margin_ns
+    span_ms = (to_ns - from_ns) / 1e6
+    text = Text(f"\nthe worst, {span_ms:.1f} ms: █ in its tick, ░ due and not begun, ! the machine wakes nobody\n")
+    for flight in sorted(flights, key=lambda each: (each.cores, is_floor(each), each.name)):
+        line = "".join(_cells(flight, from_ns, to_ns))
+        name = "the machine" if is_floor(flight) else flight.name
+        text.append(f"{name[:14]:<14}{_cores(flight.cores):>4} {line}\n")
+    return text
+
+
+def _cells(flight: Flight, from_ns: int, to_ns: int) -> list[str]:
+    step = (to_ns - from_ns) / _LINE
+    cells = [" "] * _LINE
+    due, began, ended = (flight.column(name) for name in ("due_ns", "began_ns", "ended_ns"))
+    waiting, working = ("!", "!") if is_floor(flight) else ("░", "█")
+    least_ns = FLOOR_LATE_NS if is_floor(flight) else 0
+    for row in ((due < to_ns) & (ended > from_ns) & (began - due >= least_ns)).nonzero()[0]:
+        for mark, first, last in ((waiting, due[row], began[row]), (working, began[row], ended[row])):
+            for cell in range(max(0, int((first - from_ns) / step)), min(_LINE, int((last - from_ns) / step) + 1)):
+                if mark == working or cells[cell] == " ":
+                    cells[cell] = mark
+    return cells
+
+
+def _thread_table(threads: Sequence[ThreadTime]) -> Table:
+    table = _plain_table(f"the kernel: who of the rig ran in the last {threads[0].seconds:.1f} s")
+    for column in ("process", "thread", "ran %", "waited %", "switches/s"):
+        table.add_column(column, justify="left" if column in ("process", "thread") else "right")
+    for each in threads[:_THREADS]:
+        shares = (f"{100 * each.ran_s / each.seconds:.1f}", f"{100 * each.waited_s / each.seconds:.1f}")
+        table.add_row(each.process, each.thread, *shares, f"{each.switches / each.seconds:.0f}")
+    return table

@@ -1,0 +1,77 @@
+"""Flights as a trace that Perfetto (ui.perfetto.dev) and chrome://tracing open: the Trace Event Format, as JSON.
+
+https://docs.google.com/document/d/1CvAClvFfyA5R-PhYUmn5OOQtYMH4h6I0nSsKchNAySU
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from services.cli.incidents import FLOOR, is_floor
+from services.runtime.flight import COLUMNS
+from services.runtime.flights import Flight, Flights
+
+_TICKS, _MACHINE = 1, 0
+#: A wake-up of the floor that is earlier than this is left out: there are a hundred a second.
+_WORTH_NS = 100_000
+
+
+def trace(flights: Flights) -> dict[str, Any]:
+    """Return the trace: a track a process with its ticks and stages, marks at those that were late, and the machine.
+
+    Stages are laid end to end from the beginning of their tick, as their order is known and not their gaps.
+    """
+    rows = [flight for flight in flights.flights if len(flight.rows)]
+    origin_ns = min((int(flight.column("due_ns").min()) for flight in rows), default=0)
+    events: list[dict[str, Any]] = []
+    for flight in rows:
+        events += _floor(flight, origin_ns) if is_floor(flight) else _loop(flight, origin_ns)
+    about = {"taken_at": flights.taken_at, "reason": flights.reason, "origin_monotonic_ns": origin_ns}
+    return {"traceEvents": events, "displayTimeUnit": "ms", "otherData": about}
+
+
+def _loop(flight: Flight, origin_ns: int) -> Iterator[dict[str, Any]]:
+    yield _named(flight.pid, _TICKS, "process_name", f"{flight.name}, core {', '.join(map(str, flight.cores))}")
+    yield _named(flight.pid, _TICKS, "thread_name", "ticks")
+    for row in flight.rows.tolist():
+        tick, due, began, ended, ran = row[: len(COLUMNS)]
+        args = {"late_us": (began - due) / 1e3, "on_core_us": ran / 1e3}
+        yield _span(flight.pid, _TICKS, f"tick {tick}", began - origin_ns, ended - began, args)
+        at = began
+        for stage, duration in zip(flight.stages, row[len(COLUMNS) :], strict=True):
+            length = min(duration, ended - at)
+            if length > 0:
+                yield _span(flight.pid, _TICKS, stage, at - origin_ns, length, {})
+                at += length
+        if ended - due > flight.period_ns:
+            over_us = (ended - due - flight.period_ns) / 1e3
+            yield {
+                "ph": "i", "s": "p", "name": f"missed by {over_us:.0f} us", "cat": "miss",
+                "pid": flight.pid, "tid": _TICKS, "ts": (ended - origin_ns) / 1e3, "args": {"tick": tick},
+            }  # fmt: skip
+
+
+def _floor(flight: Flight, origin_ns: int) -> Iterator[dict[str, Any]]:
+    core = int(flight.name.removeprefix(FLOOR))
+    yield _named(_MACHINE, core, "process_name", "the machine")
+    yield _named(_MACHINE, core, "thread_name", f"core {core} wakes nobody")
+    for _tick, due, woke, *_rest in flight.rows.tolist():
+        if woke - due >= _WORTH_NS:
+            yield _span(_MACHINE, core, "late", due - origin_ns, woke - due, {})
+
+
+def _span(pid: int, tid: int, name: str, at_ns: int, length_ns: int, args: dict[str, float]) -> dict[str, Any]:
+    span = {"ph": "X", "name": name, "cat": "loop", "pid": pid, "tid": tid, "ts": at_ns / 1e3, "dur": length_ns / 1e3}
+    return {**span, "args": args} if args else span
+
+
+def _named(pid: int, tid: int, what: str, name: str) -> dict[str, Any]:
+    return {"ph": "M", "name": what, "pid": pid, "tid": tid, "args": {"name": name}}
+
+
+def write_trace(path: Path, flights: Flights) -> None:
+    """Write the trace."""
+    path.write_text(json.dumps(trace(flights), allow_nan=False), encoding="utf-8")

@@ -1,0 +1,182 @@
+"""The worst ticks on one time line: what is blamed is what was put there, and the trace is one that viewers open."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from services.cli.app import app
+from services.cli.incidents import incidents, worst_ticks
+from services.cli.trace import trace
+from services.runtime.flight import COLUMNS, FlightRing, flight_directory, remove_rings
+from services.runtime.flights import Flight, Flights, ThreadTime, to_bytes
+
+MS = 1_000_000
+START = 5_000 * MS
+
+
+def flight(
+    name: str, core: int, work_us: float, changes: dict[int, dict[str, float]] | None = None, rate: float = 1000.0
+) -> Flight:
+    """Return two hundred ticks that take `work_us` in two stages, all of it on the core, but for `changes` (us)."""
+    rows = []
+    for k in range(200):
+        change = (changes or {}).get(k, {})
+        due = START + round(k * 1e9 / rate)
+        began = due + round(1e3 * change.get("late", 20.0))
+        work = round(1e3 * change.get("work", work_us))
+        ran = round(1e3 * change.get("ran", work / 1e3))
+        rows.append([k, due, began, began + work, ran, work // 4, work - work // 4])
+    return Flight(name, 10 + core, rate, (core,), ("read", "solve"), np.array(rows))
+
+
+def floor(core: int, late_us: dict[int, float] | None = None) -> Flight:
+    due = [START + k * 10 * MS for k in range(20)]
+    woke = [at + round(1e3 * (late_us or {}).get(k, 40.0)) for k, at in enumerate(due)]
+    rows = [[k, at, then, then, 0] for k, (at, then) in enumerate(zip(due, woke, strict=True))]
+    return Flight(f"floor{core}", 99, 100.0, (core,), (), np.array(rows))
+
+
+def test_nothing_late_is_nothing_to_show() -> None:
+    assert worst_ticks([flight("physics", 1, 300.0), floor(1)], 10) == []
+
+
+def test_own_work_is_told_with_its_longest_stage() -> None:
+    (tick,) = worst_ticks([flight("physics", 1, 300.0, {50: {"work": 2500.0}}), floor(1)], 10)
+    assert (tick.process, tick.tick, tick.longest_stage) == ("physics", 50, "solve")
+    assert tick.over_ns == pytest.approx(1.52e6)
+    assert tick.why == "its own work 2.50 ms"
+
+
+def test_another_loop_on_the_same_core_is_named_and_one_on_another_is_not() -> None:
+    late = flight("haptics", 0, 200.0, {50: {"work": 2500.0, "ran": 200.0}})
+    gateway = flight("gateway", 0, 60.0, {50: {"late": 40.0, "work": 2300.0}})
+    physics = flight("physics", 1, 60.0, {50: {"late": 40.0, "work": 2300.0}})
+    by_name = {tick.process: tick.why for tick in worst_ticks([late, gateway, physics], 10)}
+    assert by_name["haptics"] == "gateway 2.42 ms"  # 2.3, and twice the 60 us of its next ticks
+    alone = {tick.process: tick.why for tick in worst_ticks([late, physics], 10)}
+    assert alone["haptics"] == "unknown 2.32 ms"
+
+
+def test_the_machine_is_to_blame_where_it_woke_nobody_on_that_core() -> None:
+    late = flight("physics", 1, 300.0, {50: {"late": 3000.0}})
+    (tick,) = worst_ticks([late, floor(0), floor(1, {5: 2800.0})], 10)
+    assert tick.why == "the machine 2.80 ms"
+    (tick,) = worst_ticks([late, floor(0, {5: 2800.0}), floor(1)], 10)
+    assert tick.why.startswith("unknown")
+    (tick,) = worst_ticks([late, floor(1, {9: 2800.0})], 10)  # at another time
+    assert tick.why.startswith("unknown")
+
+
+def test_the_worst_by_periods_are_taken_in_the_order_of_time_and_what_belongs_together_is() -> None:
+    physics = flight("physics", 1, 300.0, {k: {"work": 1000.0 + 10 * k} for k in (20, 21, 120)})
+    haptics = flight("haptics", 0, 200.0, {21: {"work": 9000.0}})
+    picture = flight("visualization", 0, 200.0, {1: {"work": 30_000.0}}, rate=36.0)  # 0.1 of its period: the least
+    ticks = worst_ticks([physics, haptics, picture], 3)
+    assert [(tick.process, tick.tick) for tick in ticks] == [("haptics", 21), ("physics", 21), ("physics", 120)]
+    assert [len(group) for group in incidents(ticks)] == [2, 1]
+
+
+def _check_event(event: dict[str, Any]) -> None:
+    """What the Trace Event Format asks of the kinds that are used."""
+    assert event["ph"] in "XiM"
+    assert isinstance(event["name"], str)
+    assert isinstance(event["pid"], int)
+    assert isinstance(event["tid"], int)
+    if event["ph"] == "M":
+        assert event["name"] in ("process_name", "thread_name")
+        assert isinstance(event["args"]["name"], str)
+        return
+    assert event["ts"] >= 0
+    if event["ph"] == "X":
+        assert event["dur"] >= 0
+    else:
+        assert event["s"] in "gpt"
+
+
+def test_the_trace_has_every_tick_nested_stages_and_a_mark_at_each_miss() -> None:
+    flights = (flight("physics", 1, 300.0, {50: {"work": 2500.0}, 90: {"late": 3000.0}}), floor(1, {5: 2800.0}))
+    made = json.loads(json.dumps(trace(Flights(flights, 0, "now", "why")), allow_nan=False))
+    events = made["traceEvents"]
+    for event in events:
+        _check_event(event)
+    ticks = [e for e in events if e["ph"] == "X" and e["name"].startswith("tick ")]
+    assert len(ticks) == 200
+    inside = [e for e in events if e["name"] == "solve"]
+    assert len(inside) == 200
+    for outer, inner in zip(ticks, inside, strict=True):  # nested, or a viewer draws them wrongly
+        assert outer["ts"] <= inner["ts"] + 1e-6
+        assert inner["ts"] + inner["dur"] <= outer["ts"] + outer["dur"] + 1e-6
+    assert ticks[50]["dur"] == 2500.0
+    assert [e["args"]["tick"] for e in events if e["ph"] == "i"] == [50, 90]
+    assert [e["dur"] for e in events if e["name"] == "late"] == [2800.0]
+    names = {(e["pid"], e["args"]["name"]) for e in events if e["name"] == "process_name"}
+    assert names == {(11, "physics, core 1"), (0, "the machine")}
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Path:
+    flights = (flight("physics", 1, 300.0, {50: {"work": 2500.0}}), floor(1))
+    thread = ThreadTime("physics", "python3", 2.0, 0.6, 0.02, 4000)
+    file = tmp_path / "kept.npz"
+    file.write_bytes(to_bytes(Flights(flights, START + 250 * MS, "2026-11-20", "physics: 1 ticks missed", (thread,))))
+    return file
+
+
+def test_the_command_shows_a_file(kept: Path) -> None:
+    done = CliRunner().invoke(app, ["latency", str(kept)])
+    assert done.exit_code == 0, done.output
+    for words in ("physics: 1 ticks missed", "-0.200", "solve 1875", "its own work 2.50 ms", "the machine", "30.0"):
+        assert words in done.output
+    assert max(map(len, done.output.splitlines())) <= 110
+
+
+def test_the_command_writes_a_trace_and_json(kept: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["latency", str(kept), "--json", "--trace", str(tmp_path / "t.json")])
+    assert done.exit_code == 0, done.output
+    (shown,) = json.loads(done.stdout)
+    assert shown["worst"][0]["tick"] == 50
+    assert shown["worst"][0]["before_end_s"] == pytest.approx(0.2)
+    assert len(json.loads((tmp_path / "t.json").read_text())["traceEvents"]) > 600
+
+
+def _run(*arguments: str) -> Any:
+    return CliRunner().invoke(app, ["latency", *arguments])
+
+
+def test_a_running_rig_is_looked_at_and_of_an_ended_one_its_last_file(tmp_path: Path, kept: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir(mode=0o700)
+    rig = ["--set", f"transport.directory={run}"]
+    nothing = _run(*rig)
+    assert nothing.exit_code == 1
+    assert "no loop has left a flight" in str(nothing.exception)
+    (run / "flights").mkdir()
+    kept.rename(run / "flights" / "20261120-000000-late-00001520us.npz")
+    of_ended = _run(*rig)
+    assert "its own work 2.50 ms" in of_ended.output
+    ring = FlightRing(1000.0, ("solve",))
+    ring.share(flight_directory(run) / "physics.flight")
+    for k in range(10):
+        ring.write(k, k * MS, k * MS, k * MS + (3 * MS if k == 4 else 1), 3 * MS, (1,))
+    running = _run(*rig)
+    assert "looked at by hand" in running.output
+    assert "its own work 3.00 ms" in running.output
+    assert f"{os.getpid()}" not in running.output
+    remove_rings(run)
+
+
+def test_what_cannot_be_written_or_read_is_one_sentence(kept: Path, tmp_path: Path) -> None:
+    assert "cannot write" in str(_run(str(kept), "--trace", str(tmp_path / "no" / "t.json")).exception)
+    assert "No such file" in str(_run(str(tmp_path / "no.npz")).exception)
+    assert "a trace is of one file" in str(_run(str(kept), str(kept), "--trace", "x").exception)
+
+
+def test_columns_are_those_of_the_ring() -> None:
+    assert COLUMNS[:5] == ("tick", "due_ns", "began_ns", "ended_ns", "ran_ns")
