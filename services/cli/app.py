@@ -208,6 +208,30 @@ def stability(
     run_stability(Request(long, tuple(families or ()), seed, jobs, out, report, json))
 
 
+@app.command()
+def study(
+    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Studies, or all.")],
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and samples: all in five minutes.")] = False,
+    smallest: Annotated[bool, typer.Option("--smallest", help="So little that nothing can be learnt of it.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Draws what is drawn by chance.")] = 1,
+    out: Annotated[
+        Path, typer.Option(help="Folder for results, figures and page; a run that was ended goes on there.")
+    ] = Path("study"),
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes for errors; default: one a core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler whose workers compute errors; costs stay here.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Write it as a page with figures, as docs/accuracy.md.")] = None,
+    json: Json = False,
+) -> None:
+    """Show what accuracy costs in time: error against a converged reference beside the cost of a tick."""
+    from services.cli.study import Request, run_study
+    from services.studies.accuracy.study import Size
+
+    size = Size.SMALLEST if smallest else Size.QUICK if quick else Size.FULL
+    run_study(Request(tuple(names), size, seed, out, jobs, scheduler, report, json))
+
+
 @config_app.command("show")
 def config_show(
     rig: Annotated[str | None, typer.Option(help="Rig file or name; the default.")] = None,

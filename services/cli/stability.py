@@ -13,9 +13,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from services.runtime.errors import ConfigError, UserError
+from services.studies.provenance import code_version
 from services.studies.stability.families import FAMILIES
 from services.studies.stability.family import Reach
-from services.studies.stability.report import code_version, page, shown, worst_figures
+from services.studies.stability.report import page, shown, worst_figures
 from services.studies.stability.suite import Log, Order, Result, list_cases, run_suite
 
 

@@ -1,4 +1,4 @@
-"""The insertion at several lengths of the tick: how far its forces are from those at a much shorter one."""
+"""The insertion with other settings or lengths of the tick: what the hands feel and where the catheter goes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.scenarios import insertion
+from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
@@ -27,25 +28,32 @@ class Inserted(NamedTuple):
         Of the catheter.
     length_m : float
         Inserted at the end.
+    wall_m : (n, 3) float64
+        Nodes of the duct at the end.
     """
 
     force_n: FloatArray
     tip_m: FloatArray
     length_m: float
+    wall_m: FloatArray
 
 
-def insert(dt_s: float, cache_dir: Path) -> Inserted:
-    """Run the scripted insertion in ticks of ``dt_s``, a whole fraction of a millisecond."""
+def insert(dt_s: float, cache_dir: Path, scene: SceneModel | None = None, duration_s: float | None = None) -> Inserted:
+    """Run the scripted insertion in ticks of ``dt_s``, a whole fraction of a millisecond.
+
+    ``scene`` takes the place of the scenario's own; the hands are the same. They stop after ``duration_s``.
+    """
     scenario = insertion()
-    simulation, tools = Simulation(scenario.scene, build_scene_duct(scenario.scene, cache_dir)), ToolInputs()
-    per_sample, count = round(_EVERY_S / dt_s), round(scenario.duration_s / _EVERY_S)
+    scene = scene or scenario.scene
+    simulation, tools = Simulation(scene, build_scene_duct(scene, cache_dir)), ToolInputs()
+    per_sample, count = round(_EVERY_S / dt_s), round((duration_s or scenario.duration_s) / _EVERY_S)
     force_n, tip_m = np.empty((count, 2, 3)), np.empty((count, 3))
     for tick in range(count * per_sample):
         scenario.write_inputs((tick + 1) * dt_s, tools)
         simulation.step(tools, None, dt_s)
         force_n[tick // per_sample] = simulation.tool_results.force_n
         tip_m[tick // per_sample] = simulation.catheter.state.position_m[-1]
-    return Inserted(force_n, tip_m, simulation.inserted_length_m)
+    return Inserted(force_n, tip_m, simulation.inserted_length_m, simulation.duct.surface_m())
 
 
 def rms(vectors: FloatArray) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import platform
-import subprocess
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -46,20 +45,6 @@ def shown(name: str, value: float) -> str:
     if unit == "m" and value != 0.0:
         return f"{1e3 * value:.3g} mm" if abs(value) >= 1e-5 else f"{1e6 * value:.3g} um"
     return f"{value:.3g} {unit}".strip()
-
-
-def code_version(root: Path) -> str:
-    """Name the code that ran: the commit of the checkout, with a mark where it has been edited, else the package."""
-    try:
-        told = subprocess.run(
-            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=10"],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return f"trocar {version('trocar')}"
-    return told.stdout.strip()
 
 
 def page(order: Order, results: Sequence[Result], code: str) -> str:

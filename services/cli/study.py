@@ -1,0 +1,126 @@
+"""``trocar study``: what accuracy costs in time, as tables, figures and one page."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+# Keeps linear algebra to one thread before numpy is loaded, here and in the workers: sums are taken in one order.
+import services.runtime  # noqa: F401
+from services.runtime.errors import ConfigError
+from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.figures import draw_study
+from services.studies.accuracy.log import Log
+from services.studies.accuracy.page import write_page
+from services.studies.accuracy.run import Tell, fill_costs, fill_errors, floors, table
+from services.studies.accuracy.study import Draw, Row, Size, load_study, study_names
+from services.studies.accuracy.table import frontier_rows, write_table
+from services.studies.accuracy.workers import open_workers
+from services.studies.provenance import code_version
+
+EVERY = "all"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line."""
+
+    names: tuple[str, ...]
+    size: Size
+    seed: int
+    out: Path
+    jobs: int | None
+    scheduler: str | None
+    report: Path | None
+    json: bool
+
+    @property
+    def command(self) -> str:
+        """What a person types to have the same again."""
+        size = {Size.FULL: [], Size.QUICK: ["--quick"], Size.SMALLEST: ["--smallest"]}[self.size]
+        return shlex.join(["trocar", "study", *self.names, *size, "--seed", str(self.seed)])
+
+
+def run_study(request: Request) -> None:
+    """Run studies and write table, figures and page into the folder.
+
+    Raises
+    ------
+    ConfigError
+        An unknown study, a folder with results of something else, or a scheduler that does not answer.
+    """
+    names = _chosen(request.names)
+    draw, code = Draw(request.size, request.seed), code_version(Path(__file__).parents[2])
+    try:
+        log = Log(request.out, draw, code)
+    except ValueError as error:
+        raise ConfigError(f"--out {error}") from None
+    with _progress() as tell:
+        try:
+            with open_workers(request.jobs or os.cpu_count() or 1, request.scheduler) as workers:
+                fill_errors(names, draw, log, workers, tell)
+        except ConnectionError as error:
+            raise ConfigError(f"--scheduler: {error}") from None
+        fill_costs(names, draw, log, tell)
+    rows = table(names, draw, log)
+    facts = Facts.collect(request.command, code, draw, floors(names, log))
+    write_results(rows, names, facts, request.out)
+    if request.json:
+        print(json.dumps({"folder": str(request.out), **facts.as_data()}, default=str))
+    else:
+        _print(rows, request.out)
+
+
+def write_results(rows: list[Row], names: list[str], facts: Facts, out: Path) -> None:
+    """Write table, figures and page of what was found."""
+    write_table(rows, out / "table.csv")
+    (out / "run.json").write_text(json.dumps(facts.as_data(), indent=1, default=str) + "\n")
+    texts = {name: (load_study(name).TITLE, load_study(name).WHAT) for name in names}
+    for name in names:
+        mine = [row for row in rows if row.study == name]
+        draw_itself = getattr(load_study(name), "draw_figure", None)
+        draw_itself(mine, out / name) if draw_itself else draw_study(texts[name][0], mine, out / name)
+    write_page(rows, texts, facts, out / "index.html")
+
+
+def _chosen(wanted: tuple[str, ...]) -> list[str]:
+    known = study_names()
+    for name in wanted:
+        if name not in (*known, EVERY):
+            raise ConfigError(f"there is no study {name!r}; known: {', '.join(known)}, {EVERY}")
+    return known if EVERY in wanted else list(dict.fromkeys(wanted))
+
+
+@contextmanager
+def _progress() -> Iterator[Tell]:
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=None)
+
+        def tell(what: str, done: int, total: int) -> None:
+            progress.update(task, description=what, completed=done, total=total)
+
+        yield tell
+
+
+def _print(rows: list[Row], out: Path) -> None:
+    best = frontier_rows(rows)
+    table = Table(box=None, pad_edge=False)
+    for title in ("study", "on the frontier of", "setting", "error", "us a millisecond", "99 %", "noise"):
+        table.add_column(title, overflow="fold")
+    for row in rows:
+        if id(row) in best and row.cost is not None:
+            cost = (f"{row.cost.median_us:.0f}", f"{row.cost.p99_us:.0f}", f"{row.cost.noise_us:.0f}")
+            table.add_row(row.study, row.quantity, row.setting, f"{row.error:.3g} {row.unit}", *cost)
+    console = Console(highlight=False)
+    console.print(table)
+    console.print(f"Table, figures and page: {out / 'index.html'}")

@@ -1,0 +1,66 @@
+"""Costs of ticks, measured in turns on this machine, with fixed arithmetic beside them."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Mapping
+from time import perf_counter_ns
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.reduction.modal_compliance import add_modal_compliance
+from services.studies.accuracy.study import Cost, Tick
+
+FLOOR = "fixed arithmetic"
+REPEATS = 8
+"""Blocks of a measurement: the range of their medians is its noise."""
+_WARM_UP = 3
+
+
+def measure_costs(ticks: Mapping[str, Tick], samples: int) -> dict[str, Cost]:
+    """Return what each of these ticks costs, and under `FLOOR` what a fixed piece of arithmetic does beside them.
+
+    Every sample calls all of them once, in an order that turns, so that what else the machine does meets all alike.
+    """
+    every = {**ticks, FLOOR: _floor_tick()}
+    names = list(every)
+    times_us = np.empty((len(names), samples))
+    for tick in every.values():
+        for _ in range(_WARM_UP):
+            tick()
+    was_collecting = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        for sample in range(samples):
+            for turn in range(len(names)):
+                k = (sample + turn) % len(names)
+                times_us[k, sample] = _time_us(every[names[k]])
+    finally:
+        if was_collecting:
+            gc.enable()
+    return {name: _cost(times_us[k]) for k, name in enumerate(names)}
+
+
+def _time_us(tick: Tick) -> float:
+    start_ns = perf_counter_ns()
+    tick()
+    return 1e-3 * (perf_counter_ns() - start_ns)
+
+
+def _cost(times_us: FloatArray) -> Cost:
+    medians = [float(np.median(block)) for block in np.array_split(times_us, min(REPEATS, times_us.size))]
+    noise_us = 0.5 * (max(medians) - min(medians))
+    return Cost(float(np.median(times_us)), float(np.percentile(times_us, 99.0)), noise_us)
+
+
+def _floor_tick() -> Tick:
+    """Sums of products that never leave the first two caches, about as long as a tick."""
+    modes, gain, scratch, out = np.ones((111, 100)), np.ones(100), np.zeros(111 * 100), np.zeros((111, 111))
+
+    def tick() -> None:
+        for _ in range(4):
+            add_modal_compliance(modes, gain, scratch, out)
+
+    return tick

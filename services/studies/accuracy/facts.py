@@ -1,0 +1,81 @@
+"""Machine, versions, date, code and command, as they belong beside any number."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from services.studies.accuracy.study import Cost, Draw
+
+PACKAGES = "numpy", "scipy", "numba"
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a table was made with."""
+
+    command: str
+    code: str
+    seed: int
+    size: str
+    date: str
+    machine: str
+    system: str
+    packages: str
+    floors: dict[str, Cost]
+    """Of the fixed arithmetic beside each study."""
+
+    @classmethod
+    def collect(cls, command: str, code: str, draw: Draw, floors: dict[str, Cost]) -> Facts:
+        """Ask this machine."""
+        return cls(
+            command=command,
+            code=code,
+            seed=draw.seed,
+            size=draw.size.value,
+            date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+            machine=f"{_processor()}, {os.cpu_count()} cores",
+            system=f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
+            packages=", ".join(f"{name} {found}" for name, found in _versions(PACKAGES)),
+            floors=floors,
+        )
+
+    def lines(self) -> list[str]:
+        """Return them as lines for a reader."""
+        floor = "; ".join(
+            f"{name} {cost.median_us:.0f} us (99 % {cost.p99_us:.0f}, noise {cost.noise_us:.1f})"
+            for name, cost in self.floors.items()
+        )
+        return [
+            f"`{self.command}`, seed {self.seed}, code {self.code}, {self.date}",
+            f"{self.machine}, {self.system}, {self.packages}",
+            *([f"fixed arithmetic beside each study: {floor}"] if floor else []),
+        ]
+
+    def as_data(self) -> dict[str, object]:
+        """Return them for a program."""
+        return asdict(self)
+
+
+def _versions(packages: Sequence[str]) -> list[tuple[str, str]]:
+    found = []
+    for name in packages:
+        try:
+            found.append((name, version(name)))
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown processor"
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()

@@ -1,0 +1,70 @@
+"""What a run has found so far, in a folder: a run that was ended goes on there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from services.studies.accuracy.study import Cost, Draw, Error, Reference
+
+
+class Log:
+    """Results in a folder: one line of JSON each, references as arrays.
+
+    Raises
+    ------
+    ValueError
+        The folder holds results of another size, seed or code.
+    """
+
+    def __init__(self, folder: Path, draw: Draw, code: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        head = {"size": draw.size.value, "seed": draw.seed, "code": code}
+        head_file = folder / "order.json"
+        if head_file.exists() and json.loads(head_file.read_text()) != head:
+            raise ValueError(f"{folder} holds the results of {json.loads(head_file.read_text())}, not of {head}")
+        head_file.write_text(json.dumps(head))
+        self._folder, self._file = folder, folder / "results.jsonl"
+        self.errors: dict[tuple[str, str], dict[str, Error]] = {}
+        self.costs: dict[str, dict[str, Cost]] = {}
+        for line in self._file.read_text().splitlines() if self._file.exists() else []:
+            self._take(json.loads(line))
+
+    def _take(self, entry: dict[str, Any]) -> None:
+        if "errors" in entry:
+            errors = {name: Error(**each) for name, each in entry["errors"].items()}
+            self.errors[entry["study"], entry["setting"]] = errors
+        else:
+            self.costs[entry["study"]] = {name: Cost(**each) for name, each in entry["costs"].items()}
+
+    def keep_errors(self, study: str, setting: str, errors: dict[str, Error]) -> None:
+        """Write the errors of a setting down."""
+        told = {name: asdict(each) for name, each in errors.items()}
+        self._keep({"study": study, "setting": setting, "errors": told})
+
+    def keep_costs(self, study: str, costs: dict[str, Cost]) -> None:
+        """Write the costs of a study down."""
+        self._keep({"study": study, "costs": {name: asdict(each) for name, each in costs.items()}})
+
+    def _keep(self, entry: dict[str, Any]) -> None:
+        self._take(entry)
+        with self._file.open("a") as file:
+            file.write(json.dumps(entry) + "\n")
+
+    def reference(self, study: str) -> Reference | None:
+        """Return the reference of a study, if it is there."""
+        file = self._folder / f"reference-{study}.npz"
+        if not file.exists():
+            return None
+        with np.load(file, allow_pickle=False) as arrays:
+            return dict(arrays)
+
+    def keep_reference(self, study: str, reference: Reference) -> None:
+        """Write the reference of a study down: whole or not at all."""
+        half = self._folder / f"half-{study}.npz"
+        np.savez(half, allow_pickle=False, **dict(reference))
+        half.rename(self._folder / f"reference-{study}.npz")

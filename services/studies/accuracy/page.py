@@ -1,0 +1,41 @@
+"""The table as one page that needs nothing else: error against cost, every point clickable to its settings."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.study import Row
+
+_TEMPLATE = Path(__file__).with_name("page.html")
+
+
+def write_page(rows: Sequence[Row], texts: Mapping[str, tuple[str, str]], facts: Facts, path: Path) -> None:
+    """Write the page; ``texts`` are title and description by study."""
+    data = {
+        "rows": [_row(row) for row in rows],
+        "studies": {name: {"title": title, "what": what} for name, (title, what) in texts.items()},
+        "facts": facts.lines(),
+    }
+    # "</" would end the script that holds it.
+    told = json.dumps(data, allow_nan=False).replace("</", "<\\/")
+    path.write_text(_TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/null", told), encoding="utf-8")
+
+
+def _row(row: Row) -> dict[str, Any]:
+    cost = None if row.cost is None else [row.cost.median_us, row.cost.p99_us, row.cost.noise_us]
+    return {
+        "study": row.study,
+        "setting": row.setting,
+        "series": row.series,
+        "quantity": row.quantity,
+        "error": row.error if math.isfinite(row.error) else None,
+        "unit": row.unit,
+        "known": row.is_known,
+        "cost": cost,
+        "choices": dict(row.choices),
+    }

@@ -1,0 +1,100 @@
+"""A run: references and errors over workers, then the costs one study at a time, all kept as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from services.studies.accuracy.costs import FLOOR, measure_costs
+from services.studies.accuracy.log import Log
+from services.studies.accuracy.study import Cost, Draw, Error, Reference, Row, load_study
+from services.studies.accuracy.workers import Workers
+
+Tell = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+
+def compute_reference(study: str, draw: Draw) -> Reference:
+    """Return the reference of a study; for workers."""
+    return load_study(study).reference(draw)
+
+
+def compute_errors(study: str, number: int, reference: Reference, draw: Draw) -> dict[str, Error]:
+    """Return the errors of one of a study's settings; for workers."""
+    module = load_study(study)
+    return module.errors(module.settings(draw)[number], reference, draw)
+
+
+def fill_errors(names: Sequence[str], draw: Draw, log: Log, workers: Workers, tell: Tell) -> None:
+    """Compute what the log lacks of references and errors."""
+    references = _references(names, draw, log, workers, tell)
+    calls, places = [], []
+    for name in names:
+        for number, setting in enumerate(load_study(name).settings(draw)):
+            if (name, setting.name) not in log.errors:
+                calls.append((name, number, references[name], draw))
+                places.append((name, setting.name))
+    tell("errors", 0, len(calls))
+    for done, (number, errors) in enumerate(workers.run(compute_errors, calls), 1):
+        log.keep_errors(*places[number], errors)
+        tell(f"errors, {places[number][0]}", done, len(calls))
+
+
+def _references(names: Sequence[str], draw: Draw, log: Log, workers: Workers, tell: Tell) -> dict[str, Reference]:
+    known = {name: log.reference(name) for name in names}
+    missing = [name for name in names if known[name] is None]
+    tell("references", 0, len(missing))
+    for done, (number, reference) in enumerate(workers.run(compute_reference, [(n, draw) for n in missing]), 1):
+        log.keep_reference(missing[number], reference)
+        known[missing[number]] = reference
+        tell(f"references, {missing[number]}", done, len(missing))
+    return {name: reference for name, reference in known.items() if reference is not None}
+
+
+def fill_costs(names: Sequence[str], draw: Draw, log: Log, tell: Tell) -> None:
+    """Measure what the log lacks of costs: here, alone, all settings of a study in turns."""
+    missing = [name for name in names if name not in log.costs]
+    for done, name in enumerate(missing):
+        tell(f"costs, {name}", done, len(missing))
+        log.keep_costs(name, study_costs(name, draw))
+    tell("costs", len(missing), len(missing))
+
+
+def study_costs(name: str, draw: Draw) -> dict[str, Cost]:
+    """Return the costs of a study's settings, group by group."""
+    study = load_study(name)
+    costs: dict[str, Cost] = {}
+    settings = study.settings(draw)
+    for group in dict.fromkeys(setting.group for setting in settings):
+        ticks = {setting.name: study.tick(setting, draw) for setting in settings if setting.group == group}
+        timed = {setting: tick for setting, tick in ticks.items() if tick is not None}
+        if timed:
+            costs |= measure_costs(timed, draw.pick(24, 240, 1200))
+    return costs
+
+
+def table(names: Sequence[str], draw: Draw, log: Log) -> list[Row]:
+    """Return the rows of all studies, in the order of their settings."""
+    rows = []
+    for name in names:
+        costs = log.costs.get(name, {})
+        for setting in load_study(name).settings(draw):
+            for quantity, error in log.errors[name, setting.name].items():
+                cost = costs.get(setting.name)
+                row = Row(
+                    study=name,
+                    setting=setting.name,
+                    series=setting.series,
+                    quantity=quantity,
+                    error=error.value,
+                    unit=error.unit,
+                    is_known=error.is_known,
+                    cost=cost,
+                    choices=setting.choices,
+                )
+                rows.append(row)
+    return rows
+
+
+def floors(names: Sequence[str], log: Log) -> dict[str, Cost]:
+    """Return what the fixed arithmetic cost beside each study."""
+    return {name: log.costs[name][FLOOR] for name in names if FLOOR in log.costs.get(name, {})}

@@ -1,0 +1,93 @@
+"""What every effect, and every pair of them, changes, and what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.effects import EFFECTS
+from services.mechanics.scenarios import insertion_scene
+from services.mechanics.scene import SceneModel
+from services.studies.accuracy import insertions
+from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+from services.studies.insertion_steps import Inserted, insert, rms
+
+TITLE = "What each effect costs and changes"
+WHAT = (
+    "The insertion with its own effects (gravity, friction, grasp slip) beside the same with one effect more or less, "
+    "or two, at their default settings. What is told is no error but a change: of the force on the tools and the way "
+    "of the tip, root mean square over the insertion, of the depth that the tip reaches, and of the wall where it has "
+    "moved furthest. The cost is that of the whole tick; the first setting is what to compare with."
+)
+UNCHANGED = "unchanged"
+FORCE, TIP, DEPTH, WALL = "change of force", "change of the tip's way", "change of depth", "change of the wall"
+
+
+def settings(draw: Draw) -> Sequence[Setting]:
+    """Unchanged, each effect, and pairs: all of them, or a few drawn by the seed."""
+    names = list(EFFECTS)
+    pairs = list(combinations(names, 2))
+    n_pairs = draw.pick(1, 6, len(pairs))
+    if n_pairs < len(pairs):
+        drawn = np.random.default_rng(draw.seed).permutation(len(pairs))[:n_pairs]
+        pairs = [pairs[k] for k in sorted(drawn)]
+    singles = draw.pick(names[:3], names, names)
+    return [
+        Setting(UNCHANGED, {"effects": _listed("")}, UNCHANGED),
+        *(Setting(_word(name), {"changed": name, "effects": _listed(name)}, "one effect") for name in singles),
+        *(
+            Setting(
+                f"{_word(one)}, {_word(other)}",
+                {"changed": f"{one} {other}", "effects": _listed(f"{one} {other}")},
+                "two effects",
+            )
+            for one, other in pairs
+        ),
+    ]
+
+
+def reference(draw: Draw) -> Reference:
+    """Return the insertion as it is."""
+    run = _run("", draw)
+    return {"force_n": run.force_n, "tip_m": run.tip_m, "wall_m": run.wall_m}
+
+
+def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
+    """Return what has changed."""
+    run = _run(str(setting.choices.get("changed", "")), draw)
+    wall = np.linalg.norm(run.wall_m - reference["wall_m"], axis=1)
+    return {
+        FORCE: Error(1e3 * rms(run.force_n - reference["force_n"]), "mN", is_known=False),
+        TIP: Error(1e3 * rms(run.tip_m - reference["tip_m"]), "mm", is_known=False),
+        DEPTH: Error(1e3 * float(reference["tip_m"][-1, 0] - run.tip_m[-1, 0]), "mm", is_known=False),
+        WALL: Error(1e3 * float(wall.max()), "mm", is_known=False),
+    }
+
+
+def tick(setting: Setting, draw: Draw) -> Tick:
+    """A tick of the insertion with these effects."""
+    return insertions.insertion_tick(_scene(str(setting.choices.get("changed", ""))), draw)
+
+
+def _run(changed: str, draw: Draw) -> Inserted:
+    return insert(insertions.TICK_S, cache_directory() / "bases", _scene(changed), insertions.duration_s(draw))
+
+
+def _scene(changed: str) -> SceneModel:
+    """Return the insertion with these effects added where it lacks them, and left out where it has them."""
+    scene, wanted = insertion_scene(), changed.split()
+    effects = {name: settings for name, settings in scene.effects.items() if name not in wanted}
+    effects |= {name: EFFECTS[name].kind.Settings() for name in wanted if name not in scene.effects}
+    return replace(scene, effects=effects)
+
+
+def _listed(changed: str) -> str:
+    return ", ".join(_scene(changed).effects)
+
+
+def _word(name: str) -> str:
+    return f"without {name}" if name in insertion_scene().effects else f"with {name}"

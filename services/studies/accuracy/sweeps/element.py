@@ -1,0 +1,74 @@
+"""Which membrane and which bending triangle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+
+from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, BendingName, MembraneName
+from services.mechanics.scenarios import insertion_scene
+from services.mechanics.scene import DuctScene, SceneModel
+from services.studies.accuracy import insertions, pinches
+from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+from services.studies.accuracy.sweeps.mesh import frequency_error, full_figures
+
+TITLE = "Triangles of the wall"
+WHAT = (
+    "Every membrane with every bending triangle, on coarser and finer meshes, with 60 modes and residual. All are "
+    "compared with the default triangles on a mesh much finer than any of them. A triangle is paid for when the modes "
+    "are computed; a tick does not know which it was."
+)
+_N_MODES = 60
+
+
+def settings(draw: Draw) -> Sequence[Setting]:
+    """A series a pair of triangles, over meshes."""
+    meshes = draw.pick(((12, 16),), ((12, 16), (20, 26)), ((12, 16), (20, 26), (32, 42)))
+    return [
+        Setting(
+            f"{membrane}, {bending}, {around} x {along}",
+            {"duct.membrane": membrane, "duct.bending": bending, "duct.n_around": around, "duct.n_along": along},
+            f"{membrane}, {bending}",
+        )
+        for membrane in MEMBRANE_ELEMENTS
+        for bending in BENDING_ELEMENTS
+        for around, along in meshes
+    ]
+
+
+def reference(draw: Draw) -> Reference:
+    """Return the finest mesh's pinch and frequencies."""
+    around, along = draw.pick((24, 32), (56, 72), (80, 104))
+    return full_figures(replace(insertion_scene().duct, n_around=around, n_along=along))
+
+
+def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
+    """Pinch and lowest frequencies."""
+    scene = _chosen(setting)
+    duct = pinches.reduced(scene.duct)
+    pinch = pinches.Pinch.of(duct.mesh, scene.duct)
+    return {
+        **pinches.static_errors(duct, pinch, float(reference["pinch_m"][0]), None),
+        pinches.FREQUENCY: frequency_error(duct.basis.omega_rad_s / (2.0 * np.pi), reference),
+    }
+
+
+def tick(setting: Setting, draw: Draw) -> Tick:
+    """A tick of the insertion."""
+    return insertions.insertion_tick(_chosen(setting), draw)
+
+
+def _chosen(setting: Setting) -> SceneModel:
+    choices = setting.choices
+    duct: DuctScene = replace(
+        insertion_scene().duct,
+        membrane=cast(MembraneName, choices["duct.membrane"]),
+        bending=cast(BendingName, choices["duct.bending"]),
+        n_around=int(choices["duct.n_around"]),
+        n_along=int(choices["duct.n_along"]),
+        n_modes=_N_MODES,
+    )
+    return replace(insertion_scene(), duct=duct)

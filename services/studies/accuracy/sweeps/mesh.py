@@ -1,0 +1,87 @@
+"""How fine the duct's mesh is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from services.mechanics.fem.modes import compute_modes
+from services.mechanics.scenarios import insertion_scene
+from services.mechanics.scene import DuctScene, SceneModel
+from services.studies.accuracy import insertions, pinches
+from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+
+TITLE = "Mesh of the duct"
+WHAT = (
+    "Cells round and along the insertion's duct, with 60 modes and residual. Pinch and frequencies are compared with "
+    "the unreduced model on a mesh much finer than any of them, the insertion with the same insertion on the finest "
+    "mesh that runs in a tick."
+)
+N_FREQUENCIES = 6
+_N_MODES = 60
+
+
+def settings(draw: Draw) -> Sequence[Setting]:
+    """One series of meshes, all with about square cells."""
+    meshes = draw.pick(
+        ((12, 16), (16, 20)),
+        ((12, 16), (16, 20), (20, 26), (24, 32)),
+        ((12, 16), (16, 20), (20, 26), (24, 32), (28, 36), (32, 42), (40, 52)),
+    )
+    return [
+        Setting(f"{around} x {along} cells", {"duct.n_around": around, "duct.n_along": along})
+        for around, along in meshes
+    ]
+
+
+def reference(draw: Draw) -> Reference:
+    """Return the finest mesh's pinch, frequencies and insertion."""
+    finest = _duct(*draw.pick((24, 32), (56, 72), (80, 104)))
+    running = _duct(*draw.pick((20, 26), (32, 42), (48, 64)))
+    return {**full_figures(finest), **insertions.insertion_reference(_scene(running), draw)}
+
+
+def full_figures(duct: DuctScene) -> dict[str, np.ndarray]:
+    """Return closing under a unit pinch (1,) in m and the lowest frequencies in Hz of an unreduced duct."""
+    model = pinches.full_model(duct)
+    pinch = pinches.Pinch.of(model.mesh, duct)
+    moved_m = model.solve_static(pinch.load_n(model.mesh.n_vertices)).displacement_m
+    frequency_hz = compute_modes(model, N_FREQUENCIES).frequency_hz
+    return {"pinch_m": np.array([pinch.closing_m(moved_m)]), "frequency_hz": frequency_hz}
+
+
+def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
+    """Pinch, lowest frequencies and insertion."""
+    scene = _chosen(setting)
+    duct = pinches.reduced(scene.duct)
+    pinch = pinches.Pinch.of(duct.mesh, scene.duct)
+    return {
+        **pinches.static_errors(duct, pinch, float(reference["pinch_m"][0]), None),
+        pinches.FREQUENCY: frequency_error(duct.basis.omega_rad_s / (2.0 * np.pi), reference),
+        **insertions.insertion_errors(scene, reference, draw),
+    }
+
+
+def frequency_error(frequency_hz: np.ndarray, reference: Reference) -> Error:
+    """Return the largest relative error of the lowest frequencies."""
+    wanted = reference["frequency_hz"]
+    return Error(100.0 * float(np.max(np.abs(frequency_hz[: len(wanted)] / wanted - 1.0))), "%")
+
+
+def tick(setting: Setting, draw: Draw) -> Tick:
+    """A tick of the insertion."""
+    return insertions.insertion_tick(_chosen(setting), draw)
+
+
+def _chosen(setting: Setting) -> SceneModel:
+    return _scene(_duct(int(setting.choices["duct.n_around"]), int(setting.choices["duct.n_along"])))
+
+
+def _duct(n_around: int, n_along: int) -> DuctScene:
+    return replace(insertion_scene().duct, n_around=n_around, n_along=n_along, n_modes=_N_MODES)
+
+
+def _scene(duct: DuctScene) -> SceneModel:
+    return replace(insertion_scene(), duct=duct)

@@ -1,0 +1,79 @@
+"""How many modes, with the residual compliance and without it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from services.mechanics.scenarios import insertion_scene
+from services.mechanics.scene import DuctScene, SceneModel
+from services.studies.accuracy import insertions, pinches
+from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+
+TITLE = "Modes, with the residual compliance and without"
+WHAT = (
+    "The number of modes of the insertion's duct, with the static response of the modes left out (residual) and "
+    "without it. Pinch, wall and motion are compared with the full model of the same mesh, unreduced; the insertion "
+    "with the same insertion on 300 modes and residual."
+)
+_STEP_S, _EVERY_S = 2.5e-4, 1e-3
+
+
+def settings(draw: Draw) -> Sequence[Setting]:
+    """Both series over the number of modes."""
+    counts = draw.pick((10, 40), (10, 20, 40, 60, 80, 120), (5, 10, 20, 30, 40, 60, 80, 120, 160, 200))
+    return [
+        Setting(f"{n} modes, {word}", {"duct.n_modes": n, "duct.residual": kind}, word)
+        for kind, word in (("full", "residual"), ("none", "bare"))
+        for n in counts
+    ]
+
+
+def reference(draw: Draw) -> Reference:
+    """Return the full model's pinch and motion, and the insertion on many modes."""
+    duct = _duct(draw)
+    model = pinches.full_model(duct)
+    pinch = pinches.Pinch.of(model.mesh, duct)
+    many = replace(_scene(draw), duct=replace(duct, n_modes=draw.pick(60, 300, 300)))
+    return {
+        "moved_m": model.solve_static(pinch.load_n(model.mesh.n_vertices)).displacement_m,
+        "closing_m": pinches.full_motion_m(model, pinch, _STEP_S / 5.0, _EVERY_S),
+        **insertions.insertion_reference(many, draw),
+    }
+
+
+def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
+    """Pinch, wall, motion and insertion."""
+    scene = _chosen(setting, draw)
+    duct = pinches.reduced(scene.duct)
+    pinch = pinches.Pinch.of(duct.mesh, scene.duct)
+    moved_m = np.asarray(reference["moved_m"])
+    motion_m = pinches.modal_motion_m(duct, pinch, _STEP_S, _EVERY_S, is_exact=False)
+    return {
+        **pinches.static_errors(duct, pinch, pinch.closing_m(moved_m), moved_m),
+        pinches.MOTION: pinches.motion_error(motion_m, reference["closing_m"]),
+        **insertions.insertion_errors(scene, reference, draw),
+    }
+
+
+def tick(setting: Setting, draw: Draw) -> Tick:
+    """A tick of the insertion."""
+    return insertions.insertion_tick(_chosen(setting, draw), draw)
+
+
+def _scene(draw: Draw) -> SceneModel:
+    return replace(insertion_scene(), duct=_duct(draw))
+
+
+def _duct(draw: Draw) -> DuctScene:
+    duct = insertion_scene().duct
+    return replace(duct, n_around=draw.pick(12, duct.n_around, duct.n_around), n_along=draw.pick(16, 26, 26))
+
+
+def _chosen(setting: Setting, draw: Draw) -> SceneModel:
+    residual: Literal["full", "none"] = "none" if setting.choices["duct.residual"] == "none" else "full"
+    n_modes = int(setting.choices["duct.n_modes"])
+    return replace(_scene(draw), duct=replace(_duct(draw), n_modes=n_modes, residual=residual))

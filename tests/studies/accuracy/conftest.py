@@ -1,0 +1,29 @@
+"""Runs of studies on their smallest sizes, shared by the tests."""
+
+import pytest
+
+from services.studies.accuracy.log import Log
+from services.studies.accuracy.run import fill_costs, fill_errors, table
+from services.studies.accuracy.study import Draw, Size
+from services.studies.accuracy.workers import open_workers
+
+SMALLEST = Draw(Size.SMALLEST, 1)
+
+
+def silent(what, done, total):
+    pass
+
+
+@pytest.fixture
+def run_smallest(tmp_path):
+    """Return rows of studies, and the log that has them."""
+
+    def run(*names, folder=None, costs=True, scheduler=None):
+        log = Log(folder or tmp_path / "log", SMALLEST, "code")
+        with open_workers(1, scheduler) as workers:
+            fill_errors(names, SMALLEST, log, workers, silent)
+        if costs:
+            fill_costs(names, SMALLEST, log, silent)
+        return table(names, SMALLEST, log), log
+
+    return run

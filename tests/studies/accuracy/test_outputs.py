@@ -1,0 +1,77 @@
+"""Table, figures and page of a run."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+
+import pytest
+from conftest import SMALLEST
+
+from services.cli.study import write_results
+from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.study import Cost, Row
+
+
+def some_rows():
+    choices = {"duct.n_modes": 20, "note": "</script><b>"}
+    return [
+        Row("modes", name, "residual", quantity, error, "%", cost=Cost(us, 2 * us, 1.0), choices=choices)
+        for quantity in ("force", "motion")
+        for name, error, us in (("20 modes", 1.0 / 3.0, 100.0), ("40 modes", 0.0, 150.0), ("60 modes", 0.5, 160.0))
+    ]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    tmp_path = tmp_path_factory.mktemp("written")
+    facts = Facts.collect("trocar study modes --quick --seed 1", "abc", SMALLEST, {"modes": Cost(100.0, 120.0, 1.0)})
+    write_results(some_rows(), ["modes"], facts, tmp_path)
+    return tmp_path
+
+
+def test_the_table_tells_errors_to_the_last_digit_and_who_is_on_the_frontier(written):
+    with (written / "table.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["error"]) == 1.0 / 3.0
+    assert [r["on_frontier"] for r in rows] == ["1", "1", "0"] * 2
+    assert json.loads(rows[0]["choices"])["duct.n_modes"] == 20
+
+
+def test_figures_are_there_and_the_same_for_the_same_numbers(written, tmp_path_factory):
+    again = tmp_path_factory.mktemp("again")
+    write_results(some_rows(), ["modes"], Facts.collect("", "abc", SMALLEST, {}), again)
+    assert (written / "modes.png").read_bytes().startswith(b"\x89PNG")
+    assert (written / "modes.svg").read_bytes() == (again / "modes.svg").read_bytes()
+
+
+def test_the_run_is_told_with_seed_versions_machine_and_command(written):
+    told = json.loads((written / "run.json").read_text())
+    assert told["command"] == "trocar study modes --quick --seed 1"
+    assert told["seed"] == 1
+    assert "numpy" in told["packages"]
+    assert told["machine"]
+    assert told["floors"]["modes"]
+
+
+def test_the_page_needs_nothing_from_elsewhere_and_holds_every_point(written):
+    page = (written / "index.html").read_text()
+    assert not re.search(r"""(src|href)\s*=\s*["']?\s*(https?:)?//""", page)
+    assert page.count("</script>") == 1  # what a setting is called cannot end the script
+    data = json.loads(re.search(r"const data = (.*);\n", page)[1])
+    assert len(data["rows"]) == 6
+    assert data["studies"]["modes"]["title"]
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+def test_a_point_can_be_chosen_in_a_browser(written, tmp_path):
+    page = (written / "index.html").read_text()
+    click = "<script>document.querySelector('circle').dispatchEvent(new MouseEvent('click'))</script>"
+    (written / "clicked.html").write_text(page.replace("</html>", click + "</html>"))
+    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    done = subprocess.run(
+        [*command, "--dump-dom", f"file://{written / 'clicked.html'}"], capture_output=True, text=True, timeout=100
+    )
+    assert done.stdout.count("<circle") == 3
+    assert re.search(r"<th>duct.n_modes</th><td>20</td>", done.stdout)

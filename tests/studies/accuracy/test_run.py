@@ -1,0 +1,75 @@
+"""A run: what is kept, what is computed again, where, and that it comes out the same."""
+
+import pytest
+from conftest import SMALLEST
+
+from services.studies.accuracy import run
+from services.studies.accuracy.costs import FLOOR, measure_costs
+from services.studies.accuracy.frontier import frontier
+from services.studies.accuracy.log import Log
+from services.studies.accuracy.study import Cost, Row
+
+
+def row(setting, error, median_us, **kwargs):
+    cost = None if median_us is None else Cost(median_us, 2.0 * median_us, 0.0)
+    return Row("study", setting, "", "force", error, "%", cost=cost, **kwargs)
+
+
+def test_two_runs_agree_on_errors(run_smallest, tmp_path):
+    one, _ = run_smallest("integrator", folder=tmp_path / "one", costs=False)
+    two, _ = run_smallest("integrator", folder=tmp_path / "two", costs=False)
+    assert [r.error for r in one] == pytest.approx([r.error for r in two], abs=1e-9, rel=1e-9)
+
+
+def test_what_a_folder_has_is_not_computed_again(run_smallest, tmp_path, monkeypatch):
+    first, _ = run_smallest("integrator", folder=tmp_path / "log")
+    lines = (tmp_path / "log" / "results.jsonl").read_text().splitlines()
+    (tmp_path / "log" / "results.jsonl").write_text("\n".join(lines[1:]) + "\n")  # as if it had been ended earlier
+    computed, compute = [], run.compute_errors
+    monkeypatch.setattr(run, "compute_errors", lambda *args: computed.append(args[1]) or compute(*args))
+    monkeypatch.setattr(run, "compute_reference", None)
+    again, _ = run_smallest("integrator", folder=tmp_path / "log")
+    assert computed == [0]
+    assert again == first
+
+
+def test_a_folder_of_other_code_is_refused(tmp_path):
+    Log(tmp_path, SMALLEST, "code")
+    with pytest.raises(ValueError, match="holds the results of"):
+        Log(tmp_path, SMALLEST, "other code")
+
+
+def test_the_frontier_has_those_that_nobody_beats_in_both():
+    rows = [row("slow", 1.0, 300.0), row("quick", 5.0, 100.0), row("worse", 6.0, 200.0), row("best", 0.5, 200.0)]
+    assert [each.setting for each in frontier(rows)] == ["quick", "best"]
+    unusable = [row("failed", float("nan"), 50.0), row("untimed", 0.1, None), row("change", 0.0, 10.0, is_known=False)]
+    assert [each.setting for each in frontier(rows + unusable)] == ["quick", "best"]
+
+
+def test_costs_are_measured_in_turns_with_the_floor_beside():
+    order = []
+    costs = measure_costs({"one": lambda: order.append(1), "two": lambda: order.append(2)}, 4)
+    assert set(costs) == {"one", "two", FLOOR}
+    assert order[6:] == [1, 2, 2, 1, 1, 2, 1, 2]  # after warming up; a third place in each turn is the floor's
+
+
+def test_a_cluster_of_processes_computes_the_same(run_smallest, tmp_path):
+    from distributed import LocalCluster
+
+    here, _ = run_smallest("integrator", folder=tmp_path / "here", costs=False)
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        there, _ = run_smallest(
+            "integrator", folder=tmp_path / "there", costs=False, scheduler=cluster.scheduler_address
+        )
+    assert [r.setting for r in there] == [r.setting for r in here]
+    assert [r.error for r in there] == pytest.approx([r.error for r in here], abs=1e-9, rel=1e-9)
+
+
+def test_a_scheduler_that_is_not_there_is_one_sentence(run_smallest, monkeypatch):
+    from services.studies.accuracy import workers
+
+    monkeypatch.setattr(workers, "CONNECT_S", 0.5)
+    with pytest.raises(ConnectionError, match=r"127\.0\.0\.1:1"):
+        run_smallest("integrator", costs=False, scheduler="tcp://127.0.0.1:1")

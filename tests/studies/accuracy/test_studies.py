@@ -1,0 +1,76 @@
+"""Every study on its smallest size: what has to be seen in it, whatever the machine."""
+
+import math
+
+import pytest
+from conftest import SMALLEST
+
+from services.studies.accuracy.study import load_study, study_names
+from services.studies.accuracy.sweeps import paper
+
+WANTED = {"modes", "mesh", "element", "integrator", "timestep", "catheter", "contact", "effects", "paper"}
+
+
+def errors_of(rows, quantity):
+    return {row.setting: row.error for row in rows if row.quantity == quantity}
+
+
+def test_a_study_is_found_by_the_name_of_its_file():
+    assert set(study_names()) >= WANTED
+    with pytest.raises(ValueError, match=r"no study 'nodes'; known: .*modes"):
+        load_study("nodes")
+
+
+@pytest.mark.parametrize("name", sorted(WANTED))
+def test_settings_have_names_of_their_own_and_every_one_has_an_error_and_a_cost(name, run_smallest):
+    settings = load_study(name).settings(SMALLEST)
+    assert len({setting.name for setting in settings}) == len(settings) > 1
+    rows, _ = run_smallest(name)
+    assert {row.setting for row in rows} == {setting.name for setting in settings}
+    for row in rows:
+        assert math.isfinite(row.error), row
+        assert row.cost is not None, row
+        assert 0.0 < row.cost.median_us <= row.cost.p99_us
+
+
+def test_the_residual_makes_a_pinch_exact_at_any_number_of_modes_and_bare_modes_are_too_stiff(run_smallest):
+    rows, _ = run_smallest("modes", costs=False)
+    pinch = errors_of(rows, "force at the tool, pinch")
+    assert max(pinch["10 modes, residual"], pinch["40 modes, residual"]) < 1e-4
+    assert pinch["10 modes, bare"] > pinch["40 modes, bare"] > 10.0
+
+
+def test_frequencies_converge_with_the_mesh(run_smallest):
+    rows, _ = run_smallest("mesh", costs=False)
+    frequency = list(errors_of(rows, "frequency").values())
+    assert frequency[0] > 1.5 * frequency[1] > 0.0
+
+
+def test_the_papers_triangle_is_stiffer_in_bending_than_ours(run_smallest):
+    rows, _ = run_smallest("element", costs=False)
+    pinch = errors_of(rows, "force at the tool, pinch")
+    assert pinch["andes, tocher, 12 x 16"] != pinch["andes, dkt, 12 x 16"]
+
+
+def test_what_is_changed_by_nothing_is_nothing(run_smallest):
+    rows, _ = run_smallest("effects", costs=False)
+    unchanged = [row.error for row in rows if row.setting == "unchanged"]
+    assert unchanged == [0.0] * 4
+    assert not any(row.is_known for row in rows)
+
+
+def test_operations_of_a_full_matrix_grow_by_the_square_and_those_of_modes_by_n(run_smallest):
+    rows, _ = run_smallest("paper", costs=False)
+    counts = errors_of(rows, paper.OPERATIONS)
+
+    def growth(way):
+        small, large = (counts[f"{way}, n = {n}"] for n in (240, 576))
+        return math.log(large / small) / math.log(576 / 240)
+
+    assert growth(paper.DENSE) == pytest.approx(2.0, abs=0.05)
+    assert growth(paper.ALL_NODES) == pytest.approx(1.0, abs=0.05)
+    assert growth(paper.TOUCHED) == 0.0
+    assert 1.0 < growth(paper.SPARSE) < 1.6
+    # Appendix B's own sums, by hand for n = 240.
+    assert counts[f"{paper.DENSE}, n = 240"] == 27 * 240 + 4 * 240**2
+    assert counts[f"{paper.ALL_NODES}, n = 240"] == 27 * 60 + 4 * 240 * 60
