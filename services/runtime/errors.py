@@ -25,3 +25,9 @@ class DeviceError(UserError):
     """A device, or the library that drives it, is not there."""
 
     exit_code = 4
+
+
+class EndOfRig(UserError):  # noqa: N818 - nothing went wrong
+    """A person has ended the rig at one of its processes, by closing its window: the supervisor ends the others."""
+
+    exit_code = 6

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from services.runtime import log
 from services.runtime.bus import Bus
+from services.runtime.errors import EndOfRig
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
 from services.supervisor.figures import Figures, Window
@@ -61,6 +62,7 @@ class Crew:
     on_counts: Callable[[str, Figures], None] = lambda _name, _counts: None
     has_heard_all: Callable[[], bool] = lambda: True
     fatal: FatalStart | None = None
+    ended_by_person: bool = False
     stopping: bool = False
     _last_step_s: float | None = None
     _heard_all_s: float = 0.0
@@ -267,6 +269,11 @@ class Crew:
         member.status = status
         member.forget()
         if self.stopping:
+            member.enter(MemberState.WAITING, now_s)
+            return
+        if status == EndOfRig.exit_code:
+            self.ended_by_person = True
+            self.say("info", f"{member.name}: a person has ended the rig there")
             member.enter(MemberState.WAITING, now_s)
             return
         reason = hung or f"{member.name}: {_how_it_ended(status, member.last_lines)}"

@@ -128,7 +128,7 @@ def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractCo
 
 
 def _watch(process: Process, supervisor: Supervisor, page: Page | None, session: SessionOptions) -> None:
-    while not process.stop() and supervisor.crew.fatal is None:
+    while not process.stop() and supervisor.crew.fatal is None and not supervisor.crew.ended_by_person:
         now_s = time.monotonic()
         supervisor.step(now_s)
         process.health.send_if_due()

@@ -6,6 +6,7 @@ import sys
 import time
 
 from services.cache_directory import cache_directory
+from services.runtime.errors import EndOfRig
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, main
@@ -43,6 +44,8 @@ def run(process: Process) -> None:
             health.send_if_due()
     finally:
         output.close()
+    if output.closed:
+        raise EndOfRig("the window was closed")
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ class CameraFeed:
             self._epoch = message.epoch
         worker.stdin.write(pack(FRAME, message.data) + pack(RENDER, kind.encode()))
         await worker.stdin.drain()
-        return await read_message(worker.stdout)
+        return (await read_message(worker.stdout))[1]
 
     async def _start(self) -> asyncio.subprocess.Process:
         # One thread of the software renderer, and the lowest priority: the loops come first.

@@ -9,9 +9,9 @@ from services.runtime.health import LatencyPath
 from services.visualization.picture import Picture
 
 
-def has_display() -> bool:
-    """Return whether this host has a screen for us."""
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+def display_name() -> str:
+    """Return the name of this host's screen, empty where it has none for us."""
+    return os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or ""
 
 
 def record(path: LatencyPath, picture: Picture) -> None:

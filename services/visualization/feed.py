@@ -32,6 +32,7 @@ class Feed:
     newest: Message | None = None
     notice: str | None = None
     epoch: int = -1
+    in_flight: int = IN_FLIGHT
     origins: dict[int, int] = field(default_factory=dict)
     superseded: int = 0
     wake: asyncio.Event = field(default_factory=asyncio.Event)
@@ -46,6 +47,12 @@ class Feed:
     def tell(self, notice: str) -> None:
         """Put a text message beside the slot; only the newest is kept."""
         self.notice = notice
+        self.wake.set()
+
+    def begin_anew(self) -> None:
+        """Forget what was sent: the client is another one, which knows nothing yet."""
+        self.epoch = -1
+        self.origins.clear()
         self.wake.set()
 
     async def next(self) -> list[str | bytes]:
@@ -75,7 +82,7 @@ class Feed:
             parts.append(self.notice)
             self.notice = None
         message = self.newest
-        if message is None or len(self.origins) >= IN_FLIGHT:
+        if message is None or len(self.origins) >= self.in_flight:
             return parts
         self.newest = None
         if message.epoch != self.epoch:

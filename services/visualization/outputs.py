@@ -12,7 +12,7 @@ from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
 from services.visualization import codec
 from services.visualization.camera_feed import CameraFeed
-from services.visualization.display import has_display, record
+from services.visualization.display import display_name, record
 from services.visualization.feed import Feeds, Message
 from services.visualization.picture import Layout, Picture
 
@@ -127,11 +127,11 @@ def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logge
     """
     viewer = settings.viewer
     if viewer == "auto":
-        viewer = "native" if has_display() else "web"
+        viewer = "native" if display_name() else "web"
     if viewer == "none":
         return NoOutput(painted)
     if viewer == "web":
         return WebOutput(settings, painted, log)
-    from services.visualization.window import WindowOutput  # pyvista costs a second and needs a display
+    from services.visualization.window import WindowOutput
 
-    return WindowOutput(painted)
+    return WindowOutput(painted, log)

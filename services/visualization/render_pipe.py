@@ -1,12 +1,15 @@
-"""Messages between the view and its render worker: one letter, a length, bytes."""
+"""Messages between the view and the processes that draw for it: one letter, a length, bytes."""
 
 from __future__ import annotations
 
 import asyncio
 import struct
+from collections.abc import Iterator
 from typing import BinaryIO
 
 HELLO, FRAME, RENDER, IMAGE = b"H", b"F", b"R", b"I"
+#: Of the window: what the rig says; it is open, has painted a picture (its sequence as eight bytes), was closed.
+NOTICE, OPEN, PAINTED, CLOSED = b"N", b"O", b"P", b"C"
 _HEAD = struct.Struct("<cI")
 
 
@@ -24,13 +27,31 @@ def read(stream: BinaryIO) -> tuple[bytes, bytes] | None:
     return kind, stream.read(length)
 
 
-async def read_message(stream: asyncio.StreamReader) -> bytes:
-    """Return the bytes of the next message.
+async def read_message(stream: asyncio.StreamReader) -> tuple[bytes, bytes]:
+    """Return kind and bytes of the next message.
 
     Raises
     ------
     asyncio.IncompleteReadError
         if the stream ends first.
     """
-    _, length = _HEAD.unpack(await stream.readexactly(_HEAD.size))
-    return await stream.readexactly(length)
+    kind, length = _HEAD.unpack(await stream.readexactly(_HEAD.size))
+    return kind, await stream.readexactly(length)
+
+
+class Splitter:
+    """Makes messages of what is read as it comes."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> Iterator[tuple[bytes, bytes]]:
+        """Yield kind and bytes of every message that `data` completes."""
+        self._rest += data
+        while len(self._rest) >= _HEAD.size:
+            kind, length = _HEAD.unpack_from(self._rest)
+            end = _HEAD.size + length
+            if len(self._rest) < end:
+                return
+            message, self._rest = self._rest[_HEAD.size : end], self._rest[end:]
+            yield kind, message

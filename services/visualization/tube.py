@@ -1,4 +1,4 @@
-"""The catheter's surface: rings swept along the centreline with a frame that does not twist."""
+"""Surfaces swept along a line with a frame that does not twist: the catheter, and what is turned on a lathe."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import Float32Array, IntArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import along, cross, dot, row, scaled, subtract, unit
 
@@ -21,9 +21,18 @@ def tube_triangles(n_rings: int, sides: int) -> IntArray:
     return np.stack([lower, upper], axis=2).reshape(-1, 3).astype(np.int32)
 
 
+def spline(points: FloatArray | Float32Array, per_segment: int) -> Float32Array:
+    """Return a Catmull-Rom curve (``(n - 1) per_segment + 1``, 3) through `points` (n, 3)."""
+    p = np.concatenate([points[:1], points, points[-1:]]).astype(float)
+    a, b, c, d = (p[i : len(p) - 3 + i, None] for i in range(4))
+    t = (np.arange(per_segment) / per_segment)[None, :, None]
+    curve = b + 0.5 * t * ((c - a) + t * ((2 * a - 5 * b + 4 * c - d) + t * (3 * b - a - 3 * c + d)))
+    return np.concatenate([curve.reshape(-1, 3), p[-1:]]).astype(np.float32)
+
+
 @kernel
-def sweep_tube(line: Float32Array, radius: float, points: Float32Array, normals: Float32Array) -> None:
-    """Write points and normals (n s, 3) of a tube round ``line`` (n, 3), carrying the frame by projection.
+def sweep_tube(line: Float32Array, radii: Float32Array, points: Float32Array, normals: Float32Array) -> None:
+    """Write points and normals (n s, 3) of a tube round ``line`` (n, 3) with a radius (n,) at each of its points.
 
     The first ring's direction is any normal of the first tangent; every next ring keeps the last direction less its
     part along the new tangent, so the surface does not turn about the line.
@@ -42,4 +51,4 @@ def sweep_tube(line: Float32Array, radius: float, points: Float32Array, normals:
             normal = along(scaled(u, math.cos(angle)), w, math.sin(angle))
             for k in range(3):
                 normals[i * sides + s, k] = normal[k]
-                points[i * sides + s, k] = line[i, k] + radius * normal[k]
+                points[i * sides + s, k] = line[i, k] + radii[i] * normal[k]

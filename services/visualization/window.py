@@ -1,64 +1,171 @@
-"""The picture in a window of this host."""
+"""The picture in a window of this host. A process of its own draws it: no loop and no heartbeat waits for drawing."""
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import importlib.util
+import logging
 import os
+import signal
+import sys
 import time
 
-from services.runtime.errors import UserError
+from services.runtime.errors import DeviceError, UserError
 from services.runtime.health import LatencyPath
 from services.runtime.loop import sleep_until
-from services.visualization.display import has_display, record
+from services.visualization import codec
+from services.visualization.display import display_name
+from services.visualization.feed import Feed, Message
 from services.visualization.picture import Layout, Picture
+from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
 
-_EVENTS_EVERY_S = 0.004
+#: Pictures that the window has not yet drawn: one that it draws, one that waits. What comes meanwhile replaces it.
+_IN_FLIGHT = 2
+_OPEN_S, _RETRY_S, _END_S = 30.0, 5.0, 2.0
+_MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
 
 
 class WindowOutput:
-    """A pyvista window that the trainee's monitor shows; closing it ends the process.
+    """A pyvista window that the trainee's monitor shows.
+
+    Attributes
+    ----------
+    closed : bool
+        Whether a person has closed it.
 
     Raises
     ------
     UserError
-        if there is no display, or pyvista is not installed.
+        if there is no display, pyvista is not installed, or no window opens.
     """
 
-    def __init__(self, painted: LatencyPath) -> None:
-        if not has_display():
-            raise UserError(
+    def __init__(self, painted: LatencyPath, log: logging.Logger) -> None:
+        if not display_name():
+            raise DeviceError(
                 "visualization.viewer: native needs a display, and neither DISPLAY nor WAYLAND_DISPLAY is set"
             )
-        try:
-            from services.visualization.render import Renderer
-        except ImportError as error:
-            raise UserError(f"visualization.viewer: native needs pyvista (pip install trocar[view]): {error}") from None
-        # Threads of the software renderer would push the loops aside: 4 instead of 1 ms of lateness were measured.
-        os.environ.setdefault("LP_NUM_THREADS", "1")
+        if importlib.util.find_spec("pyvista") is None:
+            raise UserError("visualization.viewer: native needs pyvista (pip install trocar[view])")
         self.closed = False
-        self._painted = painted
-        self._renderer = Renderer(off_screen=False, size=(1280, 800))
-        self._renderer.plotter.show(auto_close=False, interactive_update=True)
-        self._renderer.smooth_edges()
+        self._log = log
+        self._loop = asyncio.new_event_loop()
+        self._feed = Feed(painted, in_flight=_IN_FLIGHT)
+        self._layout: Layout | None = None
+        self._hello = self._notice = ""
+        self._open = False
+        self._painted = 0
+        self._showing = self._loop.create_task(self._show_until_closed())
+        try:
+            self._loop.run_until_complete(self._await_first())
+        except UserError:
+            self.close()
+            raise
 
     def show(self, layout: Layout, picture: Picture, notice: str) -> None:
-        """Draw the picture."""
-        self._renderer.update(layout, picture)
-        self._renderer.draw()
-        record(self._painted, picture)
+        """Hand the picture to the window, which takes the newest when it has drawn the last."""
+        if notice != self._notice:
+            self._notice = notice
+            self._feed.tell(notice)
+        if layout is not self._layout:
+            self._layout, self._hello = layout, codec.encode_hello(layout)
+        data = codec.encode(picture, time.monotonic_ns())
+        self._feed.offer(Message(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data))
 
     def wait_until(self, deadline_ns: int) -> None:
-        """Let the window answer mouse and keyboard."""
-        interactor = self._renderer.plotter.iren
-        while (spare_s := (deadline_ns - time.monotonic_ns()) * 1e-9) > _EVENTS_EVERY_S:
-            interactor.process_events()
-            self.closed = self.closed or bool(interactor.interactor.GetDone())
-            time.sleep(min(_EVENTS_EVERY_S, max(0.0, spare_s - _EVENTS_EVERY_S)))
+        """Talk with the window."""
+        spare_ns = deadline_ns - time.monotonic_ns() - _MARGIN_NS
+        self._loop.run_until_complete(asyncio.sleep(max(0.0, spare_ns * 1e-9)))
         sleep_until(deadline_ns)
 
     def gauges(self) -> dict[str, float]:
-        """Return nothing."""
-        return {}
+        """Return whether the window is open, and how many pictures it has drawn."""
+        return {"window_open": float(self._open), "window_pictures": float(self._painted)}
 
     def close(self) -> None:
         """Close the window."""
-        self._renderer.close()
+        self._showing.cancel()
+        self._loop.run_until_complete(asyncio.wait([self._showing]))
+        self._loop.close()
+
+    async def _await_first(self) -> None:
+        """Wait for the window, or raise what kept it from opening."""
+        until_s = time.monotonic() + _OPEN_S
+        while not self._open and not self._showing.done() and time.monotonic() < until_s:
+            await asyncio.sleep(0.02)
+        if self._showing.done():
+            self._showing.result()
+        elif not self._open:
+            self._showing.cancel()
+            raise DeviceError(f"visualization.viewer: no window on display {display_name()} within {_OPEN_S:.0f} s")
+
+    async def _show_until_closed(self) -> None:
+        """Keep a window until a person closes it; one that ends otherwise is opened again when that can be done."""
+        opened_once = told = False
+        while True:
+            status = await self._show_once()
+            if self.closed:
+                return
+            opened_once, told = opened_once or self._open, told and not self._open
+            self._open = False
+            why = f"the window on display {display_name()} {_how(status)}: the display went away, or its driver failed"
+            if not opened_once:
+                raise DeviceError(f"visualization.viewer: {why.replace('went away', 'is not there')}")
+            if not told:
+                self._log.warning("%s; the rig goes on without a picture until it opens again", why)
+                told = True
+            await asyncio.sleep(_RETRY_S)
+
+    async def _show_once(self) -> int:
+        worker = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "services.visualization.window_worker",
+            stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
+            # Threads of the software renderer would push the loops aside: 4 instead of 1 ms of lateness were measured.
+            env={**os.environ, "LP_NUM_THREADS": "1"},
+        )  # fmt: skip
+        sending = asyncio.ensure_future(self._send(worker))
+        try:
+            await self._listen(worker)
+            return await worker.wait()
+        finally:
+            sending.cancel()
+            await _end(worker)
+
+    async def _send(self, worker: asyncio.subprocess.Process) -> None:
+        assert worker.stdin is not None
+        self._feed.begin_anew()
+        if self._notice:
+            self._feed.tell(self._notice)
+        while True:
+            for part in await self._feed.next():
+                if isinstance(part, bytes):
+                    worker.stdin.write(pack(FRAME, part))
+                else:
+                    worker.stdin.write(pack(HELLO if part is self._hello else NOTICE, part.encode()))
+            with contextlib.suppress(ConnectionError):  # it ended: whoever listens to it hears that
+                await worker.stdin.drain()
+
+    async def _listen(self, worker: asyncio.subprocess.Process) -> None:
+        assert worker.stdout is not None
+        with contextlib.suppress(asyncio.IncompleteReadError):
+            while True:
+                kind, data = await read_message(worker.stdout)
+                if kind == PAINTED:
+                    self._painted += 1
+                    self._feed.acknowledge(int.from_bytes(data, "little"))
+                self._open = self._open or kind == OPEN
+                self.closed = self.closed or kind == CLOSED
+
+
+async def _end(worker: asyncio.subprocess.Process) -> None:
+    assert worker.stdin is not None
+    worker.stdin.close()  # which it sees, and ends
+    try:
+        await asyncio.wait_for(worker.wait(), _END_S)
+    except TimeoutError:
+        worker.kill()
+        await worker.wait()
+
+
+def _how(status: int) -> str:
+    return f"ended by {signal.Signals(-status).name}" if status < 0 else f"ended with exit code {status}"

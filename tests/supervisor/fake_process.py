@@ -2,7 +2,7 @@
 
 Words: ``exit`` (ends with code 2 and a sentence), ``slow`` (misses half its ticks), ``mute`` (never says ready),
 ``crash`` (dies of a signal), ``stubborn`` (does not end when asked), ``full`` (ends a while after it was ready, as a
-recorder whose disk is full).
+recorder whose disk is full), ``closed`` (ends a while after it was ready, as a window that is closed).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import msgspec
 import protocol.bodies as bodies
 from services.recorder.disk import RecordingError
 from services.runtime import log
-from services.runtime.errors import ConfigError
+from services.runtime.errors import ConfigError, EndOfRig
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, main
 from tests.protocol import samples
@@ -61,6 +61,8 @@ def run(process: Process) -> None:
         process.health.send_if_due()
         if "full" in words and tick.index > RATE_HZ:
             raise RecordingError("a.mcap: no space left on device; 200 frames were kept")
+        if "closed" in words and tick.index > RATE_HZ:
+            raise EndOfRig("the window was closed")
 
 
 if __name__ == "__main__":

@@ -170,6 +170,16 @@ def test_a_recorder_whose_disk_is_full_is_given_up_the_rig_goes_on_and_its_end_t
     assert caught.value.exit_code == 5
 
 
+def test_a_window_that_a_person_closes_ends_the_rig_in_good_order(fakes: Fakes) -> None:
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        yield from until(lambda: False)  # the session ends by itself
+
+    events = fakes.play(scenario, visualization="closed")
+    assert "visualization: a person has ended the rig there" in events
+    assert not any("restarted" in event or "killed" in event for event in events)
+
+
 def test_too_many_restarts_are_a_safe_stop_until_armed(fakes: Fakes) -> None:
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)

@@ -67,7 +67,7 @@ def helix():
 def test_a_swept_tube_keeps_its_radius_and_stands_square_on_its_line(helix):
     sides, radius = 16, 0.05
     points, normals = np.empty((2, len(helix) * sides, 3), np.float32)
-    sweep_tube(helix, radius, points, normals)
+    sweep_tube(helix, np.full(len(helix), radius, np.float32), points, normals)
     arms = points.reshape(-1, sides, 3) - helix[:, None]
     np.testing.assert_allclose(np.linalg.norm(arms, axis=2), radius, rtol=1e-4)
     tangent = np.gradient(helix, axis=0)
@@ -79,7 +79,7 @@ def test_a_swept_tube_does_not_turn_about_a_plane_line():
     angle = np.linspace(0.0, np.pi, 60)
     arc = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1).astype(np.float32)
     points, normals = np.empty((2, 60 * 8, 3), np.float32)
-    sweep_tube(arc, 0.1, points, normals)
+    sweep_tube(arc, np.full(60, 0.1, np.float32), points, normals)
     height = normals.reshape(60, 8, 3)[:, :, 2]
     np.testing.assert_allclose(height, np.broadcast_to(height[0], height.shape), atol=1e-5)
 
@@ -87,7 +87,7 @@ def test_a_swept_tube_does_not_turn_about_a_plane_line():
 def test_the_tubes_triangles_face_outwards(helix):
     sides = 10
     points, normals = np.empty((2, len(helix) * sides, 3), np.float32)
-    sweep_tube(helix, 0.05, points, normals)
+    sweep_tube(helix, np.full(len(helix), 0.05, np.float32), points, normals)
     again = np.empty_like(normals)
     vertex_normals(points, tube_triangles(len(helix), sides), again)
     assert np.einsum("nk,nk->n", again, normals)[sides:-sides].min() > 0.95

@@ -4,7 +4,7 @@ import numpy as np
 
 from services.mechanics.bodies.forceps import tool_frame, tool_segments
 from services.visualization import tool_pose
-from services.visualization.render import pose_matrix
+from services.visualization.drawn_bodies import pose_matrix
 
 
 def test_the_jaws_that_are_drawn_lie_on_the_segments_that_collide():

@@ -1,0 +1,209 @@
+"""What moves in a picture drawn with pyvista: duct, catheter, forceps, arrows of the forces on them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from scipy.spatial.transform import Rotation
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from services.visualization import instruments
+from services.visualization.picture import Layout, ToolShape
+from services.visualization.scenery import Piece
+from services.visualization.tissue import DUCT, Bytes, Look, rgb, tissue_colours
+from services.visualization.tube import spline, sweep_tube, tube_triangles
+from services.visualization.wall import Wall
+
+_STEEL, _SLEEVE, _CANNULA = "#b4bbc2", "#2a2e33", "#8ea4b8"
+_BODY, _MARK, _BORE = "#d8a63c", "#1d1b18", "#2a1f12"
+_SIDES, _PER_SEGMENT = 12, 3
+#: Rounded tip: how far each of its rings is ahead of the last, and its radius, in radii; the last is in the lumen.
+_TIP = np.array([(0.3, 0.97), (0.55, 0.87), (0.72, 0.7), (0.8, 0.5), (0.2, 0.5)], np.float32)
+_ARROW_M = 0.022  # of 1 N; the length grows with the root, so that millinewtons are seen beside newtons
+_HEAD_M = 2e-3
+
+
+class _Surface:
+    """A mesh of fixed topology whose points and normals change; colours (n, 3) may."""
+
+    def __init__(self, plotter: pv.Plotter, n_points: int, triangles: IntArray, *, wet: float, per_pixel: bool) -> None:
+        faces = np.hstack([np.full((len(triangles), 1), 3, np.int64), triangles]).ravel()
+        self.mesh = pv.PolyData(np.zeros((n_points, 3), np.float32), faces)
+        self.mesh.point_data["Normals"] = np.zeros((n_points, 3), np.float32)
+        self.mesh.GetPointData().SetActiveNormals("Normals")
+        self.mesh.point_data["colours"] = np.zeros((n_points, 3), np.uint8)
+        self.actor = plotter.add_mesh(
+            self.mesh, scalars="colours", rgb=True, smooth_shading=False, specular=wet, specular_power=40, ambient=0.12
+        )
+        _shade(self.actor, per_pixel=per_pixel)
+        self._vtk_points = self.mesh.GetPoints().GetData()
+        self._vtk_normals = self.mesh.GetPointData().GetNormals()
+        self.points: Float32Array = vtk_to_numpy(self._vtk_points)
+        self.normals: Float32Array = vtk_to_numpy(self._vtk_normals)
+
+    def colour(self, colours: Bytes) -> None:
+        """Take a colour for each point."""
+        self.mesh.point_data["colours"][:] = colours
+        self.mesh.GetPointData().GetArray("colours").Modified()
+
+    def changed(self) -> None:
+        """Tell VTK that points and normals are new."""
+        for part in (self._vtk_points, self._vtk_normals, self.mesh.GetPoints(), self.mesh):
+            part.Modified()
+
+
+def _shade(actor: Any, *, per_pixel: bool) -> None:
+    if per_pixel:
+        actor.prop.SetInterpolationToPhong()
+    else:
+        actor.prop.SetInterpolationToGouraud()
+
+
+def add_piece(plotter: pv.Plotter, piece: Piece, *, per_pixel: bool) -> None:
+    """Put a piece of scenery on the stage."""
+    surface = _Surface(plotter, len(piece.points_m), piece.triangles, wet=_shine(piece.look), per_pixel=per_pixel)
+    surface.points[:], surface.normals[:] = piece.points_m, piece.normals
+    surface.colour(piece.colours)
+    surface.changed()
+
+
+def _shine(look: Look) -> float:
+    return 0.85 * max(0.0, look.wet - 0.15)
+
+
+class Duct:
+    """The duct's wall."""
+
+    def __init__(self, plotter: pv.Plotter, layout: Layout, *, fine: bool, per_pixel: bool) -> None:
+        self._wall = Wall(layout.rest_m, layout.triangles, layout.thickness_m, fine=fine)
+        self._surface = _Surface(
+            plotter, self._wall.n_points, self._wall.triangles, wet=_shine(DUCT), per_pixel=per_pixel
+        )
+        self.actor = self._surface.actor
+        self.update(layout.rest_m)
+        self._surface.colour(tissue_colours(self._surface.points, DUCT))
+
+    def update(self, points_m: Float32Array) -> None:
+        """Follow the mid-surface (n, 3)."""
+        self._wall.update(points_m, self._surface.points, self._surface.normals)
+        self._surface.changed()
+
+
+class Catheter:
+    """The catheter, with a ring every centimetre from its tip, as surgeons count the depth."""
+
+    def __init__(self, plotter: pv.Plotter, layout: Layout, *, per_pixel: bool) -> None:
+        self._radius_m = layout.catheter_radius_m
+        self._along = (layout.n_particles - 1) * _PER_SEGMENT + 1
+        rings = self._along + len(_TIP)
+        self._radii_m = np.full(rings, self._radius_m, np.float32)
+        self._radii_m[self._along :] *= _TIP[:, 1]
+        triangles = tube_triangles(rings, _SIDES)
+        self._surface = _Surface(plotter, rings * _SIDES, triangles, wet=0.5, per_pixel=per_pixel)
+        self.actor = self._surface.actor
+        self._marked = False
+
+    def update(self, centreline_m: Float32Array) -> None:
+        """Follow the particles (m, 3), tip last."""
+        curve = spline(centreline_m, _PER_SEGMENT)
+        ahead = curve[-1] - curve[-2]
+        ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+        tip = curve[-1] + self._radius_m * _TIP[:, :1] * ahead
+        line = np.concatenate([curve, tip]).astype(np.float32)
+        sweep_tube(line, self._radii_m, self._surface.points, self._surface.normals)
+        self._surface.changed()
+        if not self._marked and np.ptp(centreline_m) > 0.0:
+            self._surface.colour(self._marks(curve))
+            self._marked = True
+
+    def _marks(self, curve: Float32Array) -> Bytes:
+        steps_mm = 1e3 * np.linalg.norm(np.diff(curve[::-1], axis=0), axis=1)
+        from_tip_mm = np.concatenate([np.zeros(len(_TIP)), [0.0], np.cumsum(steps_mm)])[::-1]
+        marked = (from_tip_mm > 5.0) & (np.abs(from_tip_mm - 10.0 * np.round(from_tip_mm / 10.0)) < 0.55)
+        colours = np.where(marked[:, None], rgb(_MARK), rgb(_BODY))
+        colours[-1] = rgb(_BORE)
+        return np.repeat(colours, _SIDES, axis=0).astype(np.uint8)
+
+
+class Forceps:
+    """One forceps: sleeve, clevis and two jaws, moved as rigid bodies, in the tube of its port."""
+
+    def __init__(self, plotter: pv.Plotter, shape: ToolShape) -> None:
+        blade = instruments.jaw(shape)
+        self._port_m = shape.port_m
+        self._shaft = [
+            _solid(plotter, instruments.sleeve(shape), _SLEEVE),
+            _solid(plotter, instruments.clevis(shape), _STEEL),
+        ]
+        self._jaws = [_solid(plotter, blade.copy(), _STEEL) for _ in range(2)]
+        self._cannula = _solid(plotter, instruments.cannula(shape), _CANNULA)
+        self.actors = [*self._shaft, *self._jaws, self._cannula]
+
+    def place(self, pose: Float32Array, opening_rad: float) -> None:
+        """Move to a pose (7,) with the jaws `opening_rad` apart."""
+        transform = pose_matrix(pose)
+        for actor in self._shaft:
+            actor.user_matrix = transform
+        jaw_a, jaw_b = self._jaws
+        jaw_a.user_matrix = transform @ _turn("z", 0.5 * opening_rad)
+        jaw_b.user_matrix = transform @ _turn("z", -0.5 * opening_rad) @ _turn("x", np.pi)
+        at_port = transform.copy()
+        at_port[:3, 3] = self._port_m
+        self._cannula.user_matrix = at_port
+
+
+class ForceArrow:
+    """The force of the tissue on a tool."""
+
+    def __init__(self, plotter: pv.Plotter) -> None:
+        self._parts = [_solid(plotter, mesh, "#7ad7c4") for mesh in instruments.arrow()]
+        for part in self._parts:
+            part.prop.lighting = False
+
+    def place(self, start_m: Float32Array, force_n: Float32Array, *, shown: bool) -> None:
+        """Draw a force (3,) from a point (3,)."""
+        size_n = float(np.linalg.norm(force_n))
+        length_m = _ARROW_M * np.sqrt(size_n)
+        visible = bool(shown and length_m > 6e-4)
+        for part in self._parts:
+            part.visibility = visible
+        if not visible:
+            return
+        frame = np.eye(4)
+        frame[:3, :3] = Rotation.align_vectors([force_n / size_n], [[1.0, 0.0, 0.0]])[0].as_matrix()
+        frame[:3, 3] = start_m
+        stem, head = self._parts
+        stem.user_matrix = frame @ np.diag([max(1e-5, length_m - _HEAD_M), 1.0, 1.0, 1.0])
+        ahead = np.eye(4)
+        ahead[0, 3] = max(0.0, length_m - _HEAD_M)
+        head.user_matrix = frame @ ahead
+        for part in self._parts:
+            part.prop.color = colour_of_force(size_n)
+
+
+def colour_of_force(size_n: float) -> str:
+    """Return green below 1 N, amber below 2 N, red from there on, as the page does."""
+    return "#67d1bd" if size_n < 1.0 else "#eab54d" if size_n < 2.0 else "#f0695a"
+
+
+def pose_matrix(pose: Float32Array) -> FloatArray:
+    """Return the homogeneous transform (4, 4) of a position and quaternion wxyz."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()
+    matrix[:3, 3] = pose[:3]
+    return matrix
+
+
+def _turn(axis: str, angle_rad: float) -> FloatArray:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler(axis, angle_rad).as_matrix()
+    return matrix
+
+
+def _solid(plotter: pv.Plotter, mesh: pv.PolyData, colour: str) -> Any:
+    actor = plotter.add_mesh(mesh, color=colour, smooth_shading=False, specular=0.8, specular_power=30, ambient=0.12)
+    _shade(actor, per_pixel=False)
+    return actor

@@ -1,0 +1,101 @@
+"""What is written and laid over a window's picture: the lens, the state of the rig, forces, figures, a line of help."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
+
+from services.visualization.picture import Layout, Picture
+
+HELP = "1 scope 2 mouth 3 side 4 top 5 ports   M mirror F forces L lens   drag turns, wheel zooms   H help  Q ends"
+_LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity
+_STATES = {"running": "#67d1bd", "ready": "#67d1bd", "degraded": "#eab54d", "safe_stop": "#f0695a"}
+_QUIET = "#d9cdc8"
+
+
+class Overlay:
+    """Texts in the corners, and the round picture of a laparoscope."""
+
+    def __init__(self, plotter: pv.Plotter) -> None:
+        self._window = plotter.render_window
+        self._renderer = vtkRenderer()  # a layer of its own: the scene's is emptied for every new layout
+        self._renderer.SetLayer(1)
+        self._renderer.InteractiveOff()
+        self._window.SetNumberOfLayers(2)
+        self._window.AddRenderer(self._renderer)
+        self._lens = vtkActor2D()
+        self._lens.SetMapper(_lens(1, 1))
+        self._renderer.AddViewProp(self._lens)
+        self._size = (0, 0)
+        self.shows_lens = self.shows_help = True
+        self._texts = {name: _text(self._renderer) for name in ("tools", "figures", "rig", "help")}
+        self._texts["figures"].GetTextProperty().SetJustificationToRight()
+
+    def follow_size(self) -> None:
+        """Lay everything out anew where the window has another size."""
+        width, height = self._window.GetSize()
+        self._lens.SetVisibility(self.shows_lens)
+        self._texts["help"].SetVisibility(self.shows_help)
+        if (width, height) == self._size:
+            return
+        self._size = (width, height)
+        self._lens.SetMapper(_lens(width, height))
+        places = {"tools": (16, height - 60), "figures": (width - 16, height - 78), "rig": (16, 40), "help": (16, 14)}
+        for name, (x, y) in places.items():
+            self._texts[name].SetPosition(x, y)
+            self._texts[name].GetTextProperty().SetFontSize(max(10, min(15, width // 72)))
+
+    def tell(self, layout: Layout, picture: Picture, rate_hz: float) -> None:
+        """Write the figures of a picture."""
+        sizes = np.linalg.norm(picture.force_n, axis=1)
+        rows = zip(layout.tools, sizes, picture.jaw_rad, strict=True)
+        lines = [f"{tool.name:<8}{_force(float(n)):>9}{np.degrees(float(jaw)):5.0f}°" for tool, n, jaw in rows]
+        self._texts["tools"].SetInput("\n".join(lines))
+        inserted = f"inserted {1e3 * picture.inserted_length_m:.1f} mm"
+        self._texts["figures"].SetInput(f"{inserted}\nrig time {1e-3 * picture.tick:.1f} s\npicture {rate_hz:.0f} Hz")
+        self._texts["help"].SetInput(HELP)
+
+    def tell_rig(self, state: str, reason: str, *, safe_stop: bool) -> None:
+        """Write the state of the rig."""
+        shown = "safe_stop" if safe_stop else state
+        self._texts["rig"].SetInput(f"{shown.replace('_', ' ').upper()}{'  ' if reason else ''}{reason[:110]}")
+        self._texts["rig"].GetTextProperty().SetColor(pv.Color(_STATES.get(shown, _QUIET)).float_rgb)
+
+
+def _force(newton: float) -> str:
+    return f"{1e3 * newton:.1f} mN" if newton < 0.1 else f"{newton:.2f} N"
+
+
+def _text(renderer: Any) -> vtkTextActor:
+    actor = vtkTextActor()
+    prop = actor.GetTextProperty()
+    prop.SetFontFamilyToCourier()
+    prop.SetColor(pv.Color(_QUIET).float_rgb)
+    prop.SetShadow(False)
+    renderer.AddViewProp(actor)
+    return actor
+
+
+def _lens(width: int, height: int) -> vtkPolyDataMapper2D:
+    """Return rings round the middle of the window, darker outwards: only what they cover is drawn."""
+    sides = 96
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    around = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    radii, opacities = zip(*_LENS, strict=True)
+    centre = np.array([0.5 * width, 0.5 * height, 0.0])
+    points = np.concatenate([centre + radius * min(width, height) * around for radius in radii])
+    ring, side = np.meshgrid(np.arange(len(_LENS) - 1), np.arange(sides), indexing="ij")
+    a, b = ring * sides + side, ring * sides + (side + 1) % sides
+    quads = np.stack([np.full_like(a, 4), a, b, b + sides, a + sides], axis=-1)
+    mesh = pv.PolyData(points, quads.ravel())
+    colours = np.zeros((len(points), 4), np.uint8)
+    colours[:, 3] = np.repeat(opacities, sides)
+    scalars = numpy_to_vtk(colours, deep=True)
+    mesh.GetPointData().SetScalars(scalars)
+    mapper = vtkPolyDataMapper2D()
+    mapper.SetInputData(mesh)
+    return mapper

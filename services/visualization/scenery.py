@@ -1,0 +1,82 @@
+"""Scenery behind the duct, which nothing touches: the bed of the liver and the common bile duct."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from services.visualization.normals import vertex_normals
+from services.visualization.picture import Layout
+from services.visualization.tissue import COMMON_DUCT, LIVER, Bytes, Look, tissue_colours
+from services.visualization.tube import spline, sweep_tube, tube_triangles
+
+_UP = np.array([0.0, 0.0, 1.0])
+_BED_M = 0.26  # half of its width
+_BELOW_M = 0.026
+#: The lens lights a round place: beyond it the bed is dark.
+_LIT_M, _DARK_M = 0.05, 0.19
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A surface that does not move, with its colours."""
+
+    points_m: Float32Array
+    normals: Float32Array
+    triangles: IntArray
+    colours: Bytes
+    look: Look
+
+
+def scenery(layout: Layout, *, cells: int) -> list[Piece]:
+    """Return what lies behind the duct of `layout`; the bed has `cells` squares a side."""
+    pieces = [_bed(layout.rest_m, cells)]
+    if len(layout.mouth) and len(layout.clamped):
+        pieces.append(_common_duct(layout))
+    return pieces
+
+
+def _bed(rest_m: Float32Array, cells: int) -> Piece:
+    low, high = rest_m.min(axis=0), rest_m.max(axis=0)
+    x, y = np.meshgrid(*2 * [np.linspace(-_BED_M, _BED_M, cells + 1)], indexing="ij")
+    away = np.hypot(x, y)
+    z = low[2] - _BELOW_M + 5e-3 * _wave(1e3 * x, 1e3 * y) + 0.42 * np.maximum(0.0, away - 0.07)
+    centre = 0.5 * (low + high)
+    points_m = np.stack([x + centre[0], y + centre[1], z], axis=-1).reshape(-1, 3).astype(np.float32)
+    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()[:, None]
+    right, ahead = corner + cells + 1, corner + 1
+    triangles = np.concatenate([np.hstack([corner, right, ahead]), np.hstack([right, right + 1, ahead])])
+    light = 1.0 - 0.93 * np.clip((away.reshape(-1, 1) - _LIT_M) / (_DARK_M - _LIT_M), 0.0, 1.0)
+    colours = (tissue_colours(points_m, LIVER) * light).astype(np.uint8)
+    return _piece(points_m, triangles.astype(np.int32), colours, LIVER)
+
+
+def _wave(x: FloatArray, y: FloatArray) -> FloatArray:
+    long = np.sin(0.055 * x + 1.3) * np.cos(0.07 * y)
+    return np.asarray(long + 0.5 * np.sin(0.13 * x - 0.09 * y) + 0.3 * np.sin(0.21 * y + 2.0))
+
+
+def _common_duct(layout: Layout) -> Piece:
+    """Return a wider tube across the held end, sinking into the bed on both sides."""
+    held, mouth = (layout.rest_m[list(nodes)].mean(axis=0, dtype=float) for nodes in (layout.clamped, layout.mouth))
+    away = (held - mouth) / np.linalg.norm(held - mouth)
+    across = np.cross(away, _UP)
+    across /= np.linalg.norm(across)
+    own_mm = 1e3 * float(np.linalg.norm(layout.rest_m[layout.clamped[0]] - held))
+    steps = np.array([-9, -6, -3.6, -1.8, 0, 1.8, 3.6, 6, 9])[:, None]
+    ahead_mm = 1.08 * own_mm + 0.25 * steps**2 + 0.35 * steps
+    places = held + 1e-3 * (ahead_mm * away + 1.25 * own_mm * steps * across - 0.02 * np.abs(steps) ** 2.9 * _UP)
+    line = spline(places, 8)
+    ring = np.arange(len(line))
+    radii = 1.62e-3 * own_mm * (1 + 0.025 * np.sin(0.5 * ring) + 0.02 * np.sin(0.23 * ring + 1.0))
+    points_m, normals = np.zeros((2, 40 * len(line), 3), np.float32)
+    sweep_tube(line, radii.astype(np.float32), points_m, normals)
+    return _piece(points_m, tube_triangles(len(line), 40), tissue_colours(points_m, COMMON_DUCT), COMMON_DUCT)
+
+
+def _piece(points_m: Float32Array, triangles: IntArray, colours: Bytes, look: Look) -> Piece:
+    normals = np.zeros_like(points_m)
+    vertex_normals(points_m, triangles, normals)
+    return Piece(points_m, normals, triangles, colours, look)

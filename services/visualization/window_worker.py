@@ -1,0 +1,148 @@
+"""The process that draws in a window: reads view messages on stdin, answers on stdout with each picture it has drawn.
+
+Opening a window, its first frames and a slow driver hold up nobody else here, and a display that goes away ends this
+process alone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import sys
+import time
+
+from services.visualization import cameras, codec
+from services.visualization.display import display_name
+from services.visualization.overlay import Overlay
+from services.visualization.pace import RUNGS, Pace
+from services.visualization.picture import Layout, Picture
+from services.visualization.render import Renderer
+from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, Splitter, pack
+
+_SIZE, _SOFTWARE_SIZE = (1280, 800), (960, 600)
+_EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25
+
+
+class Window:
+    """The window: what came last on the pipe is what it shows."""
+
+    def __init__(self) -> None:
+        self._renderer = Renderer(off_screen=False, size=_SOFTWARE_SIZE)
+        plotter = self._renderer.plotter
+        if "EGL" in plotter.render_window.GetClassName():  # what VTK takes where it reaches no display
+            sys.exit(f"no display {display_name()}")
+        plotter.show(auto_close=False, interactive_update=True)
+        software = self._renderer.is_software()
+        self._size = _SOFTWARE_SIZE if software else _SIZE
+        self._pace = Pace(software=software)
+        self._overlay = Overlay(plotter)
+        self._interactor = plotter.iren.interactor
+        self.closed = False
+        self._own_size = _SOFTWARE_SIZE
+        self._layout: Layout | None = None
+        self._shown: Picture | None = None
+        self._told_s = 0.0
+        self._bind()
+        self._take_rung()
+
+    def take(self, kind: bytes, data: bytes) -> int | None:
+        """Take a message; return the sequence of the picture that it was, to be drawn."""
+        if kind == HELLO:
+            self._layout = codec.decode_hello(data.decode())
+        elif kind == NOTICE:
+            notice = json.loads(data)
+            self._overlay.tell_rig(notice["state"], notice["reason"], safe_stop=notice["safe_stop"])
+        elif kind == FRAME and self._layout is not None:
+            self._shown = codec.decode(data, self._layout)[0]
+            return self._shown.sequence
+        return None
+
+    def draw(self) -> None:
+        """Draw the newest picture."""
+        began_s = time.monotonic()
+        if self._layout is not None and self._shown is not None:
+            self._renderer.update(self._layout, self._shown)
+            if began_s - self._told_s > _TELL_EVERY_S:
+                self._told_s = began_s
+                self._overlay.tell(self._layout, self._shown, self._pace.rate_hz)
+        self._overlay.follow_size()
+        self._renderer.draw()
+        now_s = time.monotonic()
+        if self._pace.drawn(now_s, now_s - began_s):
+            self._take_rung()
+
+    def answer_events(self) -> None:
+        """Let the window answer mouse, keyboard and the person who closes it."""
+        self._renderer.plotter.iren.process_events()
+        self.closed = self.closed or bool(self._interactor.GetDone())
+
+    def close(self) -> None:
+        """Give up the window."""
+        self._renderer.close()
+
+    def _take_rung(self) -> None:
+        rung = RUNGS[self._pace.rung]
+        self._renderer.take(rung.effects)
+        window = self._renderer.plotter.render_window
+        size = (round(rung.scale * self._size[0]), round(rung.scale * self._size[1]))
+        if tuple(window.GetSize()) != size and not self._was_resized:
+            window.SetSize(*size)
+            self._own_size = size
+
+    @property
+    def _was_resized(self) -> bool:
+        """Whether a person gave the window another size: it is theirs then."""
+        return tuple(self._renderer.plotter.render_window.GetSize()) != self._own_size
+
+    def _bind(self) -> None:
+        self._renderer.plotter.enable_terrain_style(mouse_wheel_zooms=True)
+        self._interactor.RemoveObservers("CharEvent")  # VTK's own keys: wireframe, stereo, picking
+        self._interactor.RemoveObservers("KeyPressEvent")
+        self._interactor.AddObserver("KeyPressEvent", lambda *_: self._pressed(self._interactor.GetKeySym() or ""))
+
+    def _pressed(self, key: str) -> None:
+        key = key.lower().removeprefix("kp_")
+        if key.isdigit() and 1 <= int(key) <= len(cameras.PRESETS):
+            self._renderer.look_from(cameras.PRESETS[int(key) - 1])
+        elif key == "m":
+            self._renderer.mirror()
+        elif key == "f":
+            self._renderer.show_forces = not self._renderer.show_forces
+        elif key == "l":
+            self._overlay.shows_lens = not self._overlay.shows_lens
+        elif key == "h":
+            self._overlay.shows_help = not self._overlay.shows_help
+        elif key == "q":
+            self.closed = True
+
+
+def main() -> int:
+    """Show what comes until the pipe ends or the window is closed."""
+    window, splitter = Window(), Splitter()
+    os.nice(max(0, 19 - os.nice(0)))  # opening was work that somebody waits for; pictures come after everybody else
+    _answer(pack(OPEN, b""))
+    while not window.closed:
+        sequence = None
+        if select.select([sys.stdin], [], [], _EVENTS_EVERY_S)[0]:
+            data = os.read(sys.stdin.fileno(), 1 << 20)
+            if not data:
+                window.close()
+                return 0
+            for kind, body in splitter.feed(data):
+                taken = window.take(kind, body)
+                sequence = sequence if taken is None else taken
+        if sequence is not None:
+            window.draw()
+            _answer(pack(PAINTED, sequence.to_bytes(8, "little")))
+        window.answer_events()
+    _answer(pack(CLOSED, b""))
+    return 0
+
+
+def _answer(data: bytes) -> None:
+    os.write(sys.stdout.fileno(), data)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,262 @@
+"""The native window on a virtual display: what is in its picture, and that nothing waits for it."""
+
+import logging
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from services.runtime.errors import DeviceError
+from services.runtime.health import LatencyPath
+from services.runtime.histogram import LatencyHistogram
+from services.visualization import cameras, tool_pose
+from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.window import WindowOutput
+
+_MISSING = [name for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
+pytestmark = [
+    pytest.mark.skipif(find_spec("pyvista") is None, reason="pyvista is not installed (extra `view`)"),
+    pytest.mark.skipif(bool(_MISSING), reason=f"not here: {', '.join(_MISSING)} (apt-get install xvfb xdotool)"),
+]
+NOTICE = '{"type": "rig", "state": "running", "reason": "", "safe_stop": false}'
+PATIENCE_S = 90.0
+
+
+class Display:
+    """A virtual screen whose memory can be looked into."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.name = ""
+        self.start()
+
+    def start(self) -> None:
+        """Start it, under the number that it had."""
+        read, write = os.pipe()
+        options = [
+            "-displayfd",
+            str(write),
+            "-screen",
+            "0",
+            "1300x820x24",
+            "-fbdir",
+            str(self.folder),
+            "-nolisten",
+            "tcp",
+        ]
+        self._server = subprocess.Popen(
+            ["Xvfb", *([self.name] if self.name else []), *options], pass_fds=[write], stderr=subprocess.DEVNULL
+        )
+        os.close(write)
+        with os.fdopen(read) as numbers:
+            self.name = f":{numbers.readline().strip()}"
+        assert self.name != ":", "Xvfb did not start"
+
+    def end(self) -> None:
+        self._server.kill()
+        self._server.wait()
+
+    def pixels(self) -> np.ndarray:
+        """Return the screen (height, width, 3), from the server's own memory (an XWD file)."""
+        data = (self.folder / "Xvfb_screen0").read_bytes()
+        words = struct.unpack(">25I", data[:100])
+        start, width, height, line = words[0] + 12 * words[19], words[4], words[5], words[12]  # of an XWDFileHeader
+        rows = np.frombuffer(data, np.uint8, line * height, start).reshape(height, line)[:, : 4 * width]
+        return rows.reshape(height, width, 4)[..., 2::-1].astype(float)
+
+    def window(self) -> np.ndarray:
+        """Return what is seen of the window, whose place is the screen's corner."""
+        geometry = self._xdotool("search", "--name", "Trocar", "getwindowgeometry", "--shell")
+        words = dict(line.split("=") for line in geometry.split())
+        return self.pixels()[: int(words["HEIGHT"]), : int(words["WIDTH"])]
+
+    def press(self, key: str) -> None:
+        """Press a key over the window."""
+        self._xdotool("mousemove", "100", "100", "key", key)
+
+    def _xdotool(self, *words: str) -> str:
+        environment = {**os.environ, "DISPLAY": self.name}
+        return subprocess.run(["xdotool", *words], env=environment, check=True, capture_output=True, text=True).stdout
+
+
+@pytest.fixture
+def display(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Display]:
+    found = Display(tmp_path)
+    monkeypatch.setenv("DISPLAY", found.name)
+    yield found
+    found.end()
+
+
+@pytest.fixture
+def window(display: Display) -> Iterator[WindowOutput]:
+    output = open_window()
+    yield output
+    output.close()
+
+
+def open_window() -> WindowOutput:
+    return WindowOutput(LatencyPath(LatencyHistogram(33_000_000)), logging.getLogger("trocar.window"))
+
+
+def a_scene() -> tuple[Layout, Picture]:
+    """A duct with the catheter on its way in, a forceps at each of them."""
+    mesh = parametric_duct(DuctGeometry(radius_m=4e-3, length_m=40e-3, n_around=16, n_along=20))
+    rest = mesh.vertices_m.astype(np.float32)
+    tools = tuple(ToolShape(name, port, 2.5e-3, 18e-3, 1.2e-3) for name, port in PORTS.items())
+    mouth, held = (tuple(int(i) for i in mesh.vertex_sets[name]) for name in ("mouth", "clamped"))
+    layout = Layout(1, "test", rest, mesh.triangles, 6e-4, mouth, held, 40, 1e-3, tools)
+    line = np.linspace(CATHETER_END_M, [0.03, 0.0, 0.0], 40).astype(np.float32)
+    poses = [[*at, *tool_pose.orientation(np.array(at), PORTS[name], 0.3)] for name, at in JUNCTIONS.items()]
+    force_n = np.array([[0.0, 0.0, 0.4], [0.1, 0.0, 0.2]], np.float32)
+    return layout, Picture(
+        1, 1, 0, 0, rest, line, np.array(poses, np.float32), np.array([0.5, 0.7], np.float32), force_n
+    )
+
+
+PORTS = {"left": (0.075, -0.060, 0.120), "right": (0.010, 0.070, 0.110)}
+JUNCTIONS = {"left": (0.058, -0.004, 0.014), "right": (0.026, 0.008, 0.012)}
+CATHETER_END_M = [0.11, 0.0, 0.01]
+
+
+def until(output: WindowOutput, condition: Callable[[], bool], picture: Picture, layout: Layout) -> int:
+    """Show pictures until something holds; return how many were."""
+    deadline_s, shown = time.monotonic() + PATIENCE_S, 0
+    while not condition():
+        assert time.monotonic() < deadline_s, "it did not happen"
+        shown += 1
+        output.show(layout, replace(picture, sequence=shown, tick=shown), NOTICE)
+        output.wait_until(time.monotonic_ns() + 20_000_000)
+    return shown
+
+
+def seen_at(point_m: object, layout: Layout, size: tuple[int, int]) -> tuple[int, int]:
+    """Return the pixel (row, column) in which a camera at the page's first place sees a point: pinhole, 50 degrees."""
+    place = cameras.place(layout, "scope")
+    ahead = place.aim_m - place.position_m
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    away = np.asarray(point_m) - place.position_m
+    width, height = size
+    focal = 0.5 * height / np.tan(np.radians(25.0))
+    column = 0.5 * width + focal * (away @ right) / (away @ ahead)
+    row = 0.5 * height - focal * (away @ np.cross(right, ahead)) / (away @ ahead)
+    return round(row), round(column)
+
+
+def colour_at(point_m: object, layout: Layout, picture: np.ndarray) -> np.ndarray:
+    """Return the median colour of the 3 by 3 pixels where a point is seen."""
+    height, width = picture.shape[:2]
+    row, column = seen_at(point_m, layout, (width, height))
+    return np.median(picture[row - 1 : row + 2, column - 1 : column + 2].reshape(-1, 3), axis=0)
+
+
+def missing(layout: Layout, seen: np.ndarray) -> str:
+    """Return what is not in a picture where it should be, empty where all is."""
+    red, green, blue = colour_at([0.017, -0.002, 3.6e-3], layout, seen)
+    if not (red > 90 and green < 0.75 * red and abs(green - blue) < 0.3 * red):
+        return f"duct: {red, green, blue}"
+    red, green, blue = colour_at([0.0465, 0.0, 0.0022], layout, seen)
+    if not (red > 100 and 0.6 * red < green < 0.9 * red and blue < 0.5 * red):
+        return f"catheter: {red, green, blue}"
+    for name, port_m in PORTS.items():
+        at = np.array(JUNCTIONS[name])
+        along = (at - port_m) / np.linalg.norm(at - port_m)
+        sleeve, clevis = (colour_at(at + place_m * along, layout, seen) for place_m in (-0.013, -0.004))
+        if max(np.ptp(sleeve), np.ptp(clevis)) > 30 or sleeve.max() > 90 or clevis.min() < sleeve.max() + 15:
+            return f"dark sleeve and steel of the {name} tool: {sleeve}, {clevis}"
+    red, green, blue = colour_at([0.02, 0.02, -0.02], layout, seen)
+    return "" if red > 15 and red > 1.5 * green else f"the liver's bed: {red, green, blue}"
+
+
+def test_duct_catheter_and_both_tools_are_in_the_picture(window: WindowOutput, display: Display) -> None:
+    layout, picture = a_scene()
+    picture.force_n[:] = 0.0  # no arrows over what is looked for
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    display.press("l")  # without the lens its edge is in nobody's way
+    until(window, lambda: not missing(layout, display.window()), picture, layout)
+    if os.environ.get("TROCAR_KEEP_PICTURES"):
+        from PIL import Image
+
+        place = Path(os.environ["TROCAR_KEEP_PICTURES"]) / "window.png"
+        Image.fromarray(display.window().astype(np.uint8)).save(place)
+
+
+def test_the_lens_darkens_what_is_beside_it_and_keys_move_the_camera(window: WindowOutput, display: Display) -> None:
+    layout, picture = a_scene()
+    picture.force_n[:] = 0.0
+
+    def beside() -> np.ndarray:
+        seen = display.window()
+        return seen[len(seen) // 3 : len(seen) // 2, 2 : max(3, seen.shape[1] // 40)]  # no text is there
+
+    until(window, lambda: not missing(layout, display.window()), picture, layout)
+    assert beside().max() < 12
+    display.press("l")
+    until(window, lambda: beside().max() > 20, picture, layout)
+    display.press("3")
+    until(window, lambda: bool(missing(layout, display.window())), picture, layout)
+    display.press("1")
+    until(window, lambda: not missing(layout, display.window()), picture, layout)
+
+
+def test_a_window_that_stands_still_holds_up_nobody(window: WindowOutput, display: Display) -> None:
+    layout, picture = a_scene()
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    (worker,) = children()
+    os.kill(worker, signal.SIGSTOP)
+    drawn = window.gauges()["window_pictures"]
+    for sequence in range(1000, 1400):  # more than any pipe holds
+        window.show(layout, replace(picture, sequence=sequence), NOTICE)
+        window.wait_until(time.monotonic_ns() + 1_000_000)
+    assert window.gauges()["window_pictures"] <= drawn + 2
+    os.kill(worker, signal.SIGCONT)
+    until(window, lambda: window.gauges()["window_pictures"] > drawn + 3, picture, layout)
+
+
+def children() -> list[int]:
+    """Return the processes of this one that draw."""
+    found = subprocess.run(
+        ["pgrep", "-P", str(os.getpid()), "-f", "window_worker"], capture_output=True, text=True, check=True
+    )
+    return [int(word) for word in found.stdout.split()]
+
+
+def test_closing_the_window_is_told(window: WindowOutput, display: Display) -> None:
+    layout, picture = a_scene()
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    display.press("q")
+    until(window, lambda: window.closed, picture, layout)
+
+
+def test_a_display_that_goes_away_is_one_sentence_and_the_window_comes_back_with_it(
+    window: WindowOutput, display: Display, caplog: pytest.LogCaptureFixture
+) -> None:
+    layout, picture = a_scene()
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
+    display.end()
+    until(window, lambda: not window.gauges()["window_open"], picture, layout)
+    (record,) = caplog.records
+    assert f"the window on display {display.name} ended" in record.message
+    assert "the rig goes on without a picture" in record.message
+    display.start()
+    drawn = window.gauges()["window_pictures"]
+    until(window, lambda: window.gauges()["window_pictures"] > drawn, picture, layout)
+    assert len(caplog.records) == 1
+    assert not window.closed
+
+
+def test_a_display_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":4711")
+    with pytest.raises(DeviceError, match=r"visualization\.viewer: the window on display :4711 ended .*is not there"):
+        open_window()
