@@ -8,15 +8,17 @@ opening. A state that is taken up again is at rest, so that nothing is gained by
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
+from typing import Annotated
 
 from services.mechanics.arrays import AnyArray, FloatArray
+from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact import laws
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.world import World
 
 # A bent catheter that is let go reaches 6 m/s at its tip; a duct pulled 20 mm aside comes back at 11 m/s.
@@ -33,20 +35,52 @@ class Copies:
     def __init__(self, arrays: Sequence[AnyArray]) -> None:
         self._arrays = list(arrays)
         self._kept = [[array.copy() for array in self._arrays] for _ in range(2)]
+        self._from_live = [copy_table(kept, self._arrays) for kept in self._kept]
+        self._to_live = [copy_table(self._arrays, kept) for kept in self._kept]
         self._newest = 0
 
     def keep(self) -> None:
         """Copy what is there over the older copy."""
         self._newest = 1 - self._newest
-        for array, copy in zip(self._arrays, self._kept[self._newest], strict=True):
-            np.copyto(copy, array)
+        copy_arrays(self._from_live[self._newest])
 
     def restore(self) -> None:
         """Put the older copy back, and forget the newer one."""
-        older = self._kept[1 - self._newest]
-        for array, copy, newer in zip(self._arrays, older, self._kept[self._newest], strict=True):
-            np.copyto(array, copy)
-            np.copyto(newer, copy)
+        copy_arrays(self._to_live[1 - self._newest])
+        copy_arrays(self._from_live[self._newest])
+
+
+class LiveState(Struct):
+    """The arrays of a world that say whether its state is sound, and what they must not pass."""
+
+    position: Annotated[FloatArray, "n", 3]
+    velocity: Annotated[FloatArray, "n", 3]
+    q: Annotated[FloatArray, "r"]
+    qdot: Annotated[FloatArray, "r"]
+    proxy: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    hand: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
+    longest_m: float  # segment of the catheter
+    fastest_m_s: float
+    deepest_m: float  # in the wall
+
+    @classmethod
+    def of(cls, world: World) -> LiveState:
+        """View the arrays of a world, which are only changed in place."""
+        rod, duct, tools = world.catheter.state, world.duct.state, world.tools
+        return cls(
+            position=rod.position_m,
+            velocity=rod.velocity_m_s,
+            q=duct.q,
+            qdot=duct.qdot,
+            proxy=tools.proxy,
+            hand=tools.hand,
+            longest_m=world.catheter.properties.segment_length_m * (1.0 + MOST_STRETCH),
+            fastest_m_s=FASTEST_M_S,
+            deepest_m=0.5 * world.scene.duct.thickness_m,
+        )
+
+
+live_at = reader(LiveState)
 
 
 class Healer:
@@ -62,7 +96,8 @@ class Healer:
         self._world = world
         self._copies: Copies | None = None
         self._steps = 0
-        self._deepest_m = 0.5 * world.scene.duct.thickness_m
+        self._live = LiveState.of(world)
+        self._addresses = (world.system.rows.address, self._live.address)
         self.healed = 0
 
     def watch(self) -> bool:
@@ -70,15 +105,7 @@ class Healer:
 
         A scene that a caller has begun in a state that is not sound is left to come out of it, while its numbers are.
         """
-        world = self._world
-        rod, duct = world.catheter.state, world.duct.state
-        bounds = (world.catheter.properties.segment_length_m * (1.0 + MOST_STRETCH), FASTEST_M_S)
-        tools = world.tools
-        is_sound = (
-            depth_in_wall_m(world.system.rows.address) < self._deepest_m
-            and are_sound((rod.position_m, rod.velocity_m_s), (duct.q, duct.qdot), (tools.proxy, tools.hand), bounds)
-            and world.search.is_sound()
-        )
+        is_sound = state_is_sound(*self._addresses) and self._world.search.is_sound()
         if is_sound:
             if self._steps % APART == 0:
                 self._keep()
@@ -115,9 +142,16 @@ class Healer:
 
 
 @kernel
-def depth_in_wall_m(rows_address: Address[ContactRows]) -> float:
-    """Return how deep particles of the catheter were in the wall when the step began."""
-    rows, deepest = rows_at(rows_address), 0.0
+def state_is_sound(rows_address: Address[ContactRows], live_address: Address[LiveState]) -> bool:
+    """Return whether the numbers are finite, and the catheter neither in the wall nor torn nor shot."""
+    live = live_at(live_address)
+    return bool(_depth_in_wall(rows_at(rows_address)) < live.deepest_m and _are_sound(live))
+
+
+@kernel
+def _depth_in_wall(rows: ContactRows) -> float:
+    """Return how deep particles of the catheter were in the wall when the step began, in m."""
+    deepest = 0.0
     for row in range(rows.n_contacts):
         weight = rows.duct_weight[row, 0] + rows.duct_weight[row, 1] + rows.duct_weight[row, 2]
         is_wall = weight > 0.0 and rows.tool[row] == NO_TOOL and rows.stone[row] == NO_STONE
@@ -127,14 +161,9 @@ def depth_in_wall_m(rows_address: Address[ContactRows]) -> float:
 
 
 @kernel
-def are_sound(
-    rod: tuple[FloatArray, FloatArray],
-    duct: tuple[FloatArray, FloatArray],
-    tools: tuple[FloatArray, FloatArray],
-    bounds: tuple[float, float],
-) -> bool:
-    """Return whether all numbers are finite and the catheter is neither longer nor faster than ``bounds``."""
-    (position, velocity), (q, qdot) = rod, duct
+def _are_sound(live: LiveState) -> bool:
+    """Return whether all numbers are finite and the catheter is neither longer nor faster than it may be."""
+    position, velocity, q, qdot = live.position, live.velocity, live.q, live.qdot
     total = 0.0
     for i in range(position.shape[0]):
         length_2, speed_2 = 0.0, 0.0
@@ -144,11 +173,11 @@ def are_sound(
             if i > 0:
                 length_2 += (position[i, axis] - position[i - 1, axis]) ** 2
         # Written so that what is no number is not sound either.
-        if not (length_2 <= bounds[0] ** 2 and speed_2 <= bounds[1] ** 2):
+        if not (length_2 <= live.longest_m**2 and speed_2 <= live.fastest_m_s**2):
             return False
     for mode in range(q.shape[0]):
         total += 0.0 * (q[mode] + qdot[mode])
-    for tool in range(tools[0].shape[0]):
-        for axis in range(tools[0].shape[1]):
-            total += 0.0 * (tools[0][tool, axis] + tools[1][tool, axis])
+    for tool in range(live.proxy.shape[0]):
+        for axis in range(live.proxy.shape[1]):
+            total += 0.0 * (live.proxy[tool, axis] + live.hand[tool, axis])
     return bool(total == 0.0)

@@ -37,10 +37,11 @@ class Pace:
         """Return the number of parts of a step, a power of two."""
         world = self._world
         rod, duct, body = world.catheter, world.duct, world.tools
-        moved_m = fastest(rod.state.velocity_m_s) * dt_s
-        if duct.dt_s > 0.0:
-            scale = dt_s / duct.dt_s
-            if self._longest * distance(duct.q_start, duct.state.q) * scale > self._most_m:
+        speed_m_s, way = speed_and_way(rod.state.velocity_m_s, duct.q_start, duct.state.q)
+        moved_m, last_s = speed_m_s * dt_s, duct.dt_s
+        if last_s > 0.0:
+            scale = dt_s / last_s
+            if self._longest * way * scale > self._most_m:
                 moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
         if dt_s * FASTEST_HAND_M_S > self._most_m:
             away_m = np.linalg.norm(tools.position_m - body.hand[:, :3], axis=1)[tools.present & body.present]
@@ -52,21 +53,14 @@ class Pace:
 
 
 @kernel
-def fastest(velocity: FloatArray) -> float:
-    """Return the largest speed of particles (n, 3)."""
-    largest_2 = 0.0
+def speed_and_way(velocity: FloatArray, before: FloatArray, after: FloatArray) -> tuple[float, float]:
+    """Return the largest speed of particles (n, 3), and the Euclidean distance of coordinates (r,)."""
+    largest_2, total = 0.0, 0.0
     for i in range(velocity.shape[0]):
         largest_2 = max(largest_2, velocity[i, 0] ** 2 + velocity[i, 1] ** 2 + velocity[i, 2] ** 2)
-    return math.sqrt(largest_2)
-
-
-@kernel
-def distance(before: FloatArray, after: FloatArray) -> float:
-    """Return the Euclidean distance of coordinates (r,)."""
-    total = 0.0
     for mode in range(before.shape[0]):
         total += (after[mode] - before[mode]) ** 2
-    return math.sqrt(total)
+    return math.sqrt(largest_2), math.sqrt(total)
 
 
 @kernel
