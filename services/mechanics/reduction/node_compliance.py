@@ -49,11 +49,10 @@ class NodeArrays(Struct):
     residual: Annotated[Float32Array, "3 m", "3 m"]  # item 3 q + j, 3 p + i: how j at q moves i at p
     whole: Annotated[Float32Array, "3 m", "3 m"]  # with the modes, between places whose flag is set
     has_modes: Annotated[BoolArray, "m"]
-    gain: Annotated[FloatArray, "r"]  # with which `whole` was made, the first n_modes
+    gain: Annotated[FloatArray, "r"]  # with which `whole` was made
     moved: Annotated[FloatArray, "3 m"]  # scratch: displacements of the nodes
     rows: Annotated[FloatArray, 3, "3 m"]  # scratch: compliance between a point and the nodes
     first: Annotated[LongArray, "k", 3]  # scratch: the first column of each corner of the points
-    n_modes: int = 0
 
 
 arrays_at = reader(NodeArrays)
@@ -94,8 +93,8 @@ class NodeCompliance:
     def gather(self, points: Points, gain: FloatArray, out: FloatArray) -> bool:
         """Write the compliance between the points of the last `displace` into the lower blocks of ``out`` (3 k, 3 k).
 
-        ``gain`` (s,) is that of the lowest s modes; another than in the last tick makes all of it anew. False, and
-        nothing written, while blocks are missing.
+        ``gain`` (r,) is that of the modes; another than in the last tick makes all of it anew. False, and nothing
+        written, while blocks are missing.
         """
         return bool(weigh_blocks(self._arrays.address, points, gain, out))
 
@@ -231,12 +230,11 @@ def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
 
 @kernel
 def _take_gain(kept: NodeArrays, gain: FloatArray) -> None:
-    """Forget what was made with another gain: another step length, or another number of modes."""
-    is_same = kept.n_modes == gain.shape[0]
+    """Forget what was made with another gain, that of another step length."""
+    is_same = True
     for mode in range(gain.shape[0]):
         is_same = is_same and kept.gain[mode] == gain[mode]
     if not is_same:
-        kept.n_modes = gain.shape[0]
         for mode in range(gain.shape[0]):
             kept.gain[mode] = gain[mode]
         for place in range(kept.has_modes.shape[0]):
@@ -297,7 +295,7 @@ def _products(kept: NodeArrays, first: int, axis: int, second: int) -> tuple[flo
     """Sum the scaled products of the modes of one node along an axis with those of another along all three."""
     Phi, gain = kept.Phi, kept.gain
     x, y, z = 0.0, 0.0, 0.0
-    for mode in range(kept.n_modes):
+    for mode in range(gain.shape[0]):
         scaled = Phi[first, axis, mode] * gain[mode]
         x, y, z = (
             x + scaled * Phi[second, 0, mode],

@@ -31,9 +31,9 @@ def dense(duct, points, gain):
 
     R is made symmetric: its blocks are rounded one by one.
     """
-    n, r = duct.basis.n_nodes, len(gain)
+    n = duct.basis.n_nodes
     R = np.asarray(duct.residual.blocks, np.float64).reshape(n, n, 3, 3).transpose(0, 2, 1, 3).reshape(3 * n, 3 * n)
-    Phi = duct.basis.Phi.reshape(3 * n, -1)[:, :r]
+    Phi = duct.basis.Phi.reshape(3 * n, -1)
     B = np.zeros((N_POINTS, 3, n, 3))
     for point, (corners, weights) in enumerate(zip(*points, strict=True)):
         for corner, weight in zip(corners, weights, strict=True):
@@ -86,10 +86,10 @@ def test_it_does_not_depend_on_what_was_touched_before(duct, points_on, gain, n_
     np.testing.assert_array_equal(W, anew)
 
 
-def test_another_number_of_modes_or_another_gain_makes_it_anew(duct, points_on, gain):
+def test_another_gain_makes_it_anew(duct, points_on, gain):
     points, kept = points_on(3), NodeCompliance(duct, 30)
     gathered(kept, points, gain)
-    for changed in (gain[:20], gain[:40], gain, 1.5 * gain, np.append(gain[:-1], 0.0)):
+    for changed in (gain, 1.5 * gain, np.append(gain[:-1], 0.0)):
         W, _ = gathered(kept, points, changed)
         anew, _ = gathered(NodeCompliance(duct, 30), points, changed)
         np.testing.assert_array_equal(W, anew)
