@@ -15,6 +15,10 @@ from services.mechanics.contact.newton import add_step, list_unknowns, newton_st
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
 NEARLY_THERE = 100.0
+# And later ones that change less than this, by as many sweeps as cost half of a Newton step: that is a dense solve, as
+# dear as a sweep for every two contacts.
+ALL_BUT_THERE = 4.0
+CONTACTS_A_SWEEP = 4
 
 
 class SolverScratch(Struct):
@@ -62,6 +66,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         scratch.free[row] = problem.motion[row]
     _update_motion(problem, W, scratch.free)
     sweeps, patience, last_n = 0, 1, 0.0
+    cheap = problem.rows.n_contacts // CONTACTS_A_SWEEP
     due = patience
     while sweeps < iterations:
         change_n = _sweep(problem, W)
@@ -71,7 +76,9 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         # Falling as before, the next change would be within the tolerance: a sweep is cheaper than a Newton step.
         ends_next = change_n * change_n <= tolerance_n * last_n
         last_n = change_n
-        if sweeps < due or ends_next or (sweeps == 1 and change_n <= NEARLY_THERE * tolerance_n):
+        near = NEARLY_THERE if sweeps == 1 else ALL_BUT_THERE
+        is_cheaper = sweeps <= max(cheap, 1) and change_n <= near * tolerance_n
+        if sweeps < due or ends_next or is_cheaper:
             continue
         before = _potential(problem, scratch.free)
         if _try_newton_step(problem, W, scratch):
