@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.rod import (
     Introducer,
     RodProperties,
@@ -19,6 +22,21 @@ from services.mechanics.scene import CatheterScene
 
 # A tenth of a micrometre in a second and a half: far below what is seen or felt.
 SLEEP_SPEED_M_S = 1e-7
+
+
+class CatheterStep(Struct):
+    """What a step of the catheter begins with; n particles."""
+
+    start: Annotated[FloatArray, "n", 3]
+    motion: Annotated[FloatArray, "n", 3]
+    external: Annotated[FloatArray, "n", 3]  # loads
+    last_external: Annotated[FloatArray, "n", 3]  # those of the last step that moved it
+    contact: Annotated[FloatArray, "n", 3]  # contact forces of the last step
+    load: Annotated[FloatArray, "n", 3]  # both loads
+    relief: Annotated[FloatArray, "n", 3]  # what takes the contact forces out again
+
+
+step_at = reader(CatheterStep)
 
 
 class CatheterBody:
@@ -58,14 +76,20 @@ class CatheterBody:
         self.motion_m = np.zeros((n, 3))
         self.external_force_n = np.zeros((n, 3))
         self.contact_force_n = np.zeros((n, 3))
-        self._load_n = np.zeros((n, 3))
         self.slept = False
         self.n_own_rows = 0
         self._was_touched = self._was_woken = False
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
         self._acts_in_next_step = acts_in_next_step
-        self._last_external_n = np.full((n, 3), np.nan)
+        self._step = CatheterStep.zeros(
+            n=n,
+            start=self.start_m,
+            motion=self.motion_m,
+            external=self.external_force_n,
+            contact=self.contact_force_n,
+            last_external=np.full((n, 3), np.nan),
+        )
         self.slot = np.full(n, -1, np.int32)
         self._particles = np.zeros(n, np.int32)
         self._compliance = np.zeros(9 * n * n)
@@ -76,34 +100,29 @@ class CatheterBody:
         The implicit integrator linearises where it expects the step to end. That is with last tick's contact forces,
         not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
         """
-        self.start_m[:] = self.state.position_m
-        self.slept = self.is_asleep()
+        state, step = self.state, self._step
+        is_touched = self._was_touched and self._linearises
+        self.slept = begin_step(step.address, state.position_m, state.velocity_m_s, self._may_sleep_now)
         if self.slept:
-            self.motion_m[:] = 0.0
             return
-        self._last_external_n[:] = self.external_force_n
-        np.add(self.external_force_n, self.contact_force_n, out=self._load_n)
-        if self._acts_in_next_step:
-            self.integrator.predict(self.state, self._load_n, dt_s)
-        elif not (self._was_touched and self._linearises):
-            self.integrator.predict(self.state, self.external_force_n, dt_s)
+        if self._acts_in_next_step or is_touched:
+            self.integrator.predict(state, step.load, dt_s)
         else:
-            self.integrator.predict(self.state, self._load_n, dt_s)
-            np.negative(self.contact_force_n, out=self._load_n)
-            self.integrator.correct(self.state, self._load_n)
-        np.subtract(self.state.position_m, self.start_m, out=self.motion_m)
+            self.integrator.predict(state, self.external_force_n, dt_s)
+        if is_touched and not self._acts_in_next_step:
+            self.integrator.correct(state, step.relief)
+        np.subtract(state.position_m, self.start_m, out=self.motion_m)
 
     def is_asleep(self) -> bool:
         """Whether the step can be left out: nothing touches the catheter, its loads are the same, and it hangs still.
 
         Its state stays as it is, and so does the factorised matrix: a contact in this step finds it ready.
         """
-        return (
-            self._may_sleep
-            and not self._was_woken
-            and float(np.abs(self.state.velocity_m_s).max()) < SLEEP_SPEED_M_S
-            and np.array_equal(self.external_force_n, self._last_external_n)
-        )
+        return self._may_sleep_now and bool(hangs_still(self._step.address, self.state.velocity_m_s))
+
+    @property
+    def _may_sleep_now(self) -> bool:
+        return self._may_sleep and not self._was_woken
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
@@ -118,7 +137,7 @@ class CatheterBody:
         if self.state.frame is not None:
             self.state.frame.forget_motion()
         self.contact_force_n[:] = 0.0
-        self._last_external_n[:] = np.nan
+        self._step.last_external[:] = np.nan
 
     def compliance(self, nodes: IntArray, weights: FloatArray) -> FloatArray:
         """Return (3 p, 3 p) between the touched particles in m/N, a view; `slot` says where each of them is.
@@ -207,6 +226,39 @@ def build_introducer(scene: CatheterScene) -> Introducer:
             f"introducer; within {introducer.least_tip_m:g} and {longest_m:g} m it starts in it"
         )
     return introducer
+
+
+@kernel
+def begin_step(address: Address[CatheterStep], position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
+    """Note the start (n, 3) of a step and its loads; return whether it is left out, see `CatheterBody.is_asleep`."""
+    step = step_at(address)
+    is_asleep = bool(may_sleep and _hangs_still(step, velocity))
+    for i in range(position.shape[0]):
+        for axis in range(3):
+            step.start[i, axis] = position[i, axis]
+            if is_asleep:
+                step.motion[i, axis] = 0.0
+                continue
+            step.last_external[i, axis] = step.external[i, axis]
+            step.load[i, axis] = step.external[i, axis] + step.contact[i, axis]
+            step.relief[i, axis] = -step.contact[i, axis]
+    return is_asleep
+
+
+@kernel
+def hangs_still(address: Address[CatheterStep], velocity: FloatArray) -> bool:
+    """Return whether no particle (n, 3) moves and the loads are those of the last step that moved them."""
+    return bool(_hangs_still(step_at(address), velocity))
+
+
+@kernel
+def _hangs_still(step: CatheterStep, velocity: FloatArray) -> bool:
+    for i in range(velocity.shape[0]):
+        for axis in range(3):
+            is_slow = abs(velocity[i, axis]) < SLEEP_SPEED_M_S
+            if not (is_slow and step.external[i, axis] == step.last_external[i, axis]):
+                return False
+    return True
 
 
 @kernel

@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
+
+
+class DuctLoads(Struct):
+    """Where contact forces go: onto nodes, and onto the modes at the end of the step."""
+
+    q: Annotated[FloatArray, "r"]
+    qdot: Annotated[FloatArray, "r"]
+    qddot: Annotated[FloatArray, "r"]
+    gains: Annotated[FloatArray, 3, "r"]  # change of these three per modal contact force
+    impulse: Annotated[FloatArray, "r"]  # the modal contact force
+    modes: Annotated[FloatArray, "3 c", "r"]
+    node: Annotated[IntArray, "l"]
+    force: Annotated[FloatArray, "l", 3]
+    count: Annotated[LongArray, 1]
+    slot: Annotated[IntArray, "n"]  # scratch, all -1
+
+
+loads_at = reader(DuctLoads)
 
 
 class DuctBody:
@@ -53,8 +74,20 @@ class DuctBody:
         self.load_nodes = np.zeros(3 * capacity, np.int32)
         self.load_force_n = np.zeros((3 * capacity, 3))
         self._n_loads = np.zeros(1, np.int64)
-        self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
+        self._gains = np.zeros((3, n_modes))
         self._gains_dt_s = 0.0
+        self._loads = DuctLoads(
+            q=self.state.q,
+            qdot=self.state.qdot,
+            qddot=self.state.qddot,
+            gains=self._gains,
+            impulse=self.contact_impulse,
+            modes=self.modes,
+            node=self.load_nodes,
+            force=self.load_force_n,
+            count=self._n_loads,
+            slot=np.full(reduced.mesh.n_vertices, -1, np.int32),
+        )
 
     def set_constant_load(self, nodal_n: FloatArray) -> None:
         """Take a constant load (n, 3) on and start in equilibrium with it."""
@@ -93,10 +126,7 @@ class DuctBody:
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
-        loads = (self.load_nodes, self.load_force_n)
-        self._n_loads[0] = spread_loads((nodes, weights), forces, self._slot, loads)
-        modal_contact_force(self.modes, forces, self.contact_impulse)
-        add_impulse(self.contact_impulse, self._gains, self.state.q, self.state.qdot, self.state.qddot)
+        correct(self._loads.address, nodes, weights, forces)
 
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
         """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""
@@ -188,19 +218,23 @@ class DuctBody:
         damping = 2.0 * self.reduced.basis.omega_rad_s * self.reduced.damping_ratio
         probe = ModalState(np.zeros(n_modes), np.ones(n_modes), -damping)
         self.integrator.predict(probe, np.zeros(n_modes), dt_s)
-        self._gains = dt_s * np.stack([probe.q, probe.qdot, probe.qddot])
+        self._gains[:] = dt_s * np.stack([probe.q, probe.qdot, probe.qddot])
         self._gains_dt_s = dt_s
 
 
 @kernel
-def spread_loads(
-    points: tuple[IntArray, FloatArray], forces: FloatArray, slot: IntArray, out: tuple[IntArray, FloatArray]
-) -> int:
-    """Write the reactions on the duct's nodes, each node once, and return how many; ``slot`` (n,) is scratch, all -1.
+def correct(address: Address[DuctLoads], nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
+    """Apply the reactions to ``forces`` (k, 3) at barycentric points (k, 3); see `DuctBody.correct`."""
+    out = loads_at(address)
+    out.count[0] = _spread_loads(nodes, weights, forces, out)
+    _write_modal_force(out, forces)
+    _add_impulse(out)
 
-    ``points`` are nodes and weights (k, 3), ``out`` nodes (l,) and loads (l, 3).
-    """
-    (nodes, weights), (load_nodes, loads) = points, out
+
+@kernel
+def _spread_loads(nodes: IntArray, weights: FloatArray, forces: FloatArray, out: DuctLoads) -> int:
+    """Write the reactions on the duct's nodes, each node once, and return how many."""
+    load_nodes, loads, slot = out.node, out.force, out.slot
     count = 0
     for row in range(forces.shape[0]):
         if forces[row, 0] == 0.0 and forces[row, 1] == 0.0 and forces[row, 2] == 0.0:
@@ -220,21 +254,23 @@ def spread_loads(
 
 
 @kernel
-def modal_contact_force(modes: FloatArray, forces: FloatArray, out: FloatArray) -> None:
+def _write_modal_force(out: DuctLoads, forces: FloatArray) -> None:
     """Write the modal force (r,) of the reactions to ``forces`` (k, 3)."""
-    out[:] = 0.0
+    modes, impulse = out.modes, out.impulse
+    impulse[:] = 0.0
     for row in range(forces.shape[0]):
         for axis in range(3):
             force = forces[row, axis]
             if force != 0.0:
-                for mode in range(out.shape[0]):
-                    out[mode] -= modes[3 * row + axis, mode] * force
+                for mode in range(impulse.shape[0]):
+                    impulse[mode] -= modes[3 * row + axis, mode] * force
 
 
 @kernel
-def add_impulse(force: FloatArray, gains: FloatArray, q: FloatArray, qdot: FloatArray, qddot: FloatArray) -> None:
-    """Add to the end state, in place, what a modal contact force (r,) changes; ``gains`` (3, r)."""
+def _add_impulse(out: DuctLoads) -> None:
+    """Add to the end state, in place, what the modal contact force changes."""
+    gains, force = out.gains, out.impulse
     for mode in range(force.shape[0]):
-        q[mode] += gains[0, mode] * force[mode]
-        qdot[mode] += gains[1, mode] * force[mode]
-        qddot[mode] += gains[2, mode] * force[mode]
+        out.q[mode] += gains[0, mode] * force[mode]
+        out.qdot[mode] += gains[1, mode] * force[mode]
+        out.qddot[mode] += gains[2, mode] * force[mode]

@@ -162,10 +162,13 @@ class HoldRegistry:
 
     def _is_sound(self, request: GraspHold) -> bool:
         """Whether a request means something; what does not is counted."""
-        is_sound = 0 <= request.tool < N_TOOLS and request.target_kind in self._n_targets
-        is_sound = is_sound and 0 <= request.target < self._n_targets[request.target_kind]
-        is_sound = is_sound and math.isfinite(request.jaw_angle_rad) and _are_weights(request.target_weights.tolist())
-        is_sound = is_sound and request.limit_n >= 0.0
+        is_sound = (
+            0 <= request.tool < N_TOOLS
+            and 0 <= request.target < self._n_targets.get(request.target_kind, 0)
+            and math.isfinite(request.jaw_angle_rad)
+            and request.limit_n >= 0.0
+            and _are_weights(*request.target_weights.tolist())
+        )
         self.refused += not is_sound
         return is_sound
 
@@ -187,6 +190,7 @@ class HoldRegistry:
         self._arrays.order[: len(self.active)] = [hold.slot for hold in self.active.values()]
 
 
-def _are_weights(weights: list[float]) -> bool:
+def _are_weights(u: float, v: float, w: float) -> bool:
     """Whether these are those of a point of what they are given for, and not of one beside it."""
-    return abs(sum(weights) - 1.0) <= WEIGHT_TOLERANCE and all(weight >= -WEIGHT_TOLERANCE for weight in weights)
+    least = -WEIGHT_TOLERANCE
+    return abs(u + v + w - 1.0) <= WEIGHT_TOLERANCE and u >= least and v >= least and w >= least

@@ -64,23 +64,29 @@ class IntroducerSeal:
 
     def append_row(self) -> None:
         """Append its row, unless nothing is held or the catheter sleeps."""
-        self._memory.row = _NO_ROW
+        n_rows = 0
         if self._is_there and not self._catheter.slept:
-            append_seal(self._system.address, self._catheter.integrator.model.address, self._memory.address)
-        self._catheter.n_own_rows = len(self.rows)
+            n_rows = append_seal(self._system.address, self._catheter.integrator.model.address, self._memory.address)
+        elif self._memory.row != _NO_ROW:
+            self._memory.row = _NO_ROW
+        self._catheter.n_own_rows = n_rows
 
     def slide(self) -> None:
         """Take up what the solve has left of the step."""
-        if self.rows:
+        if self._catheter.n_own_rows:
             slide_seal(self._system.address, self._memory.address, not self._system.strategy.acts_in_next_step)
 
 
 @kernel
 def append_seal(
     state_address: Address[ContactState], model_address: Address[RodModel], seal_address: Address[SealMemory]
-) -> None:
-    """Append the row of the seal where the rod leaves the introducer, or at the end of the rod within it."""
+) -> int:
+    """Append the row of the seal where the rod leaves the introducer, or at the end of the rod within it.
+
+    Return the number of rows: none where nothing is held, or where there is no room.
+    """
     state, model, seal = state_at(state_address), model_at(model_address), seal_at(seal_address)
+    seal.row = _NO_ROW
     introducer, rod, rows = model.introducer, state.geometry.rod, state.rows
     x = rod.position
     passage = find_passage(introducer, x)
@@ -91,10 +97,10 @@ def append_seal(
         s = closest_on_segment(x, i, end)[0]
     if limit <= 0.0:
         seal.elastic_m = 0.0
-        return
+        return 0
     row = append_row(rows, _SEAL, with_law(pair_identity(NO_TOOL, 0, -1, 0, 0), _SEAL))
     if row == NO_ROOM:
-        return
+        return 0
     seal.row, rows.force_limit_n[row] = row, limit
     j = min(i + 1, x.shape[0] - 1)
     put_on_rod(rows, row, FIRST_SIDE, (i, j), (1.0 - s, s))
@@ -103,6 +109,7 @@ def append_seal(
         slip = (1.0 - s) * rod.motion[i, axis] + s * rod.motion[j, axis]
         rows.slip_m[row, axis] = slip + seal.elastic_m * introducer.axis[axis]
     write_frame(rows.frame[row, 0], rows.frame[row])
+    return 1
 
 
 @kernel

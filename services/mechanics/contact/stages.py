@@ -18,9 +18,11 @@ from services.mechanics.contact.warm_start import recall_forces, store_forces
 @kernel
 def append(
     pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], rows_address: Address[ContactRows]
-) -> None:
-    """Append pairs to the rows."""
-    append_pairs(pairs_at(pairs_address), geometry_at(geometry_address), rows_at(rows_address))
+) -> int:
+    """Append pairs to the rows, and return how many pairs had been dropped."""
+    pairs = pairs_at(pairs_address)
+    append_pairs(pairs, geometry_at(geometry_address), rows_at(rows_address))
+    return pairs.dropped
 
 
 @kernel

@@ -69,6 +69,9 @@ class ContactSystem:
         self.sweeps = 0
         self.dropped_pairs = 0
         self._gave_forces = False
+        rows = self.rows
+        self._nowhere = (rows.duct_node[:0], rows.duct_weight[:0]), (rows.rod_node[:0], rows.rod_weight[:0])
+        self._on_duct, self._on_rod = self._nowhere
 
     @property
     def motion_m(self) -> FloatArray:
@@ -86,21 +89,21 @@ class ContactSystem:
 
     def append(self, pairs: ContactPairs, geometry: ContactGeometry | None = None) -> None:
         """Add candidate pairs; ``geometry`` is where their bodies are, if they are not the scene's."""
-        self.dropped_pairs += pairs.dropped
-        if pairs.count:
-            geometry = self.geometry if geometry is None else geometry
-            stages.append(pairs.address, geometry.address, self.rows.address)
+        geometry = self.geometry if geometry is None else geometry
+        self.dropped_pairs += stages.append(pairs.address, geometry.address, self.rows.address)
 
     def complete_rows(self) -> None:
         """Finish gaps and slips with the duct's displacement, and recall last tick's forces."""
         duct, rows = self.bodies.duct, self.rows
         k = rows.n_contacts
-        duct.gather(rows.duct_node[:k], rows.duct_weight[:k])
+        self._on_duct = rows.duct_node[:k], rows.duct_weight[:k]
+        self._on_rod = rows.rod_node[:k], rows.rod_weight[:k]
+        duct.gather(*self._on_duct)
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
-    def assemble(self, add_compliance: AddCompliance) -> None:
-        """Gather what the solve needs."""
-        self.strategy.assemble(add_compliance)
+    def assemble(self, add_compliance: AddCompliance | None) -> None:
+        """Gather what the solve needs, of the bodies here and, if there are others, what they add."""
+        self.strategy.assemble(self._on_duct, self._on_rod, add_compliance)
 
     def solve(self, iterations: int, dt_s: float) -> None:
         """Find the contact forces."""
@@ -108,7 +111,7 @@ class ContactSystem:
 
     def rest(self) -> None:
         """Forget the forces of the last tick: nothing is touched."""
-        self.sweeps = 0
+        self.sweeps, self._on_duct, self._on_rod = 0, self._nowhere[0], self._nowhere[1]
         self._state.memory.n_contacts = 0
 
     def forget(self) -> None:
@@ -118,11 +121,10 @@ class ContactSystem:
 
     def apply(self, tool_force: FloatArray) -> None:
         """Give the forces to duct, catheter and, as generalised forces (2, 4), to the tools."""
-        bodies, rows = self.bodies, self.rows
-        k = rows.n_contacts
+        bodies, k = self.bodies, self.rows.n_contacts
         if k or self._gave_forces:  # once without any, so that the last ones are taken back
             forces = self.force_n[:k]
-            bodies.duct.correct(rows.duct_node[:k], rows.duct_weight[:k], forces)
-            bodies.catheter.correct(rows.rod_node[:k], rows.rod_weight[:k], forces)
+            bodies.duct.correct(*self._on_duct, forces)
+            bodies.catheter.correct(*self._on_rod, forces)
         self._gave_forces = k > 0
         bodies.tools.correct(tool_force)

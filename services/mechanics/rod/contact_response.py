@@ -6,24 +6,33 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
-from services.mechanics.rod.implicit_kernels import Addresses, Motion, assemble_matrix, remove_held
-from services.mechanics.rod.model import RodModel, model_at, work_at
+from services.mechanics.rod.implicit_kernels import Addresses, Motion, assemble_again, remove_held
+from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
 from services.mechanics.rod.step_form import implicit_euler
 
 
 @kernel
 def factor_for_contacts(addresses: Addresses, dt_s: float) -> bool:
     """Factorise M + dt C + dt^2 K, where the last prediction took its forces; False where it is not SPD."""
-    model, work = model_at(addresses[0]), work_at(addresses[1])
-    assemble_matrix(model, work, implicit_euler(dt_s))
+    return bool(_factor(model_at(addresses[0]), work_at(addresses[1]), dt_s))
+
+
+@kernel
+def _factor(model: RodModel, work: RodWork, dt_s: float) -> bool:
+    assemble_again(model, work, implicit_euler(dt_s))
     remove_held(model, work)
     return bool(factor_ldl(work.band))
 
 
 @kernel
-def correct(addresses: Addresses, motion: Motion, force: FloatArray, dt_s: float) -> None:
-    """Add to motion = (x, v) what contact forces (n, 3) change: dv = dt A^-1 f, dx = dt dv."""
-    model, work, (x, v) = model_at(addresses[0]), work_at(addresses[1]), motion
+def correct(addresses: Addresses, motion: Motion, force: FloatArray, step: tuple[float, bool]) -> bool:
+    """Add to motion = (x, v) what contact forces (n, 3) change: dv = dt A^-1 f, dx = dt dv.
+
+    ``step`` is (dt, whether A is factorised); it is, if need be. False, and nothing changed, where it is not SPD.
+    """
+    model, work, (x, v), (dt_s, is_factored) = model_at(addresses[0]), work_at(addresses[1]), motion, step
+    if not (is_factored or _factor(model, work, dt_s)):
+        return False
     n = x.shape[0]
     for i in range(n):
         for c in range(3):
@@ -34,6 +43,7 @@ def correct(addresses: Addresses, motion: Motion, force: FloatArray, dt_s: float
         for c in range(3):
             v[i, c] += work.rhs[3 * i + c]
             x[i, c] += dt_s * work.rhs[3 * i + c]
+    return True
 
 
 @kernel

@@ -221,21 +221,28 @@ def add_rank_one(band: FloatArray, first: int, vector: FloatArray, factor: float
 
 
 @kernel
-def add_bending(model: RodModel, work: RodWork, scale: Scale) -> None:
-    """Add the bending forces -k (theta + d theta/dx . lead) d theta/dx and their tangent."""
+def add_bending(model: RodModel, work: RodWork) -> None:
+    """Add the bending forces -k (theta + d theta/dx . lead) d theta/dx, and note what their tangent follows from."""
     shortest = SHORTEST * model.rest_length
-    q = work.gradient[0]
-    r = work.gradient[1]
     for i in range(model.joint_stiffness.shape[0]):
         t = row(work.tangent, i)
         u = row(work.tangent, i + 1)
         theta, b = bending_angle(t, u)
-        joint_gradient(t, u, (max(work.length[i], shortest), max(work.length[i + 1], shortest)), b, work.gradient)
+        joint_gradient(t, u, (max(work.length[i], shortest), max(work.length[i + 1], shortest)), b, work.joint[i])
+        q, r = work.joint[i, 0], work.joint[i, 1]
         k = model.joint_stiffness[i]
         add_joint_force(q, k * (theta + joint_strain(q, work.lead[0], i)), i, work.force)
         has_plane = theta >= _NO_PLANE
         aside = geometric_bending(theta) if has_plane else 1.0
         add_joint_force(r, k * aside * joint_strain(r, work.lead[1 if has_plane else 0], i), i, work.force)
-        if scale[0] > 0.0:
-            add_rank_one(work.band, 3 * i, q, scale[0] * k)
-            add_rank_one(work.band, 3 * i, r, scale[1 if has_plane else 0] * aside * k)
+        work.has_plane[i], work.aside[i] = has_plane, aside
+
+
+@kernel
+def add_bending_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
+    """Add the tangent of the bending forces that were added last."""
+    for i in range(model.joint_stiffness.shape[0]):
+        k = model.joint_stiffness[i]
+        add_rank_one(work.band, 3 * i, work.joint[i, 0], scale[0] * k)
+        out_of_plane = scale[1 if work.has_plane[i] else 0] * work.aside[i] * k
+        add_rank_one(work.band, 3 * i, work.joint[i, 1], out_of_plane)

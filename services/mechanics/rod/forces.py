@@ -7,6 +7,7 @@ from services.mechanics.rod.clamp_forces import add_wall_joints
 from services.mechanics.rod.elasticity import (
     Scale,
     add_bending,
+    add_bending_tangent,
     add_stretch,
     add_stretch_tangent,
     mean_elongation,
@@ -26,9 +27,30 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
     if work.is_middle:
         mean_elongation(model, work)
     add_stretch(model, work)
+    add_bending(model, work)
+    _add_tangent(model, work, scale)
+    _add_supports(model, work, scale)
+
+
+@kernel
+def add_internal_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
+    """Add to ``work.band`` the tangent of the forces that were added last, which are nowhere dearer than in bending.
+
+    Those of the supports, few, are added again: the force is then nobody's.
+    """
+    _add_tangent(model, work, scale)
+    _add_supports(model, work, scale)
+
+
+@kernel
+def _add_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     if scale[0] > 0.0:
         add_stretch_tangent(model, work, scale)
-    add_bending(model, work, scale)
+        add_bending_tangent(model, work, scale)
+
+
+@kernel
+def _add_supports(model: RodModel, work: RodWork, scale: Scale) -> None:
     add_wall_joints(model, work, scale)
     if model.introducer.is_there:
         if work.is_middle:

@@ -60,6 +60,7 @@ class ImplicitIntegrator:
         self.iterations = 0
         n = properties.n_particles
         self.work = allocate_work(n)
+        self._addresses = (self.model.address, self.work.address)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
         self._external = np.zeros((n, 3)) if self.twist is not None else np.zeros((0, 3))
         self._columns = empty_columns(3 * n)
@@ -96,12 +97,11 @@ class ImplicitIntegrator:
             state.slow_velocity_m_s = np.zeros_like(state.velocity_m_s)
         motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
         step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
-        addresses = (self.model.address, self.work.address)
         if self.twist is not None:
             np.copyto(self._external, external_force_n)
             add_frame_forces(self.twist, state, self._external, of_next_step=True)
             external_force_n = self._external
-        self.iterations = implicit_kernels.predict(addresses, motion, external_force_n, self.held_target_m, step)
+        self.iterations = implicit_kernels.predict(self._addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
 
@@ -124,14 +124,15 @@ class ImplicitIntegrator:
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
         """Add to ``state`` in place what contact forces (n, 3), as impulses over the step, change since `predict`."""
-        self._factor()
-        motion = (state.position_m, state.velocity_m_s)
-        addresses = (self.model.address, self.work.address)
-        contact_response.correct(addresses, motion, contact_force_n, self._dt_s)
+        motion, step = (state.position_m, state.velocity_m_s), (self._dt_s, self._is_factored)
+        self._note_factors(contact_response.correct(self._addresses, motion, contact_force_n, step))
 
     def _factor(self) -> None:
         """Factorise B, unless that is done."""
         if not self._is_factored:
-            if not contact_response.factor_for_contacts((self.model.address, self.work.address), self._dt_s):
-                raise FloatingPointError("the rod's state is not finite")
-            self._is_factored = True
+            self._note_factors(contact_response.factor_for_contacts(self._addresses, self._dt_s))
+
+    def _note_factors(self, is_factored: bool) -> None:
+        self._is_factored = is_factored
+        if not is_factored:
+            raise FloatingPointError("the rod's state is not finite")

@@ -8,7 +8,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.banded import HALF_BANDWIDTH, factor_ldl, solve_ldl
-from services.mechanics.rod.forces import add_internal_forces
+from services.mechanics.rod.forces import add_internal_forces, add_internal_tangent
 from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
 from services.mechanics.rod.newton_guard import correct_stretch, line_search, put_held, start_guarded, turns_little
 from services.mechanics.rod.step_form import (
@@ -175,12 +175,24 @@ def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepFo
 @kernel
 def assemble_matrix(model: RodModel, work: RodWork, form: StepForm) -> None:
     """Write the step's matrix and add the rod's own forces, at the configuration in ``work``."""
+    add_internal_forces(model, work, _begin_matrix(model, work, form))
+
+
+@kernel
+def assemble_again(model: RodModel, work: RodWork, form: StepForm) -> None:
+    """Write the matrix of another form of the step, at the configuration of the last `assemble_matrix`."""
+    add_internal_tangent(model, work, _begin_matrix(model, work, form))
+
+
+@kernel
+def _begin_matrix(model: RodModel, work: RodWork, form: StepForm) -> tuple[float, float]:
+    """Write mass and drag, and return the scales of the tangents that are to be added."""
     stiff, damped = stiffness_scale(form), damping_scale(form)
     work.band[:] = 0.0
     for i in range(model.mass.shape[0]):
         for c in range(3):
             work.band[3 * i + c, 0] = model.mass[i] + damped * model.drag[i]
-    add_internal_forces(model, work, (stiff + damped * model.beta, stiff))
+    return stiff + damped * model.beta, stiff
 
 
 @kernel

@@ -42,7 +42,10 @@ class RodWork(Struct):
     elongation: Annotated[FloatArray, "n - 1"]  # what stretches a segment, m
     taut: Annotated[FloatArray, "n - 1"]  # what stretched it at the start of the step, m: what makes it stiff across
     chord: Annotated[FloatArray, "n - 1"]  # its length over the mean of those at both ends of the step
-    gradient: Annotated[FloatArray, 2, 9]  # of one joint
+    joint: Annotated[FloatArray, "n - 2", 2, 9]  # gradients of bending in and out of the plane of each joint
+    aside: Annotated[FloatArray, "n - 2"]  # what of a joint's stiffness there is out of its plane
+    has_plane: Annotated[BoolArray, "n - 2"]
+    gradient: Annotated[FloatArray, 2, 9]  # of a joint with a wall
     band: Annotated[FloatArray, "padded", HALF_BANDWIDTH + 1]  # the implicit step's system, see `banded`
     rhs: Annotated[FloatArray, "padded"]
     residual: Annotated[FloatArray, "padded"]  # a copy of the right-hand side
@@ -86,5 +89,5 @@ def allocate_work(n_particles: int) -> RodWork:
     """Zeroed arrays for one rod; nothing else is allocated while stepping."""
     n, band = n_particles, empty_band(3 * n_particles)
     tangent = np.tile([1.0, 0.0, 0.0], (n - 1, 1))
-    extents = {"n": n, "n - 1": n - 1, "padded": len(band)}
+    extents = {"n": n, "n - 1": n - 1, "n - 2": n - 2, "padded": len(band)}
     return RodWork.zeros(band=band, tangent=tangent, **extents)

@@ -271,7 +271,8 @@ class Simulation:
         self.system.complete_rows()
         for effect in self._stages["set_friction"]:
             effect.set_friction(self.world, dt_s)
-        self.system.assemble(lambda: self._add_compliance(dt_s))
+        adds = self._stages["add_compliance"]
+        self.system.assemble((lambda: self._add_compliance(dt_s)) if adds else None)
         self._lap(3)
         self.system.solve(self._iterations, dt_s)
 

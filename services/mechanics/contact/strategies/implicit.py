@@ -15,7 +15,7 @@ from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
+from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy, Points
 
 
 class ImplicitStrategy(ContactStrategy):
@@ -24,16 +24,16 @@ class ImplicitStrategy(ContactStrategy):
     acts_in_next_step = False
     knows_stiffness = True
 
-    def assemble(self, add_compliance: AddCompliance) -> None:
+    def assemble(self, duct: Points, rod: Points, add_compliance: AddCompliance | None) -> None:
         """Gather W, along world axes first."""
-        bodies, rows = self._bodies, self._state.rows
-        duct, catheter, k = bodies.duct, bodies.catheter, rows.n_contacts
-        W = self._state.W
-        duct.compliance(rows.duct_node[:k], rows.duct_weight[:k], W)
-        rod = catheter.compliance(rows.rod_node[:k], rows.rod_weight[:k])
-        add_body_compliances(self._address, catheter.slot, rod, bodies.tools.compliance)
-        add_compliance()
-        rotate(self._address)
+        bodies, catheter = self._bodies, self._bodies.catheter
+        bodies.duct.compliance(*duct, self._state.W)
+        between = catheter.compliance(*rod)
+        is_all = add_compliance is None
+        add_body_compliances(self._address, (catheter.slot, between), bodies.tools.compliance, is_all)
+        if add_compliance is not None:
+            add_compliance()
+            rotate(self._address)
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Solve the complementarity problem."""
@@ -44,14 +44,20 @@ class ImplicitStrategy(ContactStrategy):
 
 @kernel
 def add_body_compliances(
-    state_address: Address[ContactState], slot: IntArray, rod: FloatArray, tools: FloatArray
+    state_address: Address[ContactState], catheter: tuple[IntArray, FloatArray], tools: FloatArray, is_all: bool
 ) -> None:
-    """Add catheter (3 p, 3 p) and couplings (2, 4) to the duct's compliance in the lower blocks of W, world axes."""
+    """Add what catheter and couplings (2, 4) give way to the duct's compliance in the lower blocks of W, world axes.
+
+    ``catheter`` are slots of its particles and compliance (3 p, 3 p) between them. If that is all, W is turned into the
+    contacts' frames.
+    """
     state = state_at(state_address)
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
-    add_rod_compliance(state.rows, slot, rod, state.rod_points, W)
+    add_rod_compliance(state.rows, catheter[0], catheter[1], state.rod_points, W)
     add_tool_compliance(state.rows, tools, W)
+    if is_all:
+        rotate_to_contact_frames(state.rows, W)
 
 
 @kernel
