@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import cast
 
 import numpy as np
 
 import protocol.bodies as bodies
-from protocol.vectors import Quat, Vec3
 from services.gateway import layout, pose
 from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
 from services.gateway.engagement import State
@@ -29,11 +27,12 @@ class Instrument:
         self.servo = servo
         self.model_sequence = -1
         self._port = np.array(settings.port_m)
+        self._port_m = settings.port_m
         self._mount = pose.pack_mount(settings.mount)
         self._reading = np.zeros(layout.READ_SIZE)
         self._handle = np.zeros(layout.HANDLE_SIZE)
-        self._motion = np.zeros(6)
-        self._orientation = np.array([1.0, 0.0, 0.0, 0.0])
+        self._pose = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+        self._motion, self._orientation = self._pose[:6], self._pose[6:]
         self._arm_force = np.zeros(3)
         self._torque_nm = 0.0
 
@@ -104,8 +103,8 @@ class Instrument:
     @property
     def fault(self) -> str:
         """What keeps the instrument from working fully, or empty."""
-        faults = (self.servo.engagement.fault, self.arm.prompt)
-        return next(filter(None, faults), "") or (self.grasp.fault if self.grasp is not None else "")
+        own = self.servo.engagement.fault or self.arm.prompt
+        return own if own or self.grasp is None else self.grasp.fault
 
     def links(self) -> dict[str, float]:
         """Return by device whether it answers, as health reports it."""
@@ -116,27 +115,30 @@ class Instrument:
 
     def state(self) -> bodies.InstrumentState:
         """Return what the rig is told of this tick."""
-        x, y, z, vx, vy, vz = self._motion.tolist()
-        engagement = self.servo.engagement
+        x, y, z, vx, vy, vz, qw, qx, qy, qz = self._pose.tolist()
+        angle, rate = self._handle.tolist()
+        temperature, roll = self._reading[layout.READ_TEMPERATURE :].tolist()
+        servo = self.servo
+        fx, fy, fz = servo.force_n.tolist()
         return bodies.InstrumentState(
             name=self.name,
             position_m=(x, y, z),
-            orientation_wxyz=cast(Quat, tuple(self._orientation.tolist())),
+            orientation_wxyz=(qw, qx, qy, qz),
             velocity_m_s=(vx, vy, vz),
-            handle_angle_rad=float(self._handle[layout.HANDLE_ANGLE]),
-            handle_rate_rad_s=float(self._handle[layout.HANDLE_RATE]),
+            handle_angle_rad=angle,
+            handle_rate_rad_s=rate,
             buttons=self.arm.buttons,
-            port_m=cast(Vec3, tuple(self._port.tolist())),
-            applied_force_n=cast(Vec3, tuple(self.servo.force_n.tolist())),
+            port_m=self._port_m,
+            applied_force_n=(fx, fy, fz),
             applied_grasp_torque_nm=self._torque_nm,
-            state=engagement.state.value,
-            force_scale=self.servo.scale,
+            state=servo.engagement.state.value,
+            force_scale=servo.scale,
             model_sequence=self.model_sequence,
-            model_age_s=self.servo.age_s if self.model_sequence >= 0 else -1.0,
-            motor_temperature=float(self._reading[layout.READ_TEMPERATURE]),
+            model_age_s=servo.age_s if self.model_sequence >= 0 else -1.0,
+            motor_temperature=temperature,
             has_force=self.arm.has_force,
             fault=self.fault[:256],
-            roll_rad=float(self._reading[layout.READ_ROLL]),
+            roll_rad=roll,
         )
 
 

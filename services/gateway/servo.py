@@ -67,7 +67,7 @@ class Servo:
         self._model = np.zeros(layout.MODEL_SIZE)
         self._memory = np.zeros(layout.MEMORY_SIZE)
         self._now = np.zeros(layout.NOW_SIZE)
-        self._now[layout.NOW_TTL] = 1.0
+        self._now[layout.NOW_TTL] = self._ttl_s = 1.0
         self.force_n = self._memory[layout.MEMORY_FORCE : layout.MEMORY_FORCE + 3]
         self._answers_ns = 0
         self._incarnation = -1
@@ -106,7 +106,7 @@ class Servo:
             self._incarnation = incarnation
             self.engagement.let_go()
         self._answers_ns = answers_ns
-        self._now[layout.NOW_TTL] = ttl_s
+        self._now[layout.NOW_TTL] = self._ttl_s = ttl_s
         layout.pack_model(model, self._model)
 
     def step(
@@ -136,7 +136,7 @@ class Servo:
         self._last_ns = now_ns
         self.age_s = self._age_s(now_ns)
         self._trip(motion, dt_s)
-        ttl_s = float(now[layout.NOW_TTL])
+        ttl_s = self._ttl_s
         begins = self.engagement.step(
             dt_s,
             fresh=self.age_s <= servo_law.hold_s(ttl_s),
@@ -169,8 +169,9 @@ class Servo:
         return min((now_ns - self._answers_ns) * 1e-9, _MAX_AGE_S) if self._answers_ns else _MAX_AGE_S
 
     def _trip(self, motion: FloatArray, dt_s: float) -> None:
-        speed = math.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
-        if not math.isfinite(speed + motion[0] + motion[1] + motion[2]):
+        x, y, z, vx, vy, vz = motion.tolist()
+        speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+        if not math.isfinite(speed + x + y + z):
             self.engagement.fail("the device's pose is not a finite number")
             motion[:] = 0.0
         elif speed > self.limits.velocity_m_s and self.engagement.state is not State.OFF:
