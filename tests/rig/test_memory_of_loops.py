@@ -19,7 +19,7 @@ from tests.rig.faults import engage
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
 
 LOOPS = ("gateway", "haptics", "physics")
-CALLS = ("brk", "mmap", "munmap", "madvise", "mremap")
+CALLS = ("brk", "mmap", "munmap", "madvise", "mremap", "mprotect")
 EVENTS = ("page-faults", *(f"syscalls:sys_enter_{call}" for call in CALLS))
 WARM_S, SECONDS = 2.0, 3.0
 
