@@ -1,5 +1,6 @@
 """Trocar's processes and libraries: a folder with a ``__main__.py`` is a process, one without is a library."""
 
-from services import kernel_cache
+from services import bytecode, kernel_cache
 
+bytecode.keep()
 kernel_cache.choose()

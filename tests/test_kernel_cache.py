@@ -37,7 +37,7 @@ def tree(tmp_path: Path) -> Path:
     """Return a small checkout: a kernel, another that it calls, and a module that neither knows."""
     parts = tmp_path / "checkout" / "services" / "parts"
     parts.mkdir(parents=True)
-    for name in ("__init__", "cache_directory", "kernel_cache", "source_closure"):
+    for name in ("__init__", "bytecode", "cache_directory", "kernel_cache", "source_closure"):
         shutil.copy(ROOT / f"{name}.py", parts.parent)
     (parts / "__init__.py").touch()
     (parts / "callee.py").write_text(CALLEE)

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import building_kernel
@@ -78,6 +77,8 @@ def build_patches(
 
 def patch_pattern(vertices_m: FloatArray, radius_m: float) -> tuple[IntArray, IntArray]:
     """Return row starts (n + 1,) and neighbours (p,), ascending, of all pairs of vertices within ``radius_m``."""
+    from scipy.spatial import cKDTree  # only here: with all that it imports a tenth of the start of a process
+
     n = len(vertices_m)
     pairs = cKDTree(vertices_m).query_pairs(radius_m, output_type="ndarray")
     itself = np.arange(n)
@@ -104,6 +105,8 @@ def largest_radius_m(vertices_m: FloatArray, budget_bytes: int) -> float:
 
 def _radius_of_pairs(vertices_m: FloatArray, most_pairs: int) -> float:
     """Return the largest distance within which there are at most ``most_pairs`` ordered pairs of vertices."""
+    from scipy.spatial import cKDTree  # see `patch_pattern`
+
     tree = cKDTree(vertices_m)
     low, high = 0.0, float(np.linalg.norm(np.ptp(vertices_m, axis=0)))
     while high - low > 0.01 * high:

@@ -1,0 +1,45 @@
+"""Where Python may keep no bytecode beside our source, it is kept in Trocar's cache.
+
+A container that sets ``PYTHONDONTWRITEBYTECODE``, or a source tree that belongs to another user, makes each of the
+rig's processes compile all of `services` and `protocol` at every start: a quarter of its start-up. What Python compiles
+of other packages stays as it was.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib.machinery import SOURCE_SUFFIXES, FileFinder, SourceFileLoader
+from pathlib import Path
+from types import CodeType
+
+from services.cache_directory import cache_directory
+
+_ROOT = Path(__file__).resolve().parents[1]
+_OURS = tuple(str(_ROOT / name) for name in ("services", "protocol"))
+
+
+class _Loader(SourceFileLoader):
+    """Reads and writes bytecode in the cache, whatever is asked of Python elsewhere."""
+
+    def get_code(self, fullname: str) -> CodeType | None:
+        """Return the code of a module."""
+        before = sys.pycache_prefix, sys.dont_write_bytecode
+        sys.pycache_prefix, sys.dont_write_bytecode = str(cache_directory() / "bytecode"), False
+        try:
+            return super().get_code(fullname)
+        finally:
+            sys.pycache_prefix, sys.dont_write_bytecode = before
+
+
+def keep() -> None:
+    """Let the modules that are imported from now on have their bytecode in the cache, where that is needed."""
+    if sys.dont_write_bytecode or not os.access(_OURS[0], os.W_OK):
+        sys.path_hooks.insert(0, _finder)
+        sys.path_importer_cache.pop(_OURS[0], None)  # this module was found by Python's own
+
+
+def _finder(path: str) -> FileFinder:
+    if path in _OURS or path.startswith(tuple(f"{each}{os.sep}" for each in _OURS)):
+        return FileFinder(path, (_Loader, SOURCE_SUFFIXES))
+    raise ImportError(path)

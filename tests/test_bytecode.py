@@ -1,0 +1,53 @@
+"""Bytecode of ours is kept in the cache where Python may keep none beside the source, and is that of the source."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import services
+
+_SHOW = """
+import services.runtime.histogram as ours, protocol.frame, sys, json.decoder
+print(sys.dont_write_bytecode, sys.pycache_prefix, ours.PER_OCTAVE)
+"""
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    root = Path(services.__file__).parents[1]
+    for name in ("services", "protocol"):
+        shutil.copytree(root / name, tmp_path / "tree" / name, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path / "tree"
+
+
+def _run(tree: Path, cache: Path, **environment: str) -> str:
+    settings = {**os.environ, "PYTHONPATH": str(tree), "TROCAR_CACHE_DIR": str(cache), **environment}
+    done = subprocess.run(
+        [sys.executable, "-c", _SHOW], capture_output=True, text=True, env=settings, check=True, cwd=tree
+    )
+    return done.stdout.strip()
+
+
+def test_it_is_kept_in_the_cache_and_follows_the_source(tree: Path, tmp_path: Path) -> None:
+    cache, forbidden = tmp_path / "cache", {"PYTHONDONTWRITEBYTECODE": "1"}
+    assert _run(tree, cache, **forbidden) == "True None 16"
+    kept = [path.name for path in cache.rglob("*.pyc")]
+    assert any(name.startswith("histogram.") for name in kept)
+    assert any(name.startswith("frame.") for name in kept)
+    assert not any(name.startswith("decoder.") for name in kept), "what others wrote stays as it was"
+    assert not list(tree.rglob("*.pyc"))
+    source = tree / "services" / "runtime" / "histogram.py"
+    source.write_text(source.read_text().replace("PER_OCTAVE = 16", "PER_OCTAVE = 32 "))
+    assert _run(tree, cache, **forbidden) == "True None 32"
+
+
+def test_where_python_keeps_it_beside_the_source_nothing_is_changed(tree: Path, tmp_path: Path) -> None:
+    assert _run(tree, tmp_path / "cache", PYTHONDONTWRITEBYTECODE="") == "False None 16"
+    assert not list((tmp_path / "cache").rglob("*.pyc"))
+    assert list(tree.rglob("histogram.*.pyc"))
