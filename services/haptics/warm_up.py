@@ -7,6 +7,7 @@ import numpy as np
 from services.haptics.deformed_scene import DeformedScene
 from services.haptics.outputs import ContactsWriter
 from services.haptics.tool_tracker import ToolTracker
+from services.kernel_progress import told
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.forceps.grasp import deepest_touch
 from services.mechanics.collision import CatheterContactDetector
@@ -23,21 +24,22 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
 
     That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here.
     """
-    deformed, tools = DeformedScene(scene, duct), ToolTracker(scene)
-    tools.present[:] = True
-    tools.update_pose()
-    tools.segments_m[:] = duct.mesh.vertices_m[0]
-    tools.segments_m[:, :, 1] += 0.01
-    deformed.warm_up()
-    pairs, particles_m = ContactPairs.allocate(scene.contact.capacity), deformed.particles_m
-    progress("compiling collision detection", 0.1)
-    deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
-    ContactsWriter(pairs).body(0, (), [])
-    deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
-    diameter_m = scene.catheter.outer_diameter_m
-    CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)
-    progress("compiling the catheter", 0.6)
-    _step_catheter(scene)
+    with told(progress) as kernels:
+        kernels.begin("collision detection")
+        deformed, tools = DeformedScene(scene, duct), ToolTracker(scene)
+        tools.present[:] = True
+        tools.update_pose()
+        tools.segments_m[:] = duct.mesh.vertices_m[0]
+        tools.segments_m[:, :, 1] += 0.01
+        deformed.warm_up()
+        pairs, particles_m = ContactPairs.allocate(scene.contact.capacity), deformed.particles_m
+        deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
+        ContactsWriter(pairs).body(0, (), [])
+        deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
+        diameter_m = scene.catheter.outer_diameter_m
+        CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)
+        kernels.begin("the catheter")
+        _step_catheter(scene)
     progress("kernels are compiled", 1.0)
 
 

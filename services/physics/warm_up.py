@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from services.kernel_progress import told
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
@@ -29,17 +30,18 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     The first has neither collision detection nor a rod that moves: haptics compiles these at the same time, on the
     other core, and what it has compiled is found in the cache when the second simulation asks for it.
     """
-    progress("compiling contact", 0.0)
-    still = Simulation(scene, duct, _NoSearch(duct))
-    still.catheter.integrator = _StillRod(still.catheter.properties)
-    _touch_everything(still)
-    progress("compiling what haptics has not yet", 0.6)
-    simulation = Simulation(scene, duct)
-    tools = _touch_everything(simulation)
-    for _ in range(_STEPS):
-        simulation.step(tools)
-    ContactsReader(simulation).compile_kernels()
-    Outputs(simulation, "").state(0, ())
+    with told(progress) as kernels:
+        kernels.begin("contact")
+        still = Simulation(scene, duct, _NoSearch(duct))
+        still.catheter.integrator = _StillRod(still.catheter.properties)
+        _touch_everything(still)
+        kernels.begin("what haptics has not compiled")
+        simulation = Simulation(scene, duct)
+        tools = _touch_everything(simulation)
+        for _ in range(_STEPS):
+            simulation.step(tools)
+        ContactsReader(simulation).compile_kernels()
+        Outputs(simulation, "").state(0, ())
     progress("kernels are compiled", 1.0)
 
 

@@ -256,6 +256,7 @@ class Crew:
         member.forget()
         member.child = Child(member.spec, launch.arguments, launch.log_directory / f"{member.name}.log")
         member.enter(MemberState.STARTING, now_s)
+        member.progress = ("loading", 0.0)  # until it says more itself
         self.say("debug", f"{member.name}: started as process {member.pid}")
 
     def _ended(self, member: Member, status: int, now_s: float) -> None:
