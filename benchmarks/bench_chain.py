@@ -4,8 +4,9 @@
 
 Three processes with the cores, priorities and frame sizes of the rig and no work at all: the first sends a frame each
 millisecond, the second answers it and sends another on, the third answers with the large one. Variants, interleaved,
-change one thing each: the priority of ZeroMQ's thread, the cores, whether the first waits for its answer. Times are
-from the sample to where the frame is in the hands of the process that is named.
+change one thing each: whether the processes speak ZeroMQ's protocol themselves, as the rig's loops do, or leave it to
+libzmq's thread; the priority of that thread, the cores, whether the first waits for its answer. Times are from the
+sample to where the frame is in the hands of the process that is named.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import zmq
@@ -28,6 +30,7 @@ from report import Row, write_report
 from rig_threads import watch
 
 from services.runtime import realtime
+from services.runtime.direct import DirectReader, DirectSender
 from services.runtime.whole import is_readable
 
 PERIOD_NS = 1_000_000
@@ -45,11 +48,14 @@ class Variant:
     bus_above: bool = False
     waits: bool = False
     at_once: bool = True
+    direct: bool = False
 
 
 BASE = Variant()
 VARIANTS = {
-    "as the rig": BASE,
+    "as the rig": replace(BASE, direct=True),
+    "as the rig, the gateway waits": replace(BASE, direct=True, waits=True),
+    "libzmq": BASE,
     "all on one core": replace(BASE, cores=(0, 0, 0)),
     "haptics on physics' core": replace(BASE, cores=(0, 1, 1)),
     "equal priorities": replace(BASE, priorities=(60, 60, 60)),
@@ -67,26 +73,64 @@ class Peer:
         above = priority + variant.bus_above
         realtime.set_up(core, above)
         self._directory = directory
+        self._direct = variant.direct
         self._context = zmq.Context()
         self._context.linger = 0
-        self.sender("start").close()  # starts the bus' thread, which keeps the priority
+        self._context.socket(zmq.PUB).bind("inproc://start")  # starts the bus' thread, which keeps the priority
         realtime.set_up(core, priority)
         gc.collect()
         gc.disable()
 
-    def sender(self, name: str) -> zmq.Socket[bytes]:
+    def sender(self, name: str) -> zmq.Socket[bytes] | DirectSender:
         """Return a bound socket."""
+        if self._direct:
+            return DirectSender(str(self._directory / name))
         socket = self._context.socket(zmq.PUB)
         socket.bind(f"ipc://{self._directory / name}")
         return socket
 
-    def reader(self, name: str) -> zmq.Socket[bytes]:
+    def reader(self, name: str) -> Reader:
         """Return a socket that keeps the newest frame."""
+        if self._direct:
+            return Direct(str(self._directory / name))
         socket = self._context.socket(zmq.SUB)
         socket.conflate = True
         socket.connect(f"ipc://{self._directory / name}")
         socket.setsockopt(zmq.SUBSCRIBE, b"")
-        return socket
+        return Libzmq(socket)
+
+
+class Reader(Protocol):
+    """The newest frame, whoever brings it."""
+
+    def newest(self) -> bytes | None:
+        """Return the newest frame if there is one."""
+
+    def poll(self, wait_ms: int) -> bool:
+        """Wait for a frame."""
+
+
+class Libzmq:
+    """By libzmq's thread."""
+
+    def __init__(self, socket: zmq.Socket[bytes]) -> None:
+        self._socket = socket
+
+    def newest(self) -> bytes | None:
+        """Return the newest frame if there is one."""
+        return self._socket.recv() if is_readable(self._socket) else None
+
+    def poll(self, wait_ms: int) -> bool:
+        """Wait for a frame."""
+        return bool(self._socket.poll(wait_ms))
+
+
+class Direct(DirectReader):
+    """By this process itself."""
+
+    def poll(self, wait_ms: int) -> bool:
+        """Wait for a frame."""
+        return self.wait(time.monotonic_ns() + 1_000_000 * wait_ms)
 
 
 def _stamped(sampled: bytes, size: int) -> bytes:
@@ -104,11 +148,10 @@ def gateway(peer: Peer, variant: Variant, seconds: float) -> list[int]:
     due_ns = time.monotonic_ns() + 500 * PERIOD_NS
     for tick in range(round(seconds * 1e9 / PERIOD_NS)):
         time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
-        if is_readable(model):
-            model.recv()
+        model.newest()
         out.send(_stamped(time.monotonic_ns().to_bytes(8, "little"), DEVICE))
-        if (variant.waits or tick % 16 == 0) and model.poll(_WAIT_MS // 2):
-            taken.append(time.monotonic_ns() - _sampled_ns(model.recv()))
+        if (variant.waits or tick % 16 == 0) and model.poll(_WAIT_MS // 2) and (frame := model.newest()):
+            taken.append(time.monotonic_ns() - _sampled_ns(frame))
         due_ns += PERIOD_NS
     return taken
 
@@ -120,14 +163,12 @@ def haptics(peer: Peer, variant: Variant, seconds: float) -> list[int]:
     there: list[int] = []
     end_ns = time.monotonic_ns() + round(seconds * 1e9) + 700 * PERIOD_NS
     while time.monotonic_ns() < end_ns:
-        if not device.poll(_WAIT_MS):
+        if not device.poll(_WAIT_MS) or (frame := device.newest()) is None:
             continue
-        frame = device.recv()
         there.append(time.monotonic_ns() - _sampled_ns(frame))
-        if is_readable(state):
-            state.recv()
+        state.newest()
         model.send(_stamped(frame[:8], MODEL))
-        if variant.at_once:
+        if variant.at_once and not variant.direct:
             os.sched_yield()
         contacts.send(_stamped(frame[:8], CONTACTS))
     return there
@@ -139,8 +180,7 @@ def physics(peer: Peer, variant: Variant, seconds: float) -> list[int]:
     there: list[int] = []
     end_ns = time.monotonic_ns() + round(seconds * 1e9) + 700 * PERIOD_NS
     while time.monotonic_ns() < end_ns:
-        if contacts.poll(_WAIT_MS):
-            frame = contacts.recv()
+        if contacts.poll(_WAIT_MS) and (frame := contacts.newest()) is not None:
             there.append(time.monotonic_ns() - _sampled_ns(frame))
             state.send(_stamped(frame[:8], STATE))
     return there
