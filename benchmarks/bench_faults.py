@@ -176,8 +176,8 @@ def main() -> int:
     notes = (
         f"Seed {arguments.seed}, {len(outcomes)} of {arguments.faults} faults; the stub rig with the small scene, a "
         "hand that presses and lifts. Times are medians and, as 99 %, the longest; they include a restart's back-off. "
-        "Forces are those of every device frame. After a fault the budget of a minute may keep the rig DEGRADED: forces "
-        "are on, but it is not counted as RUNNING."
+        "Forces are those of every device frame. After a fault the budget of a minute may keep the rig DEGRADED: "
+        "forces are on, but it is not counted as RUNNING."
     )
     write_report(arguments.name, "Kills and freezes", _rows(outcomes), notes)
     return 1 if any(outcome.failures() for outcome in outcomes) else 0
