@@ -10,7 +10,7 @@ from typing import Literal
 
 import msgspec
 
-from protocol.bodies import gateway, haptics, health, physics, supervisor
+from protocol.bodies import gateway, haptics, health, physics, supervisor, visualization
 
 PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "supervisor")
 
@@ -66,6 +66,7 @@ _ROWS = (
     _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 2),
     _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 3),
     _state("physics.state", "haptics", "visualization recorder supervisor", physics.PhysicsState, 1),
+    Topic("visualization.hands", "visualization", ("gateway",), (), visualization.Hands, 1, 60.0, "latest", 0.25, True),
     *(_health(process) for process in PROCESSES),
     Topic(
         "supervisor.state", "supervisor", _OBEYING, (), supervisor.SupervisorState, 1, 10.0, "every", 0.5, command=True

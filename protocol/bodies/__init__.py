@@ -14,6 +14,7 @@ from protocol.bodies.health import (
 )
 from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
 from protocol.bodies.supervisor import ProcessReport, SupervisorState
+from protocol.bodies.visualization import Hands, HandTarget
 
 __all__ = [
     "Catheter",
@@ -22,6 +23,8 @@ __all__ = [
     "Duct",
     "GatewayState",
     "GraspHold",
+    "HandTarget",
+    "Hands",
     "Health",
     "Histogram",
     "InstrumentState",

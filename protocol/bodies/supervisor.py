@@ -30,3 +30,6 @@ class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
         str, Meta(max_length=512, description="what is wrong: names topic or process, value and limit")
     ] = ""
     processes: Annotated[tuple[ProcessReport, ...], Meta(max_length=16)] = ()
+    token_sha256: Annotated[
+        str, Meta(max_length=64, description="of the session's token, which whoever commands the rig must show")
+    ] = ""

@@ -13,6 +13,7 @@ import time
 
 from protocol.bodies import GatewayState
 from services.gateway.answers import Answers
+from services.gateway.heard import Heard
 from services.gateway.instrument import Instrument, build_instruments
 from services.gateway.orders import Orders
 from services.runtime.bus import Bus
@@ -44,7 +45,7 @@ class Gateway:
         self._process = process
         self._bus, self._health = process.bus, process.health
         self.meter = LoopMeter(RATE_HZ, STAGES)
-        self.instruments = build_instruments(process.rig.gateway)
+        self.instruments = build_instruments(process.rig.gateway, Heard(self._bus))
         self._servo = self._path("servo", 100.0)
         self._grasp = self._path("grasp", 300.0)
         self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))

@@ -10,13 +10,14 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
 
+from protocol import Frame
 from services.gateway import drivers
 from services.gateway.bench import REAL_TIME, Bench, Clock
 from services.gateway.host_check import HostCheck
@@ -39,11 +40,16 @@ class ArmLimits:
     max_velocity_m_s: float
 
 
+def _nothing(_topic: str) -> Frame | None:
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """Where a driver works: which instrument, where its arm stands, where its trocar is, and by which clock.
 
-    `force_rate_n_s` is the rig's rate limit, for a driver that has to take force back by itself.
+    `force_rate_n_s` is the rig's rate limit, for a driver that has to take force back by itself. `newest` returns the
+    last frame of a topic that the table lets the gateway read, for a driver whose device is another process.
     """
 
     instrument: str
@@ -52,6 +58,7 @@ class Place:
     index: int = 0
     clock: Clock = REAL_TIME
     force_rate_n_s: float = 200.0
+    newest: Callable[[str], Frame | None] = _nothing
 
 
 class Device(ABC):

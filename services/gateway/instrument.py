@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
 import protocol.bodies as bodies
+from protocol import Frame
 from services.gateway import layout, pose
 from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
 from services.gateway.engagement import State
@@ -142,13 +144,17 @@ class Instrument:
         )
 
 
-def build_instruments(settings: GatewaySettings) -> list[Instrument]:
-    """Return the instruments of a rig file, their devices not yet open."""
-    return [_build(settings, row, index) for index, row in enumerate(settings.instruments)]
+def build_instruments(
+    settings: GatewaySettings, newest: Callable[[str], Frame | None] = lambda _topic: None
+) -> list[Instrument]:
+    """Return the instruments of a rig file, their devices not yet open; `newest` as in `Place`."""
+    return [_build(settings, row, index, newest) for index, row in enumerate(settings.instruments)]
 
 
-def _build(settings: GatewaySettings, row: InstrumentSettings, index: int) -> Instrument:
-    place = Place(row.name, row.mount, row.port_m, index, force_rate_n_s=settings.force_rate_limit_n_s)
+def _build(
+    settings: GatewaySettings, row: InstrumentSettings, index: int, newest: Callable[[str], Frame | None]
+) -> Instrument:
+    place = Place(row.name, row.mount, row.port_m, index, force_rate_n_s=settings.force_rate_limit_n_s, newest=newest)
     arm = load_arm(row.arm, place)
     grasp = load_grasp(row.grasp, place) if row.grasp is not None else None
     torque_nm = settings.grasp_torque_limit_nm

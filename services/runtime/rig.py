@@ -191,3 +191,7 @@ class Rig(Settings):
     def process(self, name: str) -> ProcessSettings:
         """Return the settings of a process, defaults where the file names none."""
         return self.processes.get(name, ProcessSettings())
+
+    def page_hands(self) -> tuple[str, ...]:
+        """Return the names of the instruments that people at the page hold."""
+        return tuple(each.name for each in self.gateway.instruments if each.arm.driver == "web")

@@ -55,6 +55,7 @@ class Page:
 
     def __enter__(self) -> Self:
         write_page_file(self._file, self.address, self._opening.token)
+        self._supervisor.token = self._opening.token
         self._supervisor.page_address = f"{self.address}#token={self._opening.token}"
         self._start()
         return self

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections import deque
 from collections.abc import Callable
@@ -58,6 +59,7 @@ class Supervisor:
         self.reason = ""
         self.started_s = now_s
         self.page_address = ""
+        self.token = ""
         self.events: deque[Event] = deque(maxlen=200)
         limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
@@ -124,6 +126,7 @@ class Supervisor:
             safe_stop=bool(self._safe_stop) or ending,
             reason=self.reason[:512],
             processes=tuple(member.body() for member in self.crew.members.values()),
+            token_sha256=hashlib.sha256(self.token.encode()).hexdigest() if self.token else "",
         )
 
     def _obey(self) -> None:

@@ -141,6 +141,7 @@ def _rig(context: PageContext) -> Endpoint:
                 "scene": context.scene,
                 "viewer": context.rig.visualization.viewer,
                 "view_ws": f"ws://{host}:{context.view_port()}/ws",
+                "hands": context.rig.page_hands(),
                 "token_needed": True,
                 "contracts": context.rig.contracts.model_dump(mode="json"),
             }

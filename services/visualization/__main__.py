@@ -12,6 +12,8 @@ from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, main
 from services.scenes import load_duct, load_scene
 from services.visualization.composer import Composer
+from services.visualization.hands import TOPIC as HANDS
+from services.visualization.hands import Hands
 from services.visualization.outputs import open_output
 from services.visualization.rig_state import RigState
 
@@ -28,7 +30,13 @@ def run(process: Process) -> None:
     duct = load_duct(scene, cache_directory(), progress)
     composer = Composer(process.bus, scene, process.scene_name, duct)
     rig_state = RigState(process.bus)
-    output = open_output(settings, painted, process.log)
+    hands = Hands(
+        followers=process.rig.page_hands(),
+        publish=lambda body: process.bus.publish(HANDS, body, at_once=True),
+        instruments=composer.instruments,
+        token_sha256=rig_state.token_sha256,
+    )
+    output = open_output(settings, painted, process.log, hands)
     meter = LoopMeter(settings.rate_hz, ("compose", "show"))
     process.ready(meter)
     health.change("running")

@@ -77,6 +77,11 @@ class Composer:
             self._pose_tools(picture, gateway.instruments, () if physics is None else physics.tools)
         return picture
 
+    def instruments(self) -> tuple[bodies.InstrumentState, ...]:
+        """Return what the gateway last said of its instruments."""
+        gateway: bodies.GatewayState | None = self._body("gateway.state")
+        return () if gateway is None else gateway.instruments
+
     def _body(self, topic: str) -> Any:
         frame = self._newest.get(topic)
         return None if frame is None else frame.body

@@ -14,6 +14,7 @@ from services.visualization import codec
 from services.visualization.camera_feed import CameraFeed
 from services.visualization.display import display_name, record
 from services.visualization.feed import Feeds, Message
+from services.visualization.hands import Hands
 from services.visualization.picture import Layout, Picture
 
 
@@ -71,16 +72,17 @@ class WebOutput:
         if the view's port is taken, or the web packages are not installed.
     """
 
-    def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger) -> None:
+    def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: Hands) -> None:
         self.closed = False
         self._painted = painted
+        self._hands = hands
         self._feeds = Feeds(painted)
         self._camera = CameraFeed()
         try:
             from services.visualization.server import ViewServer
         except ImportError as error:
             raise UserError(f"visualization.viewer: web needs starlette (pip install trocar[web]): {error}") from None
-        self._server = ViewServer(settings, self._feeds, self._camera)
+        self._server = ViewServer(settings, self._feeds, self._camera, hands)
         self._layout: Layout | None = None
         self._hello = ""
         self._bytes = 0
@@ -110,6 +112,7 @@ class WebOutput:
             "view_port": float(self._server.port),
             "clients": float(len(self._feeds)),
             "frame_bytes": float(self._bytes),
+            "hands_refused": float(self._hands.refused),
         }
 
     def close(self) -> None:
@@ -117,7 +120,7 @@ class WebOutput:
         self._server.close()
 
 
-def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger) -> Output:
+def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: Hands) -> Output:
     """Return the output that the rig file's ``visualization.viewer`` asks for.
 
     Raises
@@ -131,7 +134,7 @@ def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logge
     if viewer == "none":
         return NoOutput(painted)
     if viewer == "web":
-        return WebOutput(settings, painted, log)
+        return WebOutput(settings, painted, log, hands)
     from services.visualization.window import WindowOutput
 
     return WindowOutput(painted, log)

@@ -26,6 +26,11 @@ class RigState:
             return _message("unknown", "no word from the supervisor", False)
         return _message(state.state, state.reason, state.safe_stop)
 
+    def token_sha256(self) -> str:
+        """Return the hash of the session's token, empty while no supervisor tells it."""
+        state = self._newest
+        return "" if state is None or not self._bus.is_fresh(_TOPIC) else state.token_sha256
+
 
 def _message(state: str, reason: str, safe_stop: bool) -> str:
     return json.dumps({"type": "rig", "state": state, "reason": reason, "safe_stop": safe_stop})

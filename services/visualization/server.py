@@ -23,6 +23,7 @@ from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
 from services.visualization.camera_feed import CameraFeed
 from services.visualization.feed import Feed, Feeds
+from services.visualization.hands import Hands
 
 MAX_CLIENTS = 16
 _ECHO = struct.Struct("<Q")
@@ -32,7 +33,7 @@ _BOUNDARY = "frame"
 
 
 class ViewServer:
-    """WebSocket ``/ws``, ``/snapshot.png`` and ``/camera.mjpeg`` on the view's port.
+    """WebSockets ``/ws`` and ``/hands``, ``/snapshot.png`` and ``/camera.mjpeg`` on the view's port.
 
     Raises
     ------
@@ -40,8 +41,9 @@ class ViewServer:
         if the port is taken.
     """
 
-    def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed) -> None:
+    def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed, hands: Hands) -> None:
         self._feeds = feeds
+        self._hands = hands
         self._camera = camera
         self._socket = _bind(settings.host, settings.port)
         self.port: int = self._socket.getsockname()[1]
@@ -49,6 +51,7 @@ class ViewServer:
             Starlette(
                 routes=[
                     WebSocketRoute("/ws", self._view),
+                    WebSocketRoute("/hands", self._serve_hands),
                     Route("/snapshot.png", self._snapshot),
                     Route("/camera.mjpeg", self._mjpeg),
                     Route("/healthz", _alive),
@@ -101,6 +104,14 @@ class ViewServer:
             with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
                 await sending
 
+    async def _serve_hands(self, socket_: WebSocket) -> None:
+        if not may_look(socket_.headers.get("origin"), socket_.headers.get("host")):
+            await socket_.close(code=1008)
+            return
+        await socket_.accept()
+        with contextlib.suppress(WebSocketDisconnect, KeyError):  # it is gone, or speaks another language: bytes
+            await self._hands.serve(_Page(socket_))
+
     async def _snapshot(self, request: Request) -> Response:
         image = await self._camera.image("png")
         if image is None:
@@ -113,6 +124,19 @@ class ViewServer:
         return StreamingResponse(
             _multipart(self._camera), media_type=f"multipart/x-mixed-replace; boundary={_BOUNDARY}"
         )
+
+
+class _Page:
+    """A page with hands."""
+
+    def __init__(self, socket_: WebSocket) -> None:
+        self._socket = socket_
+        self.receive_text = socket_.receive_text
+        self.send_text = socket_.send_text
+
+    async def close(self, code: int, reason: str) -> None:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            await self._socket.close(code, reason)
 
 
 async def _send(socket_: WebSocket, feed: Feed) -> None:

@@ -105,6 +105,9 @@ _BODIES: dict[str, msgspec.Struct] = {
         state="degraded", quality_level=1, reason="physics: miss ratio 2 %, limit 0.1 %",
         processes=(bodies.ProcessReport(name="physics", state="running", pid=42, restarts=1),),
     ),
+    "visualization.hands": bodies.Hands(
+        hands=(bodies.HandTarget(name="left", position_m=(0.1, 0.2, 0.3), roll_rad=1.5, opening=0.7),)
+    ),
 }  # fmt: skip
 
 

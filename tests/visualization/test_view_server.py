@@ -1,5 +1,7 @@
 """The view's server over a real socket: newest frames to every client, nothing that a client says can hurt it."""
 
+import hashlib
+import json
 import logging
 import socket
 import struct
@@ -12,19 +14,27 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from protocol import bodies
 from services.runtime.errors import UserError
 from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.rig import ViewSettings
 from services.visualization import codec
 from services.visualization.feed import IN_FLIGHT
+from services.visualization.hands import Hands
 from services.visualization.outputs import WebOutput
 from services.visualization.picture import Picture
 from services.visualization.server import may_look
 from tests.visualization.test_view_codec import a_layout, a_picture
 
+TOKEN = "what trocar up printed"
 LOG = logging.getLogger("test")
 PERIOD_NS = 4_000_000
+
+
+def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) -> Hands:
+    token = hashlib.sha256(TOKEN.encode()).hexdigest()
+    return Hands(followers, ([] if published is None else published).append, lambda: (), lambda: token)
 
 
 class Show:
@@ -35,6 +45,8 @@ class Show:
         self.layout = a_layout()
         self.picture = a_picture(self.layout)
         self.ready, self._stop = threading.Event(), threading.Event()
+        self.published: list[bodies.Hands] = []
+        self.hands = nobodys_hands(self.published, "left")
         self.port, self.shown, self.clients = 0, 0, 0.0
         self._thread = threading.Thread(target=self._run)
 
@@ -48,7 +60,7 @@ class Show:
         self._thread.join()
 
     def _run(self) -> None:
-        output = WebOutput(ViewSettings(port=0), self.path, LOG)
+        output = WebOutput(ViewSettings(port=0), self.path, LOG, self.hands)
         self.port = int(output.gauges()["view_port"])
         while not self._stop.is_set():
             self.shown += 1
@@ -62,8 +74,8 @@ class Show:
             self.ready.set()
         output.close()
 
-    def connect(self, **options: object) -> ClientConnection:
-        return connect(f"ws://127.0.0.1:{self.port}/ws", compression=None, **options)
+    def connect(self, path: str = "ws", **options: object) -> ClientConnection:
+        return connect(f"ws://127.0.0.1:{self.port}/{path}", compression=None, **options)
 
 
 @pytest.fixture
@@ -167,4 +179,25 @@ def test_a_port_that_is_taken_is_one_sentence():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         settings = ViewSettings(port=taken.getsockname()[1])
         with pytest.raises(UserError, match=r"visualization\.port: cannot listen on 127\.0\.0\.1:\d+: Address already"):
-            WebOutput(settings, LatencyPath(LatencyHistogram(1)), LOG)
+            WebOutput(settings, LatencyPath(LatencyHistogram(1)), LOG, nobodys_hands())
+
+
+def test_hands_reach_the_rig_with_the_token_and_one_that_speaks_bytes_is_let_go(show):
+    with show.connect("hands") as page:
+        page.send(TOKEN)
+        assert json.loads(page.recv(timeout=5))["type"] == "hands"
+        page.send('[[["left",[0.01,0.02,0.03],0.5,1.0]]]')
+        deadline = time.monotonic() + 5
+        while not show.published and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert show.published[0].hands[0].position_m == (0.01, 0.02, 0.03)
+        page.send(b"\x00")
+        with pytest.raises(ConnectionClosed):
+            page.recv(timeout=5)
+    with show.connect("hands") as stranger:
+        stranger.send("guess")
+        with pytest.raises(ConnectionClosed) as caught:
+            stranger.recv(timeout=5)
+        assert "token" in caught.value.rcvd.reason
+    with pytest.raises((ConnectionClosed, InvalidStatus)), show.connect("hands", origin="http://evil.example") as page:
+        page.recv(timeout=5)

@@ -3,12 +3,14 @@
 import { Controls } from "./dashboard/controls.js";
 import { Dashboard } from "./dashboard/dashboard.js";
 import { RigStream } from "./dashboard/stream.js";
+import { Hands } from "./hands/hands.js";
 import { viewAddress } from "./address.js";
 import { View } from "./view/view.js";
 
 const view = new View();
 const dashboard = new Dashboard();
-new Controls();
+const controls = new Controls();
+const hands = view.stage ? new Hands(view, controls.token) : null;
 
 const panel = document.getElementById("toggle-dashboard");
 panel.onclick = () => {
@@ -23,7 +25,10 @@ new RigStream({
     dashboard.setContracts(rig.contracts);
     if (rig.viewer === "native") view.say("The picture is in a window of the rig's own screen.");
     else if (rig.viewer === "none") view.say("This rig draws no picture (visualization.viewer: none).");
-    else view.connect(viewAddress(rig.view_ws, location));
+    else {
+      view.connect(viewAddress(rig.view_ws, location));
+      hands?.offer(viewAddress(rig.view_ws, location), rig.hands ?? []);
+    }
   },
   onState: (state) => dashboard.update(state),
   onLink: (text) => dashboard.link(text),

@@ -113,6 +113,17 @@ export class Stage {
     this.controls.update();
   }
 
+  // Looks as through the scope, from where the mouth and all of `points` (3,), in millimetres, are in the picture.
+  lookOver(points) {
+    const seen = [this.mouth, ...points.map((point) => new THREE.Vector3(...point))];
+    const ball = new THREE.Box3().setFromPoints(seen).getBoundingSphere(new THREE.Sphere());
+    const from = this.camera.position.clone().sub(this.controls.target).normalize();
+    const half = THREE.MathUtils.degToRad(0.5 * this.camera.fov) * Math.min(1, this.camera.aspect);
+    this.controls.target.copy(ball.center);
+    this.camera.position.copy(ball.center).addScaledVector(from, (1.35 * ball.radius) / Math.sin(half));
+    this.controls.update();
+  }
+
   update(frame, colourOfForce) {
     this.duct.update(frame);
     this.catheter?.update(frame);
@@ -148,6 +159,45 @@ export class Stage {
   mmPerPixel() {
     const distance = this.camera.position.distanceTo(this.controls.target);
     return (2 * distance * Math.tan(THREE.MathUtils.degToRad(0.5 * this.camera.fov))) / this.height;
+  }
+
+  // While a person's hand has the left button, the right one turns the view.
+  giveLeftButton(away) {
+    const { ROTATE, PAN } = THREE.MOUSE;
+    this.controls.mouseButtons.LEFT = away ? null : ROTATE;
+    this.controls.mouseButtons.RIGHT = away ? ROTATE : PAN;
+    this.controls.touches.ONE = away ? null : THREE.TOUCH.ROTATE;
+    this.controls.touches.TWO = away ? null : THREE.TOUCH.DOLLY_PAN;
+  }
+
+  // From the eye through a pixel of the page, in millimetres of the world.
+  rayAt(x, y) {
+    const box = this.renderer.domElement.getBoundingClientRect();
+    const mirror = this.mirrored ? -1 : 1;
+    const at = new THREE.Vector2(mirror * ((2 * (x - box.left)) / box.width - 1), 1 - (2 * (y - box.top)) / box.height);
+    const caster = new THREE.Raycaster();
+    caster.setFromCamera(at, this.camera);
+    return { origin: caster.ray.origin.toArray(), direction: caster.ray.direction.toArray() };
+  }
+
+  // Where a point of the world (3,) in millimetres is on the page.
+  pixelOf(point) {
+    const box = this.renderer.domElement.getBoundingClientRect();
+    const at = new THREE.Vector3(...point).project(this.camera);
+    const mirror = this.mirrored ? -1 : 1;
+    return { x: box.left + 0.5 * (1 + mirror * at.x) * box.width, y: box.top + 0.5 * (1 - at.y) * box.height };
+  }
+
+  forward() {
+    return this.camera.getWorldDirection(new THREE.Vector3()).toArray();
+  }
+
+  // Right and away as the person sees them, level.
+  levelAxes() {
+    const right = new THREE.Vector3().setFromMatrixColumn(this.camera.matrixWorld, 0).setZ(0).normalize();
+    if (this.mirrored) right.negate();
+    const away = new THREE.Vector3(-right.y, right.x, 0).multiplyScalar(this.mirrored ? -1 : 1);
+    return { right: right.toArray(), away: away.toArray() };
   }
 
   draw() {

@@ -66,7 +66,10 @@ export class View {
     for (const button of document.querySelectorAll("[data-preset]")) {
       button.onclick = () => this.stage.layout && this.stage.lookFrom(button.dataset.preset);
     }
-    toggle($("mirror"), (on) => $("view").classList.toggle("mirrored", on));
+    toggle($("mirror"), (on) => {
+      $("view").classList.toggle("mirrored", on);
+      this.stage.mirrored = on;
+    });
     toggle($("vignette"), (on) => $("view").classList.toggle("scope", on));
     toggle($("forces"), (on) => (this.stage.showForces = on));
   }

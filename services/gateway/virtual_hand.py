@@ -1,0 +1,62 @@
+"""A hand that holds a tool for somebody who cannot feel: a mass on a spring, which yields to what the tool touches.
+
+A mouse goes where it likes. What it moves is the far end of a spring, and the tool is a mass that the near end and the
+tool's own contact force move: so a tool that is pushed into a wall presses no harder than the hand can grip.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from services.gateway.layout import READ_POSITION, READ_VELOCITY
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+
+TICK_S = 1e-3
+#: Critically damped at 10 Hz: quick enough for a hand, slow enough to make a line of a mouse's steps.
+MASS_KG, STIFFNESS_N_M = 0.1, 400.0
+DAMPING_N_S_M = 2.0 * math.sqrt(MASS_KG * STIFFNESS_N_M)
+#: The spring gives no more: a far target is approached at 0.32 m/s, a wall is pressed with so much.
+GRIP_N = 4.0
+
+# State of a hand: position and velocity in the world.
+POSITION, VELOCITY, STATE_SIZE = 0, 3, 6
+
+
+@kernel
+def step_hand(state: FloatArray, target: FloatArray, force: FloatArray) -> None:
+    """Advance `state` (STATE_SIZE,) by TICK_S toward `target` (3,) under the contact force (3,) on the tool; world.
+
+    Semi-implicit Euler; stable for contact stiffnesses up to 4 m / dt^2 = 400 kN/m, and the energy that a step may
+    add to a contact is taken out by the damping up to b / dt = 12 kN/m.
+    """
+    stretch = math.sqrt((target[0] - state[0]) ** 2 + (target[1] - state[1]) ** 2 + (target[2] - state[2]) ** 2)
+    stiffness = STIFFNESS_N_M
+    if stiffness * stretch > GRIP_N:
+        stiffness = GRIP_N / stretch
+    for i in range(3):
+        pull = stiffness * (target[i] - state[POSITION + i]) - DAMPING_N_S_M * state[VELOCITY + i]
+        state[VELOCITY + i] += TICK_S / MASS_KG * (pull + force[i])
+        state[POSITION + i] += TICK_S * state[VELOCITY + i]
+
+
+@kernel
+def read_hand(state: FloatArray, mount: FloatArray, reading: FloatArray) -> None:
+    """Write position and velocity of a hand into `reading`, in the frame of an arm on this mount (see `pose`)."""
+    c, s = mount[0], mount[1]
+    for at, out in ((POSITION, READ_POSITION), (VELOCITY, READ_VELOCITY)):
+        x, y, z = state[at], state[at + 1], state[at + 2]
+        if at == POSITION:
+            x, y, z = x - mount[2], y - mount[3], z - mount[4]
+        reading[out] = c * x + s * y
+        reading[out + 1] = c * y - s * x
+        reading[out + 2] = z
+
+
+def within(target: FloatArray, centre: FloatArray, reach_m: float) -> FloatArray:
+    """Return the point nearest to `target` (3,) that is at most `reach_m` from `centre` (3,)."""
+    away = np.clip(target - centre, -1e3, 1e3)  # what is farther is far enough, and can be squared
+    distance = float(np.linalg.norm(away))
+    return target if distance <= reach_m else centre + away * (reach_m / distance)

@@ -1,0 +1,29 @@
+// A gamepad as two hands: sticks move, shoulder buttons raise and lower, triggers close the jaws; it rumbles with force.
+
+const DEAD = 0.12, MM_PER_S = 25, RUMBLE_MS = 120;
+const HANDS = [
+  { x: 0, y: 1, up: 4, close: 6 }, // left: stick, shoulder with the stick pressed for down, trigger
+  { x: 2, y: 3, up: 5, close: 7 },
+];
+const DOWN = [10, 11]; // a stick that is pressed lowers
+
+const live = (x) => (Math.abs(x) < DEAD ? 0 : (x - Math.sign(x) * DEAD) / (1 - DEAD));
+
+// What the first gamepad asks of each hand for `seconds`: right, away and up in mm, opening or null where untouched.
+export function readGamepad(seconds, pads = navigator.getGamepads?.() ?? []) {
+  const pad = [...pads].find((each) => each?.connected && each.mapping === "standard");
+  if (!pad) return null;
+  const pressed = (i) => pad.buttons[i]?.value ?? 0;
+  return HANDS.map((hand, i) => ({
+    by: [live(pad.axes[hand.x]), -live(pad.axes[hand.y]), pressed(hand.up) - pressed(DOWN[i])].map((x) => x * MM_PER_S * seconds),
+    closing: pressed(hand.close),
+  }));
+}
+
+export function rumble(newton, fullNewton, pads = navigator.getGamepads?.() ?? []) {
+  const strength = Math.min(1, newton / fullNewton);
+  if (strength < 0.02) return;
+  for (const pad of pads) {
+    pad?.vibrationActuator?.playEffect?.("dual-rumble", { duration: RUMBLE_MS, weakMagnitude: strength, strongMagnitude: strength ** 2 });
+  }
+}

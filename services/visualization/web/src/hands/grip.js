@@ -1,0 +1,47 @@
+// One hand of a person: where it wants the jaws of its tool, how they are turned, how far they are open.
+
+import { add, atDepth, jawsAt, junctionAt, leashed, length, sub } from "./motion.js";
+
+const MM = 1000;
+const LEASH_MM = 25;
+
+export class Grip {
+  // tool: of the greeting, in SI units; shape: of the layout, in millimetres.
+  constructor(tool, shape) {
+    this.name = tool.name;
+    this.port = shape.port;
+    this.reach = 0.65 * shape.jawLength;
+    this.jaws = jawsAt(tool.position_m.map((x) => x * MM), this.port, this.reach);
+    this.roll = tool.roll_rad;
+    this.opening = null; // as it was found
+    this.depth = null; // held, from the port
+  }
+
+  // Moves the jaws by (3,) millimetres; returns by how much they moved.
+  move(by, toolAt) {
+    const before = this.jaws;
+    let wanted = add(before, by);
+    if (this.depth !== null) wanted = atDepth(wanted, this.port, this.depth);
+    this.jaws = toolAt ? leashed(wanted, toolAt, LEASH_MM) : wanted;
+    return sub(this.jaws, before);
+  }
+
+  turn(by) {
+    this.roll = Math.min(Math.max(this.roll + by, -Math.PI), Math.PI);
+  }
+
+  holdDepth(on) {
+    this.depth = on ? length(sub(this.jaws, this.port)) : null;
+  }
+
+  // Where the jaws are of the tool as it was drawn last. pose: J and quaternion, in millimetres.
+  jawsOf(pose) {
+    return jawsAt([...pose.subarray(0, 3)], this.port, this.reach);
+  }
+
+  // The row of the wire's `visualization.hands`.
+  row() {
+    const junction = junctionAt(this.jaws, this.port, this.reach).map((x) => x / MM);
+    return [this.name, junction, this.roll, this.opening ?? -1];
+  }
+}

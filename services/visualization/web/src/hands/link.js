@@ -1,0 +1,27 @@
+// The WebSocket that carries the hands to the rig: the session's token, a greeting, then where the hands are.
+
+export class HandLink {
+  // handlers: onGreeting(message), onEnd(reason)
+  constructor(viewAddress, token, handlers) {
+    this.socket = new WebSocket(viewAddress.replace(/\/ws$/, "/hands"));
+    this.socket.onopen = () => this.socket.send(token);
+    this.socket.onmessage = ({ data }) => handlers.onGreeting(JSON.parse(data));
+    this.socket.onclose = ({ reason }) => handlers.onEnd(reason || "The view is not reachable.");
+    this.last = "";
+    this.quiet = 0;
+  }
+
+  // Sends what has changed, and now and then what has not, so that the rig knows that somebody is there.
+  send(grips) {
+    const text = JSON.stringify([grips.map((grip) => grip.row())]);
+    if (this.socket.readyState !== WebSocket.OPEN || (text === this.last && ++this.quiet < 10)) return;
+    this.last = text;
+    this.quiet = 0;
+    this.socket.send(text);
+  }
+
+  close() {
+    this.socket.onclose = null;
+    this.socket.close();
+  }
+}

@@ -1,0 +1,65 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { readGamepad } from "../src/hands/gamepad.js";
+import { Grip } from "../src/hands/grip.js";
+import { atDepth, jawsAt, junctionAt, leashed, length, onLevel, onPicture, sub } from "../src/hands/motion.js";
+import { loudnessOf, pitchOf } from "../src/hands/tone.js";
+
+const near = (a, b, within = 1e-9) => a.forEach((x, i) => assert.ok(Math.abs(x - b[i]) < within, `${a} is not ${b}`));
+const PORT = [75, -60, 120];
+const SHAPE = { port: PORT, jawLength: 18 };
+
+test("a pointer finds the level plane below the eye, and nothing at the horizon", () => {
+  near(onLevel({ origin: [0, 0, 100], direction: [0.6, 0, -0.8] }, 20), [60, 0, 20]);
+  assert.equal(onLevel({ origin: [0, 0, 100], direction: [1, 0, -0.05] }, 20), null);
+  assert.equal(onLevel({ origin: [0, 0, 100], direction: [0, 0, 1] }, 20), null);
+});
+
+test("a pointer finds the plane of the picture through a point", () => {
+  near(onPicture({ origin: [0, 0, 0], direction: [0.6, 0, 0.8] }, [5, 5, 8], [0, 0, 1]), [6, 0, 8]);
+});
+
+test("jaws and junction lie on one line with the port", () => {
+  const jaws = [72, 1.5, 0], junction = junctionAt(jaws, PORT, 10);
+  near([length(sub(jaws, junction))], [10]);
+  near(jawsAt(junction, PORT, 10), jaws);
+});
+
+test("held depth lets a tool swing about its port only", () => {
+  near([length(sub(atDepth([10, 20, 30], PORT, 100), PORT))], [100]);
+  const grip = new Grip({ name: "left", position_m: [0.07, 0, 0.02], roll_rad: 0 }, SHAPE);
+  grip.holdDepth(true);
+  const depth = length(sub(grip.jaws, PORT));
+  grip.move([5, -3, 8]);
+  near([length(sub(grip.jaws, PORT))], [depth]);
+});
+
+test("a blocked tool does not wind the hand up", () => {
+  near(leashed([100, 0, 0], [0, 0, 0], 25), [25, 0, 0]);
+  near(leashed([10, 0, 0], [0, 0, 0], 25), [10, 0, 0]);
+});
+
+test("a grip begins where its tool is, in the units of the wire", () => {
+  const grip = new Grip({ name: "left", position_m: [0.07, -0.01, 0.02], roll_rad: 0.3 }, SHAPE);
+  const [name, at, roll, opening] = grip.row();
+  assert.deepEqual([name, roll, opening], ["left", 0.3, -1]);
+  near(at, [0.07, -0.01, 0.02]);
+  grip.move([10, 0, 0]);
+  assert.ok(grip.row()[1][0] > 0.078);
+});
+
+test("a gamepad's stick has a dead zone, and its triggers close", () => {
+  const pad = { connected: true, mapping: "standard", axes: [0.05, -1, 0, 0], buttons: Array(16).fill({ value: 0 }) };
+  pad.buttons[6] = { value: 0.5 };
+  const [left, right] = readGamepad(1, [null, pad]);
+  near(left.by, [0, 25, 0]);
+  assert.equal(left.closing, 0.5);
+  near(right.by, [0, 0, 0]);
+  assert.equal(readGamepad(1, [null]), null);
+});
+
+test("more force sounds higher and louder, none is silent", () => {
+  assert.equal(loudnessOf(0), 0);
+  assert.ok(loudnessOf(1) < loudnessOf(2) && pitchOf(1) < pitchOf(2));
+  assert.equal(pitchOf(3), pitchOf(30));
+});
