@@ -5,7 +5,7 @@ from __future__ import annotations
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.laws import ELASTIC_AXES, FIXES_DISTANCE
+from services.mechanics.contact.laws import ELASTIC_AXES, FIXES_DISTANCE, HAS_GAP
 from services.mechanics.contact.rows import ContactRows
 
 
@@ -24,7 +24,8 @@ def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: Fl
     for row in range(rows.n_contacts):
         for axis in range(3):
             u = displacement[row, axis]
-            rows.gap_m[row] -= rows.frame[row, 0, axis] * u
+            if HAS_GAP[rows.law[row]]:
+                rows.gap_m[row] -= rows.frame[row, 0, axis] * u
             rows.slip_m[row, axis] -= motion[row, axis]
             if FIXES_DISTANCE[rows.law[row]]:
                 rows.slip_m[row, axis] -= u
@@ -57,7 +58,7 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
     """Write what the contact law asks to be zero or positive without contact forces into ``out`` (3 k,), in m.
 
     Tangents: the slip, on top of the elastic slip that is remembered.
-    Normal: the gap at the end of the step, of an overlap what is `taken_back`.
+    Normal: the gap at the end of the step, of an overlap what is `taken_back`, under a law that has a gap.
     """
     for row in range(rows.n_contacts):
         for axis in range(3):
@@ -68,4 +69,5 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
                 for k in range(3):
                     total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
-        out[3 * row] += taken_back(rows, row, recovery, dt_s)
+        if HAS_GAP[rows.law[row]]:
+            out[3 * row] += taken_back(rows, row, recovery, dt_s)

@@ -135,3 +135,25 @@ def test_same_inputs_give_the_same_bits(with_effects, small_duct):
             simulation.step(tools)
         ends.append(np.concatenate([simulation.duct.state.q, simulation.catheter.state.position_m.ravel()]))
     assert np.array_equal(*ends)
+
+
+@pytest.mark.parametrize("pull_m", [2e-3, -2e-3])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_held_point_of_the_wall_comes_along_to_where_the_jaws_are(small_scene, small_duct, axis, pull_m):
+    """To what the grip gives way, in every direction: its row has no gap, though it is that of a wall that has moved."""
+    simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
+    triangle = 200
+    rest = small_duct.mesh.vertices_m[small_duct.mesh.triangles[triangle]].mean(axis=0)
+    tools.position_m[0], tools.present[1] = rest + [0.0, 0.0, 8e-3], False
+    tools.holds = [GraspHold(1, 0, 0, triangle, np.full(3, 1.0 / 3.0), 2.0, 0.3)]
+    start = tools.position_m[0].copy()
+    for k in range(300):
+        tools.position_m[0, axis] = start[axis] + pull_m * min(k, 200) / 200
+        simulation.step(tools)
+    (row,) = simulation.holds.rows
+    simulation.step(tools)
+    force = simulation.contact_force_n[row]
+    held = duct_points(simulation, duct_state(simulation), simulation.contacts, row + 1)[row]
+    in_jaws = simulation.contacts.point_m[row]
+    assert np.linalg.norm(force) > 5e-3
+    np.testing.assert_allclose(in_jaws - held, -simulation.contacts.softness_m_n[row] * force, atol=2e-6)
