@@ -79,7 +79,7 @@ def _energies(model_address: Address[RodModel], work_address: Address[RodWork]) 
     """Return what stretch, bending and introducer store."""
     model, work = model_at(model_address), work_at(work_address)
     segment_geometry(model, work)
-    support_j = introducer_energy(model, work) if model.introducer.is_there else 0.0
+    support_j = introducer_energy(model, work.position) if model.introducer.is_there else 0.0
     return stretch_energy(model, work), bending_energy(model, work), support_j
 
 

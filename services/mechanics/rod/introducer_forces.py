@@ -48,9 +48,8 @@ def add_introducer(model: RodModel, work: RodWork, scale: float) -> None:
 
 
 @kernel
-def introducer_energy(model: RodModel, work: RodWork) -> float:
-    """Energy [J] of the springs that hold the rod to the axis of the introducer, and of its stops."""
-    x = work.position
+def introducer_energy(model: RodModel, x: FloatArray) -> float:
+    """Energy [J] of the springs that hold a rod at ``x`` (n, 3) to the axis of the introducer, and of its stops."""
     passage = find_passage(model.introducer, x)
     total = 0.0
     for i in range(passage.first, passage.last + 1):
@@ -64,6 +63,62 @@ def introducer_energy(model: RodModel, work: RodWork) -> float:
         total += dot(o, o)
     over = stop_overlap(model, x, passage)[1]
     return 0.5 * float(model.introducer.stiffness * total + model.introducer.stop_stiffness * over * over)
+
+
+@kernel
+def introducer_excess(model: RodModel, work: RodWork, scale: float) -> float:
+    """Energy [J] of the springs after ``scale`` times the solution moves the rod, minus its quadratic model.
+
+    The model is that of the forces and the matrix: with the same particles held, across the same directions. Where the
+    rod passes an end of the axis at a kink, that is what it may not trust: a step there can be thrown to and fro.
+    """
+    x, moved = work.position, work.end_position
+    for i in range(x.shape[0]):
+        for c in range(3):
+            moved[i, c] = x[i, c] + scale * work.rhs[3 * i + c]
+    return introducer_energy(model, moved) - introducer_energy(model, x) - _quadratic_change(model, work, scale)
+
+
+@kernel
+def _quadratic_change(model: RodModel, work: RodWork, scale: float) -> float:
+    introducer, x = model.introducer, work.position
+    axis = (introducer.axis[0], introducer.axis[1], introducer.axis[2])
+    passage, total = find_passage(introducer, x), 0.0
+    for i in range(passage.first, passage.last + 1):
+        o = offset_from_axis(introducer, x, i)
+        weight, slope = depth_weight(model, i, axial_position(introducer, x, i))
+        d = _moved(work, i, 0.0, scale)
+        total += weight * _across(o, d, axis) + 0.5 * slope * dot(o, o) * dot(d, axis)
+    for is_there, i, axial in (
+        (passage.has_entry, passage.first - 1, 0.0),
+        (passage.has_exit, passage.last, introducer.length),
+    ):
+        if is_there:
+            s, o = closest_on_segment(x, i, end_point(introducer, axial))
+            along = row(work.tangent, i) if 0.0 < s < 1.0 else (0.0, 0.0, 0.0)
+            total += _across(o, _moved(work, i, s, scale), along)
+    i, over = stop_overlap(model, x, passage)
+    way = dot(_moved(work, i, 0.0, scale), axis) if over != 0.0 else 0.0
+    return float(introducer.stiffness * total + introducer.stop_stiffness * (over + 0.5 * way) * way)
+
+
+@kernel
+def _across(o: Vector, d: Vector, along: Vector) -> float:
+    """Change of |o|^2 / 2 by a motion d, of which only what is across a direction counts twice."""
+    parallel = dot(d, along)
+    return dot(o, d) + 0.5 * (dot(d, d) - parallel * parallel)
+
+
+@kernel
+def _moved(work: RodWork, i: int, s: float, scale: float) -> Vector:
+    """Motion of a point of segment i by ``scale`` times the solution."""
+    j = 3 * i + 3 if s > 0.0 else 3 * i
+    a, b = scale * (1.0 - s), scale * s
+    return (
+        a * work.rhs[3 * i] + b * work.rhs[j],
+        a * work.rhs[3 * i + 1] + b * work.rhs[j + 1],
+        a * work.rhs[3 * i + 2] + b * work.rhs[j + 2],
+    )
 
 
 @kernel
