@@ -55,6 +55,10 @@ class DuctBody:
     modal_force : (r,) float64
         Loads that effects put on the modes in this step, the constant ones included.
     constant_modal_force : (r,) float64
+    modal_kick : (r,) float64
+        Force that effects applied as an impulse at the start of this step, as contacts do.
+    given_back : (r,) float64
+        Rates that were taken back at the start of this step, see `end_forces`.
     """
 
     def __init__(self, reduced: ReducedDuct, integrator: ModalIntegrator, capacity: int) -> None:
@@ -68,6 +72,8 @@ class DuctBody:
         self.modal_force = np.zeros(n_modes)
         self.constant_modal_force = np.zeros(n_modes)
         self.contact_impulse = np.zeros(n_modes)
+        self.modal_kick = np.zeros(n_modes)
+        self.given_back = np.zeros(n_modes)
         self.modes = np.zeros((3 * capacity, n_modes))
         self.displacement_m = np.zeros((capacity, 3))
         self.motion_m = np.zeros((capacity, 3))
@@ -99,6 +105,7 @@ class DuctBody:
         """Step the modes without contact forces."""
         self.change_step(dt_s)
         self.q_start[:] = self.state.q
+        self.given_back[:] = 0.0
         self._motion.update(self.q_start)
         self.integrator.predict(self.state, self.modal_force, dt_s)
         np.subtract(self.state.q, self.q_start, out=self.dq_free)
@@ -128,6 +135,18 @@ class DuctBody:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
         correct(self._loads.address, nodes, weights, forces)
 
+    def end_forces(self, forces: FloatArray) -> None:
+        """Take back the half impulses with which contact forces (k, 3) of the last step have left the rates.
+
+        The next step's impulse would have made up for them. Where what pressed is gone at once, they are motion that
+        nobody has put in. To be called between `predict` and `gather`, with the forces in the order of the last rows.
+        """
+        ended = -0.5 * self.modes[: forces.size].T @ forces.ravel()
+        for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):
+            end += gain * ended
+        self.dq_free += self._gains[0] * ended
+        self.given_back += self.dt_s * ended
+
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
         """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""
         nodes = self.reduced.mesh.triangles[triangle]
@@ -155,12 +174,12 @@ class DuctBody:
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        state = self.state
-        return state.q, state.qdot, state.qddot, self.contact_impulse, self.load_nodes, self.load_force_n, self._n_loads
+        state, forces = self.state, (self.contact_impulse, self.modal_kick)
+        return state.q, state.qdot, state.qddot, *forces, self.load_nodes, self.load_force_n, self._n_loads
 
     def halt(self) -> None:
         """Stop where it is."""
-        self.state.qdot[:] = -0.5 * self.dt_s * self.contact_impulse
+        self.state.qdot[:] = -self._half_impulse()
         self.state.qddot[:] = self.constant_modal_force - self.reduced.basis.omega_rad_s**2 * self.state.q
 
     @property
@@ -171,11 +190,15 @@ class DuctBody:
     def rate(self) -> FloatArray:
         """Return the rates (r,) of the modes halfway between the impulses of two steps.
 
-        Those at the end of a step lack half of a lasting contact's impulse, which the next step begins with: where a
-        wall that is pressed stands still, they swing by f dt / 2.
+        Those at the end of a step lack half of the impulse of a lasting contact or kick, which the next step begins
+        with: where a wall that is pressed stands still, they swing by f dt / 2.
         """
-        rate: FloatArray = self.state.qdot + 0.5 * self.dt_s * self.contact_impulse
+        rate: FloatArray = self.state.qdot + self._half_impulse()
         return rate
+
+    def _half_impulse(self) -> FloatArray:
+        half: FloatArray = 0.5 * self.dt_s * (self.contact_impulse + self.modal_kick)
+        return half
 
     def kinetic_energy_j(self) -> float:
         """Kinetic energy of the modes at their `rate`."""
@@ -193,13 +216,13 @@ class DuctBody:
     def change_step(self, dt_s: float) -> None:
         """Prepare for a step of this length, if it is another than the last one's.
 
-        With a lasting contact force f the rates swing from -f dt / 2 at the end of a step to +f dt / 2 after the
+        With a lasting force f of contacts and kicks the rates swing from -f dt / 2 at the end of a step to +f dt / 2 after the
         impulse at the start of the next one. What of that belongs to the old length is motion that nobody has put in.
         """
         if dt_s == self.dt_s:
             return
         if self.dt_s > 0.0:
-            change = 0.5 * (self.dt_s - dt_s) * self.contact_impulse
+            change = (1.0 - dt_s / self.dt_s) * self._half_impulse()
             self.state.qdot += change
             self.state.qddot -= 2.0 * self.reduced.basis.omega_rad_s * self.reduced.damping_ratio * change
         self._prepare(dt_s)

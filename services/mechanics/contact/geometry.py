@@ -33,6 +33,7 @@ class ToolGeometry(Struct):
     length: Annotated[FloatArray, N_TOOLS]
     motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
+    waiting: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
 
 
@@ -71,6 +72,7 @@ class ContactGeometry(Struct):
                 length=tools.length_m,
                 motion=tools.motion,
                 present=tools.present,
+                waiting=tools.waiting,
                 held=tools.held,
             ),
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),

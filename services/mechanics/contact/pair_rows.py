@@ -28,7 +28,7 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
     """Append pairs to ``rows`` as unilateral contacts.
 
     Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws do
-    not collide with what they hold: the hold stands for both of them. Pairs of a tool that is gone are left out.
+    not collide with what they hold: the hold stands for both of them. Pairs of a tool that is gone, or waits, are left out.
     """
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
@@ -53,7 +53,8 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
 @kernel
 def _touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
     """Whether a segment of a tool collides with this kind of target."""
-    return bool(tools.present[tool] and (segment == SHAFT or not tools.held[tool, kind]))
+    is_there = tools.present[tool] and not tools.waiting[tool]
+    return bool(is_there and (segment == SHAFT or not tools.held[tool, kind]))
 
 
 @kernel

@@ -12,6 +12,7 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.identity import pair_identity, with_law
 from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.laws.seal import SEAL_SOFTNESS_M_N
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_rod
@@ -24,9 +25,10 @@ _NO_ROW = -1
 
 
 class SealMemory(Struct):
-    """What the seal remembers: its elastic slip along the axis, and its row in this step."""
+    """What the seal remembers: its elastic slip along the axis, now and at the start of the step, and its row in it."""
 
     elastic_m: float = 0.0
+    start_m: float = 0.0
     dissipated_j: float = 0.0
     row: int = _NO_ROW
 
@@ -58,6 +60,16 @@ class IntroducerSeal:
         """What slipping has taken out so far."""
         return self._memory.dissipated_j
 
+    @property
+    def stored_j(self) -> float:
+        """What its lip stores."""
+        return 0.5 * self._memory.elastic_m**2 / SEAL_SOFTNESS_M_N
+
+    @property
+    def start_m(self) -> float:
+        """Elastic slip at the start of the step."""
+        return self._memory.start_m
+
     def forget(self) -> None:
         """Hold the catheter where it is now, without a force."""
         self._memory.row, self._memory.elastic_m = _NO_ROW, 0.0
@@ -86,7 +98,7 @@ def append_seal(
     Return the number of rows: none where nothing is held, or where there is no room.
     """
     state, model, seal = state_at(state_address), model_at(model_address), seal_at(seal_address)
-    seal.row = _NO_ROW
+    seal.row, seal.start_m = _NO_ROW, seal.elastic_m
     introducer, rod, rows = model.introducer, state.geometry.rod, state.rows
     x = rod.position
     passage = find_passage(introducer, x)

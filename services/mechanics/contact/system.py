@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.state import ContactState
@@ -86,6 +88,14 @@ class ContactSystem:
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
         self.rows.n_contacts = 0
+
+    def let_go_of_tools(self) -> None:
+        """Tell the duct of the last step's forces by tools that are gone."""
+        if self._gave_forces and self.bodies.tools.have_left:
+            k = self.rows.n_contacts
+            by = self.rows.tool[:k]
+            is_gone = (by != NO_TOOL) & ~self.bodies.tools.present[by]
+            self.bodies.duct.end_forces(np.where(is_gone[:, None], self.force_n[:k], 0.0))
 
     def append(self, pairs: ContactPairs, geometry: ContactGeometry | None = None) -> None:
         """Add candidate pairs; ``geometry`` is where their bodies are, if they are not the scene's."""

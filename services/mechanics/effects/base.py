@@ -46,6 +46,8 @@ class Effect:
 
     Settings: ClassVar[type[Any]] = NoSettings
     """Frozen dataclass. Its types and `__post_init__` are what a scene file is checked against."""
+    kicks: ClassVar[bool] = False
+    """Whether it acts by kicks of the wall (`DuctBody.modal_kick`), the gradient of its potential energy."""
 
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings

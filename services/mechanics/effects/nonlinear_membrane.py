@@ -29,6 +29,7 @@ class NonlinearMembrane(Effect):
     """
 
     Settings = NonlinearMembraneSettings
+    kicks = True
 
     def prepare(self, world: World) -> None:
         """Build the polynomial of the rest shape, or fetch it from where the duct's modes are kept.
@@ -49,6 +50,7 @@ class NonlinearMembrane(Effect):
     def add_loads(self, world: World, dt_s: float) -> None:
         """Kick the modes."""
         self._force.kick(world.duct.state, dt_s, self._damping, self._scratch)
+        world.duct.modal_kick -= self._scratch[0]
 
     def potential_energy_j(self, world: World) -> float:
         """Return the energy of the polynomial."""

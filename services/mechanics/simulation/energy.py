@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.contact.free_motion import taken_back
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
@@ -19,7 +19,8 @@ from services.mechanics.rod.energy import RodEnergy, internal_forces, rod_energy
 from services.mechanics.rod.model import RodWork, allocate_work
 from services.mechanics.rod.twist import add_frame_forces
 from services.mechanics.scene.tools import ToolInputs
-from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.grip_energy import Grips, enter_grips, stored_in_grips
+from services.mechanics.simulation.simulation import Simulation
 
 
 @dataclass(slots=True)
@@ -46,8 +47,11 @@ class EnergyFlow:
         Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
     healing_j
         What was stored in states that were not sound, less what is in those that were taken up again.
+    released_j
+        What holds had stored that were let go, and couplings of tools that came back elsewhere.
     numerical_j
-        What implicit steps take out: of the catheter, the couplings and the residual compliance.
+        What implicit steps take out: of the catheter, the couplings, the grips and the residual compliance; and what
+        kicks of the wall miss of the energy that they are the gradient of.
     """
 
     input_j: float = 0.0
@@ -58,6 +62,7 @@ class EnergyFlow:
     friction_j: float = 0.0
     effects_j: float = 0.0
     impact_j: float = 0.0
+    released_j: float = 0.0
     numerical_j: float = 0.0
     healing_j: float = 0.0
 
@@ -122,10 +127,13 @@ class EnergyBook:
 
     def _enter_tools(self, before: _Snapshot, dt_s: float) -> None:
         tools = self.simulation.tools
-        hand_motion = tools.hand - before.hand
-        change = tools.stretch - before.stretch
+        stays = (before.present & tools.present)[:, None]
+        came = (tools.present & ~before.present)[:, None]
+        hand_motion = np.where(stays, tools.hand - before.hand, 0.0)
+        change = tools.stretch - np.where(came, 0.0, before.stretch)
         force = tools.stiffness * tools.stretch + tools.damping * change / dt_s
         self.flow.input_j -= float(np.sum(force * hand_motion))
+        self.flow.released_j += 0.5 * float(np.sum(tools.stiffness * np.where(came, before.stretch, 0.0) ** 2))
         self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
         self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
 
@@ -148,15 +156,17 @@ class EnergyBook:
 
     def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
         duct = self.simulation.duct
-        basis, kick = duct.reduced.basis, dt_s * duct.contact_impulse
-        jumped, rate = before.modal.qdot + kick, duct.rate()
+        basis, kick = duct.reduced.basis, dt_s * (duct.contact_impulse + duct.modal_kick)
+        jumped, rate = before.modal.qdot + duct.given_back + kick, duct.rate()
         mean_rate = 0.5 * (jumped + duct.state.qdot)
         damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio
         self.flow.duct_j += dt_s * float(np.sum(damping * mean_rate**2))
         change = duct.state.q - before.modal.q
         # The impulse acts at the start of the step; the rows below count its force over the whole of it.
         kicked = jumped**2 - before.duct_rate**2 + rate**2 - duct.state.qdot**2
-        self.flow.impact_j += float(duct.contact_impulse @ change - 0.5 * np.sum(kicked))
+        kicked_j = float(duct.modal_kick @ change)
+        self.flow.impact_j += float(duct.contact_impulse @ change - 0.5 * np.sum(kicked)) + kicked_j
+        self.flow.numerical_j += before.kicks_j - _kick_energy_j(self.simulation) - kicked_j
         self._enter_residual(before)
 
     def _enter_residual(self, before: _Snapshot) -> None:
@@ -170,6 +180,9 @@ class EnergyBook:
     def _enter_contacts(self, before: _Snapshot, dt_s: float) -> None:
         """Work of the contact forces on the relative motion, friction and normal apart; anchors store some of it."""
         system = self.simulation.system
+        taken_j, gone_j = enter_grips(self.simulation, before.grips)
+        self.flow.numerical_j += taken_j
+        self.flow.released_j += gone_j
         rows, own = system.rows, {*self.simulation.holds.rows, *self.simulation.seal.rows}
         self.flow.friction_j -= _anchor_energy_j(self.simulation) - before.anchors_j
         for row in range(rows.n_contacts):
@@ -187,6 +200,7 @@ class EnergyBook:
 class _Snapshot:
     """What the books need of the state before a step."""
 
+    present: BoolArray
     hand: FloatArray
     stretch: FloatArray
     rod: RodState
@@ -195,11 +209,14 @@ class _Snapshot:
     duct_rate: FloatArray
     loads: FloatArray
     anchors_j: float
+    kicks_j: float
+    grips: Grips
 
     @classmethod
     def of(cls, simulation: Simulation, rod_energy: RodEnergy) -> _Snapshot:
         rod, tools = simulation.catheter.state, simulation.tools
         return cls(
+            tools.present.copy(),
             tools.hand.copy(),
             tools.stretch.copy(),
             rod.copy(),
@@ -208,6 +225,8 @@ class _Snapshot:
             simulation.duct.rate(),
             nodal_loads(simulation),
             _anchor_energy_j(simulation),
+            _kick_energy_j(simulation),
+            stored_in_grips(simulation),
         )
 
 
@@ -223,7 +242,7 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
         "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
         "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
-        "grips": _grip_energy_j(simulation),
+        "grips": stored_in_grips(simulation).total_j,
         "anchors": _anchor_energy_j(simulation),
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
@@ -234,9 +253,9 @@ def _dissipated_by_effects_j(simulation: Simulation) -> float:
     return sum(effect.dissipated_j for effect in simulation.effects.values())
 
 
-def _grip_energy_j(simulation: Simulation) -> float:
-    rows, held = simulation.system.rows, [*simulation.holds.rows, *simulation.seal.rows]
-    return 0.5 * float(np.sum(rows.softness_m_n[held] * rows.force_n[held] ** 2))
+def _kick_energy_j(simulation: Simulation) -> float:
+    """Energy that the kicks of the wall are the gradient of."""
+    return sum(effect.potential_energy_j(simulation.world) for effect in simulation.effects.values() if effect.kicks)
 
 
 def _anchor_energy_j(simulation: Simulation) -> float:

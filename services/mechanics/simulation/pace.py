@@ -16,10 +16,12 @@ from services.mechanics.world import World
 N_NODES = 32
 # At most; a power of two, so that few lengths of a step have to be prepared.
 MOST_PARTS = 64
+# No longer step is taken: contacts act by impulses at its start, which swing the wall by half of what they hold.
+LONGEST_STEP_S = 1e-3
 
 
 class Pace:
-    """Splits steps in which something moves further than contacts are seen ahead.
+    """Splits ticks that are long, and steps in which something moves further than contacts are seen ahead.
 
     What moves at hand speeds is no reason to: at a tick of 1 ms it begins at half a metre a second or more.
     """
@@ -50,6 +52,14 @@ class Pace:
         while parts < MOST_PARTS and moved_m > parts * self._most_m:
             parts *= 2
         return parts
+
+
+def steps_of(tick_s: float) -> int:
+    """Return in how many steps a tick is taken, a power of two: one up to a millisecond."""
+    steps = 1
+    while tick_s > steps * LONGEST_STEP_S * (1.0 + 1e-9):
+        steps *= 2
+    return steps
 
 
 @kernel

@@ -14,6 +14,7 @@ from services.mechanics.bodies.forceps import Grasp, JawState
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.manifold import ContactManifold
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
@@ -24,9 +25,10 @@ from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from services.mechanics.simulation.healing import Healer
-from services.mechanics.simulation.pace import Pace
+from services.mechanics.simulation.pace import Pace, steps_of
 from services.mechanics.simulation.scene_world import build_world
 
+LONGEST_TICK_S = 1.0
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
 
@@ -93,17 +95,28 @@ class Simulation:
         pairs : ContactPairs, optional
             Candidate pairs of the tools, as the haptics process found them; None finds them here.
         dt_s : float
-            Length of the tick.
+            Length of the tick, at most `LONGEST_TICK_S`. Longer than a millisecond, it is taken in parts.
 
         Raises
         ------
         ValueError
-            ``dt_s`` is not positive and finite; nothing has moved.
+            ``dt_s`` is not positive and finite, or too long; nothing has moved.
         """
         if not 0.0 < dt_s < math.inf:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
+        if dt_s > LONGEST_TICK_S:
+            raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
         self._mark_ns = perf_counter_ns()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
+        steps = steps_of(dt_s)
+        for _ in range(steps):
+            if not self._step_in_parts(tools, pairs, dt_s / steps):
+                self._heal(dt_s)
+                return
+            pairs = None
+
+    def _step_in_parts(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> bool:
+        """Advance by a step, or up to the first part of it that ends in a state that is not sound: then False."""
         parts = self._pace.parts(tools, dt_s)
         for part in range(parts):
             self.duct.change_step(dt_s / parts)
@@ -113,8 +126,8 @@ class Simulation:
             if self.watcher is not None:
                 self.watcher.end(dt_s / parts)
             if not self._healer.watch():
-                self._heal(dt_s)
-                return
+                return False
+        return True
 
     def _step(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:
         """Advance everything by a step that nothing crosses unseen."""
@@ -185,7 +198,7 @@ class Simulation:
 
     @property
     def refused_inputs(self) -> int:
-        """Tools and holds since the start whose numbers mean nothing; each was absent for the step that it came in."""
+        """Tools and holds since the start whose numbers mean nothing, counted in every step; they were not followed."""
         return self.tools.refused + self.holds.refused
 
     @property
@@ -226,6 +239,7 @@ class Simulation:
     def _add_loads(self, dt_s: float) -> None:
         self.catheter.external_force_n[:] = 0.0
         self.duct.modal_force[:] = self.duct.constant_modal_force
+        self.duct.modal_kick[:] = 0.0
         for effect in self._stages["add_loads"]:
             effect.add_loads(self.world, dt_s)
 
@@ -236,6 +250,7 @@ class Simulation:
     def _collect(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:
         """Find pairs and turn them, and the holds, into contact rows."""
         system = self.system
+        system.let_go_of_tools()
         system.clear()
         self.seal.append_row()
         self.search.start(self.duct)
@@ -243,6 +258,8 @@ class Simulation:
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)
+        if self.tools.have_come:
+            engage_tools(pairs.address, system.geometry.address)
         self._manifold.append_to(pairs, self.search, system.geometry)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
         catheter_pairs = self.world.pairs
@@ -257,10 +274,10 @@ class Simulation:
         self.holds.append_rows()
 
     def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
-        """Run the grasps of both tools; an absent tool holds nothing."""
+        """Run the grasps of both tools; one that is absent, or waits, holds nothing."""
         held: list[GraspHold] = []
         for tool, grasp in enumerate(self.grasps):
-            if self.tools.present[tool]:
+            if self.tools.present[tool] and not self.tools.waiting[tool]:
                 jaws = JawState(float(self.tools.proxy[tool, 3]), float(tools.jaw_angle_rad[tool]))
                 held += grasp.update(pairs, jaws)
             else:

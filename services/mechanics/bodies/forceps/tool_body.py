@@ -15,6 +15,8 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
+# For so long a tool stays where it was when its numbers mean nothing: as long as a model of the force at a hand lives.
+LONGEST_UNSOUND_S = 20e-3
 # Openings and rolls beyond this are numbers, but no hand's.
 MOST_TURNED_RAD = 1e3
 
@@ -27,6 +29,9 @@ class ToolArrays(Struct):
     stiffness: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # of the couplings
     damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
+    was_here: Annotated[BoolArray, N_TOOLS]
+    waiting: Annotated[BoolArray, N_TOOLS]
+    unsound_s: Annotated[FloatArray, N_TOOLS]  # for how long the numbers of each tool have meant nothing
     roll: Annotated[FloatArray, N_TOOLS]
     start: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # scratch: the hand at the start of the step
     hand: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
@@ -41,6 +46,8 @@ class ToolArrays(Struct):
     segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
     refused: int = 0
     behind: int = 0  # tools that were not where their hands are at the end of the last step
+    left: int = 0  # tools that were there in the step before
+    came: int = 0  # tools that are there and wait
 
 
 tools_at = reader(ToolArrays)
@@ -74,7 +81,9 @@ class ToolBody:
     compliance : (2, 4) float64
         Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N m)).
     present : (2,) bool
-        Tools that are there and whose input a shaft can have; the others touch nothing.
+        Tools that are there; the others touch nothing.
+    waiting : (2,) bool
+        Tools that have come back, and touch nothing until nothing is where they are; see `contact.engagement`.
     """
 
     def __init__(self, forceps: tuple[ForcepsScene, ...]) -> None:
@@ -89,7 +98,7 @@ class ToolBody:
         a.jaw_length[:] = [f.jaw_length_m for f in forceps]
         a.stiffness[:] = [[f.coupling_stiffness_n_m] * 3 + [f.jaw_stiffness_nm_rad] for f in forceps]
         a.damping[:] = [[f.coupling_damping_n_s_m] * 3 + [f.jaw_damping_nm_s_rad] for f in forceps]
-        self.port_m, self.present, self.roll_rad = a.port, a.present, a.roll
+        self.port_m, self.present, self.waiting, self.roll_rad = a.port, a.present, a.waiting, a.roll
         self.stiffness, self.damping, self.compliance = a.stiffness, a.damping, a.compliance
         self.hand, self.stretch, self.proxy, self.free, self.motion = a.hand, a.stretch, a.proxy, a.free, a.motion
         self.jaw_stop_rad = a.jaw_stop
@@ -105,12 +114,22 @@ class ToolBody:
         """Whether a tool is not where its hand is asked to be, because that is too far for a step."""
         return self._arrays.behind > 0
 
+    @property
+    def have_left(self) -> bool:
+        """Whether a tool was there in the step before and is no more."""
+        return self._arrays.left > 0
+
+    @property
+    def have_come(self) -> bool:
+        """Whether a tool is there that waits."""
+        return self._arrays.came > 0
+
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and find where the proxies go without contact; poses stay those of the start.
 
         A hand that is further away than a hand can come in a step is followed at `FASTEST_HAND_M_S`. A tool that
         appears starts with its proxy at the hand. Jaws that hold something do not close further. A tool whose input is
-        refused is absent for the step, and stays where it was.
+        refused stays where it was, and is absent when that has gone on for `LONGEST_UNSOUND_S`.
         """
         hands = (inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad)
         predict_proxies(self.address, inputs.present, hands, dt_s)
@@ -135,26 +154,34 @@ def predict_proxies(
     """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`."""
     tools = tools_at(address)
     position, opening, roll = hands
-    tools.behind = 0
+    tools.behind = tools.left = tools.came = 0
     for tool in range(present.shape[0]):
         is_there = present[tool]
         if _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool]):
             _move_hand(tools, tool, (position[tool], opening[tool], roll[tool]), is_there, dt_s)
+            tools.unsound_s[tool] = 0.0
         elif is_there:
             tools.refused += 1
-            is_there = False
+            tools.unsound_s[tool] += dt_s
+            is_there = tools.present[tool] and tools.unsound_s[tool] < LONGEST_UNSOUND_S
         if is_there and not tools.present[tool]:
             for axis in range(tools.hand.shape[1]):
                 tools.stretch[tool, axis] = 0.0
                 tools.proxy[tool, axis] = tools.hand[tool, axis]
+            tools.waiting[tool] = tools.was_here[tool]
+            tools.was_here[tool] = True
+        tools.left += tools.present[tool] and not is_there
+        tools.came += is_there and tools.waiting[tool]
         tools.present[tool] = is_there
         for axis in range(tools.hand.shape[1]):
             rate = tools.damping[tool, axis] / dt_s
             tools.compliance[tool, axis] = 1.0 / (tools.stiffness[tool, axis] + rate)
             spring_back = tools.compliance[tool, axis] * rate * tools.stretch[tool, axis]
             tools.free[tool, axis] = tools.hand[tool, axis] + spring_back
-        if tools.free[tool, 3] < tools.jaw_stop[tool]:
-            tools.free[tool, 3] = tools.jaw_stop[tool]
+        # Jaws that have closed a little more in the tick of the grasp are not opened by what they hold.
+        stop = min(tools.jaw_stop[tool], tools.proxy[tool, 3])
+        if tools.free[tool, 3] < stop:
+            tools.free[tool, 3] = stop
             tools.compliance[tool, 3] = 0.0
         for axis in range(tools.hand.shape[1]):
             tools.motion[tool, axis] = tools.free[tool, axis] - tools.proxy[tool, axis]

@@ -69,7 +69,8 @@ class CubicForce:
 
         With a linear step that is exact or Newmark's this is a symplectic splitting: without damping the energy
         is bounded, not drifting, while the tangent stiffness of the whole stays below (2 / dt)^2. The
-        acceleration follows by the damping force; ``damping_1_s`` (r,) is 2 omega zeta, ``scratch`` (3, r).
+        acceleration follows by the damping force; ``damping_1_s`` (r,) is 2 omega zeta, ``scratch`` (3, r),
+        of which the first row keeps the gradient of the energy that the impulse is of.
         """
         impulse = scratch[0]
         impulse[:] = 0.0

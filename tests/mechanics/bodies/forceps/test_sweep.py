@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
-from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.bodies.forceps.tool_body import LONGEST_UNSOUND_S, ToolBody
 from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import ToolInputs
 
@@ -73,6 +73,7 @@ def test_a_junction_that_no_shaft_reaches_is_refused(spoil):
     assert np.linalg.norm(inputs.position_m[0] - tools.port_m[0]) > LONGEST_SHAFT_M
     tools.predict(inputs, 1e-3)
     assert tools.refused == 1
+    tools.predict(inputs, 1.1 * LONGEST_UNSOUND_S)
     assert list(tools.present) == [False, True]
 
 
