@@ -46,7 +46,7 @@ class ImplicitIntegrator:
         supports: Supports | None = None,
         *,
         spectral_radius: float = SPECTRAL_RADIUS,
-        max_iterations: int = 4,
+        max_iterations: int = 8,
     ) -> None:
         if not 0.0 <= spectral_radius <= 1.0:
             raise ValueError(f"spectral_radius is {spectral_radius}; the step is stable from 0 to 1")
