@@ -216,8 +216,9 @@ class DuctBody:
     def change_step(self, dt_s: float) -> None:
         """Prepare for a step of this length, if it is another than the last one's.
 
-        With a lasting force f of contacts and kicks the rates swing from -f dt / 2 at the end of a step to +f dt / 2 after the
-        impulse at the start of the next one. What of that belongs to the old length is motion that nobody has put in.
+        With a lasting force f of contacts and kicks the rates swing from -f dt / 2 at the end of a step to +f dt / 2
+        after the impulse at the start of the next one. What of that belongs to the old length is motion that nobody has
+        put in.
         """
         if dt_s == self.dt_s:
             return

@@ -32,4 +32,3 @@ def _is_inside(pairs: ContactPairs, tools: ToolGeometry, tool: int) -> bool:
         if pairs.tool[index] == tool and not is_held and pairs.gap_m[index] < -CLEAR_M:
             return True
     return False
-

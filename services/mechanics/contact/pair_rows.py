@@ -28,7 +28,8 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
     """Append pairs to ``rows`` as unilateral contacts.
 
     Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws do
-    not collide with what they hold: the hold stands for both of them. Pairs of a tool that is gone, or waits, are left out.
+    not collide with what they hold: the hold stands for both of them. Pairs of a tool that is gone, or waits, are left
+    out.
     """
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]

@@ -140,11 +140,11 @@ def test_same_inputs_give_the_same_bits(with_effects, small_duct):
 @pytest.mark.parametrize("pull_m", [2e-3, -2e-3])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_held_point_of_the_wall_comes_along_to_where_the_jaws_are(small_scene, small_duct, axis, pull_m):
-    """To what the grip gives way, in every direction: its row has no gap, though it is that of a wall that has moved."""
+    """To what the grip gives way, in every direction: its row has no gap, though its wall has moved."""
     simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
     triangle = 200
     rest = small_duct.mesh.vertices_m[small_duct.mesh.triangles[triangle]].mean(axis=0)
-    tools.position_m[0], tools.present[1] = rest + [0.0, 0.0, 8e-3], False
+    tools.position_m[0], tools.present[1] = np.add(rest, (0.0, 0.0, 8e-3)), False
     tools.holds = [GraspHold(1, 0, 0, triangle, np.full(3, 1.0 / 3.0), 2.0, 0.3)]
     start = tools.position_m[0].copy()
     for k in range(300):
