@@ -196,6 +196,9 @@ def stability(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Other seeds, other members of the families.")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0.0, help="After so long begin no more cases, and tell of those that have run.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder that keeps results as they come; a run that was ended goes on there.")
     ] = None,
@@ -205,7 +208,7 @@ def stability(
     """Run the hard cases: nothing blows up, nothing stays wrong, nothing lies quietly."""
     from services.cli.stability import Request, run_stability
 
-    run_stability(Request(long, tuple(families or ()), seed, jobs, out, report, json))
+    run_stability(Request(long, tuple(families or ()), seed, jobs, minutes, out, report, json))
 
 
 @app.command()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 from dataclasses import asdict, dataclass
@@ -28,6 +29,7 @@ class Request:
     families: tuple[str, ...]
     seed: int
     jobs: int | None
+    minutes: float | None
     out: Path | None
     report: Path | None
     json: bool
@@ -54,7 +56,7 @@ def run_stability(request: Request) -> None:
             log = Log(request.out or Path(scratch), order, code)
         except ValueError as error:
             raise ConfigError(f"--out {error}") from None
-        results = _run(order, request.jobs or os.cpu_count() or 1, log)
+        results = _run(order, request.jobs or os.cpu_count() or 1, log, 60.0 * (request.minutes or math.inf))
     if request.report is not None:
         request.report.write_text(page(order, results, code))
     if request.json:
@@ -66,7 +68,7 @@ def run_stability(request: Request) -> None:
         raise UserError(f"{failed} of {len(results)} hard cases failed")
 
 
-def _run(order: Order, jobs: int, log: Log) -> list[Result]:
+def _run(order: Order, jobs: int, log: Log, longest_s: float) -> list[Result]:
     columns = (
         BarColumn(),
         MofNCompleteColumn(),
@@ -83,7 +85,7 @@ def _run(order: Order, jobs: int, log: Log) -> list[Result]:
             failed += bool(result.failed)
             progress.update(task, completed=count, total=total, description=f"{failed} failed, {result.family}")
 
-        return run_suite(order, jobs, log, tell)
+        return run_suite(order, jobs, log, tell, longest_s)
 
 
 def _print(order: Order, results: list[Result]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from services.studies.stability.criteria import CRITERIA, load_of
 from services.studies.stability.families import FAMILIES
-from services.studies.stability.suite import Order, Result
+from services.studies.stability.suite import Order, Result, list_cases
 
 PACKAGES = "numpy", "scipy", "numba"
 
@@ -73,8 +73,10 @@ def page(order: Order, results: Sequence[Result], code: str) -> str:
 def _head(order: Order, results: Sequence[Result], failed: int, code: str) -> list[str]:
     steps, seconds = sum(result.steps for result in results), sum(result.seconds for result in results)
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    every = len(list_cases(order))
+    count = f"{len(results)} cases" if len(results) == every else f"{len(results)} of {every} cases run"
     return [
-        f"- **{len(results)} cases, {failed} failed**; {steps:,} steps, {seconds / 60:.0f} minutes of processor time",
+        f"- **{count}, {failed} failed**; {steps:,} steps, {seconds / 60:.0f} minutes of processor time",
         f"- code {code}, seed {order.seed}, {datetime.now(UTC):%Y-%m-%d}",
         f"- {_machine()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, {packages}",
     ]

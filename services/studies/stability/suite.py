@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -18,6 +19,8 @@ from services.studies.stability.family import Case, Draw, Reach
 
 AGAIN_EVERY = 10
 """One case in so many is run a second time, after another one."""
+LAST = "undamped", "random_play"
+"""Families whose cases are long: they come when all others have run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +76,11 @@ def run_cases(order: Order, cases: Iterable[tuple[str, str]], jobs: int) -> Iter
         yield from (run_case(order, *case) for case in cases)
         return
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        for done in as_completed([pool.submit(run_case, order, *case) for case in cases]):
-            yield done.result()
+        try:
+            for done in as_completed([pool.submit(run_case, order, *case) for case in cases]):
+                yield done.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 class Log:
@@ -103,15 +109,24 @@ class Log:
             file.write(json.dumps(asdict(result)) + "\n")
 
 
-def run_suite(order: Order, jobs: int, log: Log, tell: Callable[[Result, int, int], None]) -> list[Result]:
-    """Run what the log lacks, tell of each as it comes, and return all results in the order of the table."""
+def run_suite(
+    order: Order, jobs: int, log: Log, tell: Callable[[Result, int, int], None], longest_s: float = math.inf
+) -> list[Result]:
+    """Run what the log lacks, tell of each as it comes, and return all results in the order of the table.
+
+    After ``longest_s`` no case is begun.
+    """
+    start = perf_counter()
     every = list_cases(order)
     known = {(result.family, result.case) for result in log.results}
     wanted = [case for case in every if case not in known]
     random.Random(order.seed).shuffle(wanted)  # what is there after a while speaks for all
+    wanted.sort(key=lambda case: case[0] in LAST)
     for count, result in enumerate(run_cases(order, wanted, jobs), len(every) - len(wanted) + 1):
         log.keep(result)
         tell(result, count, len(every))
+        if perf_counter() - start > longest_s:
+            break
     place = {case: k for k, case in enumerate(every)}
     mine = [result for result in log.results if (result.family, result.case) in place]
     return sorted(mine, key=lambda result: place[result.family, result.case])

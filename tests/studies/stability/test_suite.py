@@ -38,6 +38,12 @@ def test_what_the_log_has_is_not_run_again(tmp_path):
     assert again == first
 
 
+def test_no_case_is_begun_when_time_is_up_and_the_next_run_goes_on(tmp_path):
+    log = Log(tmp_path, THEORY, "code")
+    assert len(run_suite(THEORY, 1, log, lambda *_: None, 0.0)) == 1
+    assert len(run_suite(THEORY, 1, log, lambda *_: None)) == len(list_cases(THEORY))
+
+
 def test_a_log_of_another_order_is_refused(tmp_path):
     Log(tmp_path, THEORY, "code")
     with pytest.raises(ValueError, match="holds the results of"):
@@ -50,6 +56,6 @@ def test_the_page_names_what_failed_and_the_worst_of_each_criterion():
         Result("theory", "bad", {"theory": 1.0, "rest": float("inf")}, 10, 0.1),
     ]
     written = page(THEORY, results, "abc")
-    assert "2 cases, 1 failed" in written
+    assert "2 of 4 cases run, 1 failed" in written
     assert "| theory | bad | rest never; theory 1 |" in written
     assert "| rest | 2 s | never | theory: bad | 2 | 1 |" in written
