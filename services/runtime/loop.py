@@ -62,6 +62,13 @@ class LoopMeter:
         self._started_ns = 0
         self._alive_ns = 0
 
+    def change_rate(self, rate_hz: float) -> None:
+        """Go on at another rate: from the next tick, that is the period which its work must keep."""
+        if rate_hz != self.rate_hz:
+            self.rate_hz = rate_hz
+            self.period_ns = round(1e9 / rate_hz)
+            self._stall_ns = STALL_PERIODS * self.period_ns
+
     def start(self, scheduled_ns: int, now_ns: int) -> None:
         """Count the start of a tick that was due at `scheduled_ns`."""
         self.lateness.record(now_ns - scheduled_ns)

@@ -120,6 +120,9 @@ class LoopContract(Settings):
 
     rate_hz: Annotated[float, Field(gt=0)]
     miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be lost")
+    follows_readers: bool = Field(
+        False, description="whether fewer ticks are due while whoever it works for asks for fewer: a picture"
+    )
     stop_miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(
         0.5, description="beyond it and on the lowest quality the loop is restarted, then the rig stopped; 1: never"
     )

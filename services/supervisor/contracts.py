@@ -63,18 +63,19 @@ class _Loss:
         return self.lost / self.due if self.due > 0 else 0.0
 
 
-def _loss(window: Window, seconds: float, rate_hz: float) -> _Loss | None:
+def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | None:
     figures = window.figures(seconds)
     if figures is None or figures.loop is None or figures.seconds <= 0:
         return None
-    due = rate_hz * figures.seconds
+    asked_hz = figures.loop.target_hz if contract.follows_readers else contract.rate_hz
+    due = min(contract.rate_hz, asked_hz) * figures.seconds
     # One tick is what a count over a window can be off by.
     return _Loss(max(figures.loop.misses, due - figures.loop.ticks - 1.0), due, figures.seconds)
 
 
 def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | None:
     spans = (_BREAKDOWN_S, _BREAKDOWN_STILL_S, BUDGET_S, STILL_S)
-    burst, still, minute, lately = (_loss(window, seconds, contract.rate_hz) for seconds in spans)
+    burst, still, minute, lately = (_loss(window, seconds, contract) for seconds in spans)
     if burst is None or still is None or minute is None or lately is None:
         return None
     limit = min(BREAKDOWN_RATE * contract.miss_ratio, contract.stop_miss_ratio)

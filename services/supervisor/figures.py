@@ -237,8 +237,12 @@ def of(health: bodies.Health, *, stages: bool = False) -> Figures:
     return Figures(health.uptime_s, loop, paths, topics, costs)
 
 
+def _rate(figures: Figures) -> float | None:
+    return None if figures.loop is None else figures.loop.target_hz
+
+
 class Window:
-    """The counts of one process over the last `seconds_max`, forgotten when it is restarted.
+    """The counts of one process over the last `seconds_max`, forgotten when it is restarted, or runs at another rate.
 
     Reports of the last seconds are kept as they came, older ones a second apart: what is asked of a minute needs no
     more, and every report holds some ten histograms.
@@ -252,12 +256,14 @@ class Window:
 
     def add(self, pid: int, figures: Figures) -> Figures:
         """Take the cumulative `figures` of a report; return what was counted since the last one."""
-        restarted = pid != self._pid or bool(self._fine and figures.seconds < self._fine[-1].seconds)
-        if restarted:
-            self._pid = pid
+        last = self._fine[-1] if self._fine else None
+        if last is not None and (pid != self._pid or figures.seconds < last.seconds):
+            last = None
+        if last is None or _rate(figures) != _rate(last):
             self._fine.clear()
             self._coarse.clear()
-        since = figures - self._fine[-1] if self._fine else figures
+        self._pid = pid
+        since = figures - last if last is not None else figures
         self._fine.append(figures)
         self._thin(figures.seconds)
         return since

@@ -22,7 +22,10 @@ PICTURE_DEADLINE_NS = 33_333_333
 
 
 def run(process: Process) -> None:
-    """Compose, show, report; serve or pump window events while waiting for the next picture."""
+    """Compose, show, report; serve or pump window events while waiting for the next picture.
+
+    No more pictures are composed than whoever looks can take: what a slow browser leaves out costs nobody anything.
+    """
     settings = process.rig.visualization
     health = process.health
     painted = health.path("device_pixel", PICTURE_DEADLINE_NS)
@@ -49,6 +52,7 @@ def run(process: Process) -> None:
             meter.stages_ns = (composed_ns - started_ns, time.monotonic_ns() - composed_ns)
             health.gauges.update(output.gauges())
             health.gauges["duct_frames_refused"] = float(composer.refused)
+            meter.change_rate(min(settings.rate_hz, output.wanted_hz() or settings.rate_hz))
             health.send_if_due()
     finally:
         output.close()

@@ -35,14 +35,26 @@ class Feed:
     in_flight: int = IN_FLIGHT
     origins: dict[int, int] = field(default_factory=dict)
     superseded: int = 0
+    wanted_hz: float | None = None
+    due_ns: int = 0
     wake: asyncio.Event = field(default_factory=asyncio.Event)
 
     def offer(self, message: Message) -> None:
-        """Put `message` in the slot; what still was there is lost."""
+        """Put `message` in the slot; what still was there is lost. What comes more often than is wanted is left out."""
+        if self.wanted_hz is not None and message.epoch == self.epoch:
+            now_ns, period_ns = time.monotonic_ns(), round(1e9 / self.wanted_hz)
+            if now_ns < self.due_ns - period_ns // 8:  # pictures have a grid of their own: a little early is on time
+                return
+            self.due_ns = (now_ns if now_ns - self.due_ns > period_ns else self.due_ns) + period_ns
         if self.newest is not None:
             self.superseded += 1
         self.newest = message
         self.wake.set()
+
+    def want(self, hz: float | None) -> None:
+        """Take how many pictures a second the client can take; None: all."""
+        self.wanted_hz = hz
+        self.due_ns = 0
 
     def tell(self, notice: str) -> None:
         """Put a text message beside the slot; only the newest is kept."""
@@ -104,6 +116,12 @@ class Feeds:
 
     def __len__(self) -> int:
         return len(self.open)
+
+    def wanted_hz(self) -> float | None:
+        """Return how many pictures a second the fastest client wants; None: all there are, or there is no client."""
+        wanted = [feed.wanted_hz for feed in self.open]
+        known = [hz for hz in wanted if hz is not None]
+        return max(known) if known and len(known) == len(wanted) else None
 
     def add(self) -> Feed:
         """Return the feed of a new client."""

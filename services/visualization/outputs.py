@@ -31,6 +31,10 @@ class Output(Protocol):
         """Do what must be done between pictures; return at `deadline_ns`."""
         ...
 
+    def wanted_hz(self) -> float | None:
+        """Return how many pictures a second whoever looks can take; None: all."""
+        ...
+
     def gauges(self) -> dict[str, float]:
         """Return figures for the health report."""
         ...
@@ -54,6 +58,10 @@ class NoOutput:
     def wait_until(self, deadline_ns: int) -> None:
         """Sleep."""
         sleep_until(deadline_ns)
+
+    def wanted_hz(self) -> float | None:
+        """Return nothing: all."""
+        return None
 
     def gauges(self) -> dict[str, float]:
         """Return nothing."""
@@ -105,6 +113,10 @@ class WebOutput:
     def wait_until(self, deadline_ns: int) -> None:
         """Serve."""
         self._server.run_until(deadline_ns)
+
+    def wanted_hz(self) -> float | None:
+        """Return what the fastest browser can take."""
+        return self._feeds.wanted_hz()
 
     def gauges(self) -> dict[str, float]:
         """Return where the view is served, clients and bytes of a frame."""

@@ -9,8 +9,10 @@ import socket
 import struct
 import time
 from collections.abc import AsyncIterator
+from typing import Annotated
 from urllib.parse import urlsplit
 
+import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -26,10 +28,18 @@ from services.visualization.feed import Feed, Feeds
 from services.visualization.hands import Hands
 
 MAX_CLIENTS = 16
+#: What a client may ask for at least: a picture that stands still is told from one that is slow.
+MIN_HZ = 1.0
 _ECHO = struct.Struct("<Q")
 _MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
 _BUSY = 1013  # WebSocket close code: try again later
 _BOUNDARY = "frame"
+
+
+class Wish(msgspec.Struct, tag="want", tag_field="type", frozen=True):
+    """What a client can take: ``{"type": "want", "pictures_hz": 15}``; null: every picture."""
+
+    pictures_hz: Annotated[float, msgspec.Meta(ge=MIN_HZ, le=1000)] | None
 
 
 class ViewServer:
@@ -149,7 +159,7 @@ async def _send(socket_: WebSocket, feed: Feed) -> None:
 
 
 async def _listen(socket_: WebSocket, feed: Feed) -> None:
-    """Take acknowledgements until the client goes; anything else that it says is ignored."""
+    """Take acknowledgements and wishes until the client goes; anything else that it says is ignored."""
     while True:
         message = await socket_.receive()
         if message["type"] == "websocket.disconnect":
@@ -157,6 +167,10 @@ async def _listen(socket_: WebSocket, feed: Feed) -> None:
         data = message.get("bytes")
         if data is not None and len(data) == _ECHO.size:
             feed.acknowledge(_ECHO.unpack(data)[0])
+        text = message.get("text")
+        if text is not None:
+            with contextlib.suppress(msgspec.DecodeError):
+                feed.want(msgspec.json.decode(text, type=Wish).pictures_hz)
 
 
 async def _multipart(camera: CameraFeed) -> AsyncIterator[bytes]:

@@ -78,6 +78,10 @@ class WindowOutput:
         self._loop.run_until_complete(asyncio.sleep(max(0.0, spare_ns * 1e-9)))
         sleep_until(deadline_ns)
 
+    def wanted_hz(self) -> float | None:
+        """Return nothing: all."""
+        return None
+
     def gauges(self) -> dict[str, float]:
         """Return whether the window is open, and how many pictures it has drawn."""
         return {"window_open": float(self._open), "window_pictures": float(self._painted)}

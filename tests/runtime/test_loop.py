@@ -198,3 +198,15 @@ def test_only_the_newest_stalls_travel(clock: Clock) -> None:
     for k in range(20):
         meter.start(clock.now, clock.now + k * 50_000_000)
     assert [stall.index for stall in meter.body().stalls] == list(range(12, 20))
+
+
+def test_a_loop_goes_on_at_another_rate_from_the_next_tick(clock: Clock) -> None:
+    meter, stop = LoopMeter(1000.0), after(6)
+    began = []
+    for tick in ticks(meter, lambda: next(stop)):
+        began.append(tick.started_ns)
+        if tick.index == 2:
+            meter.change_rate(500.0)
+    assert [b - a for a, b in itertools.pairwise(began)] == [1_000_000] * 2 + [2_000_000] * 3
+    assert meter.body().rate_hz == 500.0
+    assert meter.misses == 0

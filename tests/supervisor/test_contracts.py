@@ -165,3 +165,24 @@ def test_worst_first_with_the_newest_figures() -> None:
     standing.update(0.0, [_breach("a", 2.0), _breach("b", 3.0)])
     found = standing.update(0.1, [_breach("a", 9.0)])
     assert [breach.text for breach in found] == ["a 9.0", "b 3.0"]
+
+
+def test_a_loop_that_follows_its_readers_owes_what_they_ask_for_and_no_other_loop_does() -> None:
+    """36 pictures a second for 20 s, then 15, then 36 again: nothing is lost on the way, unless it is lost."""
+    for follows in (True, False):
+        contract = {"rate_hz": 30, "miss_ratio": 0.01, "follows_readers": follows}
+        contracts = Contracts.model_validate({"loops": {"visualization": contract}})
+        window, seconds, ticks, misses = figures.Window(60.0), 0.0, 0.0, 0
+        found: dict[str, list[Breach]] = {}
+        for phase, rate_hz, late in (("all", 36, 0), ("few", 15, 0), ("all again", 36, 0), ("few, late", 15, 1)):
+            for _ in range(200):
+                seconds += 0.1
+                ticks += rate_hz / 10
+                misses += late
+                loop = loop_report(int(ticks), misses, rate_hz=rate_hz)
+                window.add(7, figures.of(health("visualization", uptime_s=seconds, loop=loop)))
+                found.setdefault(phase, []).extend(judge({"visualization": window}, contracts))
+        assert found["all"] == []
+        assert (found["few"] == []) == follows
+        assert found["all again"] == []
+        assert found["few, late"]

@@ -148,3 +148,19 @@ def test_traffic_of_all_readers_adds_up() -> None:
     assert both.age is not None
     assert both.age.total == 2
     assert (both - a).refused == {"flood": 1, "body": 3}
+
+
+def test_another_rate_begins_a_window_anew_and_loses_no_counts() -> None:
+    """Runs add up what `add` returns: what was counted between the last report and the change is in it, once."""
+    window, together = figures.Window(60.0), figures.Figures(0.0)
+    for k in range(40):
+        loop = loop_report(100 * (k + 1), rate_hz=36.0 if k < 20 else 15.0)
+        together += window.add(7, figures.of(health("visualization", uptime_s=k / 10, loop=loop)))
+        if k == 20:
+            assert window.figures(60.0) is None
+    assert together.loop is not None
+    assert together.loop.ticks == 4000
+    seen = window.figures(60.0)
+    assert seen is not None
+    assert seen.loop is not None
+    assert (seen.loop.ticks, seen.loop.target_hz) == (1900, 15.0)

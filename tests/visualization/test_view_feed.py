@@ -5,6 +5,9 @@ import functools
 import time
 from collections.abc import Awaitable, Callable
 
+import pytest
+
+import services.visualization.feed as feed_module
 from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
 from services.visualization.feed import IN_FLIGHT, Feed, Feeds, Message
@@ -118,3 +121,63 @@ async def test_a_new_client_is_told_the_state_of_the_rig_at_once_and_only_change
     assert await taken(feed) is None
     feeds.tell("degraded")
     assert await taken(feed) == ["degraded"]
+
+
+@on_a_loop
+async def test_a_client_gets_as_many_pictures_as_it_wants_whatever_is_made():
+    for made_hz, wanted_hz, got_hz in ((200, 20, 20), (200, 150, 150), (50, 100, 50), (200, None, 200), (36, 15, 15)):
+        feed, sent = Feed(a_path()), 0
+        await taken(feed)
+        feed.epoch = 1
+        feed.want(wanted_hz)
+        clock = Clock()
+        with clock:
+            for sequence in range(made_hz):  # a second
+                clock.now_ns += round(1e9 / made_hz)
+                feed.offer(message(sequence))
+                parts = feed._take()
+                sent += len(parts)
+                if parts:
+                    feed.acknowledge(sequence)
+        assert abs(sent - got_hz) <= 1, (made_hz, wanted_hz, sent)
+
+
+class Clock:
+    """The feed's clock, which moves when it is told to."""
+
+    now_ns = 10**12
+
+    def __enter__(self):
+        self.patch = pytest.MonkeyPatch()
+        self.patch.setattr(feed_module.time, "monotonic_ns", lambda: self.now_ns)
+        return self
+
+    def __exit__(self, *_):
+        self.patch.undo()
+
+
+@on_a_loop
+async def test_a_new_layout_is_sent_at_once_whatever_is_wanted():
+    feed = Feed(a_path())
+    feed.epoch = 1
+    feed.want(1.0)
+    feed.offer(message(1))
+    assert await taken(feed) == [b"frame 1"]
+    feed.offer(message(2))
+    assert await taken(feed) is None
+    feed.offer(message(3, epoch=2))
+    assert await taken(feed) == ["hello 2", b"frame 3"]
+
+
+def test_the_fastest_client_says_how_many_are_made():
+    feeds = Feeds(a_path())
+    assert feeds.wanted_hz() is None
+    slow, fast = feeds.add(), feeds.add()
+    slow.want(10.0)
+    assert feeds.wanted_hz() is None  # one that says nothing takes all
+    fast.want(20.0)
+    assert feeds.wanted_hz() == 20.0
+    feeds.remove(fast)
+    assert feeds.wanted_hz() == 10.0
+    slow.want(None)
+    assert feeds.wanted_hz() is None

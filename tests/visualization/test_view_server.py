@@ -7,7 +7,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import httpx
 import pytest
@@ -48,6 +48,7 @@ class Show:
         self.published: list[bodies.Hands] = []
         self.hands = nobodys_hands(self.published, "left")
         self.port, self.shown, self.clients = 0, 0, 0.0
+        self.wanted_hz: float | None = None
         self._thread = threading.Thread(target=self._run)
 
     def __enter__(self) -> "Show":
@@ -71,6 +72,7 @@ class Show:
             output.show(self.layout, picture, '{"type": "rig"}')
             output.wait_until(time.monotonic_ns() + PERIOD_NS)
             self.clients = output.gauges()["clients"]
+            self.wanted_hz = output.wanted_hz()
             self.ready.set()
         output.close()
 
@@ -201,3 +203,43 @@ def test_hands_reach_the_rig_with_the_token_and_one_that_speaks_bytes_is_let_go(
         assert "token" in caught.value.rcvd.reason
     with pytest.raises((ConnectionClosed, InvalidStatus)), show.connect("hands", origin="http://evil.example") as page:
         page.recv(timeout=5)
+
+
+def test_a_client_that_asks_for_fewer_pictures_is_sent_fewer_and_the_process_is_told(show: Show):
+    with show.connect() as client:
+        frame_of(client, show)
+        client.send('{"type": "want", "pictures_hz": 20}')
+        eventually(lambda: show.wanted_hz == 20.0)
+        began, first = time.monotonic(), show.shown
+        got = 0
+        while time.monotonic() - began < 2.0:
+            client.send(struct.pack("<Q", frame_of(client, show).sequence))
+            got += 1
+        made = show.shown - first
+        assert got <= 44
+        assert got < 0.7 * made
+        client.send('{"type": "want", "pictures_hz": null}')
+        eventually(lambda: show.wanted_hz is None)
+    eventually(lambda: show.clients == 0)
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    ["", "{", "[]", '{"type": "want"}', '{"type": "want", "pictures_hz": 0}', '{"type": "want", "pictures_hz": -1}',
+     '{"type": "want", "pictures_hz": "15"}', '{"type": "want", "pictures_hz": 1e999}',
+     '{"type": "other", "pictures_hz": 15}', "9" * 900],
+)  # fmt: skip
+def test_a_wish_that_makes_no_sense_is_ignored(show: Show, nonsense: str):
+    with show.connect() as client:
+        frame_of(client, show)
+        client.send(nonsense)
+        for _ in range(3):
+            client.send(struct.pack("<Q", frame_of(client, show).sequence))
+        assert show.wanted_hz is None
+
+
+def eventually(condition: Callable[[], bool], seconds: float = 5.0) -> None:
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until, "it did not happen"
+        time.sleep(0.01)

@@ -7,6 +7,7 @@ import { element, Rows, text } from "./rows.js";
 import { Budget, Events, Floor, Processes, Realtime, Stages, Threads, Topics } from "./tables.js";
 
 const $ = (id) => document.getElementById(id);
+const SPARING_MS = 900;
 const KEPT = 600; // messages: two minutes
 const MACHINE = "machine, core ";
 const FIRST_PATH = "device_force";
@@ -41,7 +42,10 @@ class Tabs {
 }
 
 export class Dashboard {
-  constructor() {
+  // `sparing()`: whether curves are drawn once a second and not with every message.
+  constructor({ sparing = () => false } = {}) {
+    this.sparing = sparing;
+    this.drawnAt = -Infinity;
     this.history = [];
     this.heat = new HeatMap($("heat"));
     this.paths = new Tabs($("path-tabs"), () => this.drawPath());
@@ -78,18 +82,20 @@ export class Dashboard {
     this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state), floor: state.floor ?? [] });
     if (this.history.length > KEPT) this.history.shift();
     this.state = state;
+    this.heat.add(state.heat, Object.fromEntries(loopsOf(state).map(({ name, loop }) => [name, 1e6 / loop.target_hz])));
     if (document.visibilityState === "hidden") return;
     this.showRig(state);
+    if (document.body.classList.contains("alone") || (this.sparing() && performance.now() - this.drawnAt < SPARING_MS)) return;
+    this.drawnAt = performance.now();
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);
     this.floor.update(state.floor ?? [], state.processes ?? []);
     text($("flight"), state.flight ? `last flight: ${state.flight} (trocar latency)` : "");
     this.events.update(state.events ?? []);
     this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);
+    this.loops.update(Object.keys(state.heat ?? {}), "gateway");
     this.drawPath();
     this.drawMisses();
-    this.heat.add(state.heat, Object.fromEntries(loopsOf(state).map(({ name, loop }) => [name, 1e6 / loop.target_hz])));
-    this.loops.update(Object.keys(state.heat ?? {}), "gateway");
     this.heat.show(this.loops.chosen);
   }
 

@@ -16,22 +16,19 @@ export function drawsInSoftware() {
 }
 
 export class Stage {
-  // `plain`: for a computer without a graphics processor.
-  constructor(canvas, plain) {
-    this.plain = plain;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !plain, powerPreference: "high-performance" });
+  // `step`: how finely, see governor.js; `software`: without a graphics processor, where edges are not smoothed.
+  constructor(canvas, step, software) {
+    this.plain = step.plain;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, powerPreference: "high-performance" });
     this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
     this.renderer.toneMappingExposure = 1.05;
-    this.renderer.shadowMap.enabled = !plain;
+    this.renderer.shadowMap.enabled = step.shadows;
     this.renderer.shadowMap.type = THREE.PCFShadowMap;
-    this.pixelRatio = plain ? 0.75 : Math.min(devicePixelRatio, 2);
+    this.pixelRatio = step.ratio;
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color("#0a0505");
     this.scene.fog = new THREE.Fog("#0a0505", 110, 380);
-    const pmrem = new THREE.PMREMGenerator(this.renderer);
-    this.scene.environment = pmrem.fromScene(new RoomEnvironment(), 0.04).texture;
-    this.scene.environmentIntensity = 0.32;
-    pmrem.dispose();
+    if (!step.plain) this.reflect();
     this.camera = new THREE.PerspectiveCamera(50, 1, 1, 1500);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
@@ -46,6 +43,14 @@ export class Stage {
     this.showForces = true;
   }
 
+  // The room that wet tissue mirrors. Plain materials mirror nothing, and making it takes a processor seconds.
+  reflect() {
+    const pmrem = new THREE.PMREMGenerator(this.renderer);
+    this.scene.environment = pmrem.fromScene(new RoomEnvironment(), 0.04).texture;
+    this.scene.environmentIntensity = 0.32;
+    pmrem.dispose();
+  }
+
   // A lens with its light beside it, and a weaker second light that throws the shadows.
   light() {
     this.lamp = new THREE.SpotLight("#fff4e6", 2.6, 0, 0.75, 0.8, 0);
@@ -54,7 +59,7 @@ export class Stage {
     this.camera.add(this.lamp, this.lamp.target);
     this.scene.add(this.camera, new THREE.HemisphereLight("#ffe9dc", "#3a0d0a", 0.35));
     this.sun = new THREE.DirectionalLight("#ffe8d6", 0.9);
-    this.sun.castShadow = true;
+    this.sun.castShadow = this.renderer.shadowMap.enabled;
     this.sun.shadow.mapSize.set(1024, 1024);
     this.sun.shadow.radius = 5;
     this.sun.shadow.bias = -0.0006;
@@ -143,16 +148,15 @@ export class Stage {
     this.height = height;
   }
 
-  // For a computer that cannot keep up: first plain materials, then fewer pixels.
-  coarsen() {
-    if (!this.plain) {
-      this.plain = true;
-      this.renderer.shadowMap.enabled = this.sun.castShadow = false;
-      this.setLayout(this.layout);
-      return;
-    }
-    this.pixelRatio = Math.max(0.5, this.pixelRatio * 0.75);
-    this.renderer.setPixelRatio(this.pixelRatio);
+  // Draw more or less finely from now on.
+  setStep({ ratio, plain, shadows }) {
+    this.pixelRatio = ratio;
+    this.renderer.setPixelRatio(ratio);
+    if (plain === this.plain && shadows === this.renderer.shadowMap.enabled) return;
+    this.plain = plain;
+    this.renderer.shadowMap.enabled = this.sun.castShadow = shadows;
+    if (!plain && !this.scene.environment) this.reflect();
+    if (this.layout) this.setLayout(this.layout);
   }
 
   // Millimetres of one pixel of the page at the point looked at.
@@ -200,8 +204,18 @@ export class Stage {
     return { right: right.toArray(), away: away.toArray() };
   }
 
+  // Whether the camera has moved since it was asked last.
+  moved() {
+    return this.controls.update();
+  }
+
+  // Wait until everything is drawn: what was ordered is otherwise drawn while the page goes on.
+  finish() {
+    const gl = this.renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  }
+
   draw() {
-    this.controls.update();
     const distance = this.camera.position.distanceTo(this.controls.target);
     [this.scene.fog.near, this.scene.fog.far] = [distance + 20, 2.6 * distance + 120];
     this.renderer.render(this.scene, this.camera);

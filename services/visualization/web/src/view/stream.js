@@ -12,7 +12,9 @@ export class ViewStream {
     this.layout = null;
     this.newest = null;
     this.attempts = 0;
+    this.came = 0;
     this.seen = false;
+    this.wanted = null;
     this.afterPaint = new MessageChannel();
     this.afterPaint.port1.onmessage = ({ data }) => this.echo(data);
     this.connect();
@@ -24,6 +26,7 @@ export class ViewStream {
     socket.onopen = () => {
       this.attempts = 0;
       this.seen = true;
+      this.want(this.wanted);
       this.handlers.onLink(null);
     };
     socket.onmessage = ({ data }) => (typeof data === "string" ? this.text(JSON.parse(data)) : this.frame(data));
@@ -44,7 +47,22 @@ export class ViewStream {
 
   frame(buffer) {
     const frame = this.layout && decodeFrame(buffer, this.layout);
-    if (frame) this.newest = frame;
+    if (!frame) return;
+    this.newest = frame;
+    this.came++;
+  }
+
+  // Frames that came since it was asked last.
+  countCame() {
+    const came = this.came;
+    this.came = 0;
+    return came;
+  }
+
+  // How many pictures a second this page can take; null: all.
+  want(hz) {
+    this.wanted = hz;
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "want", pictures_hz: hz }));
   }
 
   take() {

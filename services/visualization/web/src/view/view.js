@@ -1,12 +1,14 @@
 // The view: stream, stage, and the figures drawn over them.
 
 import { force } from "../dashboard/format.js";
+import { Governor, ladder } from "./governor.js";
 import { drawsInSoftware, Stage } from "./stage.js";
 import { ViewStream } from "./stream.js";
 
 const FORCE_FULL_N = 3;
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
-const SLOW_HZ = 24;
+const LOOK_MS = 1000;
+const TIMED_EVERY = 10; // of so many pictures one is waited for, to know what it took
 
 const $ = (id) => document.getElementById(id);
 
@@ -18,10 +20,14 @@ export class View {
   constructor() {
     this.canvas = $("scene");
     this.frames = 0;
-    this.drawn = 0;
+    this.drawnAt = 0;
+    this.changed = true;
+    this.costs = [];
     this.since = performance.now();
+    this.software = drawsInSoftware();
+    this.governor = new Governor(ladder(this.software, devicePixelRatio), this.software);
     try {
-      this.stage = new Stage(this.canvas, drawsInSoftware());
+      this.stage = new Stage(this.canvas, this.governor.step, this.software);
     } catch (error) {
       this.say(`This browser cannot draw in 3-D (${error.message}). The dashboard works all the same.`);
       return;
@@ -30,6 +36,8 @@ export class View {
     this.resize();
     this.bindButtons();
     this.say("Waiting for the view…");
+    this.showStep();
+    document.addEventListener("visibilitychange", () => this.beginAnew());
     requestAnimationFrame(() => this.animate());
   }
 
@@ -40,6 +48,7 @@ export class View {
       onRig: (rig) => this.setRig(rig),
       onLink: (text) => this.say(text ?? ""),
     });
+    this.stream.want(this.governor.step.hz);
   }
 
   say(text) {
@@ -49,6 +58,7 @@ export class View {
 
   setLayout(layout) {
     this.stage.setLayout(layout);
+    this.beginAnew(); // making it was work of another kind
     $("view").classList.add("ready");
     $("tools").replaceChildren(...layout.tools.map((tool) => toolRow(tool.name)));
     this.rows = [...$("tools").children].map((row) => ({
@@ -71,28 +81,48 @@ export class View {
       this.stage.mirrored = on;
     });
     toggle($("vignette"), (on) => $("view").classList.toggle("scope", on));
-    toggle($("forces"), (on) => (this.stage.showForces = on));
+    toggle($("forces"), (on) => {
+      this.stage.showForces = on;
+      this.changed = true;
+    });
   }
 
   resize() {
     const { clientWidth: width, clientHeight: height } = $("view");
     if (width && height) this.stage.resize(width, height);
+    this.changed = true;
   }
 
+  // Draws what is new: a picture of the rig, or another look at it. A still picture costs nothing.
   animate() {
     requestAnimationFrame(() => this.animate());
-    const frame = this.stream?.take();
+    const now = performance.now(), frame = this.stream?.take();
     if (frame) {
       this.stage.update(frame, colourOfForce);
       this.stream.painted(frame);
       this.frames++;
       this.last = frame;
     }
-    if (this.stage.layout) this.stage.draw();
-    this.drawn++;
-    const now = performance.now();
-    if (now - this.since >= 500) this.figures(now);
+    this.changed = this.stage.moved() || this.changed || Boolean(frame);
+    if (this.stage.layout && this.changed && (frame || this.isTimeToDraw(now))) this.draw(now);
+    if (now - this.since >= LOOK_MS) this.look(now);
     if (frame) this.showForcesOf(frame);
+  }
+
+  isTimeToDraw(now) {
+    const { hz } = this.governor.step;
+    return !hz || now - this.drawnAt >= 1000 / hz;
+  }
+
+  draw(now) {
+    const timed = this.frames % TIMED_EVERY === 1;
+    this.stage.draw();
+    if (timed) {
+      this.stage.finish();
+      this.costs.push(performance.now() - now);
+    }
+    this.drawnAt = now;
+    this.changed = false;
   }
 
   showForcesOf(frame) {
@@ -105,16 +135,34 @@ export class View {
     });
   }
 
-  figures(now) {
-    const seconds = (now - this.since) / 1000;
-    const hz = this.frames / seconds;
-    $("picture-hz").textContent = this.last ? `${hz.toFixed(0)} Hz` : "–";
+  // Once a second: figures, and whether to draw more or less finely.
+  look(now) {
+    const seconds = (now - this.since) / 1000, painted = this.frames / seconds;
+    $("picture-hz").textContent = this.last ? `${painted.toFixed(0)} Hz` : "–";
     $("inserted").textContent = this.last ? `${this.last.inserted_mm.toFixed(1)} mm` : "–";
     $("tick").textContent = this.last ? `${(this.last.tick / 1000).toFixed(1)} s` : "–";
-    if (document.visibilityState === "visible" && this.last && this.drawn / seconds < SLOW_HZ) this.stage.coarsen();
+    const offered = (this.stream?.countCame() ?? 0) / seconds;
+    const cost = this.costs.length ? this.costs.sort((a, b) => a - b)[this.costs.length >> 1] : null;
+    Object.assign(this.canvas.dataset, { hz: painted.toFixed(1), cost: cost?.toFixed(1) ?? "", step: this.governor.at });
+    if (document.visibilityState === "visible" && this.last && offered > 0 && this.governor.look({ now: now / 1000, cost, offered, painted })) {
+      this.stage.setStep(this.governor.step);
+      this.stream.want(this.governor.step.hz);
+      this.showStep();
+      this.changed = true;
+    }
     this.scaleBar();
-    this.frames = this.drawn = 0;
-    this.since = now;
+    this.beginAnew();
+  }
+
+  beginAnew() {
+    this.frames = 0;
+    this.costs = [];
+    this.stream?.countCame();
+    this.since = performance.now();
+  }
+
+  showStep() {
+    $("drawn-how").textContent = this.governor.words(this.software);
   }
 
   scaleBar() {

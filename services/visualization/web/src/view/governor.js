@@ -1,0 +1,99 @@
+// Whoever draws pays: how finely this computer draws, so that it holds its pictures a second. Pure: no page, no clock.
+
+// From the finest to the coarsest: pixels of a picture per pixel of the page, materials, shadows, pictures asked for a second
+// (none: all that the rig makes). With a graphics processor, materials and pixels go first.
+const HARDWARE = [
+  { ratio: 2, plain: false, shadows: true }, { ratio: 1, plain: false, shadows: true }, { ratio: 1, plain: false },
+  { ratio: 1, plain: true }, { ratio: 0.75, plain: true }, { ratio: 0.5, plain: true }, { ratio: 0.5, plain: true, hz: 20 },
+  { ratio: 0.35, plain: true, hz: 15 },
+];
+// On the processor every pixel and every picture is taken from somebody, who may be a loop of the rig on the same core.
+const SOFTWARE = [
+  { ratio: 1, plain: true, hz: 20 }, { ratio: 0.75, plain: true, hz: 20 }, { ratio: 0.75, plain: true, hz: 15 },
+  { ratio: 0.5, plain: true, hz: 15 }, { ratio: 0.35, plain: true, hz: 15 }, { ratio: 0.35, plain: true, hz: 12 },
+  { ratio: 0.25, plain: true, hz: 12 }, { ratio: 0.25, plain: true, hz: 10 },
+];
+const HARDWARE_HZ = 30; // to be held where all pictures are asked for
+const SHARE = { hardware: 0.7, software: 0.4 }; // of the time between pictures that drawing one may take
+const HELD = 0.85; // of the pictures that came or were asked for
+const SLOW_LOOKS = 2; // one slow look is chance
+const ROOM = 0.7; // of the share, as it would be one step finer
+const PATIENCE_S = 6, PATIENCE_MOST_S = 120, TRIAL_S = 20;
+
+export function ladder(software, devicePixelRatio) {
+  const steps = (software ? SOFTWARE : HARDWARE).map((step) => ({ shadows: false, hz: null, ...step, ratio: Math.min(step.ratio, devicePixelRatio) }));
+  return steps.filter((step, i) => i === 0 || JSON.stringify(step) !== JSON.stringify(steps[i - 1]));
+}
+
+function weight({ ratio, plain, shadows }) {
+  return ratio * ratio * (plain ? 1 : 3) * (shadows ? 1.5 : 1);
+}
+
+export class Governor {
+  constructor(steps, software) {
+    this.steps = steps;
+    this.share = software ? SHARE.software : SHARE.hardware;
+    this.at = software ? Math.min(3, steps.length - 1) : 0;
+    this.slow = 0;
+    this.calmSince = null;
+    this.raised = -Infinity;
+    this.patience = PATIENCE_S;
+  }
+
+  get step() {
+    return this.steps[this.at];
+  }
+
+  target(step = this.step) {
+    return step.hz ?? HARDWARE_HZ;
+  }
+
+  budget(step = this.step) {
+    return (this.share * 1000) / this.target(step);
+  }
+
+  // What was seen lately: `now` in s, milliseconds of drawing one picture (null: not known), pictures a second that came and that
+  // were painted. Returns whether the step has changed.
+  look({ now, cost, offered, painted }) {
+    this.calmSince ??= now;
+    if (painted < HELD * Math.min(this.target(), offered) || cost > this.budget()) {
+      this.calmSince = now;
+      return ++this.slow >= SLOW_LOOKS && this.coarser(now);
+    }
+    this.slow = 0;
+    return this.mayTryFiner(now, cost) && this.finer(now);
+  }
+
+  mayTryFiner(now, cost) {
+    if (this.at === 0 || cost === null || now - this.calmSince < this.patience) return false;
+    const finer = this.steps[this.at - 1];
+    return cost * (weight(finer) / weight(this.step)) < ROOM * this.budget(finer);
+  }
+
+  coarser(now) {
+    this.slow = 0;
+    if (this.at === this.steps.length - 1) return false;
+    // A step that was tried and not held is not tried again soon: what flickers is worse than what is coarse.
+    this.patience = now - this.raised < TRIAL_S ? Math.min(2 * this.patience, PATIENCE_MOST_S) : PATIENCE_S;
+    this.at++;
+    return true;
+  }
+
+  finer(now) {
+    this.raised = this.calmSince = now;
+    this.at--;
+    return true;
+  }
+
+  // The small print; nothing while everything is drawn as it is meant to be.
+  words(software) {
+    const { ratio, plain, shadows, hz } = this.step, parts = [];
+    if (this.at === 0 && !software) return "";
+    if (ratio < 1) parts.push(`${Math.round(100 * ratio)} % of the resolution`);
+    if (plain) parts.push("plain materials");
+    else if (!shadows) parts.push("no shadows");
+    if (hz) parts.push(`${hz} pictures a second asked for`);
+    const why = software ? "This browser draws on the processor" : "This computer draws slowly";
+    return parts.length ? `${why}: ${parts.join(", ")}.` : "";
+  }
+}
