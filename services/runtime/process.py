@@ -164,8 +164,8 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
 
 
 def listen_as(name: str, rig: Rig) -> ZmqBus:
-    """Return a bus that hears what the table gives a process to read and says nothing: for a helper of that process."""
-    return ZmqBus(rig.transport, reads=read_by(name))
+    """Return a bus that hears what the table gives a process to read, and its health; it says nothing: a helper's."""
+    return ZmqBus(rig.transport, reads=(*read_by(name), f"{name}.health"))
 
 
 def _stop_on_signals(process: Process) -> None:

@@ -30,6 +30,8 @@ _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 #: A supervisor that has said nothing for so long does not run: what is shown is old.
 SILENT_S = 2.0
 _OPENING_S = 10.0
+#: Whose page this is: no member of the crew, but its turns are measured as everybody's.
+OURS = "supervisor"
 _encoder = msgspec.json.Encoder()
 
 
@@ -44,9 +46,11 @@ class Knowledge:
 
     def hear(self, bus: Bus) -> None:
         """Take the newest report of every process."""
-        for member in self.notes.members if self.notes is not None else ():
-            heard = self.heard.setdefault(member.name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
-            frame = bus.latest(f"{member.name}.health")
+        if self.notes is None:
+            return
+        for name in (*(member.name for member in self.notes.members), OURS):
+            heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
+            frame = bus.latest(f"{name}.health")
             if frame is not None:
                 heard.take(frame.body)
 
@@ -66,6 +70,7 @@ class Knowledge:
             return RigSource(RigState.OFF, 0, False, ())
         heard = {name: one.health for name, one in self.heard.items()}
         processes = [Source(m.name, m.up, m.restarts, heard.get(m.name)) for m in self.notes.members]
+        processes.append(Source(OURS, time.monotonic() - self.notes.said_s < SILENT_S, 0, heard.get(OURS)))
         return RigSource(
             state=RigState(self.notes.state),
             quality_level=self.notes.quality_level,
@@ -107,7 +112,7 @@ def _run(knowledge: Knowledge, opening: Opening, link: Link, sock: socket.socket
         view_port=knowledge.view_port,
         token=opening.token,
     )
-    bus = listen_as("supervisor", knowledge.rig)
+    bus = listen_as(OURS, knowledge.rig)
     try:
         asyncio.run(_serve(context, knowledge, bus, link, sock))
     finally:

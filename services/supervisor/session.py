@@ -14,6 +14,7 @@ from pathlib import Path
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
 from services.runtime.flight import remove_rings
+from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
@@ -27,6 +28,7 @@ from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
 _TURN_S = 0.02
+STAGES = ("judge", "report", "page")
 
 
 class StartError(UserError):
@@ -101,10 +103,11 @@ def run_session(process: Process, session: SessionOptions) -> None:
     threads = BusThreads()
     supervisor.crew.has_heard_all = threads.are_idle
     with closing(threads), _page(sock, supervisor, process.scene_name) as page:
-        process.ready(starts_others=True)
+        meter = LoopMeter(1.0 / _TURN_S, STAGES)
+        process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:
-            _watch(process, supervisor, page, session)
+            _watch(process, supervisor, page, session, meter)
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
@@ -127,15 +130,25 @@ def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractCo
     return Page(sock, supervisor, scene, log_directory(supervisor.rig) / "page.log")
 
 
-def _watch(process: Process, supervisor: Supervisor, page: Page | None, session: SessionOptions) -> None:
+def _watch(
+    process: Process, supervisor: Supervisor, page: Page | None, session: SessionOptions, meter: LoopMeter
+) -> None:
+    due_ns = time.monotonic_ns()
     while not process.stop() and supervisor.crew.fatal is None and not supervisor.crew.ended_by_person:
-        now_s = time.monotonic()
-        supervisor.step(now_s)
+        began_ns = time.monotonic_ns()
+        meter.start(min(due_ns, began_ns), began_ns)  # the end of a process wakes it before its time
+        supervisor.step(began_ns * 1e-9)
+        judged_ns = time.monotonic_ns()
         process.health.send_if_due()
+        sent_ns = time.monotonic_ns()
         if page is not None:
-            page.turn(now_s)
-        if session.on_turn(supervisor, now_s):
+            page.turn(began_ns * 1e-9)
+        ended_ns = time.monotonic_ns()
+        meter.stages_ns = (judged_ns - began_ns, sent_ns - judged_ns, ended_ns - sent_ns)
+        meter.finish(ended_ns)
+        if session.on_turn(supervisor, began_ns * 1e-9):
             return
+        due_ns = time.monotonic_ns() + meter.period_ns
         supervisor.crew.wait(_TURN_S)
 
 
