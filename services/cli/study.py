@@ -21,6 +21,7 @@ from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
 from services.studies.accuracy.log import Log
 from services.studies.accuracy.page import write_page
+from services.studies.accuracy.report import write_report
 from services.studies.accuracy.run import Tell, fill_costs, fill_errors, floors, table
 from services.studies.accuracy.study import Draw, Row, Size, load_study, study_names
 from services.studies.accuracy.table import frontier_rows, write_table
@@ -59,6 +60,8 @@ def run_study(request: Request) -> None:
         An unknown study, a folder with results of something else, or a scheduler that does not answer.
     """
     names = _chosen(request.names)
+    if request.report is not None and not request.report.absolute().parent.is_dir():
+        raise ConfigError(f"--report {request.report}: there is no folder {request.report.absolute().parent}")
     draw, code = Draw(request.size, request.seed), code_version(Path(__file__).parents[2])
     try:
         log = Log(request.out, draw, code)
@@ -74,6 +77,8 @@ def run_study(request: Request) -> None:
     rows = table(names, draw, log)
     facts = Facts.collect(request.command, code, draw, floors(names, log))
     write_results(rows, names, facts, request.out)
+    if request.report is not None:
+        write_report(rows, names, facts, request.out, request.report)
     if request.json:
         print(json.dumps({"folder": str(request.out), **facts.as_data()}, default=str))
     else:

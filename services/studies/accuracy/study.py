@@ -99,6 +99,13 @@ class Study(Protocol):
         """Return what costs time, a millisecond of the scene, ready to be called; None where nothing is timed."""
 
 
+class Reads(Protocol):
+    """What a study may have besides: what its numbers mean."""
+
+    def findings(self, rows: Sequence[Row]) -> list[str]:
+        """Return sentences for the page of the documentation, made from the rows."""
+
+
 class DrawsItself(Protocol):
     """What a study may have besides: a figure of its own."""
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import SceneModel
 from services.studies.accuracy import insertions
-from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+from services.studies.accuracy.report import costs_us, number, values
+from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "Particles of the catheter"
 WHAT = "Segments of the insertion's catheter, 100 mm long. All are compared with the same insertion on 200 segments."
@@ -42,3 +43,17 @@ def _chosen(setting: Setting) -> SceneModel:
 def _scene(n_segments: int) -> SceneModel:
     scene = insertion_scene()
     return replace(scene, catheter=replace(scene.catheter, n_segments=n_segments))
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say what a coarser catheter costs in accuracy and saves in time."""
+    force, cost = values(rows, insertions.FORCE), costs_us(rows)
+    lines = [f"Force over the insertion: {', '.join(f'{number(error)} % at {name}' for name, error in force.items())}."]
+    lost = [name for name, error in force.items() if error > 100.0]
+    if lost:
+        lines.append(f"Too coarse to be inserted by these hands: {', '.join(lost)}.")
+    names = [name for name in force if name not in lost]
+    if names and names[0] in cost:
+        saved = cost[names[-1]] - cost[names[0]]
+        lines.append(f"{names[0]} instead of {names[-1]} save {saved:.0f} us of {cost[names[-1]]:.0f} a tick.")
+    return lines

@@ -13,7 +13,8 @@ from services.mechanics.effects import EFFECTS
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import SceneModel
 from services.studies.accuracy import insertions
-from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+from services.studies.accuracy.report import costs_us, number, values
+from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 from services.studies.insertion_steps import Inserted, insert, rms
 
 TITLE = "What each effect costs and changes"
@@ -91,3 +92,19 @@ def _listed(changed: str) -> str:
 
 def _word(name: str) -> str:
     return f"without {name}" if name in insertion_scene().effects else f"with {name}"
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say what each effect costs and changes, and which change nothing here."""
+    cost, noise = costs_us(rows), {row.setting: row.cost.noise_us for row in rows if row.cost is not None}
+    by_quantity = {quantity: values(rows, quantity) for quantity in (FORCE, DEPTH, WALL)}
+    singles = dict.fromkeys(row.setting for row in rows if row.series == "one effect")
+    lines = []
+    for name in singles:
+        force, depth, wall = (by_quantity[quantity][name] for quantity in (FORCE, DEPTH, WALL))
+        change = f"force {number(force)} mN, depth {number(depth)} mm, wall {number(wall)} mm"
+        told = "changes nothing in this scene" if force == depth == wall == 0.0 else change
+        if name in cost:
+            told += f"; {cost[name] - cost[UNCHANGED]:+.0f} us a tick (noise {noise[name]:.0f})"
+        lines.append(f"{name}: {told}.")
+    return lines

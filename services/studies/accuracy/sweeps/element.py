@@ -12,7 +12,8 @@ from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS,
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import DuctScene, SceneModel
 from services.studies.accuracy import insertions, pinches
-from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+from services.studies.accuracy.report import number, values
+from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 from services.studies.accuracy.sweeps.mesh import frequency_error, full_figures
 
 TITLE = "Triangles of the wall"
@@ -72,3 +73,14 @@ def _chosen(setting: Setting) -> SceneModel:
         n_modes=_N_MODES,
     )
     return replace(insertion_scene(), duct=duct)
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say which triangles are better on the same mesh."""
+    lines = []
+    for quantity in (pinches.FORCE, pinches.FREQUENCY):
+        error = values(rows, quantity)
+        finest = {row.series: error[row.setting] for row in rows if row.quantity == quantity}
+        told = ", ".join(f"{series} {number(value)} %" for series, value in finest.items())
+        lines.append(f"{quantity.capitalize()} on the finest of these meshes: {told}.")
+    return lines

@@ -11,7 +11,8 @@ from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
 from services.mechanics.rod import ImplicitIntegrator, RodState, SemiImplicitIntegrator, clamped
 from services.mechanics.scenarios import insertion_scene
 from services.studies.accuracy import pinches
-from services.studies.accuracy.study import Choice, Draw, Error, Reference, Setting, Tick
+from services.studies.accuracy.report import costs_us, number, values
+from services.studies.accuracy.study import Choice, Draw, Error, Reference, Row, Setting, Tick
 from services.studies.full_model import rayleigh_damping_ratio
 from services.studies.rod_dynamics import CATHETER_DAMPING_S, bent_by_tip_load, released_tip
 from services.studies.rod_problems import X, example_rod
@@ -132,3 +133,15 @@ def _duct_tick(dt_s: float, per_tick: int, *, is_exact: bool) -> Tick:
             integrator.predict(state, force, dt_s)
 
     return step
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say what each integrator comes to."""
+    lines, cost = [], costs_us(rows)
+    for quantity, unit in ((RELEASED, "mm"), (pinches.MOTION, "%")):
+        told = [
+            f"{number(error)} {unit} by {name}" + (f" in {number(cost[name])} us" if name in cost else "")
+            for name, error in values(rows, quantity).items()
+        ]
+        lines.append(f"{quantity.capitalize()}: {'; '.join(told)}.")
+    return lines

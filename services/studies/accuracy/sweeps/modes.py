@@ -11,7 +11,8 @@ import numpy as np
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import DuctScene, SceneModel
 from services.studies.accuracy import insertions, pinches
-from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+from services.studies.accuracy.report import costs_us, number, values
+from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "Modes, with the residual compliance and without"
 WHAT = (
@@ -77,3 +78,29 @@ def _chosen(setting: Setting, draw: Draw) -> SceneModel:
     residual: Literal["full", "none"] = "none" if setting.choices["duct.residual"] == "none" else "full"
     n_modes = int(setting.choices["duct.n_modes"])
     return replace(_scene(draw), duct=replace(_duct(draw), n_modes=n_modes, residual=residual))
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say what the residual buys."""
+    cost = costs_us(rows)
+    few, many = _ends([row.setting for row in rows if row.series == "residual"])
+    bare_few, bare_many = _ends([row.setting for row in rows if row.series == "bare"])
+    lines = []
+    for quantity in (pinches.FORCE, pinches.MOTION, insertions.FORCE):
+        error = values(rows, quantity)
+        lines.append(
+            f"{quantity.capitalize()}: without the residual {number(error[bare_few])} % wrong at {bare_few}, and still "
+            f"{number(error[bare_many])} % at {bare_many}; with it {number(error[few])} % at {few} and "
+            f"{number(error[many])} % at {many}."
+        )
+    if few in cost:
+        lines.append(
+            f"The residual costs {cost[many] - cost[bare_many]:+.0f} us a tick at the same number of modes; going from "
+            f"{few} to {many} costs {cost[many] - cost[few]:+.0f} us. So modes are not what a tick is paid for: the "
+            "residual is what a person feels, the number of modes is what motion needs."
+        )
+    return lines
+
+
+def _ends(names: Sequence[str]) -> tuple[str, str]:
+    return names[0], names[-1]

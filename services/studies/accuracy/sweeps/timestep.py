@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from services.mechanics.scenarios import insertion_scene
 from services.studies.accuracy import insertions
-from services.studies.accuracy.study import Draw, Error, Reference, Setting, Tick
+from services.studies.accuracy.report import costs_us, number, values
+from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "Length of the step"
 WHAT = (
@@ -35,3 +36,16 @@ def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Erro
 def tick(setting: Setting, draw: Draw) -> Tick:
     """A millisecond of the insertion."""
     return insertions.insertion_tick(insertion_scene(), draw, float(setting.choices["dt_s"]))
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say what shorter steps buy and cost."""
+    force, cost = values(rows, insertions.FORCE), costs_us(rows)
+    lines = [f"Force over the insertion: {', '.join(f'{number(error)} % at {name}' for name, error in force.items())}."]
+    names = list(force)
+    if names[0] in cost:
+        times = cost[names[-1]] / cost[names[0]]
+        lines.append(
+            f"A millisecond in steps of {names[-1]} takes {times:.1f} times as long as in steps of {names[0]}."
+        )
+    return lines

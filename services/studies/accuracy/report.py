@@ -1,0 +1,128 @@
+"""A run as a page of the documentation: figures, tables, and what they mean in words."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.frontier import frontier
+from services.studies.accuracy.study import Row, load_study
+
+BUDGET_US = 500.0
+"""Of a millisecond: what a tick may take when a core is shared with other loops and sometimes interrupted."""
+SLOWER = 2.0
+
+
+def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figures: Path, path: Path) -> None:
+    """Write the page to ``path``, and beside it, in a folder of its name, the figures that lie in ``figures``."""
+    folder = path.with_suffix("")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        shutil.copyfile(figures / f"{name}.svg", folder / f"{name}.svg")
+    lines = [
+        "# What accuracy costs in time",
+        "",
+        f"Made by `{facts.command}`; not to be edited by hand. The same run also makes one page on which every point",
+        "can be chosen, and the whole table as CSV.",
+        "",
+        *(f"- {line}" for line in facts.lines()),
+        "",
+        "A cost is that of a millisecond of the scene: median, 99 %, and as noise half the range of the medians of",
+        "eight interleaved repeats. An error is against the reference that each section names. In bold is what is on",
+        "the frontier: no other setting of its study beats it in both.",
+        "",
+    ]
+    for name in names:
+        lines += _study(name, [row for row in rows if row.study == name], folder.name)
+    lines += slower_machine(rows, names)
+    path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+
+
+def _study(name: str, rows: Sequence[Row], folder: str) -> list[str]:
+    study = load_study(name)
+    findings = getattr(study, "findings", None)
+    told = [f"- {line}" for line in findings(rows)] if findings else []
+    return [
+        f"## {study.TITLE}",
+        "",
+        study.WHAT,
+        "",
+        *told,
+        *([""] if told else []),
+        f"![{study.TITLE}]({folder}/{name}.svg)",
+        "",
+        *table(rows),
+        "",
+    ]
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """Return all settings as a table, one column a quantity; what is on a frontier is set in bold."""
+    quantities = list(dict.fromkeys(row.quantity for row in rows))
+    units = {row.quantity: row.unit for row in rows}
+    best = {id(row) for quantity in quantities for row in frontier([r for r in rows if r.quantity == quantity])}
+    lines = [
+        f"| setting | {' | '.join(f'{q} [{units[q]}]' for q in quantities)} | us | 99 % | noise |",
+        "| --- |" + " --- |" * (len(quantities) + 3),
+    ]
+    for setting in dict.fromkeys(row.setting for row in rows):
+        mine = {row.quantity: row for row in rows if row.setting == setting}
+        cells = [shown(mine[q], is_bold=id(mine[q]) in best) if q in mine else "" for q in quantities]
+        cost = next(iter(mine.values())).cost
+        costs = [f"{cost.median_us:.0f}", f"{cost.p99_us:.0f}", f"{cost.noise_us:.0f}"] if cost else [""] * 3
+        lines.append(f"| {setting} | {' | '.join([*cells, *costs])} |")
+    return lines
+
+
+def shown(row: Row, *, is_bold: bool = False) -> str:
+    """Return an error with three digits."""
+    told = number(row.error)
+    return f"**{told}**" if is_bold else told
+
+
+def number(value: float) -> str:
+    """Return a value with three digits, without an exponent where that can be."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.3g}" if 1e-4 <= abs(value) < 1e5 or value == 0.0 else f"{value:.1e}"
+
+
+def slower_machine(rows: Sequence[Row], names: Sequence[str]) -> list[str]:
+    """Return which setting to choose here, and on a machine that takes twice as long."""
+    lines = [
+        "## Which rung to choose on a machine twice as slow",
+        "",
+        f"The setting with the least error whose tick stays within {BUDGET_US:.0f} us here, and the one that does so "
+        f"where everything takes {SLOWER:g} times as long. `trocar tune` does the same for a scene of your own, all "
+        "settings together.",
+        "",
+        "| study | quantity | here | error | us | twice as slow | error | us there |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for place in dict.fromkeys((row.study, row.quantity) for row in rows if row.study in names):
+        best = frontier([row for row in rows if (row.study, row.quantity) == place])
+        cells = [_choice(best, 1.0), _choice(best, SLOWER)]
+        if best and place[0] != "integrator":
+            lines.append(f"| {place[0]} | {place[1]} | {cells[0]} | {cells[1]} |")
+    return [*lines, ""]
+
+
+def _choice(best: Sequence[Row], slower: float) -> str:
+    fits = [row for row in best if row.cost and slower * row.cost.median_us <= BUDGET_US]
+    if not fits or fits[-1].cost is None:
+        return "none | |"
+    row, cost = fits[-1], fits[-1].cost
+    return f"{row.setting} | {number(row.error)} {row.unit} | {slower * cost.median_us:.0f}"
+
+
+def values(rows: Sequence[Row], quantity: str) -> Mapping[str, float]:
+    """Return the errors of one quantity by setting: for findings."""
+    return {row.setting: row.error for row in rows if row.quantity == quantity}
+
+
+def costs_us(rows: Sequence[Row]) -> Mapping[str, float]:
+    """Return the median costs by setting."""
+    return {row.setting: row.cost.median_us for row in rows if row.cost is not None}
