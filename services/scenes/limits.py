@@ -22,8 +22,8 @@ _POSITIVE = {
 }
 _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",
-    "catheter": "inner_diameter_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m introducer_friction "
-    "introducer_seal_friction_n spectral_radius",
+    "catheter": "inner_diameter_m before_mouth_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m "
+    "introducer_friction introducer_seal_friction_n spectral_radius",
     "forceps": "coupling_damping_n_s_m jaw_damping_nm_s_rad grip_friction release_angle_rad",
     "contact": "margin_m recovery penalty_damping_n_s_m",
 }

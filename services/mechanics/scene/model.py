@@ -55,7 +55,8 @@ class DuctScene:
 class CatheterScene:
     """The catheter: particle 0 is the proximal end, the last particle is the tip.
 
-    It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``.
+    It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``; with ``before_mouth_m`` so
+    far before the middle of the duct's mouth, on the mouth's own axis, wherever that is.
     ``anchor`` "clamped" holds the proximal end; with "introducer" it slides through one of ``introducer_length_m``, its
     exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
     ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
@@ -77,6 +78,7 @@ class CatheterScene:
     rest_curvature_1_m: tuple[Vector3, ...] = ()
     tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
     direction: Vector3 = (-1.0, 0.0, 0.0)
+    before_mouth_m: float | None = None
     anchor: Literal["free", "clamped", "introducer"] = "introducer"
     introducer_to_tip_m: float = 60e-3
     introducer_length_m: float = 20e-3
@@ -141,6 +143,7 @@ class SceneModel:
     """Everything a simulation is built from.
 
     ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
+    ``hands`` is what the scene is for: what simulated hands do in it.
     """
 
     duct: DuctScene = field(default_factory=DuctScene)
@@ -153,3 +156,4 @@ class SceneModel:
     effects: Mapping[str, object] = field(default_factory=dict)
     quality: tuple[QualityLevel, ...] = (QualityLevel(),)
     sleeping: bool = True
+    hands: Literal["insertion", "pinch", "none"] = "insertion"

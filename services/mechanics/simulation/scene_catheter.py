@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from services.mechanics.bodies.catheter import rod_properties, rod_supports
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.rod import RodProperties
 from services.mechanics.scene import SceneModel
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.opening import mouth_opening
 
 
 def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
@@ -27,6 +30,17 @@ def scene_rod(scene: SceneModel, effects: Iterable[Effect]) -> RodProperties:
     if scene.catheter.rest_curvature_1_m and rod.rest_curvature_1_m is None:
         raise ValueError("catheter.rest_curvature_1_m: turns with the material, name the effect 'twist' too")
     return rod
+
+
+def place_catheter(scene: SceneModel, mesh: TriangleMesh) -> SceneModel:
+    """Return the scene with its catheter where it starts: before the mouth of this duct, if it wants that."""
+    before_m = scene.catheter.before_mouth_m
+    if before_m is None:
+        return scene
+    mouth = mouth_opening(mesh)
+    (x, y, z), (a, b, c) = (mouth.centre_m - before_m * mouth.inward).tolist(), mouth.inward.tolist()
+    placed = replace(scene.catheter, tip_position_m=(x, y, z), direction=(a, b, c), before_mouth_m=None)
+    return replace(scene, catheter=placed)
 
 
 def check_catheter(scene: SceneModel) -> None:

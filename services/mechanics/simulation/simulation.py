@@ -26,6 +26,7 @@ from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.pace import Pace, steps_of
+from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 
 LONGEST_TICK_S = 1.0
@@ -58,7 +59,7 @@ class Simulation:
     """
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
-        self.scene = scene
+        self.scene = scene = place_catheter(scene, duct.mesh)
         self.effects = build_effects(scene)
         self._stages = by_stage(self.effects.values())
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)

@@ -83,4 +83,15 @@ def findings(rows: Sequence[Row]) -> list[str]:
         finest = {row.series: error[row.setting] for row in rows if row.quantity == quantity}
         told = ", ".join(f"{series} {number(value)} %" for series, value in finest.items())
         lines.append(f"{quantity.capitalize()} on the finest of these meshes: {told}.")
+    away = [series for series in dict.fromkeys(row.series for row in rows) if _moves_away(rows, series)]
+    if away:
+        lines.append(
+            f"The pinch gets worse on a finer mesh with {'; '.join(away)}: there two errors of opposite sign meet, and "
+            "what looks good on the coarse mesh is an accident."
+        )
     return lines
+
+
+def _moves_away(rows: Sequence[Row], series: str) -> bool:
+    errors = [row.error for row in rows if row.quantity == pinches.FORCE and row.series == series]
+    return errors[-1] > errors[0]

@@ -98,8 +98,8 @@ def findings(rows: Sequence[Row]) -> list[str]:
         lines.append(f"{quantity.capitalize()}: {', '.join(f'{number(error[name])} % on {name}' for name in names)}.")
     if coarse in cost:
         lines.append(
-            f"From {coarse} to {fine} a tick takes {cost[fine] - cost[coarse]:+.0f} us more: the nodes that nobody "
-            "touches cost nothing but detection. The price of a fine mesh is paid when the modes are made, and in the "
+            f"From {coarse} to {fine} the cost of a tick changes by {cost[fine] - cost[coarse]:+.0f} us: nodes that "
+            "nobody touches cost next to nothing. The price of a fine mesh is paid when the modes are made, and in the "
             "memory of the residual."
         )
     return lines

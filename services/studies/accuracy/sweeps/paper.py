@@ -227,8 +227,8 @@ def findings(rows: Sequence[Row]) -> list[str]:
     ]
     lines = [
         f"Between the two largest meshes {'; '.join(told)}.",
-        "The paper says n^2 for direct integration and n log n for modes. Stored in full the matrix makes it n^2; it is "
-        "sparse, and stored so it grows more slowly. Modes need no logarithm: with r fixed the count is "
+        "The paper says n^2 for direct integration and n log n for modes. Stored in full the matrix makes it n^2; it "
+        "is sparse, and stored so it grows more slowly. Modes need no logarithm: with r fixed the count is "
         "4 n r + 27 r, which is n, all of it the way from modes to every node and back; for touched nodes alone it "
         "does not grow at all.",
     ]

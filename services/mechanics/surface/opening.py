@@ -1,0 +1,45 @@
+"""An open end of a duct: where it is, which way it looks, and how wide it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.surface.mesh import TriangleMesh
+
+_NEAREST, _FURTHEST = 2.0, 3.5
+"""In radii of the rim."""
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """An open end.
+
+    Attributes
+    ----------
+    centre_m : (3,) float64
+        Middle of the rim.
+    inward : (3,) float64
+        Unit vector from there to the middle of the lumen two to three and a half radii behind: the way in. A rim
+        that was cut aslant looks elsewhere.
+    radius_m : float
+        Mean distance of the rim from its middle.
+    """
+
+    centre_m: FloatArray
+    inward: FloatArray
+    radius_m: float
+
+
+def mouth_opening(mesh: TriangleMesh) -> Opening:
+    """Return the mouth of a duct."""
+    rim = mesh.vertices_m[mesh.vertex_sets["mouth"]]
+    centre = rim.mean(axis=0)
+    radius_m = float(np.linalg.norm(rim - centre, axis=1).mean())
+    away = mesh.vertices_m - centre
+    distance = np.linalg.norm(away, axis=1)
+    ring = away[(distance > _NEAREST * radius_m) & (distance < _FURTHEST * radius_m)]
+    inward = ring.mean(axis=0)
+    return Opening(centre, inward / float(np.linalg.norm(inward)), radius_m)

@@ -1,0 +1,149 @@
+"""What simulated hands do in a scene, found from its own geometry: where the mouth is, and which way in is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.scenarios import Scenario, ToolMotion
+from services.mechanics.scene import ForcepsScene, SceneModel
+from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.opening import Opening, mouth_opening
+
+GRIP_BEHIND_TIP_M = 26e-3
+"""The catheter is taken so far behind its tip: less and the jaws reach the mouth, more and it buckles."""
+ABOVE_M = 12e-3
+SHORT_OF_MOUTH_M = 1e-3
+INSERTED_M = 20e-3
+STEADY_BEYOND_MOUTH_M = 12e-3
+JAW_REACH_M = 10e-3, 12e-3
+"""Beyond the junction, where the two tools hold: the catheter, the duct."""
+SQUEEZE_M = 0.8e-3
+"""By how much jaws that close round the duct press into it, from either side."""
+PINCH_M = 2.5e-3
+_OPEN_RAD, _HELD_RAD = 0.7, 0.25
+_INSERTION_S = 0.0, 0.25, 0.5, 0.8, 1.0, 1.9
+_CLOSING_S = 0.0, 0.3, 0.6
+
+
+def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
+    """Return what both hands do: what the scene's ``hands`` names.
+
+    Parameters
+    ----------
+    scene : SceneModel
+        With its catheter where it starts: see `place_catheter`.
+    mesh : TriangleMesh
+        The duct, with the vertex set ``mouth``.
+    """
+    mouth = mouth_opening(mesh)
+    makers = {"insertion": _insertion, "pinch": _pinch, "none": _nothing}
+    return makers[scene.hands](scene, mesh, mouth)
+
+
+def _nothing(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+    return Scenario("none", "no hand is there", 1.0, scene, (None, None))
+
+
+def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+    return Scenario(
+        name="insertion",
+        what="one forceps steadies the duct, the other brings the catheter before the mouth and slides it in",
+        duration_s=2.2,
+        scene=scene,
+        motions=(_inserting_hand(scene, mouth), _closing_hand(scene, mesh, mouth, SQUEEZE_M)),
+    )
+
+
+def _pinch(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+    return Scenario(
+        name="pinch",
+        what="one forceps closes round the duct and presses it together",
+        duration_s=1.2,
+        scene=scene,
+        motions=(None, _closing_hand(scene, mesh, mouth, PINCH_M)),
+    )
+
+
+def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
+    """Take the catheter behind its tip, bring the tip before the mouth's middle, and push along the mouth's axis."""
+    forceps, catheter = scene.forceps[0], scene.catheter
+    along = np.array(catheter.direction) / float(np.linalg.norm(catheter.direction))
+    taken = np.array(catheter.tip_position_m) - GRIP_BEHIND_TIP_M * along
+    aimed = mouth.centre_m - (GRIP_BEHIND_TIP_M + SHORT_OF_MOUTH_M) * mouth.inward
+    begun = aimed + (SHORT_OF_MOUTH_M + 1e-3) * mouth.inward
+    pushed = begun + (INSERTED_M + 0.5e-3) * mouth.inward
+    above = taken + ABOVE_M * _towards_port(forceps, taken)
+    points = (above, taken, taken, aimed, begun, pushed)
+    return ToolMotion(
+        time_s=_INSERTION_S,
+        grip_point_m=tuple(_tuple(point) for point in points),
+        jaw_angle_rad=(_OPEN_RAD, _OPEN_RAD, *(_HELD_RAD,) * 4),
+        roll_rad=tuple(roll_across(forceps, point, along if k < 3 else mouth.inward) for k, point in enumerate(points)),
+        grip_offset_m=JAW_REACH_M[0],
+    )
+
+
+def _closing_hand(scene: SceneModel, mesh: TriangleMesh, mouth: Opening, squeeze_m: float) -> ToolMotion | None:
+    """Close round the duct behind its mouth; nobody where it is wider than the jaws open."""
+    forceps, section = scene.forceps[1], _section(mesh, mouth)
+    half_m = section.radius_m + 0.5 * scene.duct.thickness_m + forceps.jaw_radius_m
+    wide_rad, shut_rad = (
+        2.0 * math.asin(min(gap / JAW_REACH_M[1], 1.0)) for gap in (half_m + 1e-3, half_m - squeeze_m)
+    )
+    if wide_rad > forceps.jaw_max_angle_rad:
+        return None
+    above = section.centre_m + (half_m + ABOVE_M) * _towards_port(forceps, section.centre_m)
+    points = (above, section.centre_m, section.centre_m)
+    return ToolMotion(
+        time_s=_CLOSING_S,
+        grip_point_m=tuple(_tuple(point) for point in points),
+        jaw_angle_rad=(wide_rad, wide_rad, shut_rad),
+        roll_rad=tuple(roll_across(forceps, point, mouth.inward) for point in points),
+        grip_offset_m=JAW_REACH_M[1],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Section:
+    centre_m: FloatArray
+    radius_m: float
+
+
+def _section(mesh: TriangleMesh, mouth: Opening) -> _Section:
+    """Return middle and largest radius of the duct a little behind its mouth, where it goes on from there."""
+    away = mesh.vertices_m - mouth.centre_m
+    depth = away @ mouth.inward
+    across = np.linalg.norm(away - depth[:, None] * mouth.inward, axis=1)
+    near = (np.abs(depth - STEADY_BEYOND_MOUTH_M) < 2e-3) & (across < 3.0 * mouth.radius_m)
+    ring = mesh.vertices_m[near]
+    centre = ring.mean(axis=0)
+    out = ring - centre
+    out -= (out @ mouth.inward)[:, None] * mouth.inward
+    return _Section(centre, float(np.linalg.norm(out, axis=1).max()))
+
+
+def roll_across(forceps: ForcepsScene, point_m: FloatArray, along: FloatArray) -> float:
+    """Return the roll, within half a turn, at which jaws round ``point_m`` (3,) close across the direction (3,)."""
+    shaft = -_towards_port(forceps, point_m)
+    x, y, z = shaft
+    k = 1.0 / max(1.0 - z, 1e-9)
+    # The tool's axes at roll 0: `kinematics.tool_frame`.
+    first, second = np.array([1.0 - k * x * x, -k * x * y, x]), np.array([-k * x * y, 1.0 - k * y * y, y])
+    across = np.cross(shaft, along)
+    roll = math.atan2(float(across @ second), float(across @ first))
+    return roll % math.pi
+
+
+def _towards_port(forceps: ForcepsScene, point_m: FloatArray) -> FloatArray:
+    arm = np.array(forceps.port_position_m) - point_m
+    direction: FloatArray = arm / float(np.linalg.norm(arm))
+    return direction
+
+
+def _tuple(point_m: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in point_m)
+    return x, y, z

@@ -1,0 +1,117 @@
+"""Simulated hands find out from a scene's geometry what to do, wherever its mouth is."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from services.mechanics.bodies.forceps.kinematics import tool_frame
+from services.mechanics.scenarios import insertion_scene
+from services.mechanics.scene import DuctScene
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import scene_mesh
+from services.mechanics.surface.opening import mouth_opening
+from services.scenes import load_duct, load_scene
+from services.scenes.hands import hands_of, roll_across
+
+ANATOMY = Path(__file__).parents[2].parent / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
+
+
+def played(scene, cache):
+    """Return a simulation after its hands have done what they do, and the largest force on a tool."""
+    duct = load_duct(scene, cache, lambda stage, fraction: None)
+    simulation, tools, largest_n = Simulation(scene, duct), ToolInputs(), 0.0
+    hands = hands_of(simulation.scene, duct.mesh)
+    for tick in range(round(1000 * hands.duration_s)):
+        hands.write_inputs(1e-3 * tick, tools)
+        simulation.step(tools)
+        largest_n = max(largest_n, float(np.linalg.norm(simulation.tool_results.force_n, axis=1).max()))
+    return simulation, largest_n
+
+
+def test_the_mouth_of_a_tube_is_at_its_end_and_the_way_in_is_its_axis():
+    mouth = mouth_opening(scene_mesh(DuctScene(length_m=30e-3, radius_m=3e-3, n_around=16, n_along=20)))
+    assert mouth.centre_m == pytest.approx([30e-3, 0.0, 0.0], abs=1e-12)
+    assert mouth.inward == pytest.approx([-1.0, 0.0, 0.0], abs=1e-9)
+    assert mouth.radius_m == pytest.approx(3e-3)
+
+
+@pytest.mark.parametrize("curvature_1_m", [10.0, -15.0])
+def test_the_way_into_a_bent_duct_is_along_its_end(curvature_1_m):
+    duct = DuctScene(curvature_1_m=curvature_1_m, cut_angle_rad=0.3)
+    mouth = mouth_opening(scene_mesh(duct))
+    # The axis at the mouth's end, and where it is 2.75 radii earlier: the chord between them.
+    angle = curvature_1_m * (duct.length_m - 0.5 * 2.75 * duct.radius_m)
+    assert mouth.inward @ np.array([-math.cos(angle), -math.sin(angle), 0.0]) > math.cos(math.radians(6.0))
+
+
+def test_jaws_close_across_what_they_shall_hold():
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        forceps = replace(insertion_scene().forceps[0], port_position_m=tuple(random.normal(size=3) * 0.1))
+        point, along = random.normal(size=3) * 0.02, random.normal(size=3)
+        frame = np.empty((3, 3))
+        tool_frame(point, np.array(forceps.port_position_m), roll_across(forceps, point, along), frame)
+        assert frame[0] @ along == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_catheter_is_inserted_wherever_the_mouth_looks(tmp_path):
+    scene = insertion_scene()
+    bent = replace(scene.duct, curvature_1_m=12.0, n_modes=30, n_around=16, n_along=20)
+    catheter = replace(scene.catheter, before_mouth_m=6e-3, introducer_length_m=20e-3)
+    simulation, largest_n = played(replace(scene, duct=bent, catheter=catheter), tmp_path)
+    assert simulation.inserted_length_m > 15e-3
+    assert largest_n < 0.3
+
+
+def test_a_pinch_presses_the_duct_together_and_touches_nothing_else(tmp_path):
+    scene = replace(insertion_scene(), hands="pinch")
+    simulation, largest_n = played(replace(scene, duct=replace(scene.duct, n_modes=30)), tmp_path)
+    assert 0.01 < largest_n < 1.0
+    moved_m = np.linalg.norm(simulation.duct.surface_m() - simulation.duct.reduced.mesh.vertices_m, axis=1)
+    assert moved_m.max() > 1e-3
+    assert not simulation.tools.present[0]
+
+
+def test_no_hands_are_there_where_none_are_wanted(tmp_path):
+    scene = replace(insertion_scene(), hands="none")
+    hands = hands_of(scene, scene_mesh(scene.duct))
+    tools = ToolInputs()
+    hands.write_inputs(0.5, tools)
+    assert not tools.present.any()
+
+
+def test_in_a_scanned_vessel_the_catheter_finds_the_mouth_and_goes_in(tmp_path):
+    if not ANATOMY.exists():
+        pytest.skip(f"needs the scan {ANATOMY.name}, which is not part of the repository")
+    scene = load_scene("anatomy", [f"duct.mesh_file={ANATOMY}"])
+    simulation, largest_n = played(scene, tmp_path)
+    assert simulation.inserted_length_m > 15e-3
+    assert largest_n < 0.3
+
+
+SMALLER = ["duct.n_around=16", "duct.n_along=20", "duct.n_modes=30"]
+
+
+@pytest.mark.parametrize("name", ["insertion", "narrow", "stone", "stiff-wall", "everything", "paper"])
+def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, tmp_path):
+    simulation, largest_n = played(load_scene(name, SMALLER), tmp_path)
+    assert simulation.inserted_length_m > 15e-3
+    assert largest_n < (0.3 if name != "paper" else 2.0)
+
+
+def test_the_stone_is_pushed_further_in(tmp_path):
+    scene = load_scene("stone", SMALLER)
+    simulation, _ = played(scene, tmp_path)
+    (start,) = scene.effects["gallstones"].position_m
+    assert simulation.effects["gallstones"].position_m[0, 0] < start[0] - 3e-3
+
+
+def test_a_duct_alone_is_left_alone(tmp_path):
+    simulation, largest_n = played(load_scene("duct-only", SMALLER), tmp_path)
+    assert largest_n == 0.0
+    assert simulation.contacts.n_contacts == 0
+    assert not simulation.effects
