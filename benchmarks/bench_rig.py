@@ -129,6 +129,18 @@ def _loop_rows(runs: list[dict[str, Any]], load: str) -> list[Row]:
     return rows
 
 
+def _thread_rows(runs: list[dict[str, Any]]) -> list[Row]:
+    """Return who switches more than a hundred times a second, and what of a core that takes."""
+    counts = [run["threads"]["threads"] for run in runs]
+    medians = {
+        name: [float(np.median([each[name][key] for each in counts])) for key in ("switches_per_s", "percent")]
+        for name in counts[0]
+        if all(name in each for each in counts)
+    }
+    busy = sorted((name for name, found in medians.items() if found[0] > 100.0), key=lambda name: -medians[name][0])
+    return [Row(f"switches of {name}", medians[name][0], "1/s", extra={"percent": medians[name][1]}) for name in busy]
+
+
 def rows_of(runs: list[dict[str, Any]], load: str) -> list[Row]:
     """Return the table of several runs under one load."""
     rows = [*_loop_rows(runs, load)]
@@ -136,6 +148,7 @@ def rows_of(runs: list[dict[str, Any]], load: str) -> list[Row]:
     realtime = _values(runs, "threads", "realtime_percent")
     rows.append(_row("real-time threads' processor time", realtime, "% of a core", 65.0))
     rows.append(_row("all threads' processor time", _values(runs, "threads", "all_percent"), "% of a core"))
+    rows += _thread_rows(runs)
     rows += _latency(runs, "servo", ("paths", "servo"), (None, 100.0))
     rows += _latency(runs, "device_model", ("paths", "device_model"), (170.0, 300.0))
     rows += _latency(runs, "device_force", ("paths", "device_force"), (None, None))
