@@ -16,8 +16,8 @@ from mcap.records import Chunk, ChunkIndex
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
 _AFTER_LENGTH = _MESSAGE.size - 9
-#: A fifth of the library's effort for nearly the same size: most of a frame are the low bits of doubles.
-_LEVEL = -1
+#: A tenth of the library's effort for nearly the same size: most of a frame are the low bits of doubles.
+_LEVEL = -5
 
 
 @dataclass(slots=True)

@@ -18,7 +18,13 @@ ENVELOPE_FIELD = 1000
 
 _Field = descriptor_pb2.FieldDescriptorProto
 _SCALARS = {int: _Field.TYPE_INT64, float: _Field.TYPE_DOUBLE, str: _Field.TYPE_STRING, bool: _Field.TYPE_BOOL}
-_ITEMS = {"f": _Field.TYPE_DOUBLE, "i": _Field.TYPE_INT64}
+#: Of arrays: what they hold is copied as it is. Numbers of one byte are not negative, so each is its own varint.
+_ITEMS = {
+    "<f8": _Field.TYPE_DOUBLE,
+    "<i4": _Field.TYPE_SFIXED32,
+    "<i8": _Field.TYPE_SFIXED64,
+    "|i1": _Field.TYPE_INT64,
+}
 
 
 class Envelope(msgspec.Struct, array_like=True):
@@ -62,7 +68,7 @@ def _add_field(message: descriptor_pb2.DescriptorProto, field: Field, number: in
         name=field.name, number=number, label=_Field.LABEL_OPTIONAL if single else _Field.LABEL_REPEATED
     )
     if field.spec is not None:
-        added.type = _ITEMS[field.spec.dtype[1]]
+        added.type = _ITEMS[field.spec.dtype]
     elif field.body is not None:
         added.type, added.type_name = _Field.TYPE_MESSAGE, f".{PACKAGE}.{field.body.__name__}"
     else:
