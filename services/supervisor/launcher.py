@@ -7,10 +7,11 @@ would stall a 1 kHz loop on its next warning) nor break its writes.
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -26,7 +27,9 @@ _READ_BYTES = 1 << 16
 class Child:
     """A running process of ours, with a descriptor that becomes readable when it ends."""
 
-    def __init__(self, spec: ProcessSpec, arguments: Sequence[str], log_file: Path) -> None:
+    def __init__(
+        self, spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds: Collection[int] = ()
+    ) -> None:
         self.spec = spec
         self.log_file = log_file
         with os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
@@ -36,6 +39,7 @@ class Child:
                 stdout=sink,
                 stderr=sink,
                 env={**os.environ, **spec.environment},
+                pass_fds=pass_fds,
                 process_group=0,  # a Ctrl-C at the terminal is ours alone: children are ended in order
             )
         self.pid = self._popen.pid
@@ -54,6 +58,18 @@ class Child:
                 os.killpg(self.pid, signal.SIGKILL)
             self._popen.wait()
         return self._popen.returncode
+
+    def wait(self, timeout_s: float) -> int | None:
+        """Return the exit status once the process has ended, None if it has not within `timeout_s`."""
+        select.select([self.descriptor], [], [], timeout_s)
+        return self.end()
+
+    def kill(self) -> int:
+        """End the process at once; return its exit status, that of before if it had ended."""
+        self.send(signal.SIGKILL)
+        while (status := self.wait(1.0)) is None:
+            pass
+        return status
 
     def is_stopped(self) -> bool:
         """Return whether a signal or a debugger holds the process (SIGSTOP)."""

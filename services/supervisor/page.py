@@ -7,20 +7,16 @@ nobody. It hears the processes for itself; what the supervisor makes of them it 
 from __future__ import annotations
 
 import importlib.util
-import os
 import secrets
 import socket
-import subprocess
-import sys
-from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from services.runtime.private_directory import open_private
+from services.supervisor.launcher import Child
 from services.supervisor.notes import Command, Link, Opening, notes
 from services.supervisor.page_place import page_file, write_page_file
-from services.supervisor.processes import ENVIRONMENT
+from services.supervisor.processes import ProcessSpec
 from services.supervisor.supervisor import Supervisor
 
 #: What the page's process needs beyond the rest of the rig.
@@ -29,6 +25,7 @@ _TELL_S = 0.2
 #: A page that ended is started again after so long, so often.
 _RETRY_S, _RETRIES = 2.0, 5
 _END_S = 3.0
+_SPEC = ProcessSpec("page", "services.supervisor.page_server")
 
 
 def missing_package() -> str:
@@ -48,7 +45,7 @@ class Page:
         host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
         self.address = f"http://{host}:{port}/"
         self._file = page_file(supervisor.rig.transport)
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._link: Link | None = None
         self._starts = 0
         self._due_s = self._retry_s = 0.0
@@ -65,17 +62,16 @@ class Page:
     ) -> None:
         if self._link is not None:
             self._link.close()  # which it sees, and ends
-        if self._process is not None:
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(_END_S)
-            self._process.kill()
-            self._process.wait()
+        if self._child is not None:
+            self._child.wait(_END_S)
+            self._child.kill()
+            self._child.close()
         self._socket.close()
         self._file.unlink(missing_ok=True)
 
     def turn(self, now_s: float) -> None:
         """Tell the page what there is to tell, do what it asks, start it again where it ended."""
-        if self._link is None or self._process is None:
+        if self._link is None or self._child is None:
             if now_s >= self._retry_s and self._starts <= _RETRIES:
                 self._start()
             return
@@ -98,25 +94,16 @@ class Page:
         self._link, other = Link.pair()
         self._link.send(self._opening)
         descriptors = (other.fileno(), self._socket.fileno())
-        with os.fdopen(open_private(self._log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "services.supervisor.page_server", *map(str, descriptors)],
-                stdin=subprocess.DEVNULL,
-                stdout=sink,
-                stderr=sink,
-                env={**os.environ, **ENVIRONMENT},
-                pass_fds=descriptors,
-                process_group=0,
-            )
+        self._child = Child(_SPEC, [str(each) for each in descriptors], self._log_file, descriptors)
         other.close()
 
     def _lost(self, now_s: float) -> None:
-        assert self._process is not None
+        assert self._child is not None
         assert self._link is not None
         self._link.close()
-        self._process.kill()
-        status = self._process.wait()
-        self._process = self._link = None
+        status = self._child.kill()
+        self._child.close()
+        self._child = self._link = None
         self._retry_s = now_s + _RETRY_S
         again = "started again" if self._starts <= _RETRIES else "given up; the rig goes on without"
         text = f"supervisor: the page's process ended with exit code {status}, {again} (see {self._log_file})"
