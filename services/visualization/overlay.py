@@ -47,7 +47,7 @@ class Overlay:
         places = {"tools": (16, height - 60), "figures": (width - 16, height - 78), "rig": (16, 40), "help": (16, 14)}
         for name, (x, y) in places.items():
             self._texts[name].SetPosition(x, y)
-            self._texts[name].GetTextProperty().SetFontSize(max(10, min(15, width // 72)))
+            self._texts[name].GetTextProperty().SetFontSize(max(9, min(15, width // 68)))
 
     def tell(self, layout: Layout, picture: Picture, rate_hz: float) -> None:
         """Write the figures of a picture."""

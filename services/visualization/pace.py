@@ -28,7 +28,6 @@ RUNGS = (
     Rung(_PLAIN),
     Rung(_PLAIN, 0.8),
     Rung(_PLAIN, 0.64),
-    Rung(_PLAIN, 0.5),
 )
 #: Where a window begins that the processor draws.
 SOFTWARE_RUNG = 2

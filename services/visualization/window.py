@@ -20,8 +20,8 @@ from services.visualization.feed import Feed, Message
 from services.visualization.picture import Layout, Picture
 from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
 
-#: Pictures that the window has not yet drawn: one that it draws, one that waits. What comes meanwhile replaces it.
-_IN_FLIGHT = 2
+#: Pictures that the window has not yet drawn: the one that it draws. Of what comes meanwhile it gets the newest.
+_IN_FLIGHT = 1
 _OPEN_S, _RETRY_S, _END_S = 30.0, 5.0, 2.0
 _MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
 
