@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import platform
 import resource
@@ -83,7 +84,7 @@ def scheduling() -> Iterator[Finding]:
     """Check what the 1 kHz loops want of the system."""
     cores = len(os.sched_getaffinity(0))
     yield finding("cores", cores >= 2, str(cores), "two cores or more: the stub rig pins its loops to cores 0 and 1")
-    yield _fifo()
+    yield _ladder()
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     enough = limit == resource.RLIM_INFINITY or os.geteuid() == 0 or limit >= 1 << 30
     shown = "unlimited" if limit == resource.RLIM_INFINITY else f"{limit >> 20} MiB"
@@ -99,17 +100,22 @@ def scheduling() -> Iterator[Finding]:
         yield finding("governor", name == "performance", name, "cpupower frequency-set -g performance")
 
 
-def _fifo() -> Finding:
-    script = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(80))"
-    tried = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
-    ok = tried.returncode == 0
+def _ladder() -> Finding:
+    """Say which scheduling classes a loop is granted; it takes the first of them."""
+    script = (
+        "import json; from services.runtime.scheduling import Wish, rungs_granted; "
+        "print(json.dumps(rungs_granted(Wish(80, 0.7, 0))))"
+    )
+    tried = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    rungs: dict[str, str] = json.loads(tried.stdout)
     allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     advice = (
-        "rtprio 90 in /etc/security/limits.conf and a new login; in a container: cap_add SYS_NICE and ulimits rtprio, "
-        "and on kernels with RT_GROUP_SCHED a cpu.rt_runtime_us for its cgroup"
+        f"rtprio 90 in /etc/security/limits.conf (now {allowed}) and a new login; in a container: cap_add SYS_NICE and "
+        "ulimits rtprio, and on kernels with RT_GROUP_SCHED a cpu.rt_runtime_us for its cgroup; until then the loops "
+        "take the first of what is granted"
     )
-    found = "SCHED_FIFO 80 granted" if ok else f"refused (rtprio limit {allowed})"
-    return finding("real-time priority", ok, found, advice)
+    found = "; ".join(f"{name}: {said}" for name, said in rungs.items())
+    return finding("scheduling classes", rungs["fifo"].startswith("granted"), found, advice)
 
 
 def storage(rig: Rig) -> Iterator[Finding]:

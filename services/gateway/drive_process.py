@@ -23,6 +23,7 @@ from services.runtime import realtime
 _MOTION_HZ = 1000
 _PERIOD_NS = round(ESTIMATE_S * 1e9)
 _LISTEN_EVERY = 5
+_SHARE = 0.06
 #: Bytes read in a tick. The gateway sends a frame every 2 ms; what a stall leaves behind is read in a few ticks.
 _READ = 64 * can_frame.SIZE
 
@@ -121,9 +122,11 @@ def main(core: int | None, priority: int | None) -> None:
     """Run the drives until the gateway has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is the gateway's to act on
     _release_scheduling()
-    realtime.set_up(core, priority)
+    _facts, scheduling = realtime.set_up(core, priority, share=_SHARE)
     drives = Drives(socket.socket(fileno=sys.stdin.fileno()))
     realtime.freeze_garbage_collector()
+    if scheduling is not None:
+        scheduling.resume()
     due_ns, turn = time.monotonic_ns(), 0
     while turn % _LISTEN_EVERY or drives.obey():
         drives.tick(time.monotonic_ns() * 1e-9)
@@ -136,6 +139,8 @@ def main(core: int | None, priority: int | None) -> None:
 def _release_scheduling() -> None:
     """Give up core and class of the gateway, which this process was born with."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    if os.getpriority(os.PRIO_PROCESS, 0) < 0:
+        os.setpriority(os.PRIO_PROCESS, 0, 0)
     os.sched_setaffinity(0, range(os.cpu_count() or 1))
 
 

@@ -19,6 +19,7 @@ from services.runtime.flight import SUFFIX, FlightRing, flight_directory
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter
 from services.runtime.rig import Rig
+from services.runtime.scheduling import Scheduling
 from services.runtime.zmq_bus import ZmqBus
 
 
@@ -29,6 +30,7 @@ class Options:
     rig: str
     scene: str | None
     overrides: tuple[str, ...]
+    prepare_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,7 @@ class Process:
     facts: list[realtime.Fact]
     bus: ZmqBus
     health: HealthReporter
-    _fifo: int | None = None
+    _scheduling: Scheduling | None = None
     _stopping: list[bool] = field(default_factory=lambda: [False])
 
     def stop(self) -> bool:
@@ -69,8 +71,10 @@ class Process:
         self.health.meter = meter
         if meter is not None:
             self._share(meter.flight)
-        if self._fifo is not None:
-            realtime.resume(self._fifo, alone=starts_others)
+        if self._scheduling is not None:
+            self._scheduling.resume(alone=starts_others)
+            had = realtime.scheduling_fact(self._scheduling)
+            self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
         self.health.change("ready")
@@ -101,8 +105,12 @@ def parse(process: str, arguments: Sequence[str] | None) -> Options:
         "--scene", default=environment.get("TROCAR_SCENE") or None, help="scene file, or one's name in configs/scenes"
     )
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
+    parser.add_argument(
+        "--prepare-only", action="store_true", help="build bases and compile kernels, as for an image, and end"
+    )
     parsed = parser.parse_args(arguments)
-    return Options(parsed.rig, parsed.scene, (*environment.get("TROCAR_SET", "").split(), *parsed.overrides))
+    overrides = (*environment.get("TROCAR_SET", "").split(), *parsed.overrides)
+    return Options(parsed.rig, parsed.scene, overrides, parsed.prepare_only)
 
 
 def load_process_config(name: str, options: Options) -> ProcessConfig:
@@ -133,7 +141,7 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     """
     name, rig, logger = process_config.name, process_config.rig, process_config.log
     settings = rig.process(name)
-    facts = realtime.set_up(settings.core, settings.priority, settings.nice)
+    facts, scheduling = realtime.set_up(settings.core, settings.priority, settings.nice, settings.share, rig.rungs)
     for fact in facts:
         if not fact.ok:
             logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)
@@ -155,9 +163,9 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
         HealthReporter(name, bus),
     )
     process.health.realtime = facts
-    if settings.priority is not None and os.sched_getscheduler(0) == os.SCHED_FIFO:
-        process._fifo = settings.priority  # noqa: SLF001
-        realtime.relax()
+    if scheduling is not None:
+        process._scheduling = scheduling  # noqa: SLF001
+        scheduling.relax()
     _stop_on_signals(process)
     process.health.change("starting", "building")
     return process
@@ -201,8 +209,11 @@ def main(
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end
     try:
-        process_config = load_process_config(name, parse(name, arguments))
+        options = parse(name, arguments)
+        process_config = load_process_config(name, options)
         prepared = () if prepare is None else (prepare(process_config),)
+        if options.prepare_only:
+            return 0
         process = open_process(process_config, whole(process_config) if whole else ())
         try:
             run(process, *prepared)

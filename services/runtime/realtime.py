@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import protocol.bodies as bodies
+from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, Wish, get_attributes
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
@@ -35,8 +36,14 @@ class Fact:
         return bodies.RealtimeFact(name=self.name, asked=self.asked[:128], had=self.had[:256], ok=self.ok)
 
 
-def set_up(core: int | None, priority: int | None, nice: int | None = None) -> list[Fact]:
-    """Pin the process, raise its scheduling class, tighten its timers; return what was had.
+def set_up(
+    core: int | None,
+    priority: int | None,
+    nice: int | None = None,
+    share: float = 0.3,
+    rungs: tuple[str, ...] = RUNGS,
+) -> tuple[list[Fact], Scheduling | None]:
+    """Pin the process, take its scheduling class, tighten its timers; return what was had, and its place on the ladder.
 
     Parameters
     ----------
@@ -46,11 +53,26 @@ def set_up(core: int | None, priority: int | None, nice: int | None = None) -> l
         SCHED_FIFO priority 1..89, None for the ordinary class.
     nice
         Niceness of an ordinary process.
+    share
+        Of a core, that is reserved where SCHED_FIFO is refused and SCHED_DEADLINE granted.
+    rungs
+        Scheduling classes to try, see `services.runtime.scheduling`.
     """
-    facts = [_pin(core), _schedule(priority, nice), _timer_slack()]
+    scheduling = None if priority is None else Scheduling.ask(Wish(priority, share, core, rungs))
+    facts = [
+        _pin(core, scheduling),
+        _ordinary(nice) if scheduling is None else scheduling_fact(scheduling),
+        _timer_slack(),
+    ]
     if priority is not None:
         facts += [keep_heap(), _lock_memory()]
-    return facts
+    return facts, scheduling
+
+
+def scheduling_fact(scheduling: Scheduling) -> Fact:
+    """Return what was asked for and had on the ladder; only its first rung is what was asked for."""
+    why = "".join(f"; {refusal}" for refusal in scheduling.refused)
+    return Fact("scheduling", f"FIFO {scheduling.wish.priority}", scheduling.had + why, scheduling.is_fifo)
 
 
 def keep_heap() -> Fact:
@@ -61,20 +83,6 @@ def keep_heap() -> Fact:
     """
     ok = _libc.mallopt(_M_TRIM_THRESHOLD, 2**31 - 1) and _libc.mallopt(_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD)
     return Fact("heap", "never trimmed", "never trimmed" if ok else "trimmed: mallopt refused", bool(ok))
-
-
-def relax() -> None:
-    """Put the calling thread, and it alone, into the ordinary class: what it does before its loop may wait."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-
-
-def resume(priority: int, *, alone: bool = False) -> None:
-    """Put the calling thread back into SCHED_FIFO, which `set_up` was granted.
-
-    With `alone`, what it starts from now on is ordinary: for one that starts processes.
-    """
-    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if alone else os.SCHED_FIFO
-    os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
 def freeze_garbage_collector() -> Fact:
@@ -88,13 +96,25 @@ def freeze_garbage_collector() -> Fact:
 def read_back() -> Fact:
     """Return the scheduling class of every thread of this process, as the kernel has it now."""
     threads = sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
-    names = {os.SCHED_FIFO: "FIFO", os.SCHED_OTHER: "OTHER", os.SCHED_RR: "RR"}
-    policies = [os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK for thread in threads]
-    had = [f"{names.get(p, '?')} {os.sched_getparam(t).sched_priority}" for p, t in zip(policies, threads, strict=True)]
-    return Fact("threads", "one class for all", ", ".join(had), len(set(policies)) == 1)
+    had = [_class_of(thread) for thread in threads]
+    return Fact("threads", "one class for all", ", ".join(had), len({each.split()[0] for each in had}) == 1)
 
 
-def _pin(core: int | None) -> Fact:
+def _class_of(thread: int) -> str:
+    policy = os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK
+    if policy == DEADLINE:
+        _, _, _, _, _, runtime_ns, _, period_ns = get_attributes(thread)
+        return f"DEADLINE {100 * runtime_ns / period_ns:.0f} %"
+    if policy == os.SCHED_OTHER:
+        nice = os.getpriority(os.PRIO_PROCESS, thread)
+        return f"OTHER {nice}"
+    names = {os.SCHED_FIFO: "FIFO", os.SCHED_RR: "RR"}
+    return f"{names.get(policy, '?')} {os.sched_getparam(thread).sched_priority}"
+
+
+def _pin(core: int | None, scheduling: Scheduling | None) -> Fact:
+    if scheduling is not None and not scheduling.is_pinned:
+        return Fact("core", str(core), f"{sorted(os.sched_getaffinity(0))}: SCHED_DEADLINE keeps to none", core is None)
     if core is None:
         return Fact("core", "any", f"{sorted(os.sched_getaffinity(0))}", True)
     allowed = os.sched_getaffinity(0)
@@ -104,17 +124,10 @@ def _pin(core: int | None) -> Fact:
     return Fact("core", str(core), f"{sorted(os.sched_getaffinity(0))}", True)
 
 
-def _schedule(priority: int | None, nice: int | None) -> Fact:
-    if priority is None:
-        if nice:
-            os.setpriority(os.PRIO_PROCESS, 0, nice)
-        return Fact("scheduling", f"OTHER, nice {nice or 0}", f"OTHER, nice {os.nice(0)}", True)
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except PermissionError:
-        had = "OTHER: the system refuses SCHED_FIFO (needs CAP_SYS_NICE or an rtprio limit; `trocar doctor` says more)"
-        return Fact("scheduling", f"FIFO {priority}", had, False)
-    return Fact("scheduling", f"FIFO {priority}", f"FIFO {os.sched_getparam(0).sched_priority}", True)
+def _ordinary(nice: int | None) -> Fact:
+    if nice:
+        os.setpriority(os.PRIO_PROCESS, 0, nice)
+    return Fact("scheduling", f"OTHER, nice {nice or 0}", f"OTHER, nice {os.nice(0)}", True)
 
 
 def _timer_slack() -> Fact:

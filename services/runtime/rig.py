@@ -50,6 +50,9 @@ class ProcessSettings(Settings):
     core: Annotated[int, Field(ge=0)] | None = None
     priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
     nice: Annotated[int, Field(ge=0, le=19)] | None = None
+    share: Annotated[float, Field(gt=0, le=0.95)] = Field(
+        0.3, description="of a core: what SCHED_DEADLINE reserves, and what a container's real-time budget must hold"
+    )
     restart: bool = Field(True, description="whether the supervisor restarts it when it dies or hangs")
     critical: bool = Field(True, description="whether the rig cannot run without it")
 
@@ -185,6 +188,9 @@ class Rig(Settings):
     scene: str = "default"
     transport: Transport = Transport()
     processes: dict[str, ProcessSettings] = {}
+    rungs: tuple[Literal["fifo", "deadline", "nice"], ...] = Field(
+        ("fifo", "deadline", "nice"), description="scheduling classes that loops with a priority try, best first"
+    )
     gateway: GatewaySettings = GatewaySettings()
     visualization: ViewSettings = ViewSettings()
     recorder: RecorderSettings = RecorderSettings()

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from services.runtime.errors import UserError
 from services.runtime.process import parse
 from services.supervisor.session import SessionOptions, open_session, run_session
+from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Event, Supervisor
 
 
@@ -27,15 +28,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Greeting:
-    """Tells once where the page is. Never an event: events are shown on the page, and the token is for its owner."""
+    """Tells where the page is, at first and when the rig runs: much is said in between.
+
+    Never an event: events are shown on the page, and the token is for its owner.
+    """
 
     def __init__(self) -> None:
-        self._told = False
+        self._due = ["the rig is starting", "the rig runs"]
 
     def turn(self, supervisor: Supervisor, _now_s: float) -> bool:
-        if not self._told:
-            self._told = True
-            print(f"the page is at {supervisor.page_address}", file=sys.stderr, flush=True)  # noqa: T201
+        runs = supervisor.state in (RigState.RUNNING, RigState.DEGRADED)
+        if len(self._due) == 2 or (self._due and runs):
+            print(f"{self._due.pop(0)}: open {supervisor.page_address}", file=sys.stderr, flush=True)  # noqa: T201
         return False
 
 

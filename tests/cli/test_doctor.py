@@ -30,7 +30,7 @@ def test_warnings_are_not_failures(trocar: Trocar, rig_file: Path) -> None:
         "packages",
         "web page",
         "cores",
-        "real-time priority",
+        "scheduling classes",
         "memlock",
         "cache folder",
         "picture",

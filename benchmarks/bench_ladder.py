@@ -1,0 +1,66 @@
+"""The loops of the rig on each rung of the ladder of scheduling classes: rates and misses, beside the machine's floor.
+
+    python benchmarks/bench_ladder.py [--seconds 15] [--runs 1] [trocar up's options]
+
+Runs ``trocar up --viewer none --seconds N`` with only one rung to take each time (`rungs` of the rig file; "plain" has
+none). The emulated drives keep the class that they are granted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from machine_floor import Floor
+from report import Row, write_report
+
+ROOT = Path(__file__).resolve().parents[1]
+RUNGS = ("fifo", "deadline", "nice", "plain")
+_LOOPS = ("gateway", "haptics", "physics")
+
+
+def run_rig(rung: str, seconds: float, options: list[str]) -> dict[str, Any]:
+    """Return the report of one run on one rung, and what the machine took meanwhile."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.json"
+        rungs = "[]" if rung == "plain" else f"[{rung}]"
+        where = [f"transport.directory={folder}/bus", f"recorder.directory={folder}/recordings", f"rungs={rungs}"]
+        command = [str(Path(sys.executable).with_name("trocar")), "up", "--viewer", "none", "--seconds", str(seconds)]
+        command += ["--json", str(file), *(word for each in where for word in ("--set", each)), *options]
+        with Floor(seconds + 8.0) as floor:  # while it starts as well
+            ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        if ran.returncode != 0:
+            raise SystemExit(f"trocar up ended with {ran.returncode}:\n{ran.stderr[-2000:]}")
+        return {**json.loads(file.read_text()), "floor": floor.cores}
+
+
+def main() -> None:
+    """Run, print, write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=15.0)
+    parser.add_argument("--runs", type=int, default=1)
+    arguments, options = parser.parse_known_args()
+    rows = []
+    for rung in RUNGS:
+        reports = [run_rig(rung, arguments.seconds, options) for _ in range(arguments.runs)]
+        had = {fact["had"] for fact in reports[0]["realtime"]["physics"] if fact["name"] == "scheduling"}
+        for loop in _LOOPS:
+            loops = [report["loops"][loop] for report in reports]
+            rate, missed = (float(np.median([each[key] or 0.0 for each in loops])) for key in ("rate_hz", "miss_ratio"))
+            late = float(np.median([each["lateness_us"]["p99"] for each in loops]))
+            note = f"late p99 {late:.0f} us; {', '.join(had)}" if loop == "physics" else f"late p99 {late:.0f} us"
+            rows.append(Row(f"{rung}: {loop}", round(rate, 1), "Hz", note=f"missed {100 * missed:.2f} %; {note}"))
+            print(rows[-1], flush=True)
+        lost = max(core["lost_percent"] for report in reports for core in report["floor"])
+        rows.append(Row(f"{rung}: the machine's own late wake-ups, worse core", round(lost, 2), "%"))
+    write_report("ladder", "The rig on each rung of the ladder of scheduling classes", rows)
+
+
+if __name__ == "__main__":
+    main()

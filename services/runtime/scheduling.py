@@ -1,0 +1,241 @@
+"""The ladder of scheduling classes: a loop takes the best that the machine grants, and says which and why.
+
+1. **FIFO**, on its core. Refused without CAP_SYS_NICE or an rtprio limit. Where the kernel groups real-time tasks
+   (containers on cgroup v1) it is not taken either if the group's budget is smaller than the loop's share: beyond it
+   the whole group stands still for the rest of each second.
+2. **DEADLINE** for every thread: a share of a core, guaranteed by admission; no group's budget binds it. Such a thread
+   may not be pinned (the kernel admits it to all cores of its root domain or to none) and does not fork, so its
+   children are ordinary (`sched(7)`, Documentation/scheduler/sched-deadline.rst).
+3. **nice -20** with a slice of 0.1 ms (Linux 6.12; before, the slice is the kernel's): it is put before all others soon
+   after it wakes, but has to share.
+4. **plain**.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import platform
+import struct
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+#: Of `struct sched_attr` (linux/sched/types.h), first version: size, policy, flags, nice, priority, runtime, deadline,
+#: period.
+_ATTRIBUTES = struct.Struct("=IIQiIQQQ")
+_SET_ATTRIBUTES = {"x86_64": (314, 315), "aarch64": (274, 275)}
+DEADLINE = 6
+_RESET_ON_FORK, _RECLAIM = 1, 2  # RECLAIM: a tick that takes longer has what others leave
+#: A share is of this period. With longer ones the earliest deadline is often another loop's, see docs/decisions.
+PERIOD_NS = 1_000_000
+#: Of the threads beside the loop's own: ZeroMQ's.
+_BESIDE = 0.01
+_NICE, _SLICE_NS = -20, 100_000
+RUNGS = ("fifo", "deadline", "nice")
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a loop asks for: FIFO `priority`; a `share` of a core, where that is what is given; a core; which rungs."""
+
+    priority: int
+    share: float
+    core: int | None = None
+    rungs: tuple[str, ...] = RUNGS
+
+
+@dataclass(slots=True)
+class Scheduling:
+    """The place of this process on the ladder.
+
+    Attributes
+    ----------
+    had : str
+        What was granted.
+    refused : list of str
+        What was not, and why.
+    """
+
+    wish: Wish
+    had: str = "OTHER"
+    refused: list[str] = field(default_factory=list)
+    _rung: int = 0
+    _cores: frozenset[int] = frozenset()
+    _niceness: int = 0
+
+    @classmethod
+    def ask(cls, wish: Wish) -> Scheduling:
+        """Find out what is granted. The calling thread keeps FIFO, which later threads inherit, and nothing else."""
+        found = cls(wish, _cores=frozenset(os.sched_getaffinity(0)), _niceness=os.getpriority(os.PRIO_PROCESS, 0))
+        found._climb(reset=False)
+        if not found.is_fifo:
+            _make_ordinary(found._niceness)
+        return found
+
+    @property
+    def is_fifo(self) -> bool:
+        """Whether FIFO was granted."""
+        return self._name == "fifo"
+
+    @property
+    def is_pinned(self) -> bool:
+        """Whether the process may keep to one core."""
+        return self._name != "deadline"
+
+    @property
+    def _name(self) -> str:
+        return (*self.wish.rungs, "plain")[self._rung]
+
+    def relax(self) -> None:
+        """Make the calling thread, and it alone, an ordinary one: what it does before its loop may wait."""
+        if self.is_fifo:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+    def resume(self, *, alone: bool = False) -> None:
+        """Take for the loop what was granted: for all threads, or with `alone` for none that this one starts.
+
+        What was granted before may be given to others by now (DEADLINE is admitted while there is room): then it is
+        what comes next.
+        """
+        self._climb(reset=alone)
+
+    def _climb(self, *, reset: bool) -> None:
+        while self._rung < len(self.wish.rungs):
+            try:
+                self.had = self._take(reset)
+                return
+            except OSError as error:
+                self.refused.append(f"{self._name}: {error.strerror or error}")
+            self._rung += 1
+        self.had = "OTHER"
+
+    def _take(self, reset: bool) -> str:
+        match self._name:
+            case "fifo":
+                return self._fifo(reset)
+            case "deadline":
+                return self._deadline(reset)
+            case _:
+                return self._nice(reset)
+
+    def _fifo(self, reset: bool) -> str:
+        budget = group_budget()
+        if budget is not None and budget < self.wish.share:
+            raise OSError(
+                errno.EPERM, f"its group has {100 * budget:.0f} % of a core, {100 * self.wish.share:.0f} needed"
+            )
+        policy = os.SCHED_FIFO | (os.SCHED_RESET_ON_FORK if reset else 0)
+        os.sched_setscheduler(0, policy, os.sched_param(self.wish.priority))
+        return f"FIFO {self.wish.priority}"
+
+    def _deadline(self, reset: bool) -> str:
+        pinned = os.sched_getaffinity(0)
+        try:
+            for thread in _threads():
+                os.sched_setaffinity(thread, self._cores)
+                own = thread == _own_thread()
+                set_attributes(
+                    thread,
+                    DEADLINE,
+                    _RESET_ON_FORK | _RECLAIM,
+                    runtime_ns=_runtime_ns(self.wish.share if own else _BESIDE),
+                )
+        except OSError:
+            _make_ordinary(self._niceness)
+            for thread in _threads():
+                os.sched_setaffinity(thread, pinned)
+            raise
+        return f"DEADLINE {100 * self.wish.share:.0f} % of a core"
+
+    def _nice(self, reset: bool) -> str:
+        if self.wish.core in self._cores:
+            for thread in _threads():
+                os.sched_setaffinity(thread, {self.wish.core})
+        for thread in _threads():
+            set_attributes(thread, os.SCHED_OTHER, _RESET_ON_FORK if reset else 0, nice=_NICE, runtime_ns=_SLICE_NS)
+        slice_ns = get_attributes(0)[5]
+        return f"nice {_NICE}, slice {slice_ns / 1e6:g} ms" if slice_ns else f"nice {_NICE}, the kernel's slice"
+
+
+def _runtime_ns(share: float) -> int:
+    return round(share * PERIOD_NS)
+
+
+def _own_thread() -> int:
+    import threading
+
+    return threading.get_native_id()
+
+
+def _threads() -> list[int]:
+    return sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
+
+
+def _make_ordinary(niceness: int) -> None:
+    for thread in _threads():
+        set_attributes(thread, os.SCHED_OTHER, 0, nice=niceness)
+
+
+def set_attributes(thread: int, policy: int, flags: int, *, nice: int = 0, runtime_ns: int = 0) -> None:
+    """Call ``sched_setattr(2)``, which neither Python nor every C library has; DEADLINE's period is `PERIOD_NS`.
+
+    Raises
+    ------
+    OSError
+        if the kernel refuses.
+    """
+    period_ns = PERIOD_NS if policy == DEADLINE else 0
+    attributes = _ATTRIBUTES.pack(_ATTRIBUTES.size, policy, flags, nice, 0, runtime_ns, period_ns, period_ns)
+    _call(0, thread, attributes, 0)
+
+
+def get_attributes(thread: int) -> tuple[int, ...]:
+    """Return size, policy, flags, nice, priority, runtime, deadline and period of a thread, as the kernel has them."""
+    attributes = ctypes.create_string_buffer(_ATTRIBUTES.size)
+    _call(1, thread, attributes, _ATTRIBUTES.size, 0)
+    return _ATTRIBUTES.unpack(attributes.raw)
+
+
+def _call(which: int, *arguments: object) -> None:
+    numbers = _SET_ATTRIBUTES.get(platform.machine())
+    if numbers is None:
+        raise OSError(errno.ENOSYS, f"not known on {platform.machine()}")
+    if _libc.syscall(numbers[which], *arguments):
+        number = ctypes.get_errno()
+        raise OSError(number, _WHY.get(number, os.strerror(number)))
+
+
+_WHY = {
+    errno.EPERM: "refused (needs CAP_SYS_NICE; DEADLINE also all cores of the machine)",
+    errno.EBUSY: "no room: what others reserve and this is more than the machine has",
+}
+
+
+def group_budget() -> float | None:
+    """Return the share of a core that this process' group has in real time; None where there are no such groups."""
+    for folder in _group_folders():
+        runtime, period = folder / "cpu.rt_runtime_us", folder / "cpu.rt_period_us"
+        if runtime.is_file():
+            runtime_us = int(runtime.read_text())
+            return 1.0 if runtime_us < 0 else runtime_us / int(period.read_text())
+    return None
+
+
+def _group_folders(mount: Path = Path("/sys/fs/cgroup/cpu"), of: Path = Path("/proc/self/cgroup")) -> list[Path]:
+    """Return where the group may be seen: under its own name, or, in a container, as the root of what is mounted."""
+    lines = of.read_text().splitlines() if of.is_file() else []
+    names = [line.split(":", 2)[2] for line in lines if "cpu" in line.split(":")[1].split(",")]
+    return [*(mount / name.lstrip("/") for name in names), mount]
+
+
+def rungs_granted(wish: Wish) -> dict[str, str]:
+    """Return each rung and what it gives or why it is refused; to be called in a process that may be spoilt by it."""
+    found: dict[str, str] = {}
+    for name in RUNGS:
+        asked = Scheduling.ask(replace(wish, rungs=(name,)))
+        asked.resume()
+        found[name] = f"granted ({asked.had})" if not asked.refused else asked.refused[0].partition(": ")[2]
+        _make_ordinary(asked._niceness)  # noqa: SLF001
+    return found

@@ -1,0 +1,142 @@
+"""The ladder: each rung as the kernel has it afterwards, and the next one where a rung is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from services.runtime import realtime, scheduling
+from services.runtime.scheduling import Scheduling, Wish
+
+#: Takes what is granted without FIFO, and tells it: as a thread, as its bus does, and as a child of it sees it.
+_TAKE = """
+import json, os, subprocess, sys, threading
+from services.runtime import scheduling
+from services.runtime.scheduling import Scheduling, Wish, get_attributes
+
+def refused(*_):
+    raise PermissionError(1, "refused here")
+Scheduling._fifo = refused
+{more}
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+asked = Scheduling.ask(Wish(80, {share}, min(os.sched_getaffinity(0))))
+before = get_attributes(0)[1]
+asked.resume(alone={alone})
+child = "from services.runtime.scheduling import get_attributes; print(get_attributes(0)[1], get_attributes(0)[3])"
+ran = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True, check=True).stdout.split()
+print(json.dumps(dict(
+    had=asked.had, refused=asked.refused, before=before, child=[int(word) for word in ran],
+    threads=[get_attributes(thread) for thread in scheduling._threads()],
+    cores=len(os.sched_getaffinity(0)), all=os.cpu_count(),
+)))
+"""
+
+
+def take(share: float = 0.3, *, alone: bool = False, more: str = "") -> dict[str, Any]:
+    script = _TAKE.format(share=share, alone=alone, more=more)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
+
+
+def granted() -> dict[str, str]:
+    code = (
+        "import json; from services.runtime.scheduling import Wish, rungs_granted; "
+        "print(json.dumps(rungs_granted(Wish(80, 0.3, 0))))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    result: dict[str, str] = json.loads(done.stdout)
+    return result
+
+
+GRANTED = granted()
+needs_deadline = pytest.mark.skipif(not GRANTED["deadline"].startswith("granted"), reason="SCHED_DEADLINE is refused")
+needs_nice = pytest.mark.skipif(not GRANTED["nice"].startswith("granted"), reason="nice -20 is refused")
+#: Reserves a tenth of a core after the other, on threads that then do nothing, until the kernel refuses.
+_GREEDY = """
+import threading, time
+from services.runtime import scheduling
+full = threading.Event()
+def hold():
+    try:
+        scheduling.set_attributes(0, scheduling.DEADLINE, 1, runtime_ns=100_000)
+    except OSError:
+        full.set()
+    threading.Event().wait()
+while not full.is_set():
+    threading.Thread(target=hold, daemon=True).start()
+    time.sleep(0.01)
+print("full", flush=True)
+input()
+"""
+NO_DEADLINE = "Scheduling._deadline = refused"
+
+
+@needs_deadline
+def test_without_fifo_all_threads_of_a_loop_are_deadline_and_what_it_starts_is_not() -> None:
+    had = take(0.3)
+    assert had["had"] == "DEADLINE 30 % of a core"
+    assert had["refused"] == ["fifo: refused here"]
+    assert had["before"] == os.SCHED_OTHER, "until it is ready the process is ordinary"
+    (own, other) = had["threads"]
+    assert own[1] == other[1] == scheduling.DEADLINE
+    assert own[5] / own[7] == pytest.approx(0.3)
+    assert other[5] / other[7] == pytest.approx(0.01)
+    assert had["cores"] == had["all"], "the kernel refuses it to a thread that is pinned"
+    assert had["child"] == [os.SCHED_OTHER, 0]
+
+
+@needs_deadline
+@needs_nice
+def test_where_nothing_is_left_to_reserve_the_next_rung_is_taken() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", _GREEDY], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline()
+        had = take(0.6)
+        holder.kill()
+    assert had["had"].startswith("nice -20")
+    assert had["refused"][1].startswith("deadline: no room")
+
+
+@needs_nice
+def test_without_both_all_threads_are_before_all_others_and_on_their_core() -> None:
+    had = take(more=NO_DEADLINE)
+    assert had["had"].startswith("nice -20")
+    assert [thread[1:4:2] for thread in had["threads"]] == [[os.SCHED_OTHER, -20]] * 2
+    assert had["cores"] == 1
+
+
+@needs_nice
+def test_what_a_supervisor_starts_is_ordinary_whatever_it_has_itself() -> None:
+    assert take(more=NO_DEADLINE, alone=True)["child"] == [os.SCHED_OTHER, 0]
+
+
+def test_a_machine_that_grants_nothing_is_told_in_one_fact() -> None:
+    fact = realtime.scheduling_fact(Scheduling(Wish(80, 0.3), refused=["fifo: not here", "nice: not here"], _rung=3))
+    assert (fact.asked, fact.ok) == ("FIFO 80", False)
+    assert fact.had == "OTHER; fifo: not here; nice: not here"
+
+
+def test_a_groups_budget_smaller_than_the_loops_share_is_not_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A group that has used its budget up stands still for the rest of the second: worse than any other class."""
+    monkeypatch.setattr(scheduling, "group_budget", lambda: 0.1)
+    with pytest.raises(OSError, match=r"its group has 10 % of a core, 70 needed"):
+        Scheduling(Wish(80, 0.7))._fifo(False)
+
+
+def test_the_groups_budget_is_found_under_its_name_or_as_the_root_of_a_container(tmp_path: Path) -> None:
+    mount, of = tmp_path / "cpu", tmp_path / "cgroup"
+    of.write_text("4:memory:/a\n2:cpu,cpuacct:/rig/physics\n0::/\n")
+    assert scheduling._group_folders(mount, of) == [mount / "rig/physics", mount]
+    assert scheduling._group_folders(mount, tmp_path / "none") == [mount]
