@@ -24,7 +24,7 @@ from services.runtime.process import Process, main
 
 MODEL = "haptics.contact_model"
 RATE_HZ = 1000.0
-STAGES = ("take", "servo", "send", "orders")
+STAGES = ("take", "servo", "send")
 _LOOK_ROUND_EVERY = 50
 #: A report is made this long before the handles are served, and takes half of it.
 _REPORT_NS = 200_000
@@ -51,7 +51,8 @@ class Gateway:
         self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))
         self._orders = Orders(self.instruments, process.rig.gateway.supervisor_timeout_s)
         self._turn = 0
-        self._look_round = False
+        self._look_round = self._timed = False
+        self._unsettled: tuple[int, int, int] | None = None  # index, when sampled, when written, of the last tick
 
     def _path(self, name: str, default_us: float) -> LatencyPath:
         contract = self._process.rig.contracts.paths.get(name)
@@ -66,7 +67,7 @@ class Gateway:
         progress("devices open", 1.0)
 
     def tick(self, tick: Tick) -> None:
-        """Read, answer, write, publish; then follow orders."""
+        """Read, answer, write, publish: haptics waits for this core, so what nobody waits for comes later."""
         take(self._bus, self._answers)
         sampled_ns = time.monotonic_ns()
         for instrument in self.instruments:
@@ -76,26 +77,36 @@ class Gateway:
         written_ns = time.monotonic_ns()
         state = GatewayState(tick=tick.index, instruments=tuple(each.state() for each in self.instruments))
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
-        sent_ns = time.monotonic_ns()
+        self.meter.stages_ns = (
+            sampled_ns - tick.started_ns, written_ns - sampled_ns, time.monotonic_ns() - written_ns
+        )  # fmt: skip
+        self._unsettled = tick.index, sampled_ns, written_ns
+        self._timed = tick.index % TIMED_EVERY == 0
+        self._look_round = tick.index % _LOOK_ROUND_EVERY == 0
+
+    def _settle(self) -> None:
+        """Account for the last tick, and follow orders; once, before its answer is taken."""
+        if self._unsettled is None:
+            return
+        index, sampled_ns, written_ns = self._unsettled
+        self._unsettled = None
         self._servo.latency.record(written_ns - sampled_ns)
         self._answers.applied(written_ns)
-        self._answers.ask(tick.index, sampled_ns, timed=tick.index % TIMED_EVERY == 0)
+        self._answers.ask(index, sampled_ns, timed=self._timed)
         self._orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
-        self._look_round = tick.index % _LOOK_ROUND_EVERY == 0
-        ended_ns = time.monotonic_ns()
-        self.meter.stages_ns = (
-            sampled_ns - tick.started_ns, written_ns - sampled_ns, sent_ns - written_ns, ended_ns - sent_ns
-        )  # fmt: skip
 
     def serve(self, deadline_ns: int) -> None:
         """Until `deadline_ns`: serve the handles from the model that answers the last tick."""
         handles_ns = deadline_ns - _HANDLES_NS
-        if self._answers.timed:
+        if self._timed:
+            self._settle()
             listen(self._bus, self._answers, handles_ns)
         if self._look_round or self._health.is_due():
             sleep_until(handles_ns - _REPORT_NS)
+            self._settle()
             self._report()
         sleep_until(handles_ns)  # haptics has this core until its work is done
+        self._settle()
         take(self._bus, self._answers)
         began_ns = time.monotonic_ns()
         if self.instruments:  # one handle a tick, so each of two at 500 Hz: docs/decisions/handles-take-turns.md
