@@ -23,7 +23,7 @@ from services.runtime import realtime
 _MOTION_HZ = 1000
 _PERIOD_NS = round(ESTIMATE_S * 1e9)
 _LISTEN_EVERY = 5
-_SHARE = 0.06
+_SHARE = 0.12  # of a core, where SCHED_DEADLINE is what is granted: two drives take 0.1 ms every 2 ms
 #: Bytes read in a tick. The gateway sends a frame every 2 ms; what a stall leaves behind is read in a few ticks.
 _READ = 64 * can_frame.SIZE
 
