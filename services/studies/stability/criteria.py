@@ -31,6 +31,8 @@ HAND_SPEED_M_S = 0.5
 """Up to here a motion counts as one of a hand, with the small limit of penetration."""
 REST_SPEED_M_S = 1e-3
 """A scene whose catheter and wall are slower is at rest."""
+REST_S = 2.0
+"""So long may it take to come to rest, unless what is there is damped too little for that."""
 
 CRITERIA: dict[str, Criterion] = {
     "raised": Criterion("ticks that ended in an exception", "", 0),
@@ -72,7 +74,13 @@ CRITERIA: dict[str, Criterion] = {
         0,
     ),
     "force_step": Criterion("change of the force on a tool from tick to tick, per millisecond", "N", 0.3),
-    "rest": Criterion("from the hands' leaving until nothing moves faster than 1 mm/s", "s", 2.0),
+    "rest": Criterion("from the hands' leaving until nothing moves faster than 1 mm/s", "s", REST_S),
+    "rest_damped": Criterion(
+        "the same over ln(1000) / (zeta omega), in which the wall's slowest mode falls from 1 m/s to 1 mm/s by its own "
+        "damping, where that takes more than 2 s",
+        "",
+        1.0,
+    ),
     "shape": Criterion("distance from the rest shape of a run that nobody disturbed, without friction", "m", 0.05e-3),
     "creep": Criterion("motion of what is stuck, scaled to a minute", "m", 1e-6),
     "relaxation": Criterion("part of a held force that is lost, scaled to a minute", "", 0.01),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import TriangleMesh
-from services.studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, Figures
+from services.studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, REST_S, REST_SPEED_M_S, Figures
 from services.studies.stability.hands import Hands
 from services.studies.stability.watch import Watch, is_at_rest
 
@@ -24,7 +25,8 @@ QUIET_S = 0.1
 """So long in a row at rest ends a run."""
 SETTLE_S = 4.0
 """A scene that nobody disturbs has so long to come to rest."""
-LEFT_S = 2.0
+FASTEST_M_S = 1.0
+"""What hands leave behind swings about as fast as this at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +88,8 @@ def drive(play: Play) -> Driven:
         run.watch.count_crossings()
         figures["crossings"] = run.watch.worst["crossings"]
     if play.rests:
-        figures["rest"] = run.rest_s if is_sound else np.inf
+        rest_s = run.rest_s if is_sound else np.inf
+        figures |= {"rest": rest_s} if run.longest_s == REST_S else {"rest_damped": rest_s / run.longest_s}
     if is_sound and play.has_one_shape and simulation.inserted_length_m > 0.0:
         figures["shape"] = _distance_m(simulation, play)
     return Driven({name: figures[name] for name in CRITERIA if name in figures}, run.watch.digest(), run.steps)
@@ -101,6 +104,10 @@ class _Run:
     play: Play
     steps: int = 1
     rest_s: float = np.inf
+    longest_s: float = REST_S
+
+    def __post_init__(self) -> None:
+        self.longest_s = max(REST_S, settling_s(self.simulation.duct.reduced))
 
     def through_hands(self) -> bool:
         return all(self._step() for _ in range(1, len(self.play.hands)))
@@ -108,7 +115,7 @@ class _Run:
     def until_quiet(self) -> bool:
         """Go on without hands, until it has been quiet for a while; or not, for as long as it may take."""
         dt_s, quiet_s, gone_s = self.play.dt_s, 0.0, 0.0
-        while quiet_s < QUIET_S and gone_s < LEFT_S + 2.0 * QUIET_S and self.play.rests:
+        while quiet_s < QUIET_S and gone_s < self.longest_s + 2.0 * QUIET_S and self.play.rests:
             if not self._step():
                 return False
             gone_s += dt_s
@@ -129,6 +136,12 @@ class _Run:
             self.watch.worst["raised"] += 1
             return False
         return self.watch.look(play.dt_s, self.book.flow)
+
+
+def settling_s(duct: ReducedDuct) -> float:
+    """In how long the slowest mode of a wall comes to rest by its own damping: it falls as exp(-zeta omega t)."""
+    rate_1_s = float(np.min(duct.damping_ratio * duct.basis.omega_rad_s))
+    return math.log(FASTEST_M_S / REST_SPEED_M_S) / rate_1_s if rate_1_s > 0.0 else math.inf
 
 
 def _distance_m(simulation: Simulation, play: Play) -> float:

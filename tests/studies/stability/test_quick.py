@@ -21,7 +21,7 @@ OPEN: dict[tuple[str, str], set[str]] = {
     ("effect_pairs", "twist and friction, number 0"): TOOLS | {"gain"},
     ("stiffness", "0.01 times as stiff, holding, number 0"): TOOLS,
     ("stiffness", "1000 times as stiff, holding, number 0"): TOOLS,
-    ("mass", "wall 100 times as heavy, number 0"): TOOLS | {"gain", "rest"},
+    ("mass", "wall 100 times as heavy, number 0"): TOOLS | {"gain"},
     ("random_play", "piece 0"): TOOLS,
 }
 

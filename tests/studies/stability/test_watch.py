@@ -1,12 +1,15 @@
 """Every criterion sees what it is for: a state is spoilt on purpose, and the figure of that fault fails."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from services.mechanics.reduction import ModalState, Newmark
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.studies.stability.criteria import CRITERIA, failures
-from services.studies.stability.drive import Play, drive, reduced_duct
+from services.studies.stability.drive import Play, drive, reduced_duct, settling_s
 from services.studies.stability.situations import beside
 from services.studies.stability.watch import Watch
 
@@ -73,3 +76,20 @@ def test_the_figure_of_a_fault_fails_and_that_of_a_sound_state_does_not(spoil, c
     if watch.look(1e-3, None):
         watch.count_crossings()
     assert watch.worst[criterion] > CRITERIA[criterion].limit
+
+
+@pytest.mark.parametrize("heavier", [1.0, 100.0])
+def test_a_wall_settles_by_its_own_damping_in_the_time_that_it_is_given(heavier):
+    scene = beside().scene
+    duct = replace(scene.duct, density_kg_m3=heavier * scene.duct.density_kg_m3)
+    reduced = reduced_duct(replace(scene, duct=duct))
+    state, none = ModalState.at_rest(reduced.basis.n_modes), np.zeros(reduced.basis.n_modes)
+    modes, rates = Newmark(reduced.basis.omega_rad_s, reduced.damping_ratio), []
+    state.qdot[:] = 1.0
+    steps = round(settling_s(reduced) / 1e-3)
+    for _ in range(steps):
+        modes.predict(state, none, 1e-3)
+        rates.append(np.abs(state.qdot[:2]).max())
+    swing = round(2.0 * np.pi / reduced.basis.omega_rad_s[0] / 1e-3)
+    assert max(rates[-swing:]) < 2.5e-3
+    assert max(rates[: steps // 2][-swing:]) > 20e-3
