@@ -156,12 +156,13 @@ def main() -> int:
     parser.add_argument("--anew", action="store_true", help="forget the outcomes of earlier runs")
     parser.add_argument("--name", default="faults", help="of the table in benchmarks/results")
     arguments = parser.parse_args()
-    file, end_s = RESULTS / f"{arguments.name}.json", time.monotonic() + 60.0 * arguments.minutes
+    file = RESULTS / f"{arguments.name}-outcomes.json"
     outcomes = [] if arguments.anew else _kept(file, arguments.seed)
     script = HERE / "press.yaml"
     overrides = [f"gateway.instruments.{i}.arm.settings.script={script}" for i in (0, 1)]
     topics = tuple(f"{name}.health" for name in LOOPS)
     with tempfile.TemporaryDirectory() as folder, running_rig(Path(folder), str(SCENE), overrides, topics) as rig:
+        end_s = time.monotonic() + 60.0 * arguments.minutes
         for index, draw in enumerate(_draws(arguments.seed, arguments.faults)):
             if index < len(outcomes) or time.monotonic() >= end_s:
                 continue
