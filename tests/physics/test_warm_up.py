@@ -16,6 +16,6 @@ pytestmark = pytest.mark.timeout(300)  # on a machine that has compiled nothing 
 def test_a_scene_with_every_effect_warms_up() -> None:
     """Before collision detection is compiled there is none: no effect may insist on it."""
     named = [f"effects.{name}={{}}" for name in EFFECTS]
-    scene = load_scene(SMALL, [*named, "effects.nonlinear_membrane.n_coordinates=2"])
+    scene = load_scene(SMALL, [*named, "effects.nonlinear_membrane.n_coordinates=2", "effects.softening.n_squeezes=2"])
     assert set(scene.effects) == set(EFFECTS)
     warm_up(scene, load_duct(scene, cache_directory(), lambda stage, fraction: None))

@@ -18,6 +18,7 @@ from services.mechanics.effects.large_rotations import LargeRotations
 from services.mechanics.effects.mucus_drag import MucusDrag
 from services.mechanics.effects.nonlinear_membrane import NonlinearMembrane
 from services.mechanics.effects.self_contact import SelfContact
+from services.mechanics.effects.softening import Softening
 from services.mechanics.effects.twist import Twist
 from services.mechanics.effects.viscoelasticity import Viscoelasticity
 from services.mechanics.scene import SceneModel
@@ -43,6 +44,7 @@ EFFECTS: dict[str, EffectEntry] = {
     "gravity": EffectEntry(Gravity, "weight of catheter, stones and, if wanted, wall"),
     "twist": EffectEntry(Twist, "torsion of the catheter; rest curvature turns with it"),
     "nonlinear_membrane": EffectEntry(NonlinearMembrane, "a wall that stiffens as it stretches"),
+    "softening": EffectEntry(Softening, "a wall that gives way where it is squeezed"),
     "viscoelasticity": EffectEntry(Viscoelasticity, "a wall that relaxes: Prony terms on every mode"),
     "gallstones": EffectEntry(Gallstones, "rigid spheres that catheter and wall push about"),
     "self_contact": EffectEntry(SelfContact, "the catheter touching itself"),

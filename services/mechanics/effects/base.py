@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ShellSection
 from services.mechanics.reduction import ReducedDuct
+from services.mechanics.reduction.build import Progress
 from services.mechanics.rod import RodProperties
 from services.mechanics.scene import SceneModel
 from services.mechanics.surface.mesh import TriangleMesh
@@ -75,6 +76,10 @@ class Effect:
         """Return the reduced duct that every process holds."""
         raise NotImplementedError
 
+    def train(self, duct: ReducedDuct, progress: Progress) -> None:
+        """Compute what is learned of the reduced duct and keep it in the duct's cache, telling ``progress``."""
+        raise NotImplementedError
+
     def modify_rod(self, rod: RodProperties) -> RodProperties:
         """Return what the catheter is made of, before its integrator is built."""
         raise NotImplementedError
@@ -116,6 +121,7 @@ STAGES = (
     "modify_section",
     "constant_load_n",
     "modify_duct",
+    "train",
     "modify_rod",
     "body_acceleration_m_s2",
     "prepare",

@@ -59,6 +59,8 @@ def build_scene_duct(
         duct = replace(duct, mesh=TriangleMesh(mesh.vertices_m + shift, mesh.triangles, mesh.vertex_sets))
     for effect in stages["modify_duct"]:
         duct = effect.modify_duct(duct)
+    for effect in stages["train"]:
+        effect.train(duct, progress)
     return duct
 
 

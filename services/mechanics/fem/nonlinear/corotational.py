@@ -63,18 +63,25 @@ class CorotationalShell:
     ----------
     model
         Mesh, section, elements and supports of the linear shell; what was stress-free there is so here.
+
+    Attributes
+    ----------
+    rest_frames
+        (m, 3, 3) axes of the triangles at rest, in rows.
+    flat
+        (m, 3, 2) corners of the triangles in those axes, from their middle.
     """
 
     def __init__(self, model: ShellModel) -> None:
         self.model = model
         self.triangles = model.mesh.triangles
-        self._frames = local_frames(model.mesh)
-        xy = local_coordinates(model.mesh, self._frames)
-        D = plane_stress_matrices(model.section, self._frames)
+        self.rest_frames = local_frames(model.mesh)
+        xy = local_coordinates(model.mesh, self.rest_frames)
+        D = plane_stress_matrices(model.section, self.rest_frames)
         thickness = model.section.per_triangle("thickness_m", model.mesh.n_triangles)
         parts = _parts(len(xy))
         self._K = np.concatenate([local_stiffness(xy[p], D[p], thickness[p], model.elements) for p in parts])
-        self._flat = xy - xy.mean(axis=1, keepdims=True)
+        self.flat = xy - xy.mean(axis=1, keepdims=True)
 
     def energy_j(self, at: Configuration) -> float:
         """Strain energy in J."""
@@ -106,6 +113,19 @@ class CorotationalShell:
         """
         return sum_triangles(self.model.mesh, self._tangents(at, carried))
 
+    def local_tangents(self, part: slice, move: FloatArray) -> FloatArray:
+        """(t, 18, 18) tangents of some triangles alone, each in its axes at rest.
+
+        ``move`` (t, 18) is where their corners are from rest: displacements in m and rotation vectors in rad.
+        """
+        nodal = move.reshape(-1, 3, 2, 3)
+        position, at_rest = nodal[:, :, 0].copy(), np.broadcast_to(np.eye(3), (len(move), 3, 3))
+        position[:, :, :2] += self.flat[part]
+        frame = CarriedFrame.fit(position, self.flat[part])
+        state = _Deformation.of(frame, exponential(nodal[:, :, 1]), at_rest)
+        K = self._K[part]
+        return turn(_local_tangent(K, state, np.einsum("mij,mj->mi", K, state.d)), frame.axes)
+
     def carried_after(self, at: Configuration, step: FloatArray) -> FloatArray:
         """(m, 18) forces in each triangle's frame that its deformation would cause if a (6 n,) step were small.
 
@@ -131,8 +151,8 @@ class CorotationalShell:
     def _states(self, at: Configuration) -> Iterator[tuple[slice, _Deformation]]:
         for part in _parts(len(self.triangles)):
             corners = self.triangles[part]
-            frame = CarriedFrame.fit(at.position_m[corners], self._flat[part])
-            yield part, _Deformation.of(frame, at.rotation[corners], self._frames[part])
+            frame = CarriedFrame.fit(at.position_m[corners], self.flat[part])
+            yield part, _Deformation.of(frame, at.rotation[corners], self.rest_frames[part])
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,76 @@
+"""Softening: a wall that gives way where it is squeezed, as a thin wall does whose section folds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from services.mechanics.arrays import AnyArray
+from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.softening.softened_wall import SoftenedWall, follow_loads
+from services.mechanics.reduction.softening.training import WallSoftening, fetch_softening
+from services.mechanics.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class SofteningSettings:
+    """Number of pinches, pokes and pulls of the nonlinear shell from which it is learned how far the wall gives way."""
+
+    n_squeezes: int = 30
+
+    def __post_init__(self) -> None:
+        require_positive(self, "n_squeezes")
+
+
+class Softening(Effect):
+    """What large displacements add to the linear response of the wall to contact forces.
+
+    A force on the modes that follows their displacement and comes of an energy; none at first order, so small loads
+    meet the linear wall. Weight and gas pressure are not among the loads that soften.
+    """
+
+    Settings = SofteningSettings
+
+    def train(self, duct: ReducedDuct, progress: Progress) -> None:
+        """Compute what is learned of the wall, unless it is in the cache.
+
+        Raises
+        ------
+        ValueError
+            The surface encloses no lumen.
+        """
+        self._fetch(duct, progress)
+
+    def prepare(self, world: World) -> None:
+        """Take the wall's softening on."""
+        duct = world.duct
+        self._wall = SoftenedWall.of(duct.reduced, self._fetch(duct.reduced), duct.constant_modal_force)
+
+    def add_loads(self, world: World, dt_s: float) -> None:
+        """Push the modes."""
+        world.duct.modal_force += self._wall.force
+
+    def after_solve(self, world: World, dt_s: float) -> None:
+        """Follow the contact forces, and the wall."""
+        duct, n = world.duct, world.duct.n_loads
+        loads = duct.load_nodes[:n], duct.load_force_n[:n]
+        follow_loads(self._wall.address, loads, duct.contact_impulse, (duct.state.q, duct.q_start), dt_s)
+        potential_j, work_j = self._wall.books
+        self.dissipated_j = -float(work_j + potential_j)
+
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return forces followed, force on the modes, and the books."""
+        return self._wall.state_arrays()
+
+    def potential_energy_j(self, world: World) -> float:
+        """Return what the wall stores less than a linear one that is displaced as far."""
+        return float(self._wall.books[0])
+
+    def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:
+        if duct.recipe is None:
+            raise ValueError("effects.softening: the duct has no recipe, use build_scene_duct")
+        try:
+            return fetch_softening(duct.recipe, duct, self.settings.n_squeezes, duct.cache_dir, progress)
+        except ValueError as error:
+            raise ValueError(f"effects.softening: {error}") from error

@@ -1,0 +1,64 @@
+"""The first thing that is nonlinear in a shell: the cubic part of its energy about the undeformed shape."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.mechanics.arrays import Float32Array, FloatArray
+from services.mechanics.fem.nonlinear.corotational import CorotationalShell
+
+STEP = 1e-4
+"""Of the differences: part of a triangle's size, and angle in rad. Their error is of second order in it."""
+CHUNK = 512
+"""Triangles whose third derivatives exist at the same time (12 MB)."""
+_AXES = 18
+
+
+def cubic_tensor(shell: CorotationalShell, fields: FloatArray) -> Float32Array:
+    """(k, k, k) third derivatives of the strain energy along displacements and rotations (6 n, k), at rest.
+
+    T[a, b, c] = d3E / dx_a dx_b dx_c for the shell moved by sum_a x_a fields_a, rotations being rotation vectors: the
+    energy is 1/2 x K x + 1/6 T x x x and terms of fourth order. Symmetric in its three places.
+    """
+    k = fields.shape[1]
+    T = np.zeros((k, k, k), np.float32)
+    for start in range(0, len(shell.triangles), CHUNK):
+        part = slice(start, min(start + CHUNK, len(shell.triangles)))
+        third, local = _third_derivatives(shell, part), _local_fields(shell, part, fields)
+        flat = local.reshape(-1, k)
+        for a in range(k):
+            D = np.einsum("mi,mij->mj", local[:, :, a], third).reshape(-1, _AXES, _AXES)
+            T[a, a:, a:] += flat[:, a:].T @ np.matmul(D, local[:, :, a:]).reshape(-1, k - a)
+    for a in range(k):
+        T[a:, a, a:] = T[a, a:, a:]
+        T[a:, a:, a] = T[a, a:, a:]
+    return T
+
+
+def _local_fields(shell: CorotationalShell, part: slice, fields: FloatArray) -> Float32Array:
+    """(t, 18, k) fields at the corners of some triangles, in each triangle's axes."""
+    k = fields.shape[1]
+    corners = fields.reshape(-1, 2, 3, k)[shell.triangles[part]]
+    local = np.einsum("mab,mcsbk->mcsak", shell.rest_frames[part], corners)
+    return np.ascontiguousarray(local.reshape(-1, _AXES, k), np.float32)
+
+
+def _third_derivatives(shell: CorotationalShell, part: slice) -> Float32Array:
+    """(t, 18, 324) third derivatives of the energy of some triangles in their own axes."""
+    third = np.stack([_tangent_rate(shell, part, axis) for axis in range(_AXES)], axis=1)
+    turns = ((0, 1, 2, 3), (0, 2, 3, 1), (0, 3, 1, 2), (0, 1, 3, 2), (0, 2, 1, 3), (0, 3, 2, 1))
+    # By spins the tangent is symmetric only where nothing is loaded; the mean is the derivative by rotation vectors.
+    mean = np.mean([third.transpose(turn) for turn in turns], axis=0)
+    return np.ascontiguousarray(mean.reshape(-1, _AXES, _AXES * _AXES), np.float32)
+
+
+def _tangent_rate(shell: CorotationalShell, part: slice, axis: int) -> FloatArray:
+    """(t, 18, 18) derivative of the tangents of some triangles by one motion of one corner."""
+    flat = shell.flat[part]
+    size = np.linalg.norm(flat, axis=2).max(axis=1)
+    step = STEP * (size if axis % 6 < 3 else np.ones_like(size))
+    move = np.zeros((len(flat), _AXES))
+    move[:, axis] = step
+    change = shell.local_tangents(part, move) - shell.local_tangents(part, -move)
+    rate: FloatArray = change / (2.0 * step[:, None, None])
+    return rate

@@ -1,0 +1,114 @@
+"""How far the wall gives way: one function of one number, its coefficients learned and varying over the wall.
+
+For forces a on the sites let V = 1/2 a W a be the linear energy of local deformation, E = 1/6 T a a a the cubic energy
+of the linear response to them, and rho = -E / V. Beyond the linear displacement of the points they act on the forces
+then do the work V Y(rho); to first order Y = 3 rho exactly (the second-order response of any structure).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+
+FIRST = 3.0
+"""Coefficient of the first part."""
+TURNS = (0.15, 0.35)
+"""Where the saturating parts of the law turn."""
+N_PARTS = 5
+N_POINTS = 129
+NOISE = 0.03
+"""Scatter of the reference's closures that the law does not explain, over the closure."""
+MEAN_SCALE, LOCAL_SCALE = 5.0, 1.0
+"""Spread expected of the coefficients, and of what they vary by from place to place."""
+SMOOTH_WIDTHS = 1.5
+"""Distance over which they vary, in widths of the lumen."""
+
+
+def parts(rho: FloatArray) -> FloatArray:
+    """(N_PARTS, ...) the functions that Y is made of: rho, three for walls pressed in, one for walls pulled out."""
+    inward, outward = np.maximum(rho, 0.0), np.minimum(rho, 0.0)
+    squared = inward**2
+    saturating = [squared / (squared + turn**2) for turn in TURNS]
+    return np.stack([rho, *saturating, squared, outward**2 / (1.0 - outward)])
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One equilibrium of the reference as the law sees it.
+
+    Attributes
+    ----------
+    rho : float
+    excess : float
+        What Y should be.
+    share : float
+        V over the work of the forces: how much an error of Y counts.
+    place : (m,) float64
+        Shares of the sites in the force, not negative, of sum one.
+    """
+
+    rho: float
+    excess: float
+    share: float
+    place: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class SofteningLaw:
+    """Y and the energy that it follows from.
+
+    Attributes
+    ----------
+    rho : (p,) float64
+        Evenly spaced from the least to the largest that was seen; beyond them Y stays what it is there.
+    work : (N_PARTS, p) float64
+        The parts of Y.
+    energy : (N_PARTS, p) float64
+        The parts of Phi: V Phi(rho) is the complementary energy beyond the linear one, 2 Phi + rho Phi' = Y.
+    coefficients : (m, N_PARTS) float64
+        Of the parts, for forces on each site.
+    """
+
+    rho: FloatArray
+    work: FloatArray
+    energy: FloatArray
+    coefficients: FloatArray
+
+
+def place_of(at_sites: FloatArray) -> FloatArray:
+    """(m,) shares of the sites in a force."""
+    size = np.abs(at_sites)
+    share: FloatArray = size / size.sum()
+    return share
+
+
+def fit_law(samples: Sequence[Sample], distance: FloatArray) -> SofteningLaw:
+    """Least squares with a Gaussian prior: coefficients vary smoothly over ``distance`` (m, m), in lumen's widths."""
+    rho = np.array([sample.rho for sample in samples])
+    share = np.array([sample.share for sample in samples])
+    wanted = share * (np.array([sample.excess for sample in samples]) - FIRST * rho)
+    seen = share * parts(rho)[1:]
+    places = np.stack([sample.place for sample in samples])
+    smooth = np.exp(-0.5 * (distance / SMOOTH_WIDTHS) ** 2)
+    kernel = MEAN_SCALE**2 + LOCAL_SCALE**2 * (places @ smooth @ places.T)
+    covariance = kernel * (seen.T @ seen) + NOISE**2 * np.eye(len(rho))
+    dual = np.linalg.solve(covariance, wanted)
+    at_sites = MEAN_SCALE**2 + LOCAL_SCALE**2 * (smooth @ places.T)
+    fitted = at_sites @ (seen * dual).T
+    coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
+    grid = np.linspace(min(rho.min(), -0.05), max(rho.max(), 0.05), N_POINTS)
+    return SofteningLaw(grid, parts(grid), _energies(grid), coefficients)
+
+
+def _energies(grid: FloatArray) -> FloatArray:
+    """Phi of each part: rho^2 Phi is the integral of rho Y, by the trapezoidal rule on a finer grid."""
+    fine = np.linspace(0.0, 1.0, 2001)
+    energies = np.zeros((N_PARTS, len(grid)))
+    for place, rho in enumerate(grid):
+        if rho != 0.0:
+            energies[:, place] = np.trapezoid(fine * parts(rho * fine), fine, axis=1)
+    return energies

@@ -1,0 +1,157 @@
+"""Sites, cubic energy and law of a duct's wall: computed once, then found in the cache."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
+from services.mechanics.fem import ShellModel
+from services.mechanics.fem.nonlinear import CorotationalShell
+from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor
+from services.mechanics.reduction import cache
+from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.reduction.content_hash import hash_content, hash_sources
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from services.mechanics.reduction.recipe import DuctRecipe
+from services.mechanics.reduction.softening.law import Sample, SofteningLaw, fit_law, place_of
+from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites
+from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
+
+STIFF_MODES = 0.3
+"""How much the energy of a shape counts beside its fit: the median mode's against the mean mode's displacement."""
+LEAST_SHARE = 1e-3
+"""Of the work that is local deformation: below it a state says nothing about the law."""
+
+
+@dataclass(frozen=True, slots=True)
+class WallSoftening:
+    """What forces on a wall do beyond the linear response.
+
+    Attributes
+    ----------
+    sites : LoadSites
+    third : (m, m, m) float32
+        T: third derivatives of the strain energy along the linear responses to unit forces on the sites.
+    law : SofteningLaw
+    """
+
+    sites: LoadSites
+    third: Float32Array
+    law: SofteningLaw
+
+    def energies_j(self, at_sites: FloatArray) -> tuple[float, float]:
+        """V and E of forces (m,) on the sites, see `law`."""
+        V = 0.5 * at_sites @ self.sites.local_m_n @ at_sites
+        return float(V), float(_cubic(self.third, at_sites))
+
+
+def fetch_softening(
+    recipe: DuctRecipe,
+    duct: ReducedDuct,
+    n_squeezes: int,
+    cache_dir: Path | None = None,
+    progress: Progress = ignore_progress,
+) -> WallSoftening:
+    """Return the softening of a recipe's wall, from the cache where it is there.
+
+    Raises
+    ------
+    ValueError
+        The wall encloses no lumen, or its supports hold some axes only.
+    """
+
+    def make(entry: cache.Entry) -> None:
+        made = train_softening(recipe, own_compliance_m_n(duct), n_squeezes, progress)
+        for name in LoadSites.__slots__:
+            entry.save(f"sites_{name}", getattr(made.sites, name))
+        for name in SofteningLaw.__slots__:
+            entry.save(f"law_{name}", getattr(made.law, name))
+        entry.save("third", made.third)
+        entry.describe(recipe=recipe.key(), n_squeezes=n_squeezes)
+
+    name = f"softening-{hash_content(recipe.key(), n_squeezes, hash_sources(Path(__file__).parent))}"
+    entry = cache.fetch(cache_dir or cache_directory(), name, make)
+    sites = LoadSites(**{name: entry.load(f"sites_{name}") for name in LoadSites.__slots__})
+    law = SofteningLaw(**{name: entry.load(f"law_{name}") for name in SofteningLaw.__slots__})
+    return WallSoftening(sites, entry.load("third"), law)
+
+
+def train_softening(
+    recipe: DuctRecipe, own_m_n: FloatArray, n_squeezes: int, progress: Progress = ignore_progress
+) -> WallSoftening:
+    """Place sites, differentiate the energy, follow squeezes of the nonlinear reference, and fit the law to them.
+
+    ``own_m_n`` (n, 3, 3) is the displacement of each node under unit forces on it.
+    """
+    progress("cubic energy", 0.0)
+    model = recipe.model()
+    lumen = Lumen.of(recipe.mesh)
+    inward = np.einsum("na,nab,nb->n", lumen.inward, own_m_n, lumen.inward)
+    sites, fields = place_sites(model, lumen, inward)
+    third = cubic_tensor(CorotationalShell(model), fields)
+    samples: list[Sample] = []
+    for done, squeeze in enumerate(draw_squeezes(recipe, lumen, sites.nodes, n_squeezes)):
+        progress("squeezes of the wall", done / n_squeezes)
+        samples += _samples(model, sites, third, follow(recipe, lumen, squeeze))
+    progress("squeezes of the wall", 1.0)
+    at = recipe.mesh.vertices_m[sites.nodes]
+    distance = np.linalg.norm(at[:, None] - at[None], axis=2) / np.median(lumen.width_m)
+    return WallSoftening(sites, third, fit_law(samples, distance))
+
+
+def own_compliance_m_n(duct: ReducedDuct) -> FloatArray:
+    """(n, 3, 3) displacement of each node under unit forces on it, at rest."""
+    basis, moved = duct.basis, np.zeros((3, duct.basis.n_nodes, 1, 3))
+    for axis, force in enumerate(np.eye(3)):
+        for node in range(basis.n_nodes):
+            at = np.array([node], np.int32)
+            duct.residual.apply(at, force[None], at, moved[axis, node])
+    scaled = basis.Phi / basis.omega_rad_s
+    compliance: FloatArray = moved[:, :, 0].transpose(1, 2, 0) + np.einsum("nar,nbr->nab", scaled, scaled)
+    return compliance
+
+
+def delivery(duct: ReducedDuct, sites: LoadSites, lumen: Lumen) -> FloatArray:
+    """(r, m) modal coordinates that move the sites inward by nearly a unit each, at little energy."""
+    basis, mesh = duct.basis, duct.mesh
+    rows = np.einsum("nar,na->nr", basis.Phi, lumen.inward)
+    weights = np.einsum("nka,na->nk", sites.weights, lumen.inward)
+    total = weights.sum(axis=1, keepdims=True)
+    weights = np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), 0.0)
+    wanted = np.zeros((mesh.n_vertices, len(sites.nodes)))
+    np.put_along_axis(wanted, sites.near.astype(np.intp), weights, axis=1)
+    normal, stiffness = rows.T @ rows, basis.omega_rad_s**2
+    # High modes fit the last per cent of a shape and store more energy in it than in all the rest.
+    costly = STIFF_MODES * np.trace(normal) / len(normal) * stiffness / np.median(stiffness)
+    normal[np.diag_indices_from(normal)] += costly
+    modal: FloatArray = np.linalg.solve(normal, rows.T @ wanted)
+    return modal
+
+
+def _samples(model: ShellModel, sites: LoadSites, third: Float32Array, states: list[SqueezedState]) -> list[Sample]:
+    samples = []
+    for state in states:
+        at_sites = sites.spread(state.nodes, state.force_n)
+        V = 0.5 * float(at_sites @ sites.local_m_n @ at_sites)
+        if V / state.work_j < LEAST_SHARE:
+            continue
+        linear = _linear_work_j(model, state.nodes, state.force_n)
+        rho, excess = -_cubic(third, at_sites) / V, (state.work_j - linear) / V
+        samples.append(Sample(rho, excess, V / state.work_j, place_of(at_sites)))
+    return samples
+
+
+def _linear_work_j(model: ShellModel, nodes: IntArray, force_n: FloatArray) -> float:
+    load = np.zeros((model.mesh.n_vertices, 3))
+    np.add.at(load, nodes, force_n)
+    moved = nodal_translations(model, model.factor.solve(free_load(model, load)))
+    return float(np.sum(load * moved))
+
+
+def _cubic(third: Float32Array, at_sites: FloatArray) -> float:
+    return float(at_sites @ ((third @ at_sites) @ at_sites)) / 6.0

@@ -1,0 +1,70 @@
+"""A scene whose wall softens: it gives way to a tool, its energy books balance, and it rests when it is let go."""
+
+import numpy as np
+import pytest
+from effect_runs import pressing_tools
+
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.energy import EnergyBook
+from services.mechanics.simulation.scene_duct import build_scene_duct
+
+pytestmark = pytest.mark.timeout(600)
+
+
+@pytest.fixture
+def scene(with_effects):
+    return with_effects(softening={"n_squeezes": 8})
+
+
+@pytest.fixture
+def duct(scene, cache_dir):
+    return build_scene_duct(scene, cache_dir)
+
+
+def pressed(scene, duct, ticks=400):
+    simulation, tools = Simulation(scene, duct), pressing_tools(scene)
+    top = tools.position_m[0, 2]
+    for tick in range(ticks):
+        tools.position_m[0, 2] = top - 3.0e-3 * min(1.0, tick / (0.6 * ticks))
+        simulation.step(tools)
+    return simulation, tools
+
+
+def test_a_tool_meets_less_force(scene, duct, with_effects):
+    """Pressed in by a third of its width the wall pushes back less than a linear one, and more than half as much."""
+    soft, _ = pressed(scene, duct)
+    stiff, _ = pressed(with_effects(), duct)
+    force, linear = (np.linalg.norm(run.tool_results.force_n[0]) for run in (soft, stiff))
+    assert 0.5 * linear < force < 0.95 * linear
+
+
+def test_the_books_balance(scene, duct):
+    simulation, tools = Simulation(scene, duct), pressing_tools(scene)
+    simulation.step(tools)
+    book, top, largest = EnergyBook(simulation), tools.position_m[0, 2], 0.0
+    for tick in range(800):
+        tools.position_m[0, 2] = top - 3.0e-3 * max(0.0, 1.0 - abs(tick / 400.0 - 1.0))
+        book.step(tools)
+        largest = max(largest, book.flow.input_j)
+    assert abs(book.flow.imbalance_j) < 0.01 * largest
+    assert abs(book.flow.effects_j) < 0.05 * largest
+
+
+def test_what_is_let_go_rests(scene, duct):
+    simulation, tools = pressed(scene, duct)
+    effect = simulation.effects["softening"]
+    assert effect.potential_energy_j(simulation.world) < 0.0
+    tools.present[:] = False
+    for _ in range(300):
+        simulation.step(tools)
+    assert effect.potential_energy_j(simulation.world) == 0.0
+    assert not any(array.any() for array in effect.state_arrays()[:3])
+
+
+def test_an_absent_hand_meets_nothing(scene, duct):
+    simulation, tools = Simulation(scene, duct), ToolInputs()
+    tools.present[:] = False
+    for _ in range(50):
+        simulation.step(tools)
+    assert not simulation.effects["softening"].state_arrays()[2].any()

@@ -1,0 +1,228 @@
+"""A softened wall against the nonlinear shell it was not shown, at small loads, round a cycle, and in time."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
+from services.mechanics.reduction import DuctRecipe, Newmark, reduce_duct
+from services.mechanics.reduction.softening.law import parts
+from services.mechanics.reduction.softening.sites import Lumen
+from services.mechanics.reduction.softening.softened_wall import SoftenedWall, follow_loads
+from services.mechanics.reduction.softening.squeezes import Squeeze, follow
+from services.mechanics.reduction.softening.training import fetch_softening, own_compliance_m_n
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+
+# Training on a busy machine.
+pytestmark = pytest.mark.timeout(600)
+
+DT_S = 1e-3
+LENGTH_M, WIDTH_M = 30e-3, 8e-3
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("bases")
+
+
+@pytest.fixture(scope="module")
+def duct(folder):
+    mesh = parametric_duct(DuctGeometry(0.5 * WIDTH_M, LENGTH_M, 16, 16))
+    section = ShellSection(0.5e-3, 100e3, 0.45, 1060.0)
+    recipe = DuctRecipe(mesh, section, (clamp(mesh),), 100, ElementChoice("andes", "dkt"))
+    return reduce_duct(recipe, 0.1, folder)
+
+
+@pytest.fixture(scope="module")
+def lumen(duct):
+    return Lumen.of(duct.mesh)
+
+
+@pytest.fixture(scope="module")
+def softening(duct, folder):
+    told = []
+    made = fetch_softening(duct.recipe, duct, 16, folder, lambda stage, part: told.append((stage, part)))
+    assert told[0][0] == "cubic energy"
+    assert [part for stage, part in told if stage == "squeezes of the wall"] == pytest.approx(np.linspace(0, 1, 17))
+    return made
+
+
+@dataclass
+class Squeezed:
+    """A wall pressed by rigid jaws that are glued to nodes, each along its own line."""
+
+    duct: object
+    softening: object
+    nodes: np.ndarray
+    lines: np.ndarray
+
+    def __post_init__(self):
+        self.body = DuctBody(self.duct, Newmark(self.duct.basis.omega_rad_s, self.duct.damping_ratio), len(self.nodes))
+        self.wall = SoftenedWall.of(self.duct, self.softening, np.zeros(self.duct.basis.n_modes))
+        self.corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
+        self.weights = np.tile([1.0, 0.0, 0.0], (len(self.nodes), 1))
+
+    def step(self, wanted_m=None, force_n=None):
+        """Take a step to displacements (k,) along the lines, or under forces (k,); returns the forces."""
+        body, k = self.body, len(self.nodes)
+        body.modal_force[:] = self.wall.force
+        body.predict(DT_S)
+        body.gather(self.corners, self.weights)
+        if force_n is None:
+            W = np.zeros((3 * k, 3 * k))
+            body.compliance(self.corners, self.weights, W)
+            W = np.tril(W) + np.tril(W, -1).T
+            along = np.einsum("ka,kalb,lb->kl", self.lines, W.reshape(k, 3, k, 3), self.lines)
+            moved = np.sum(self.lines * (body.displacement_m + body.motion_m)[:k], axis=1)
+            force_n = np.linalg.solve(along, wanted_m - moved)
+        body.correct(self.corners, self.weights, -force_n[:, None] * self.lines)
+        loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
+        follow_loads(self.wall.address, loads, body.contact_impulse, (body.state.q, body.q_start), DT_S)
+        return force_n
+
+    def displacement_m(self):
+        moved = self.body.surface_m()[self.nodes] - self.duct.mesh.vertices_m[self.nodes]
+        return np.sum(self.lines * moved, axis=1)
+
+    def squeeze(self, wanted_m, ticks=250, start_m=None):
+        """Move to displacements evenly and stay there; returns the forces at the end and the work of the way (J)."""
+        start_m = np.zeros(len(self.nodes)) if start_m is None else start_m
+        work_j, at = 0.0, start_m
+        for tick in range(ticks):
+            after = start_m + (wanted_m - start_m) * min(1.0, tick / (0.6 * ticks))
+            force = self.step(after)
+            work_j, at = work_j + float(force @ (after - at)), after
+        return force, work_j
+
+
+def jaws(lumen, mesh, squeeze):
+    """Nodes and lines of a squeeze whose patches are single nodes."""
+    inward = lumen.inward[squeeze.node]
+    if not squeeze.is_pinch:
+        return np.array([squeeze.node]), inward[None]
+    opposite = mesh.vertices_m[squeeze.node] + lumen.width_m[squeeze.node] * inward
+    other = int(np.linalg.norm(mesh.vertices_m - opposite, axis=1).argmin())
+    return np.array([squeeze.node, other]), np.stack([inward, -inward])
+
+
+def node_at(mesh, x_m, angle_rad):
+    place = np.array([x_m, 0.5 * WIDTH_M * np.cos(angle_rad), 0.5 * WIDTH_M * np.sin(angle_rad)])
+    return int(np.linalg.norm(mesh.vertices_m - place, axis=1).argmin())
+
+
+UNSEEN = [
+    ("pinch in the middle", 15e-3, 1.0, 0.5, True),
+    ("pinch near the mouth", 26e-3, 2.0, 0.5, True),
+    ("pinch near the clamp", 9e-3, 0.0, 0.4, True),
+    ("poke in the middle", 17e-3, 4.0, 0.4, False),
+    ("poke at the mouth", 30e-3, 5.0, 0.4, False),
+]
+
+
+@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), UNSEEN)
+def test_force_is_that_of_the_nonlinear_shell(duct, lumen, softening, name, x_m, angle_rad, depth, is_pinch):
+    """At every part of the way; a linear wall is up to twice as stiff."""
+    squeeze = Squeeze(node_at(duct.mesh, x_m, angle_rad), depth * WIDTH_M, 0.0, is_pinch)
+    nodes, lines = jaws(lumen, duct.mesh, squeeze)
+    pressed, before = Squeezed(duct, softening, nodes, lines), np.zeros(len(nodes))
+    for part, state in enumerate(follow(duct.recipe, lumen, squeeze), 1):
+        wanted = np.full(len(nodes), part / 5.0 * squeeze.depth_m / len(nodes))
+        force, _ = pressed.squeeze(wanted, start_m=before)
+        before = wanted
+        true = np.sum(state.force_n * lines, axis=1).sum()
+        assert force.sum() == pytest.approx(true, rel=0.12)
+
+
+def test_a_small_load_meets_the_linear_wall(duct, lumen, softening):
+    """What is missing from the linear force falls with the load: a tenth of the closure, a tenth of it."""
+    squeeze = Squeeze(node_at(duct.mesh, 15e-3, 1.0), 0.5 * WIDTH_M, 0.0, True)
+    nodes, lines = jaws(lumen, duct.mesh, squeeze)
+    missing = []
+    for closure in (1e-3, 1e-4):
+        wanted = np.full(2, 0.5 * closure * WIDTH_M)
+        force, _ = Squeezed(duct, softening, nodes, lines).squeeze(wanted, 600)
+        compliance = sum(own_compliance_between(duct, nodes, lines))
+        missing.append(1.0 - force.sum() / (2.0 * wanted.sum() / compliance))
+    assert 0.0 < missing[0] < 5e-3
+    assert missing[1] == pytest.approx(0.1 * missing[0], rel=0.1)
+
+
+def own_compliance_between(duct, nodes, lines):
+    """(k,) displacement along the lines under unit forces along all of them."""
+    model = duct.recipe.model()
+    load = np.zeros((duct.mesh.n_vertices, 3))
+    load[nodes] = lines
+    return np.sum(model.solve_static(load).displacement_m[nodes] * lines, axis=1)
+
+
+@pytest.mark.parametrize("parts_of_width", [(0.25, 0.25), (0.45, 0.05)])
+def test_a_slow_cycle_gives_next_to_nothing_back_that_was_not_put_in(duct, lumen, softening, parts_of_width):
+    """Closed in 1.4 s and opened again: the force on the modes has done no work, but for what it lags behind them."""
+    squeeze = Squeeze(node_at(duct.mesh, 15e-3, 1.0), 0.5 * WIDTH_M, 0.0, True)
+    nodes, lines = jaws(lumen, duct.mesh, squeeze)
+    pressed, closed = Squeezed(duct, softening, nodes, lines), np.array(parts_of_width) * WIDTH_M
+    _, closing = pressed.squeeze(closed, 2400)
+    _, opening = pressed.squeeze(np.zeros(2), 2400, closed)
+    potential_j, work_j = pressed.wall.books
+    assert potential_j == pytest.approx(0.0, abs=1e-6 * closing)
+    assert abs(work_j) <= 0.01 * closing
+    assert closing + opening > 0.0
+
+
+def test_a_dead_load_comes_to_rest_where_the_shell_does(duct, lumen, softening):
+    squeeze = Squeeze(node_at(duct.mesh, 15e-3, 1.0), 0.4 * WIDTH_M, 0.0, True)
+    nodes, lines = jaws(lumen, duct.mesh, squeeze)
+    state = follow(duct.recipe, lumen, squeeze)[-1]
+    force, pressed = np.sum(state.force_n * lines, axis=1), Squeezed(duct, softening, nodes, lines)
+    for tick in range(1500):
+        pressed.step(force_n=force * min(1.0, tick / 500))
+    assert np.abs(pressed.body.rate()).max() < 1e-5 * np.abs(pressed.body.state.q).max() / DT_S
+    assert pressed.displacement_m().sum() == pytest.approx(0.4 * WIDTH_M, rel=0.15)
+
+
+def test_what_is_let_go_is_forgotten(duct, lumen, softening):
+    nodes, lines = jaws(lumen, duct.mesh, Squeeze(node_at(duct.mesh, 15e-3, 1.0), 1e-3, 0.0, True))
+    pressed = Squeezed(duct, softening, nodes, lines)
+    pressed.squeeze(np.full(2, 1e-3))
+    for _ in range(300):
+        pressed.step(force_n=np.zeros(2))
+    assert not pressed.wall.force.any()
+    assert not pressed.wall.at_sites.any()
+
+
+def test_the_law_has_an_energy(softening):
+    """2 Phi + rho Phi' = Y."""
+    law = softening.law
+    slope = np.gradient(law.energy, law.rho, axis=1, edge_order=2)
+    np.testing.assert_allclose((2.0 * law.energy + law.rho * slope)[:, 1:-1], law.work[:, 1:-1], atol=5e-3)
+    np.testing.assert_array_equal(law.work, parts(law.rho))
+
+
+def test_it_is_found_again(duct, softening, folder):
+    def refuse(stage, part):
+        raise AssertionError(f"{stage} is computed again")
+
+    again = fetch_softening(duct.recipe, duct, 16, folder, refuse)
+    np.testing.assert_array_equal(again.third, softening.third)
+
+
+def test_own_compliance_is_that_of_the_full_model(duct, lumen):
+    node = node_at(duct.mesh, 20e-3, 0.3)
+    load = np.zeros((duct.mesh.n_vertices, 3))
+    load[node, 1] = 1.0
+    moved = duct.recipe.model().solve_static(load).displacement_m[node]
+    np.testing.assert_allclose(own_compliance_m_n(duct)[node, :, 1], moved, rtol=1e-5, atol=1e-8)
+
+
+def test_supports_that_hold_some_axes_are_refused(duct, lumen):
+    recipe = replace(duct.recipe, supports=(*duct.recipe.supports, Support(np.array([200], np.int32), ("ux",))))
+    with pytest.raises(ValueError, match="hold all axes"):
+        follow(recipe, lumen, Squeeze(100, 1e-3, 0.0, True))
+
+
+def test_a_surface_without_lumen_is_refused(duct):
+    mesh = replace(duct.mesh, triangles=np.ascontiguousarray(duct.mesh.triangles[:, ::-1]))
+    with pytest.raises(ValueError, match="no lumen"):
+        Lumen.of(mesh)
