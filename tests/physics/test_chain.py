@@ -61,7 +61,7 @@ def test_pressing_the_wall_pushes_back(rig: Rig) -> None:
 def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
     """In health's gauges, from where metrics and the dashboard have it; nothing where there is room."""
     told = {}
-    for capacity in (96, 2):
+    for capacity in (96, 1):
         rig = in_memory(f"contact.capacity={capacity}")
         _press(rig, 60)
         for process in (rig.haptics_process, rig.physics_process):
@@ -69,8 +69,8 @@ def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
     assert told["haptics", 96]["dropped_pairs"] == told["physics", 96]["dropped_pairs"] == 0.0
     assert told["physics", 96]["dropped_contacts"] == told["physics", 96]["dropped_holds"] == 0.0
     assert told["physics", 96]["refused_inputs"] == 0.0
-    assert told["haptics", 2]["dropped_pairs"] > 0.0
-    assert told["physics", 2]["dropped_contacts"] + told["physics", 2]["dropped_pairs"] > 0.0
+    assert told["haptics", 1]["dropped_pairs"] > 0.0
+    assert told["physics", 1]["dropped_contacts"] + told["physics", 1]["dropped_pairs"] > 0.0
 
 
 def test_the_model_leaves_first_and_it_alone_does_not_wait_for_the_end_of_the_tick(

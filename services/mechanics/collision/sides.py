@@ -19,7 +19,7 @@ from services.mechanics.compiled.vectors import Vector, along, combine, cross, d
 
 INSIDE, UNKNOWN, OUTSIDE = -1, 0, 1
 # Below this distance from an edge or corner its direction is rounding; the surface normal stands in.
-_TOUCHING_M = 1e-9
+TOUCHING_M = 1e-9
 
 Contact = tuple[Touch, Vector, float, int]
 """(touch, unit normal towards the probe, signed distance from the mid-surface to the probe's axis, side)."""
@@ -91,7 +91,7 @@ def contact_of(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, sid
     away = offset(body, patch, touch, a, b)
     distance = math.sqrt(dot(away, away))
     if is_on_rim(patch, touch):
-        if distance > _TOUCHING_M:
+        if distance > TOUCHING_M:
             return (touch, scaled(away, 1.0 / distance), distance, UNKNOWN)
         return (touch, surface_normal(body, patch, touch), distance, UNKNOWN)
     normal = surface_normal(body, patch, touch)
@@ -117,7 +117,7 @@ def _contact_on_side(touch: Touch, away: Vector, distance: float, normal: Vector
     w = touch[3]
     height = dot(away, normal)
     inside_triangle = w[0] > 0.0 and w[1] > 0.0 and w[2] > 0.0
-    if inside_triangle or distance < _TOUCHING_M:
+    if inside_triangle or distance < TOUCHING_M:
         return (touch, scaled(normal, float(side)), side * height, side)
     sign = 1.0 if side * height >= 0.0 else -1.0
     return (touch, scaled(away, sign / distance), sign * distance, side)

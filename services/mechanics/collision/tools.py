@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, BoolArray, FloatArray
+from services.mechanics.collision.beside import Beside
 from services.mechanics.collision.capsules import CapsuleMemory
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.collision.probes import Probes
@@ -44,6 +45,7 @@ class ToolContactDetector:
         self._detection = ToolDetection(
             shell=surface.shell,
             probes=Probes.allocate(n_tools * PROBES_PER_TOOL),
+            beside=Beside.zeros(p=n_tools * PROBES_PER_TOOL, m=len(surface.mesh.triangles)),
             capsules=CapsuleMemory.zeros(m=n_tools * N_SEGMENTS, n=max(n_particles - 1, 0)),
             half_thickness_m=surface.half_thickness_m,
             catheter_radius_m=catheter_radius_m,

@@ -5,17 +5,32 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.beside import (
+    APART,
+    Beside,
+    comes_nearer,
+    go_to,
+    is_met,
+    note_after,
+    note_before,
+    place_along,
+    seen_from,
+    start_round,
+    start_segment,
+    take_point,
+)
 from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_capsules, segment_ends
+from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs, pairs_at
-from services.mechanics.collision.primitives import clamp01, index
+from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, advance, forget
-from services.mechanics.collision.search import NOT_FOUND
+from services.mechanics.collision.search import NOT_FOUND, touch_triangle
 from services.mechanics.collision.shell import Shell
-from services.mechanics.collision.sides import UNKNOWN
+from services.mechanics.collision.sides import TOUCHING_M, UNKNOWN
 from services.mechanics.collision.writer import write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, row_of, scaled, squared_distance, subtract
+from services.mechanics.compiled.vectors import Vector, along, combine, dot, row_of, scaled, squared_distance, subtract
 
 N_SEGMENTS = 3
 # Probes per segment. The shaft's are of PIECE_M, counted from the junction, the last reaching to the port: they
@@ -32,6 +47,7 @@ class ToolDetection(Struct):
 
     shell: Shell
     probes: Probes  # `PROBES_PER_TOOL` a tool
+    beside: Beside
     capsules: CapsuleMemory  # segments of tools against those of the catheter
     half_thickness_m: float
     catheter_radius_m: float
@@ -79,7 +95,9 @@ def _advance_piece(detection: ToolDetection, i: int, ends: tuple[Vector, Vector]
         forget(detection.probes, i)
     else:
         body, wall, look = detection.shell.body, detection.shell.wall, (reach, index(UNKNOWN))
+        note_before(detection.beside, detection.probes, i, ends)
         advance(body, wall, detection.probes, i, ends, look, look)
+        note_after(detection.beside, detection.probes, i)
 
 
 @kernel
@@ -104,22 +122,83 @@ def _write_segment(
     pairs: ContactPairs,
 ) -> None:
     """Write the contacts of one segment; of two neighbours meeting at one point the deeper stands for both."""
-    probes, axis = detection.probes, subtract(ends[1], ends[0])
-    length2 = dot(axis, axis)
+    probes = detection.probes
+    start_segment(detection.beside)
     for i in range(span[0], span[1]):
         for k in range(MINIMA):
             gap, triangle = probes.distance[i, k] - thickness, probes.triangle[i, k]
             if triangle == NOT_FOUND or not gap < detection.margin_m or _is_repeated(probes, i, k, span):
                 continue
-            s = dot(subtract(_axis_point(probes, i, k), ends[0]), axis) / length2
-            weights = row_of(probes.weights, i, k)
-            pair = (who[0], who[1], -1, DUCT_TRIANGLE, triangle, clamp01(s), weights)
-            write_pair(pairs, pair, gap, row_of(probes.normal, i, k))
+            _write_minimum(detection, who, (i, k), ends, thickness, pairs)
+    for i in range(span[0], span[1]):
+        for k in range(MINIMA if comes_nearer(detection.beside, i) else 0):
+            if 0.0 < probes.distance[i, k] < thickness + detection.margin_m and probes.triangle[i, k] != NOT_FOUND:
+                _write_beside(detection, who, (i, k), ends, thickness, pairs)
 
 
 @kernel
-def _axis_point(probes: Probes, i: int, k: int) -> Vector:
-    s = probes.parameter[i, k]
+def _write_minimum(
+    detection: ToolDetection,
+    who: tuple[int, int],
+    minimum: tuple[int, int],
+    ends: tuple[Vector, Vector],
+    thickness: float,
+    pairs: ContactPairs,
+) -> None:
+    """Write the contact of a probe's minimum, as one of the whole segment unless that has crossed the wall.
+
+    What is closest to the end of a piece lies off to the side of it: seen from there it is further away than it is.
+    """
+    probes, beside, (i, k) = detection.probes, detection.beside, minimum
+    normal, distance = row_of(probes.normal, i, k), probes.distance[i, k]
+    on_axis = _minimum_point(probes, i, k)
+    point = along(on_axis, normal, -distance)
+    s = place_along(on_axis, ends)
+    if distance > TOUCHING_M:
+        s, distance, normal = seen_from(point, ends)
+    take_point(beside, point, 0.0)
+    pair = (who[0], who[1], -1, DUCT_TRIANGLE, probes.triangle[i, k], s, row_of(probes.weights, i, k))
+    write_pair(pairs, pair, distance - thickness, normal)
+
+
+@kernel
+def _write_beside(
+    detection: ToolDetection,
+    who: tuple[int, int],
+    minimum: tuple[int, int],
+    ends: tuple[Vector, Vector],
+    thickness: float,
+    pairs: ContactPairs,
+) -> None:
+    """Write the contacts of a segment with the triangles round a minimum of one of its probes; see `beside`."""
+    shell, beside, (i, k) = detection.shell, detection.beside, minimum
+    body, wall, (a, b) = shell.body, shell.wall, ends
+    facing, seed, following = row_of(detection.probes.normal, i, k), detection.probes.triangle[i, k], 0
+    start_round(beside, seed)
+    while following < beside.queued:
+        triangle = index(beside.queue[following])
+        following += 1
+        _, squared, _, w = touch_triangle(body, wall, triangle, a, b)
+        p0, p1, p2 = corner_positions(body, wall, triangle)
+        point = combine(w, p0, p1, p2)
+        s, distance, normal = seen_from(point, ends)
+        if triangle != seed:
+            if squared == 0.0 or not is_met(beside, i, facing, (distance - thickness, normal)):
+                continue
+            if take_point(beside, point, APART * thickness):
+                pair = (who[0], who[1], -1, DUCT_TRIANGLE, triangle, s, w)
+                write_pair(pairs, pair, distance - thickness, normal)
+        for edge in range(3):
+            go_to(beside, wall.neighbour[triangle, edge])
+
+
+@kernel
+def _minimum_point(probes: Probes, i: int, k: int) -> Vector:
+    return _axis_point(probes, i, probes.parameter[i, k])
+
+
+@kernel
+def _axis_point(probes: Probes, i: int, s: float) -> Vector:
     return along(scaled(row_of(probes.ends, i, 0), 1.0 - s), row_of(probes.ends, i, 1), s)
 
 
@@ -127,7 +206,7 @@ def _axis_point(probes: Probes, i: int, k: int) -> Vector:
 def _is_repeated(probes: Probes, i: int, k: int, span: tuple[int, int]) -> bool:
     """Return whether the probe before or after has a deeper contact of the same direction close by."""
     mine = probes.distance[i, k]
-    point, normal = _axis_point(probes, i, k), row_of(probes.normal, i, k)
+    point, normal = _minimum_point(probes, i, k), row_of(probes.normal, i, k)
     for j in (i - 1, i + 1):
         if j < span[0] or j >= span[1]:
             continue
@@ -137,7 +216,7 @@ def _is_repeated(probes: Probes, i: int, k: int, span: tuple[int, int]) -> bool:
             if probes.triangle[j, other] == NOT_FOUND or deeper > 0.0 or (deeper == 0.0 and j > i):
                 continue
             is_same_way = dot(normal, row_of(probes.normal, j, other)) > SAME_WAY
-            if is_same_way and squared_distance(point, _axis_point(probes, j, other)) < near2:
+            if is_same_way and squared_distance(point, _minimum_point(probes, j, other)) < near2:
                 return True
     return False
 

@@ -7,18 +7,17 @@ they are let go, as rigid-body engines keep the corners of a box.
 
 from __future__ import annotations
 
-import math
 from typing import Protocol
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.beside import APART, FACING, seen_from
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
-from services.mechanics.collision.primitives import clamp01
 from services.mechanics.collision.writer import write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, combine, dot, subtract
+from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance
 from services.mechanics.compiled.vectors import row as row_of
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ContactGeometry, WallGeometry, geometry_at, wall_at
@@ -26,8 +25,6 @@ from services.mechanics.contact.identity import target_kind_of, target_of, tool_
 from services.mechanics.contact.rows import ContactRows, rows_at
 
 CAPACITY = 32
-# A point seen from more than 60 degrees off its normal has slid round the tool.
-FACING = 0.5
 
 
 class NodePositions(Protocol):
@@ -109,53 +106,41 @@ def append_pressed(
     a point is a candidate.
     """
     tools, kept, out = geometry_at(geometry_address).tools, pairs_at(kept_address), pairs_at(pairs_address)
-    n_detected = out.count
     for i in range(kept.count):
-        if _is_known(kept, i, out, n_detected):
-            continue
         tool, segment = kept.tool[i], kept.tool_segment[i]
         weights, ends = row_of(kept.target_weights, i), tools.segments[tool, segment]
         point = combine(weights, row_of(corners, 3 * i), row_of(corners, 3 * i + 1), row_of(corners, 3 * i + 2))
-        start, end = row_of(ends, 0), row_of(ends, 1)
-        s = _place_along(start, end, point)
-        away = subtract(_between(start, end, s), point)
-        distance, thickness = math.sqrt(dot(away, away)), tools.radius[tool, segment] + sizes[0]
+        axis = row_of(ends, 0), row_of(ends, 1)
+        s, distance, normal = seen_from(point, axis)
+        thickness = tools.radius[tool, segment] + sizes[0]
         if distance == 0.0 or distance > thickness + sizes[1]:
             continue
-        if dot(away, row_of(kept.normal, i)) < FACING * distance:
+        if _is_known(kept, i, axis, (point, thickness), out):
             continue
-        normal = (away[0] / distance, away[1] / distance, away[2] / distance)
+        if dot(normal, row_of(kept.normal, i)) < FACING:
+            continue
         pair = (tool, segment, -1, DUCT_TRIANGLE, kept.target[i], s, weights)
         write_pair(out, pair, distance - thickness, normal)
 
 
 @kernel
-def _between(start: Vector, end: Vector, s: float) -> Vector:
-    """Return the point at ``s`` of a segment, 0 at its start and 1 at its end."""
-    return (
-        (1.0 - s) * start[0] + s * end[0],
-        (1.0 - s) * start[1] + s * end[1],
-        (1.0 - s) * start[2] + s * end[2],
-    )
+def _is_known(
+    kept: ContactPairs, i: int, ends: tuple[Vector, Vector], place: tuple[Vector, float], pairs: ContactPairs
+) -> bool:
+    """Whether there is a pair of the same segment of the tool with the same point of the wall, or one next to it.
 
-
-@kernel
-def _place_along(start: Vector, end: Vector, point: Vector) -> float:
-    """Return where on a segment a point is closest, 0 at its start and 1 at its end."""
-    edge = subtract(end, start)
-    length_2 = dot(edge, edge)
-    return clamp01(dot(edge, subtract(point, start)) / length_2) if length_2 > 0.0 else 0.0
-
-
-@kernel
-def _is_known(kept: ContactPairs, i: int, pairs: ContactPairs, count: int) -> bool:
-    """Whether detection reports the same triangle for the same segment of the tool."""
-    for k in range(count):
+    ``ends`` are those of the segment's axis, ``place`` the kept point and the thickness between axis and mid-surface.
+    """
+    near = APART * place[1]
+    for k in range(pairs.count):
         if (
             pairs.tool[k] == kept.tool[i]
             and pairs.tool_segment[k] == kept.tool_segment[i]
             and pairs.target_kind[k] == DUCT_TRIANGLE
-            and pairs.target[k] == kept.target[i]
         ):
-            return True
+            s, normal = pairs.tool_parameter[k], row_of(pairs.normal, k)
+            on_axis = along(scaled(ends[0], 1.0 - s), ends[1], s)
+            known = along(on_axis, normal, -(pairs.gap_m[k] + place[1]))
+            if squared_distance(known, place[0]) < near * near:
+                return True
     return False

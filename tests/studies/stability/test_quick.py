@@ -11,17 +11,10 @@ QUICK = Order(Reach.QUICK, 1, tuple(FAMILIES))
 # the command prints; nothing else may. Who mends one takes it out of here.
 TOOLS = {"tool_penetration_hand", "tool_penetration_any"}
 OPEN: dict[tuple[str, str], set[str]] = {
-    ("jumps", "holding, tool 1 by 50 mm along -z"): TOOLS,
     ("jumps", "holding, tool 0 by 10 mm along +y"): {"gain"},
-    ("jerks", "the steadying tool down by 20 mm at 0.5 m/s"): TOOLS,
-    ("abuse", "jammed, number 0"): TOOLS,
-    ("abuse", "all contacts at once, number 0"): TOOLS,
     ("grasping", "number 0"): TOOLS,
-    ("switches", "holding, number 0"): TOOLS,
     ("effect_pairs", "twist and friction, number 0"): TOOLS | {"gain"},
-    ("stiffness", "0.01 times as stiff, holding, number 0"): TOOLS,
-    ("stiffness", "1000 times as stiff, holding, number 0"): TOOLS,
-    ("mass", "wall 100 times as heavy, number 0"): TOOLS | {"gain"},
+    ("mass", "wall 100 times as heavy, number 0"): {"gain"},
     ("random_play", "piece 0"): TOOLS,
 }
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.effects.base import NoSettings
+from services.mechanics.effects import EFFECTS
 from services.studies.stability.drive import Play
 from services.studies.stability.family import Case, Draw, played
 from services.studies.stability.hands import least_jerk
@@ -47,7 +47,7 @@ def _play(draw: Draw, name: str, situation: str, speed_m_s: float) -> Play:
     start, random = SITUATIONS[situation](), draw.random(f"jerks {name}")
     scene, hands = start.scene, start.hands
     if random.random() < 0.25:
-        scene = with_effects(scene, {"twist": NoSettings(), "self_contact": NoSettings()})
+        scene = with_effects(scene, {name: EFFECTS[name].kind.Settings() for name in ("twist", "self_contact")})
     tools = [0, 1] if random.random() < 0.3 else [int(random.integers(2))]
     pause = int(random.integers(0, 100))
     for tool in tools:
