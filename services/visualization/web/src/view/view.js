@@ -144,14 +144,18 @@ export class View {
     const offered = (this.stream?.countCame() ?? 0) / seconds;
     const cost = this.costs.length ? this.costs.sort((a, b) => a - b)[this.costs.length >> 1] : null;
     Object.assign(this.canvas.dataset, { hz: painted.toFixed(1), cost: cost?.toFixed(1) ?? "", step: this.governor.at });
-    if (document.visibilityState === "visible" && this.last && offered > 0 && this.governor.look({ now: now / 1000, cost, offered, painted })) {
-      this.stage.setStep(this.governor.step);
-      this.stream.want(this.governor.step.hz);
-      this.showStep();
-      this.changed = true;
-    }
+    const looked = document.visibilityState === "visible" && this.last && offered > 0;
+    if (looked && this.governor.look({ now: now / 1000, cost, offered, painted })) this.takeStep();
     this.scaleBar();
     this.beginAnew();
+  }
+
+  takeStep(at = this.governor.at) {
+    this.governor.at = at;
+    this.stage.setStep(this.governor.step);
+    this.stream.want(this.governor.step.hz);
+    this.showStep();
+    this.changed = true;
   }
 
   beginAnew() {
