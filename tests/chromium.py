@@ -1,0 +1,129 @@
+"""Debian's Chromium without a screen, driven over its DevTools protocol: it draws in software, as many hosts do."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Self
+
+from websockets.sync.client import ClientConnection, connect
+
+#: What a browser of a container needs, and what keeps it from doing anything but the page.
+_OPTIONS = (
+    "--headless=new", "--no-sandbox", "--disable-gpu-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--remote-debugging-port=0", "--remote-allow-origins=*", "--no-first-run", "--disable-extensions",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--mute-audio",
+    "--disable-dev-shm-usage", "--hide-scrollbars",
+)  # fmt: skip
+
+
+def find() -> str | None:
+    """Return the browser, None where there is none."""
+    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+class Chromium:
+    """A browser with one page while a ``with`` block lasts; it has `profile` to itself."""
+
+    def __init__(self, profile: Path, size: tuple[int, int] = (1280, 800), nice: int = 0) -> None:
+        self._profile = profile
+        self._size = size
+        self._nice = nice
+        self._last = 0
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        program = find()
+        assert program is not None
+        width, height = self._size
+        self._log = (self._profile.parent / f"{self._profile.name}.log").open("wb")
+        self._process = subprocess.Popen(
+            [program, *_OPTIONS, f"--user-data-dir={self._profile}", f"--window-size={width},{height}", "about:blank"],
+            stdout=self._log, stderr=self._log, start_new_session=True, preexec_fn=lambda: os.nice(self._nice),
+        )  # fmt: skip
+        try:
+            self._socket = self._attach()
+            self.command("Page.enable")
+            self.command("Runtime.enable")
+            self.set_size(width, height)
+        except BaseException:
+            self._end()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end()
+
+    def _end(self) -> None:
+        self._stack.close()
+        os.killpg(self._process.pid, 9)
+        self._process.wait()
+        self._log.close()
+
+    def _attach(self) -> ClientConnection:
+        """Return the connection to the page that the browser opened."""
+        import httpx
+
+        port_file = self._profile / "DevToolsActivePort"
+        self.until(lambda: port_file.is_file() and "\n" in port_file.read_text(), 60, "the browser started")
+        port = int(port_file.read_text().splitlines()[0])
+        pages: list[dict[str, str]] = []
+
+        def opened() -> bool:
+            targets = httpx.get(f"http://127.0.0.1:{port}/json", timeout=30).json()
+            pages[:] = [target for target in targets if target["type"] == "page"]
+            return bool(pages)
+
+        self.until(opened, 30, "the browser opened a page")
+        return self._stack.enter_context(connect(pages[0]["webSocketDebuggerUrl"], max_size=None, compression=None))
+
+    @staticmethod
+    def until(condition: Callable[[], object], seconds: float, what: str) -> None:
+        """Wait until `condition` holds."""
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, f"not within {seconds} s: {what}"
+            time.sleep(0.05)
+
+    def command(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Send a command of the protocol; return its result."""
+        self._last += 1
+        self._socket.send(json.dumps({"id": self._last, "method": method, "params": parameters}))
+        while True:
+            answer = json.loads(self._socket.recv(timeout=60))
+            if answer.get("id") == self._last:
+                assert "error" not in answer, answer
+                result: dict[str, Any] = answer["result"]
+                return result
+
+    def set_size(self, width: int, height: int, scale: float = 1.0, *, phone: bool = False) -> None:
+        """Make the page so large."""
+        self.command(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=phone
+        )
+
+    def open(self, address: str) -> None:
+        """Go to an address, without waiting for what is there."""
+        self.command("Page.navigate", url=address)
+
+    def evaluate(self, expression: str) -> Any:
+        """Return what a JavaScript expression, or the promise that it is, comes to."""
+        done = self.command("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in done, done
+        return done["result"].get("value")
+
+    def text(self, selector: str) -> str:
+        """Return the text of an element."""
+        return str(self.evaluate(f"document.querySelector({selector!r})?.textContent ?? ''"))
+
+    def screenshot(self, path: Path, *, whole: bool = False) -> None:
+        """Write what is to be seen as a PNG; with `whole`, the page as long as it is."""
+        image = self.command("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+        path.write_bytes(base64.b64decode(image["data"]))

@@ -1,0 +1,202 @@
+"""The page of a running rig in a real browser that draws in software on the same cores: what it shows is true."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from services.runtime.rig import Transport
+from services.supervisor.page_place import page_file
+from tests import chromium
+from tests.chromium import Chromium
+from tests.rig.conftest import SCENE, Rig, running_rig
+
+pytestmark = [
+    pytest.mark.rig,
+    pytest.mark.timeout(300),
+    pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
+]
+
+
+@dataclass
+class Page:
+    """A rig, and a browser that looks at its page."""
+
+    rig: Rig
+    browser: Chromium
+    address: str
+
+    def metrics(self) -> dict[str, float]:
+        """Return what Prometheus would get."""
+        text = httpx.get(f"{self.address}metrics", timeout=10).text
+        return {
+            line.rpartition(" ")[0]: float(line.rpartition(" ")[2]) for line in text.splitlines() if line[:1] != "#"
+        }
+
+    def state(self) -> Any:
+        """Return what the dashboard was last sent."""
+        return httpx.get(f"{self.address}api/state", timeout=10).json()
+
+    def picture_time_s(self) -> float:
+        """Return the rig's time as the picture shows it."""
+        words = self.browser.text("#tick")
+        return float(words.split()[0]) if words.endswith(" s") else float("nan")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    directory = tmp_path_factory.mktemp("page")
+    with running_rig(directory, str(SCENE), []) as rig, Chromium(directory / "profile") as browser:
+        address = json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"]
+        browser.open(address)
+        browser.until(lambda: browser.evaluate("document.querySelector('#view.ready') !== null"), 60, "the page loaded")
+        browser.until(lambda: browser.text("#tick").endswith(" s"), 60, "a picture came")
+        yield Page(rig, browser, address)
+
+
+def test_pictures_advance_with_the_rig(page: Page) -> None:
+    began_s = page.picture_time_s()
+    page.browser.until(lambda: page.picture_time_s() > began_s + 4.0, 60, "the picture went on")
+
+
+def test_the_canvas_is_drawn_on(page: Page, tmp_path: Path) -> None:
+    """A picture of one colour is none: what is to be seen has a duct, instruments and a background."""
+    import numpy as np
+    from PIL import Image
+
+    page.browser.screenshot(tmp_path / "page.png")
+    pixels = np.asarray(Image.open(tmp_path / "page.png").convert("RGB"))[250:600, 150:650].reshape(-1, 3)
+    colours = np.unique(pixels // 16, axis=0)
+    assert len(colours) > 50
+    assert pixels.std(axis=0).min() > 8.0
+
+
+def test_it_says_in_small_print_how_it_draws_and_the_rig_sends_no_more_than_it_asked_for(page: Page) -> None:
+    words = page.browser.text("#drawn-how")
+    assert words.startswith("This browser draws on the processor: ")
+    found = re.search(r"(\d+) pictures a second asked for", words)
+    assert found is not None
+    asked_hz = int(found[1])
+    browser = page.browser
+    browser.until(lambda: _loop(page, "visualization")["target_hz"] <= 20.0, 20, "the rig makes fewer pictures")
+    assert _loop(page, "visualization")["target_hz"] == pytest.approx(asked_hz, abs=8)  # it may have changed just now
+
+
+def _loop(page: Page, name: str) -> Any:
+    (row,) = [row for row in page.state()["processes"] if row["name"] == name]
+    return row["loop"]
+
+
+def test_numbers_agree_with_metrics(page: Page) -> None:
+    before, at = page.metrics(), time.monotonic()
+    time.sleep(4.0)
+    rates = page.browser.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('#processes .tile')].map((tile) =>"
+        " [tile.querySelector('strong span').textContent, tile.querySelector('.numbers').textContent]))"
+    )
+    switches = page.browser.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('#threads tbody tr')].map((row) =>"
+        " [row.children[0].textContent, row.children[2].textContent]))"
+    )
+    after, seconds = page.metrics(), time.monotonic() - at
+    for name in ("gateway", "haptics", "physics"):
+        counted = _difference(after, before, f'trocar_loop_iterations_total{{loop="{name}"}}') / seconds
+        shown = float(rates[name].split(" of ")[0])
+        assert shown == pytest.approx(counted, rel=0.15), name
+        kinds = [f'trocar_context_switches_total{{kind="{kind}",service="{name}"}}' for kind in ("wanted", "preempted")]
+        counted = sum(_difference(after, before, kind) for kind in kinds) / seconds
+        assert float(switches[name]) == pytest.approx(counted, rel=0.4), name  # another second of the same
+
+
+def _difference(after: dict[str, float], before: dict[str, float], key: str) -> float:
+    return after[key] - before[key]
+
+
+_STAGES = """
+Object.fromEntries([...document.querySelectorAll('.stage-group')].map((group) => [
+  group.querySelector('h3').textContent,
+  Object.fromEntries([...group.querySelectorAll('.stage')].map(({ children: [name, , numbers] }) =>
+    [name.textContent, numbers.textContent])),
+]))
+"""
+
+
+def test_stages_on_the_page_are_those_of_metrics(page: Page) -> None:
+    shown = page.browser.evaluate(_STAGES)
+    metrics = page.metrics()
+    for name in ("gateway", "haptics", "physics", "visualization", "recorder"):
+        exported = {
+            m[1]
+            for key in metrics
+            if (m := re.match(rf'trocar_stage_seconds_count{{loop="{name}",stage="(.*)"}}', key))
+        }
+        assert exported == shown[name].keys()
+        for words in shown[name].values():
+            assert re.fullmatch(r"[\d.]+( ms)? · [\d.]+( ms)? · [\d.]+( ms)?", words), (name, words)
+    count = metrics['trocar_stage_seconds_count{loop="physics",stage="solve"}']
+    assert count == pytest.approx(metrics['trocar_loop_iterations_total{loop="physics"}'], rel=0.1)
+    floor = [value for key, value in metrics.items() if key.startswith("trocar_machine_lateness_seconds_count")]
+    assert len(floor) == len(os.sched_getaffinity(0))
+    assert min(floor) > 100
+    assert "The machine alone wakes over 1 ms late: core 0" in page.browser.text("#floor")
+
+
+@pytest.mark.parametrize("length_ms", [20, 100, 400])
+def test_the_history_shows_a_stall_once_with_its_length(page: Page, length_ms: int) -> None:
+    pid = page.rig.observer.pids()["physics"]
+    before = len(_stalls(page, length_ms))
+    began = time.monotonic()
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(length_ms / 1e3)
+    os.kill(pid, signal.SIGCONT)
+    stopped_ms = (time.monotonic() - began) * 1e3
+    page.browser.until(lambda: len(_stalls(page, stopped_ms)) > before, 10, "the history shows it")
+    time.sleep(1.0)
+    found = _stalls(page, stopped_ms)
+    assert len(found) == before + 1, found
+
+
+def _stalls(page: Page, length_ms: float) -> list[str]:
+    """Return the lines of the history that tell of a stall of physics of that length within a tenth, and a tick."""
+    lines = page.browser.evaluate("[...document.querySelectorAll('#events li')].map((line) => line.textContent)")
+    told = [(line, re.search(r"physics: stalled for (\d+) ms", line)) for line in lines]
+    return [line for line, m in told if m is not None and abs(int(m[1]) - length_ms) <= 0.1 * length_ms + 1.5]
+
+
+def test_the_page_answers_within_a_second(page: Page) -> None:
+    """Not a measurement: a page that waits for the rig, or for the browser, takes many."""
+    times = []
+    for _ in range(20):
+        began = time.monotonic()
+        assert httpx.get(page.address, timeout=10).status_code == 200
+        times.append(time.monotonic() - began)
+    assert sorted(times)[10] < 1.0
+
+
+_TOO_WIDE = """
+[...document.querySelectorAll('body *')]
+  .filter((element) => !element.closest('.scroll, .u-wrap') && element.getBoundingClientRect().right > innerWidth + 1)
+  .map(({ tagName, id, className }) => [tagName, id, className])
+"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800)])
+def test_nothing_is_wider_than_the_screen(page: Page, width: int, height: int) -> None:
+    browser = page.browser
+    try:
+        browser.set_size(width, height)
+        browser.until(lambda: browser.evaluate("innerWidth") == width, 10, "the size was taken")
+        browser.until(lambda: browser.evaluate(_TOO_WIDE) == [], 10, "everything fits")
+        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    finally:
+        browser.set_size(1280, 800)
