@@ -100,8 +100,15 @@ def fit_law(samples: Sequence[Sample], distance: FloatArray) -> SofteningLaw:
     at_sites = MEAN_SCALE**2 + LOCAL_SCALE**2 * (smooth @ places.T)
     fitted = at_sites @ (seen * dual).T
     coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
-    grid = np.linspace(min(rho.min(), -0.05), max(rho.max(), 0.05), N_POINTS)
+    grid = _grid(min(rho.min(), -0.05), max(rho.max(), 0.05))
     return SofteningLaw(grid, parts(grid), _energies(grid), coefficients)
+
+
+def _grid(first: float, last: float) -> FloatArray:
+    """Evenly spaced, zero among them: between points the law is a straight line, and it has to end in nothing."""
+    step = (last - first) / (N_POINTS - 1)
+    grid: FloatArray = step * (np.arange(N_POINTS) - np.ceil(-first / step))
+    return grid
 
 
 def _energies(grid: FloatArray) -> FloatArray:

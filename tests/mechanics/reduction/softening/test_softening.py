@@ -198,6 +198,7 @@ def test_the_law_has_an_energy(softening):
     slope = np.gradient(law.energy, law.rho, axis=1, edge_order=2)
     np.testing.assert_allclose((2.0 * law.energy + law.rho * slope)[:, 1:-1], law.work[:, 1:-1], atol=5e-3)
     np.testing.assert_array_equal(law.work, parts(law.rho))
+    assert np.count_nonzero(law.rho == 0.0) == 1
 
 
 def test_it_is_found_again(duct, softening, folder):
