@@ -116,11 +116,10 @@ class DuctBody:
         ``nodes`` and ``weights`` (k, 3) are the barycentric points; all weights are zero where a contact is elsewhere.
         Contacts ask where the wall is without them, so the residual displacement under last tick's loads lets go.
         """
-        n, points = len(nodes), (nodes, weights)
-        moved = self.displacement_m[:n], self.motion_m[:n]
-        self._motion.gather(points, (self.q_start, self.dq_free), (self.modes[: 3 * n], *moved))
-        loads = self.load_nodes[: self.n_loads], self.load_force_n[: self.n_loads]
-        self._motion.add_residual(points, loads, moved)
+        n, count = len(nodes), self.n_loads
+        loads = self.load_nodes[:count], self.load_force_n[:count]
+        out = self.modes[: 3 * n], self.displacement_m[:n], self.motion_m[:n]
+        self._motion.gather((nodes, weights), (self.q_start, self.dq_free), loads, out)
 
     def compliance(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
         """Write the compliance between the points of the last `gather` into the lower blocks of ``out`` (3 k, 3 k).

@@ -12,15 +12,11 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.contact_corners import ContactCorners, list_corners, take_corners
 from services.mechanics.compiled import summing_kernel
-from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.reduction.node_compliance import Loads, NodeCompliance, Points
+from services.mechanics.reduction.node_compliance import Loads, NodeCompliance, PointRows, Points
 from services.mechanics.reduction.residual.turned import TurnedResidual
-
-PointRows = tuple[FloatArray, FloatArray, FloatArray]
-"""Rows of the modes (3 k, r) at points, their displacements (k, 3), and their motions without contact (k, 3)."""
 
 
 class PointCompliance:
@@ -61,14 +57,13 @@ class StraightMotion(PointCompliance):
     def update(self, q: FloatArray) -> None:
         """Take over the state; there is nothing to prepare."""
 
-    def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], out: PointRows) -> None:
-        """Write d x / d q at points, and their displacements and motions; ``motion`` is q and its change."""
-        gather_modes(points, self.reduced.basis.Phi, motion, out)
+    def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
+        """Write d x / d q at points, and their displacements and motions; ``motion`` is q and its change.
 
-    def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
-        """Add what ``loads`` do beyond the modes to displacements of points, and take it from their motions (k, 3)."""
-        if not self._kept.displace(points, loads, out):
-            super().add_residual(points, loads, out)
+        What ``loads`` do beyond the modes is added to the displacements, and taken from the motions.
+        """
+        if not self._kept.gather_points(points, motion, loads, out):
+            self.add_residual(points, loads, (out[1], out[2]))
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
@@ -95,13 +90,14 @@ class TurnedMotion(PointCompliance):
         """String the sections together at q."""
         self._frame.update(q)
 
-    def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], out: PointRows) -> None:
-        """Write d x / d q at points, their displacements and motions; ``motion`` is q of `update` and its change."""
+    def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
+        """Write what `StraightMotion.gather` does; ``motion`` is q of `update` and its change."""
         nodes, weights = points
         self._frame.gather_rows(nodes, weights, out[0])
         corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
         self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
         move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)
+        self.add_residual(points, loads, (out[1], out[2]))
 
     def positions(self, nodes: IntArray, q: FloatArray) -> FloatArray:
         """Return where ``nodes`` (k,) are without contact loads, (k, 3) in m; q is that of the last update."""

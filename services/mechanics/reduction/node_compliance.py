@@ -21,6 +21,7 @@ import numpy as np
 from services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import BlockStore, block_index
 from services.mechanics.reduction.touched_nodes import (
@@ -36,6 +37,8 @@ Points = tuple[IntArray, FloatArray]
 """Points of triangles: nodes (k, 3) and barycentric weights (k, 3), all zero where a point is not on the duct."""
 Loads = tuple[IntArray, FloatArray]
 """Nodes (l,) and forces (l, 3)."""
+PointRows = tuple[FloatArray, FloatArray, FloatArray]
+"""Rows of the modes (3 k, r) at points, their displacements (k, 3), and their motions without contact (k, 3)."""
 
 MOST_NEW_BLOCKS = 400
 """Modal blocks computed in a tick at most: 30 us on a slow machine. Until all are there W is gathered anew."""
@@ -90,6 +93,14 @@ class NodeCompliance:
             return False
         return bool(displace_points(address, points, loads, out))
 
+    def gather_points(
+        self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows
+    ) -> bool:
+        """Gather modes, displacements and motions of points, see `gather_modes`, and `displace` them."""
+        if gather_and_displace(self._arrays.address, points, motion, loads, out):
+            return True
+        return self.displace(points, loads, (out[1], out[2]))
+
     def gather(self, points: Points, gain: FloatArray, out: FloatArray) -> bool:
         """Write the compliance between the points of the last `displace` into the lower blocks of ``out`` (3 k, 3 k).
 
@@ -104,7 +115,21 @@ def displace_points(
     address: Address[NodeArrays], points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]
 ) -> bool:
     """Add the residual displacements of points and return True, or return False where a node has no place."""
+    return bool(_displace_points(arrays_at(address), points, loads, out))
+
+
+@kernel
+def gather_and_displace(
+    address: Address[NodeArrays], points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows
+) -> bool:
+    """Write modes, displacements and motions of points, then do as `displace_points`: what a tick begins with."""
     kept = arrays_at(address)
+    gather_modes(points, kept.Phi, motion, out)
+    return bool(_displace_points(kept, points, loads, (out[1], out[2])))
+
+
+@kernel
+def _displace_points(kept: NodeArrays, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> bool:
     begin_tick(kept.touched)
     if not _touch_all(kept.touched, points, loads):
         return False
