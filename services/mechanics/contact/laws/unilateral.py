@@ -111,9 +111,16 @@ def closed_axes(rows: ContactRows, row: int, is_sliding: bool) -> int:
 
 @kernel
 def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gains: PenaltyGains) -> None:
-    r"""Write :math:`f_n = \max(0, -k g - c \dot g)` where surfaces overlap, and regularised friction."""
-    force, gap = rows.force_n[row], rows.gap_m[row]
-    spring, damper = gains.stiffness_n_m * gap, gains.damping_n_s_m * motion[0]
+    r"""Write :math:`f_n = \max(0, -k g - c \dot g)` where surfaces overlap, and regularised friction.
+
+    The gap is that in the middle of the step: with the one at its start a force that is held over a step of second
+    order feeds energy in at any stiffness. The damper of a particle is at most what halves its speed in a step.
+    """
+    force, gap = rows.force_n[row], rows.gap_m[row] + 0.5 * motion[0]
+    damping = gains.damping_n_s_m
+    if rows.rod_weight[row, 0] != 0.0 or rows.rod_weight[row, 2] != 0.0:
+        damping = min(damping, 0.5 * gains.lightest_kg / gains.dt_s)
+    spring, damper = gains.stiffness_n_m * gap, damping * motion[0]
     force[0] = max(0.0, -spring - damper / gains.dt_s) if gap < 0.0 else 0.0
     sliding = math.hypot(motion[1], motion[2])
     scale = rows.friction[row] * force[0] / max(sliding, SLIP_SPEED_M_S * gains.dt_s)

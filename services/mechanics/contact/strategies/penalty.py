@@ -16,7 +16,7 @@ from services.mechanics.scene import ContactSettings
 
 
 class PenaltyStrategy(ContactStrategy):
-    r"""Explicit forces: gaps are those of the start of the step and rates those without contact.
+    r"""Explicit forces: gaps are those of the middle of the step and rates those over it, both without contact.
 
     Stable only while :math:`k \Delta t^2` and :math:`c \Delta t` stay below about the mass that gives way, and a load F
     rests at a depth F / k.
