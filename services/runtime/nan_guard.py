@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
@@ -26,7 +27,11 @@ class NanGuard:
         self._name = name
         self._arrays = arrays
         self._directory = directory
-        self._ring = {key: np.zeros((depth, *value.shape)) for key, value in arrays.items()}
+        self._kept = np.zeros((depth, sum(value.size for value in arrays.values())))
+        self._ring, first = {}, 0
+        for key, value in arrays.items():
+            self._ring[key] = self._kept[:, first : first + value.size].reshape(depth, *value.shape)
+            first += value.size
         self._depth = depth
         self._next = 0
         self.dumps: list[Path] = []
@@ -35,11 +40,10 @@ class NanGuard:
         """Keep the present values; return False, after writing the dump, if one of them is NaN or infinite."""
         row = self._next % self._depth
         self._next += 1
-        finite = True
         for key, value in self._arrays.items():
             self._ring[key][row] = value
-            # A sum is finite only if every term is: far cheaper than a mask, and an overflow is as bad as a NaN.
-            finite = finite and bool(np.isfinite(value.sum()))
+        # A sum is finite only if every term is: far cheaper than a mask, and an overflow is as bad as a NaN.
+        finite = math.isfinite(self._kept[row].sum())
         if not finite:
             self._dump()
         return finite

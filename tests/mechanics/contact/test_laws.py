@@ -87,9 +87,29 @@ def penalty(rows, gains=(100.0, 0.1, 1e-3, 1e-6)):
 
 def test_penalty_of_a_contact_is_spring_damper_and_friction_of_its_coefficient():
     rows = row_of("unilateral", gap_m=-1e-3, slip_m=[-1e-5, 3e-5, 0.0], friction=0.3)
-    f_n = 100.0 * 1e-3 + 0.1 * 1e-5 / 1e-3
+    f_n = 100.0 * (1e-3 + 0.5e-5) + 0.1 * 1e-5 / 1e-3
     assert penalty(rows) == pytest.approx([f_n, -0.3 * f_n, 0.0])
-    assert penalty(row_of("unilateral", gap_m=1e-6, slip_m=[-1e-3, 1e-3, 0.0], friction=0.3)) == pytest.approx(0.0)
+    assert penalty(row_of("unilateral", gap_m=1e-6, slip_m=[-1e-6, 1e-3, 0.0], friction=0.3)) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 1.0])
+def test_penalty_throws_a_particle_back_no_faster_than_it_came(share):
+    """A mass under a force held over each step, on a spring of ``share`` m / dt^2: explicit at the start it gains."""
+    dt_s, mass_kg, speeds = 1e-3, 2e-6, []
+    x, v = 3.3e-6, -0.02
+    for _ in range(400):
+        rows = row_of("unilateral", gap_m=x, slip_m=[v * dt_s, 0.0, 0.0])
+        force_n = penalty(rows, (share * mass_kg / dt_s**2, 0.0, dt_s, mass_kg))[0]
+        x, v = x + dt_s * (v + 0.5 * dt_s * force_n / mass_kg), v + dt_s * force_n / mass_kg
+        x, v = (x, -v) if x > 1e-3 else (x, v)  # sent back to the wall each time
+        speeds.append(abs(v))
+    assert max(speeds) <= 0.02 * 1.001
+
+
+def test_penalty_damper_of_a_particle_does_not_turn_it_round():
+    """c dt is thirty times its mass."""
+    rows = row_of("unilateral", gap_m=-1e-9, slip_m=[-2e-5, 0.0, 0.0], rod_weight=[1.0, 0.0, 0.0, 0.0])
+    assert penalty(rows, (0.0, 0.06, 1e-3, 2e-6))[0] * 1e-3 == pytest.approx(0.5 * 2e-6 * 0.02)
 
 
 def test_penalty_of_a_hold_is_a_spring_up_to_its_limit():
