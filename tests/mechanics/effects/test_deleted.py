@@ -1,0 +1,91 @@
+"""An effect that a scene does not name is not there: the same run in a build in which its file is deleted.
+
+The build without it is a process in which the file cannot be imported and the table lacks its import and its row:
+a copy of the tree would have to compile every kernel again.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from services.mechanics.effects import EFFECTS
+
+#: Deletes a file, and lines of the table that name its class, from what this process imports.
+HIDE = """
+import importlib.abc, importlib.machinery
+TABLE, GONE, KIND = "services.mechanics.effects", {module!r}, {kind!r}
+
+class Without(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name == GONE:
+            raise ModuleNotFoundError(f"{{name}} is deleted")
+        spec = importlib.machinery.PathFinder.find_spec(name, path)
+        if name == TABLE:
+            spec.loader = Shorter(name, spec.origin)
+        return spec if name == TABLE else None
+
+class Shorter(importlib.machinery.SourceFileLoader):
+    def get_code(self, fullname):
+        lines = self.get_source(fullname).splitlines(keepends=True)
+        kept = [line for line in lines if f"import {{KIND}}" not in line and f"EffectEntry({{KIND}}," not in line]
+        assert len(kept) == len(lines) - 2, "an effect is one import and one row"
+        return compile("".join(kept), self.path, "exec")
+
+sys.meta_path.insert(0, Without())
+"""
+#: Both tools press a duct with a catheter in it, one from above and one aside, with every other effect that acts in
+#: steps: the state to the last bit, how many calls of stages a step makes, and whether anything was touched.
+RUN = """
+import hashlib, sys
+{hide}
+import numpy as np
+from services.mechanics.effects import EFFECTS
+from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import build_scene_duct
+left_out = sys.argv[1]
+others = ("gravity", "twist", "self_contact", "mucus_drag", "friction", "grasp_slip", "gallstones")
+scene = SceneModel(
+    duct=DuctScene(n_around=12, n_along=14, n_modes=20, thickness_m=1e-3, youngs_modulus_pa=300e3),
+    catheter=CatheterScene(n_segments=30, tip_position_m=(25e-3, 0.0, 0.0), introducer_to_tip_m=65e-3),
+    forceps=(ForcepsScene(port_position_m=(20e-3, 0.0, 0.15)), ForcepsScene(port_position_m=(60e-3, 10e-3, 0.15))),
+    effects={{name: EFFECTS[name].kind.Settings() for name in others if name != left_out}},
+)
+simulation, tools = Simulation(scene, build_scene_duct(scene)), ToolInputs()
+state, touched = hashlib.blake2b(), 0
+for tick in range(400):
+    down = 5e-3 * np.sin(np.pi * tick / 400.0) ** 2
+    tools.position_m[0] = 20e-3, 1e-3 * np.sin(tick / 40.0), 20e-3 - down
+    tools.position_m[1] = 55e-3, 0.0, 16e-3 - 2.0 * down
+    simulation.step(tools)
+    touched = max(touched, simulation.contacts.n_contacts)
+    state.update(simulation.catheter.state.position_m.tobytes() + simulation.duct.state.q.tobytes())
+    state.update(simulation.tool_results.force_n.tobytes())
+print(left_out in EFFECTS, state.hexdigest(), sum(map(len, simulation._stages.values())), touched > 5)
+"""
+
+
+def outcome(name: str, hide: str) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", RUN.format(hide=hide), name], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+pytestmark = pytest.mark.timeout(600)  # the first of the processes may have every kernel to compile
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_off_is_bit_identical_to_a_build_without_it(name):
+    kind = EFFECTS[name].kind
+    off = outcome(name, "")
+    deleted = outcome(name, HIDE.format(module=kind.__module__, kind=kind.__name__))
+    assert off[0] == "True"
+    assert deleted[0] == "False"
+    assert off[1:] == deleted[1:]  # the state to the last bit, and as many calls of stages: off costs none
+    assert off[3] == "True"
