@@ -29,6 +29,7 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
         "can be chosen, and the whole table as CSV.",
         "",
         *(f"- {line}" for line in facts.lines()),
+        *_not_timed(rows),
         "",
         "A cost is that of a millisecond of the scene: median, 99 %, and as noise half the range of the medians of",
         "eight interleaved repeats. An error is against the reference that each section names. In bold is what is on",
@@ -39,6 +40,12 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
         lines += _study(name, [row for row in rows if row.study == name], folder.name)
     lines += slower_machine(rows, names)
     path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+
+
+def _not_timed(rows: Sequence[Row]) -> list[str]:
+    """Say which studies were ended before their costs were measured: the run goes on there when it is called again."""
+    missing = {row.study for row in rows} - {row.study for row in rows if row.cost is not None}
+    return [f"- not timed yet, this run was ended before: {', '.join(sorted(missing))}"] if missing else []
 
 
 def _study(name: str, rows: Sequence[Row], folder: str) -> list[str]:
@@ -96,8 +103,7 @@ def slower_machine(rows: Sequence[Row], names: Sequence[str]) -> list[str]:
         "## Which rung to choose on a machine twice as slow",
         "",
         f"The setting with the least error whose tick stays within {BUDGET_US:.0f} us here, and the one that does so "
-        f"where everything takes {SLOWER:g} times as long. `trocar tune` does the same for a scene of your own, all "
-        "settings together.",
+        f"where everything takes {SLOWER:g} times as long.",
         "",
         "| study | quantity | here | error | us | twice as slow | error | us there |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
