@@ -64,7 +64,7 @@ def test_a_disk_that_is_full_from_the_start_is_a_sentence_and_leaves_nothing(tmp
 
 _LIMITED = """
 import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
 from services.recorder.__main__ import main, run, whole
 sys.exit(main("recorder", run, sys.argv[1:], whole=whole))
 """

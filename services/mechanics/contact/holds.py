@@ -111,6 +111,7 @@ class HoldRegistry:
         self._lost |= set(self.active)
         for hold_id in list(self.active):
             self._drop(hold_id)
+        self.rows = range(0)
 
     def stop_jaws(self, tools: ToolBody) -> None:
         """Write into the tools what they hold and where that stops their jaws."""

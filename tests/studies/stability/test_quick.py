@@ -12,6 +12,7 @@ QUICK = Order(Reach.QUICK, 1, tuple(FAMILIES))
 TOOLS = {"tool_penetration_hand", "tool_penetration_any"}
 OPEN: dict[tuple[str, str], set[str]] = {
     ("jumps", "holding, tool 0 by 10 mm along +y"): {"gain"},
+    ("abuse", "all contacts at once, number 0"): TOOLS | {"gain", "imbalance"},
     ("grasping", "number 0"): TOOLS,
     ("effect_pairs", "twist and friction, number 0"): TOOLS | {"gain"},
     ("mass", "wall 100 times as heavy, number 0"): {"gain"},
