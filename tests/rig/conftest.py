@@ -88,8 +88,10 @@ def _free_port() -> int:
 
 
 @contextmanager
-def running_rig(directory: Path, scene: str, overrides: list[str], topics: tuple[str, ...] = ()) -> Iterator[Rig]:
-    """Launch the stub rig in `directory` and yield it once it runs; its observer may read more `topics` whole."""
+def running_rig(
+    directory: Path, scene: str, overrides: list[str], topics: tuple[str, ...] = (), rig: str = "stub"
+) -> Iterator[Rig]:
+    """Launch a rig in `directory` and yield it once it runs; its observer may read more `topics` whole."""
     bus = directory / "bus"
     overrides = [
         f"transport.directory={bus}",
@@ -101,7 +103,7 @@ def running_rig(directory: Path, scene: str, overrides: list[str], topics: tuple
     options = [word for override in overrides for word in ("--set", override)]
     log = (directory / "log").open("wb")
     process = subprocess.Popen(
-        [sys.executable, "-m", "services.supervisor", "--rig", "stub", "--scene", scene, *options],
+        [sys.executable, "-m", "services.supervisor", "--rig", rig, "--scene", scene, *options],
         stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
     )  # fmt: skip
     observer = Observer(ZmqBus(Transport(directory=bus), reads_every=["gateway.state", "supervisor.state", *topics]))

@@ -8,10 +8,10 @@ import { viewAddress } from "./address.js";
 import { View } from "./view/view.js";
 
 const view = new View();
-globalThis.trocar = { view }; // for whoever looks into the page with the browser's tools
 const dashboard = new Dashboard({ sparing: () => view.software });
 const controls = new Controls();
 const hands = view.stage ? new Hands(view, controls.token) : null;
+globalThis.trocar = { view, hands }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");
 panel.onclick = () => {

@@ -120,12 +120,14 @@ export class Stage {
 
   // Looks as through the scope, from where the mouth and all of `points` (3,), in millimetres, are in the picture.
   lookOver(points) {
-    const seen = [this.mouth, ...points.map((point) => new THREE.Vector3(...point))];
+    const low = points.map(([x, y]) => [x, y, this.mouth.z]); // where they will be lowered to
+    const seen = [this.mouth, ...[...points, ...low].map((point) => new THREE.Vector3(...point))];
     const ball = new THREE.Box3().setFromPoints(seen).getBoundingSphere(new THREE.Sphere());
     const from = this.camera.position.clone().sub(this.controls.target).normalize();
     const half = THREE.MathUtils.degToRad(0.5 * this.camera.fov) * Math.min(1, this.camera.aspect);
+    ball.center.z -= 0.45 * ball.radius; // the lower edge of the picture is for buttons
     this.controls.target.copy(ball.center);
-    this.camera.position.copy(ball.center).addScaledVector(from, (1.35 * ball.radius) / Math.sin(half));
+    this.camera.position.copy(ball.center).addScaledVector(from, (1.4 * ball.radius) / Math.sin(half));
     this.controls.update();
   }
 
