@@ -153,17 +153,31 @@ def test_stages_on_the_page_are_those_of_metrics(page: Page) -> None:
 
 @pytest.mark.parametrize("length_ms", [20, 100, 400])
 def test_the_history_shows_a_stall_once_with_its_length(page: Page, length_ms: int) -> None:
+    for _ in range(_TRIES):
+        before, stopped_ms = _stop_physics(page, length_ms)
+        try:
+            page.browser.until(lambda: len(_stalls(page, stopped_ms)) > before, 10, "the history shows it")  # noqa: B023
+        except AssertionError:
+            continue  # the host kept the process longer than the test did: what it tells is true, and another length
+        time.sleep(1.0)
+        found = _stalls(page, stopped_ms)
+        assert len(found) == before + 1, found
+        return
+    pytest.fail(f"{_TRIES} stalls of {length_ms} ms, none told within a tenth of its length")
+
+
+_TRIES = 4
+
+
+def _stop_physics(page: Page, length_ms: float) -> tuple[int, float]:
+    """Stop physics for so long; return how many stalls of that length were told before, and how long it was."""
     pid = page.rig.observer.pids()["physics"]
     before = len(_stalls(page, length_ms))
     began = time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     time.sleep(length_ms / 1e3)
     os.kill(pid, signal.SIGCONT)
-    stopped_ms = (time.monotonic() - began) * 1e3
-    page.browser.until(lambda: len(_stalls(page, stopped_ms)) > before, 10, "the history shows it")
-    time.sleep(1.0)
-    found = _stalls(page, stopped_ms)
-    assert len(found) == before + 1, found
+    return before, (time.monotonic() - began) * 1e3
 
 
 def _stalls(page: Page, length_ms: float) -> list[str]:
