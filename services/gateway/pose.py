@@ -42,9 +42,16 @@ def to_world(vector: FloatArray, at: int, mount: FloatArray, out: FloatArray, ou
 
 
 @kernel
+def to_arm(vector: FloatArray, at: int, mount: FloatArray, out: FloatArray, out_at: int) -> None:
+    """Turn the three numbers of `vector` from `at` on into the axes of the arm, as `to_world` does back."""
+    c, s = mount[0], mount[1]
+    x, y = vector[at], vector[at + 1]
+    out[out_at] = c * x + s * y
+    out[out_at + 1] = c * y - s * x
+    out[out_at + 2] = vector[at + 2]
+
+
+@kernel
 def force_to_arm(force: FloatArray, mount: FloatArray, out: FloatArray) -> None:
     """Write a force of the world into the frame of the arm, `out` (3,)."""
-    c, s = mount[0], mount[1]
-    out[0] = c * force[0] + s * force[1]
-    out[1] = c * force[1] - s * force[0]
-    out[2] = force[2]
+    to_arm(force, 0, mount, out, 0)

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from services.gateway.layout import READ_POSITION, READ_VELOCITY
+from services.gateway.pose import to_arm
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
@@ -45,14 +46,10 @@ def step_hand(state: FloatArray, target: FloatArray, force: FloatArray) -> None:
 @kernel
 def read_hand(state: FloatArray, mount: FloatArray, reading: FloatArray) -> None:
     """Write position and velocity of a hand into `reading`, in the frame of an arm on this mount (see `pose`)."""
-    c, s = mount[0], mount[1]
-    for at, out in ((POSITION, READ_POSITION), (VELOCITY, READ_VELOCITY)):
-        x, y, z = state[at], state[at + 1], state[at + 2]
-        if at == POSITION:
-            x, y, z = x - mount[2], y - mount[3], z - mount[4]
-        reading[out] = c * x + s * y
-        reading[out + 1] = c * y - s * x
-        reading[out + 2] = z
+    for axis in range(3):
+        reading[READ_POSITION + axis] = state[POSITION + axis] - mount[2 + axis]
+    to_arm(reading, READ_POSITION, mount, reading, READ_POSITION)
+    to_arm(state, VELOCITY, mount, reading, READ_VELOCITY)
 
 
 def within(target: FloatArray, centre: FloatArray, reach_m: float) -> FloatArray:

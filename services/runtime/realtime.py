@@ -10,10 +10,9 @@ import ctypes
 import gc
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import protocol.bodies as bodies
-from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, Wish, get_attributes
+from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, Wish, get_attributes, own_threads
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
@@ -95,8 +94,7 @@ def freeze_garbage_collector() -> Fact:
 
 def read_back() -> Fact:
     """Return the scheduling class of every thread of this process, as the kernel has it now."""
-    threads = sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
-    had = [_class_of(thread) for thread in threads]
+    had = [_class_of(thread) for thread in own_threads()]
     return Fact("threads", "one class for all", ", ".join(had), len({each.split()[0] for each in had}) == 1)
 
 

@@ -133,7 +133,7 @@ class Scheduling:
     def _deadline(self, reset: bool) -> str:
         pinned = os.sched_getaffinity(0)
         try:
-            for thread in _threads():
+            for thread in own_threads():
                 os.sched_setaffinity(thread, self._cores)
                 own = thread == _own_thread()
                 set_attributes(
@@ -144,16 +144,16 @@ class Scheduling:
                 )
         except OSError:
             _make_ordinary(self._niceness)
-            for thread in _threads():
+            for thread in own_threads():
                 os.sched_setaffinity(thread, pinned)
             raise
         return f"DEADLINE {100 * self.wish.share:.0f} % of a core"
 
     def _nice(self, reset: bool) -> str:
         if self.wish.core in self._cores:
-            for thread in _threads():
+            for thread in own_threads():
                 os.sched_setaffinity(thread, {self.wish.core})
-        for thread in _threads():
+        for thread in own_threads():
             set_attributes(thread, os.SCHED_OTHER, _RESET_ON_FORK if reset else 0, nice=_NICE, runtime_ns=_SLICE_NS)
         slice_ns = get_attributes(0)[5]
         return f"nice {_NICE}, slice {slice_ns / 1e6:g} ms" if slice_ns else f"nice {_NICE}, the kernel's slice"
@@ -169,12 +169,13 @@ def _own_thread() -> int:
     return threading.get_native_id()
 
 
-def _threads() -> list[int]:
+def own_threads() -> list[int]:
+    """Return the numbers of this process' threads."""
     return sorted(int(task.name) for task in Path("/proc/self/task").iterdir())
 
 
 def _make_ordinary(niceness: int) -> None:
-    for thread in _threads():
+    for thread in own_threads():
         set_attributes(thread, os.SCHED_OTHER, 0, nice=niceness)
 
 

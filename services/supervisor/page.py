@@ -6,6 +6,7 @@ nobody. It hears the processes for itself; what the supervisor makes of them it 
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import secrets
 import socket
@@ -52,7 +53,7 @@ class Page:
 
     def __enter__(self) -> Self:
         write_page_file(self._file, self.address, self._opening.token)
-        self._supervisor.token = self._opening.token
+        self._supervisor.token_sha256 = hashlib.sha256(self._opening.token.encode()).hexdigest()
         self._supervisor.page_address = f"{self.address}#token={self._opening.token}"
         self._start()
         return self

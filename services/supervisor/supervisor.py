@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections import deque
 from collections.abc import Callable
@@ -59,7 +58,7 @@ class Supervisor:
         self.reason = ""
         self.started_s = now_s
         self.page_address = ""
-        self.token = ""
+        self.token_sha256 = ""
         self.events: deque[Event] = deque(maxlen=200)
         limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
@@ -126,7 +125,7 @@ class Supervisor:
             safe_stop=bool(self._safe_stop) or ending,
             reason=self.reason[:512],
             processes=tuple(member.body() for member in self.crew.members.values()),
-            token_sha256=hashlib.sha256(self.token.encode()).hexdigest() if self.token else "",
+            token_sha256=self.token_sha256,
         )
 
     def _obey(self) -> None:

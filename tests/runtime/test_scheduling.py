@@ -32,7 +32,7 @@ child = "from services.runtime.scheduling import get_attributes; print(get_attri
 ran = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True, check=True).stdout.split()
 print(json.dumps(dict(
     had=asked.had, refused=asked.refused, before=before, child=[int(word) for word in ran],
-    threads=[get_attributes(thread) for thread in scheduling._threads()],
+    threads=[get_attributes(thread) for thread in scheduling.own_threads()],
     cores=len(os.sched_getaffinity(0)), all=os.cpu_count(),
 )))
 """

@@ -27,8 +27,9 @@ new RigStream({
     if (rig.viewer === "native") view.say("The picture is in a window of the rig's own screen.");
     else if (rig.viewer === "none") view.say("This rig draws no picture (visualization.viewer: none).");
     else {
-      view.connect(viewAddress(rig.view_ws, location));
-      hands?.offer(viewAddress(rig.view_ws, location), rig.hands ?? []);
+      const address = viewAddress(rig.view_ws, location);
+      view.connect(address);
+      hands?.offer(address, rig.hands ?? []);
     }
   },
   onState: (state) => dashboard.update(state),

@@ -2,10 +2,9 @@
 
 const DEAD = 0.12, MM_PER_S = 25, RUMBLE_MS = 120;
 const HANDS = [
-  { x: 0, y: 1, up: 4, close: 6 }, // left: stick, shoulder with the stick pressed for down, trigger
-  { x: 2, y: 3, up: 5, close: 7 },
+  { x: 0, y: 1, up: 4, down: 10, close: 6 }, // left: stick, shoulder, the stick pressed, trigger
+  { x: 2, y: 3, up: 5, down: 11, close: 7 },
 ];
-const DOWN = [10, 11]; // a stick that is pressed lowers
 
 const live = (x) => (Math.abs(x) < DEAD ? 0 : (x - Math.sign(x) * DEAD) / (1 - DEAD));
 
@@ -14,8 +13,8 @@ export function readGamepad(seconds, pads = navigator.getGamepads?.() ?? []) {
   const pad = [...pads].find((each) => each?.connected && each.mapping === "standard");
   if (!pad) return null;
   const pressed = (i) => pad.buttons[i]?.value ?? 0;
-  return HANDS.map((hand, i) => ({
-    by: [live(pad.axes[hand.x]), -live(pad.axes[hand.y]), pressed(hand.up) - pressed(DOWN[i])].map((x) => x * MM_PER_S * seconds),
+  return HANDS.map((hand) => ({
+    by: [live(pad.axes[hand.x]), -live(pad.axes[hand.y]), pressed(hand.up) - pressed(hand.down)].map((x) => x * MM_PER_S * seconds),
     closing: pressed(hand.close),
   }));
 }

@@ -27,7 +27,7 @@ export class Hands {
       onClick: () => this.toggleJaws(),
     });
     this.keys = new Keys({
-      Space: () => this.toggleJaws(), Tab: () => this.choose(1 - this.active),
+      Space: () => this.toggleJaws(), Tab: () => this.choose(this.active + 1),
       Digit1: () => this.choose(0), Digit2: () => this.choose(1),
     });
     this.bind();
