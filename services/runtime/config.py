@@ -84,6 +84,8 @@ def apply_overrides(data: dict[str, Any], overrides: Iterable[str], origins: Ori
         key, equals, text = override.partition("=")
         if not equals or not key:
             raise ConfigError(f"--set {override}: expected key.path=value")
+        if key == "base":
+            raise ConfigError(f"--set {override}: a base is what a file is written on; name that rig file instead")
         try:
             value = yaml_text.read(text)
         except yaml.YAMLError:
@@ -185,11 +187,46 @@ def origins_of(data: Mapping[str, Any], where: str, prefix: str = "") -> Origins
 
 
 def load(kind: type[T], path: Path, overrides: Iterable[str] = ()) -> tuple[T, Origins]:
-    """Return the configuration in `path` with `overrides` on top, and where each given value came from."""
-    data = read_yaml(path)
-    origins = origins_of(data, str(path))
+    """Return the configuration in `path` with `overrides` on top, and where each given value came from.
+
+    A rig file may name another as its `base`: then it holds only what differs.
+    """
+    data, origins = _read_on_base(path) if kind is Rig else _read_alone(path)
     apply_overrides(data, overrides, origins)
-    return build(kind, data, str(path)), origins
+    return build(kind, data, f"{path} on {data['base']}" if kind is Rig and "base" in data else str(path)), origins
+
+
+def _read_alone(path: Path) -> tuple[dict[str, Any], Origins]:
+    data = read_yaml(path)
+    return data, origins_of(data, str(path))
+
+
+def _read_on_base(path: Path, above: tuple[Path, ...] = ()) -> tuple[dict[str, Any], Origins]:
+    """Return what a rig file says on top of what its base says: mappings are merged, lists and values replaced."""
+    data, origins = _read_alone(path)
+    base = data.get("base")
+    if base is None:
+        return data, origins
+    if path.resolve() in above:
+        raise ConfigError(f"{path}: base: the file is, by way of others, its own base")
+    found, found_origins = _read_on_base(_find_base(path, base), (*above, path.resolve()))
+    return _merged(found, data), {**found_origins, **origins}
+
+
+def _find_base(path: Path, base: Any) -> Path:
+    if not isinstance(base, str):
+        raise ConfigError(f"{path}: base: must be the name of a rig, or a file beside this one")
+    beside = path.parent / (base if base.endswith((".yaml", ".yml")) else f"{base}.yaml")
+    try:
+        return beside if beside.is_file() else find("rig", base)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: base: {error}") from None
+
+
+def _merged(below: Any, above: Any) -> Any:
+    if not isinstance(below, dict) or not isinstance(above, dict):
+        return above
+    return {**below, **{key: _merged(below.get(key), value) for key, value in above.items()}}
 
 
 def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -185,6 +185,9 @@ class Rig(Settings):
     """A whole rig file."""
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
+    base: str | None = Field(
+        None, description="rig, or file beside this one, that holds for whatever is not said here; lists are replaced"
+    )
     scene: str = "default"
     transport: Transport = Transport()
     processes: dict[str, ProcessSettings] = {}

@@ -29,7 +29,7 @@ def test_the_stub_builds_two_instruments_whose_forces_can_be_taken_back_in_time(
 def test_stub_and_hardware_differ_in_their_gateway_section_only() -> None:
     stub, hardware = (config.load_rig(name).model_dump() for name in ("stub", "hardware"))
     differing = {key for key in stub if stub[key] != hardware[key]}
-    assert differing == {"name", "gateway"}
+    assert differing == {"name", "base", "gateway"}
 
 
 def test_hardware_without_the_vendors_library_is_one_sentence() -> None:

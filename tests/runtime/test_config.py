@@ -26,7 +26,7 @@ def write(path: Path, text: str) -> Path:
         ("name: [unclosed", r"rig.yaml: line 1, column \d+: "),
         ("- a\n- b", r"rig.yaml: the file must be a mapping"),
         ("{}", r"rig.yaml: name: this key is missing"),
-        ("name: a\ncolour: red", r"rig.yaml: colour: unknown key 'colour'; known: contracts, gateway, name, "),
+        ("name: a\ncolour: red", r"rig.yaml: colour: unknown key 'colour'; known: base, contracts, gateway, name, "),
         (
             "name: a\nprocesses: {physics: {coer: 1}}",
             r"processes.physics.coer: unknown key 'coer'; known: core, critical, enabled, nice, ",
@@ -158,3 +158,44 @@ def test_an_option_that_fits_nowhere_says_so(tmp_path: Path, option: str) -> Non
 @pytest.mark.parametrize("path", sorted((config.config_directory() / "rigs").glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_rig_file_of_the_repository_loads(path: Path) -> None:
     assert config.load_rig(path).name
+
+
+def test_a_rig_on_a_base_says_only_what_differs(tmp_path: Path) -> None:
+    (tmp_path / "below.yaml").write_text(
+        "name: below\nvisualization: {port: 9000, rate_hz: 40}\nsupervisor: {backoff_s: [1.0, 2.0]}\n"
+    )
+    file = tmp_path / "above.yaml"
+    file.write_text("name: above\nbase: below\nvisualization: {rate_hz: 50}\nsupervisor: {backoff_s: [3.0]}\n")
+    rig, origins = config.load(Rig, file, ["scene=pinch"])
+    assert (rig.name, rig.scene, rig.visualization.port, rig.visualization.rate_hz) == ("above", "pinch", 9000, 50)
+    assert rig.supervisor.backoff_s == (3.0,), "lists are replaced"
+    assert origins["visualization.port"].endswith("below.yaml")
+    assert origins["visualization.rate_hz"].endswith("above.yaml")
+
+
+def test_a_base_of_the_rigs_that_come_with_it_and_a_base_of_a_base(tmp_path: Path) -> None:
+    (tmp_path / "one.yaml").write_text("name: one\nbase: stub\n")
+    rig = config.load_rig(write(tmp_path, "name: two\nbase: one\n"))
+    stub = config.load_rig("stub")
+    assert rig.model_copy(update={"name": "stub", "base": None}) == stub
+
+
+@pytest.mark.parametrize(
+    ("base", "sentence"),
+    [
+        ("nowhere", r"rig\.yaml: base: there is no rig 'nowhere' in .*; known: .*stub"),
+        ("nowhere.yaml", r"rig\.yaml: base: nowhere\.yaml: there is no such rig file"),
+        ("rig", r"rig\.yaml: base: the file is, by way of others, its own base"),
+        ("[stub]", r"rig\.yaml: base: must be the name of a rig"),
+        ("stub\ncolour: red", r"rig\.yaml on stub: colour: unknown key"),
+    ],
+)
+def test_a_base_that_cannot_be_is_one_sentence(tmp_path: Path, base: str, sentence: str) -> None:
+    (tmp_path / "rig.yaml").write_text(f"name: mine\nbase: {base}\n")
+    with pytest.raises(ConfigError, match=sentence):
+        config.load_rig(tmp_path / "rig.yaml")
+
+
+def test_a_base_cannot_be_set_afterwards() -> None:
+    with pytest.raises(ConfigError, match="name that rig file instead"):
+        config.load_rig("stub", ["base=hardware"])
