@@ -6,10 +6,10 @@ The mechanics takes plain data; much of it would compute with a negative radius 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import QualityLevel, SceneModel
 
 _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
@@ -18,7 +18,7 @@ _POSITIVE = {
     "forceps": "shaft_radius_m jaw_radius_m jaw_length_m jaw_ratio jaw_max_angle_rad coupling_stiffness_n_m "
     "jaw_stiffness_nm_rad grasp_torque_nm",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
-    "quality": "iterations",
+    "quality": "iterations cost_us",
 }
 _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",
@@ -26,7 +26,10 @@ _NOT_NEGATIVE = {
     "introducer_friction introducer_seal_friction_n spectral_radius",
     "forceps": "coupling_damping_n_s_m jaw_damping_nm_s_rad grip_friction release_angle_rad",
     "contact": "margin_m recovery penalty_damping_n_s_m",
+    "quality": "force_error_percent motion_error_percent",
 }
+MOST_RUNGS = 16
+"""As many as the wire can name."""
 _NOT_ABOVE_ONE = {"catheter": "spectral_radius", "contact": "recovery"}
 
 
@@ -41,7 +44,21 @@ def fault(scene: SceneModel) -> str:
         for name in _NOT_ABOVE_ONE.get(part, "").split():
             if getattr(holder, name) > 1.0:
                 return f"{path}.{name}: must not be above 1, is {getattr(holder, name)}"
-    return "" if scene.quality else "quality: needs at least one level"
+    return _ladder_fault(scene.quality)
+
+
+def _ladder_fault(ladder: Sequence[QualityLevel]) -> str:
+    """Return what is wrong with the rungs beside each other."""
+    if not 1 <= len(ladder) <= MOST_RUNGS:
+        return f"quality: needs one to {MOST_RUNGS} rungs, has {len(ladder)}"
+    for k, level in enumerate(ladder):
+        if level.name in (other.name for other in ladder[:k]):
+            return f"quality.{k}.name: there is a rung {level.name!r} above"
+        if (level.cost_us is None) != (ladder[0].cost_us is None):
+            return f"quality.{k}.cost_us: was measured either for every rung or for none"
+        if k and level.cost_us is not None and not level.cost_us < (ladder[k - 1].cost_us or 0.0):
+            return f"quality.{k}.cost_us: must be less than that of the rung above, is {level.cost_us:g}"
+    return ""
 
 
 def _parts(scene: SceneModel) -> Iterator[tuple[str, str, Any]]:

@@ -9,7 +9,7 @@ from typing import Any, get_type_hints
 import pydantic
 from typing_extensions import TypedDict
 
-from services.mechanics.effects import EFFECTS
+from services.mechanics.effects import EFFECTS, check_ladder
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_catheter import check_catheter
 from services.runtime import config
@@ -48,6 +48,7 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
     if wrong := limits.fault(scene):
         raise ConfigError(f"{where}: {wrong}")
     try:
+        check_ladder(scene)
         check_catheter(scene)
     except ValueError as error:
         raise ConfigError(f"{where}: {error}") from None

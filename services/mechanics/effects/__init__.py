@@ -60,7 +60,7 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
     Raises
     ------
     ValueError
-        An effect that does not exist, or settings that are another's.
+        An effect that does not exist, settings that are another's, or a quality ladder that cannot be.
     """
     for name, settings in scene.effects.items():
         if name not in EFFECTS:
@@ -68,7 +68,36 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
         wanted = EFFECTS[name].kind.Settings
         if type(settings) is not wanted:
             raise ValueError(f"effects.{name}: takes {wanted.__name__}, not {type(settings).__name__}")
+    check_ladder(scene)
     return {name: entry.kind(scene.effects[name], scene) for name, entry in EFFECTS.items() if name in scene.effects}
 
 
-__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects", "by_stage"]
+def check_ladder(scene: SceneModel) -> None:
+    """Refuse a quality ladder that cannot be walked, and an essential effect that the scene does not have.
+
+    Raises
+    ------
+    ValueError
+        One sentence that begins with the key.
+    """
+    for name in scene.essential:
+        if name not in scene.effects:
+            raise ValueError(f"essential: the scene has no effect {name!r}")
+    for k, level in enumerate(scene.quality):
+        for name in level.without:
+            if wrong := _cannot_rest(name, scene):
+                raise ValueError(f"quality.{k}.without: {wrong}")
+
+
+def _cannot_rest(name: str, scene: SceneModel) -> str:
+    if name not in scene.effects:
+        return f"the scene has no effect {name!r}"
+    if name in scene.essential:
+        return f"{name} is essential"
+    if not EFFECTS[name].kind.can_rest:
+        able = ", ".join(each for each, entry in EFFECTS.items() if entry.kind.can_rest)
+        return f"{name} cannot rest while the scene runs; these can: {able}"
+    return ""
+
+
+__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects", "by_stage", "check_ladder"]

@@ -50,6 +50,10 @@ class Effect:
     kicks: ClassVar[bool] = False
     """Whether it acts by kicks of the wall (`DuctBody.modal_kick`), the gradient of its potential energy."""
 
+    can_rest: ClassVar[bool] = False
+    """Whether a rung of the quality ladder may leave it out for a while: what it does in a step leaves nothing behind
+    that the next one without it would miss, and nothing in the picture hangs on it."""
+
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
         self.scene = scene
@@ -63,6 +67,9 @@ class Effect:
     def potential_energy_j(self, world: World) -> float:
         """What the effect and its bodies store now, for the energy balance: nothing, unless it says so."""
         return 0.0
+
+    def wake(self) -> None:
+        """Act again after a rung of the quality ladder on which the effect rested: what it remembers is old."""
 
     def modify_section(self, section: ShellSection) -> ShellSection:
         """Return the wall's thickness and material, before the duct is meshed into elements."""

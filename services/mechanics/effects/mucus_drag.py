@@ -40,6 +40,7 @@ class MucusDrag(Effect):
     """
 
     Settings = MucusDragSettings
+    can_rest = True
 
     def __init__(self, settings: MucusDragSettings, scene: SceneModel) -> None:
         super().__init__(settings, scene)

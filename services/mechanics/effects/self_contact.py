@@ -28,6 +28,7 @@ class SelfContact(Effect):
     """
 
     Settings = SelfContactSettings
+    can_rest = True
 
     def prepare(self, world: World) -> None:
         """Turn diameters into segments."""
@@ -37,6 +38,10 @@ class SelfContact(Effect):
         n_apart = max(between, 2) + 1
         margin_m = world.scene.contact.margin_m
         self._detector = SelfContactDetector(properties.n_particles, radius_m, margin_m, n_apart)
+
+    def wake(self) -> None:
+        """Forget sides: strands may have crossed meanwhile, and are told apart from where they are now."""
+        self._detector.reset()
 
     def add_pairs(self, world: World, dt_s: float) -> None:
         """Append pairs of segments within the margin."""

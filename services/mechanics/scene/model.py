@@ -131,11 +131,17 @@ class ContactSettings:
 class QualityLevel:
     """One rung of the quality ladder; rung 0 is the best, and a switch takes effect in the next tick.
 
-    ``iterations`` is the most sweeps of a solve.
+    ``iterations`` is the most sweeps of a solve; ``without`` names effects that rest meanwhile, of those that can.
+    ``cost_us`` of a tick and the errors of forces and of motion are what `trocar tune` measured, for whoever walks the
+    ladder; None where nobody has.
     """
 
     name: str = "full"
     iterations: int = 30
+    without: tuple[str, ...] = ()
+    cost_us: float | None = None
+    force_error_percent: float | None = None
+    motion_error_percent: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +149,7 @@ class SceneModel:
     """Everything a simulation is built from.
 
     ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
+    Those in ``essential`` are never given up for time: neither by `trocar tune` nor on the quality ladder.
     ``hands`` is what the scene is for: what simulated hands do in it.
     """
 
@@ -157,3 +164,4 @@ class SceneModel:
     quality: tuple[QualityLevel, ...] = (QualityLevel(),)
     sleeping: bool = True
     hands: Literal["insertion", "pinch", "none"] = "insertion"
+    essential: tuple[str, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from time import perf_counter_ns
 from typing import Protocol
 
@@ -20,7 +21,7 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
 from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
-from services.mechanics.effects import build_effects, by_stage
+from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
@@ -61,7 +62,9 @@ class Simulation:
     def __init__(self, scene: SceneModel, duct: ReducedDuct, search: ContactSearch | None = None) -> None:
         self.scene = scene = place_catheter(scene, duct.mesh)
         self.effects = build_effects(scene)
-        self._stages = by_stage(self.effects.values())
+        stages = by_stage(self.effects.values())
+        self._rungs = [_stages_without(self.effects, level.without) for level in scene.quality]
+        self._stages = self._rungs[0]
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
         self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
@@ -83,7 +86,7 @@ class Simulation:
         self._pace = Pace(world)
         self._healer = Healer(world)
         self.watcher: Watcher | None = None
-        for effect in self._stages["prepare"]:
+        for effect in stages["prepare"]:
             effect.prepare(world)
 
     def step(self, tools: ToolInputs, pairs: ContactPairs | None = None, dt_s: float = 1e-3) -> None:
@@ -226,7 +229,14 @@ class Simulation:
         """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""
         if not 0 <= level < len(self.scene.quality):
             raise ValueError(f"quality level {level} is not within 0 and {len(self.scene.quality) - 1}")
+        for name in set(self._resting) - set(self.scene.quality[level].without):
+            self.effects[name].wake()
         self.quality_level = level
+        self._stages = self._rungs[level]
+
+    @property
+    def _resting(self) -> tuple[str, ...]:
+        return self.scene.quality[self.quality_level].without
 
     @property
     def _iterations(self) -> int:
@@ -313,3 +323,7 @@ class Simulation:
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         wants_stiffness = self.system.strategy.knows_stiffness
         self.max_penetration_m = report(*addresses, dt_s, (bool(self.holds.active), wants_stiffness))
+
+
+def _stages_without(effects: Mapping[str, Effect], resting: Sequence[str]) -> dict[str, tuple[Effect, ...]]:
+    return by_stage(effect for name, effect in effects.items() if name not in resting)

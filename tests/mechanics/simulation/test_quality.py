@@ -59,3 +59,64 @@ def test_switching_in_every_tick_moves_nothing(ladder):
 def test_a_level_that_does_not_exist_is_refused(ladder):
     with pytest.raises(ValueError, match="quality level 2 is not within 0 and 1"):
         ladder[0].set_quality(2)
+
+
+def _falls(simulation, ticks, level=0):
+    """Let the catheter fall on the wall and be pulled back by its seal's friction, without hands."""
+    tools = ToolInputs()
+    tools.present[:] = False
+    simulation.set_quality(level)
+    for _ in range(ticks):
+        simulation.step(tools)
+
+
+@pytest.fixture
+def resting_scene(with_effects):
+    """A catheter that falls on the wall of a duct wet with mucus, which rests on the second rung."""
+    scene = with_effects(gravity={}, mucus_drag={}, self_contact={})
+    rung = QualityLevel(name="dry", without=("mucus_drag", "self_contact"))
+    return replace(scene, quality=(QualityLevel(), rung))
+
+
+def test_an_effect_that_rests_on_a_rung_is_as_if_it_were_not_there(resting_scene, small_duct):
+    rests, acts = Simulation(resting_scene, small_duct), Simulation(resting_scene, small_duct)
+    gravity = {"gravity": resting_scene.effects["gravity"]}
+    absent = Simulation(replace(resting_scene, effects=gravity, quality=(QualityLevel(),)), small_duct)
+    for simulation, level in ((rests, 1), (acts, 0), (absent, 0)):
+        _falls(simulation, 120, level)
+    assert np.array_equal(rests.catheter.state.position_m, absent.catheter.state.position_m)
+    assert np.array_equal(rests.duct.state.q, absent.duct.state.q)
+    assert not np.array_equal(acts.catheter.state.position_m, absent.catheter.state.position_m)
+
+
+def test_an_effect_that_comes_back_moves_nothing_by_itself(resting_scene, small_duct):
+    simulation = Simulation(resting_scene, small_duct)
+    _falls(simulation, 120, 1)
+    speed_m_s = np.abs(simulation.catheter.state.velocity_m_s).max()
+    _falls(simulation, 1, 0)
+    assert np.abs(simulation.catheter.state.velocity_m_s).max() <= 1.05 * speed_m_s + 1e-4
+
+
+def test_strands_that_crossed_while_self_contact_rested_are_told_apart_anew(resting_scene, small_duct):
+    simulation = Simulation(resting_scene, small_duct)
+    memory = simulation.effects["self_contact"]._detector._memory
+    memory.active[0, 9] = 1
+    simulation.set_quality(1)
+    assert memory.active[0, 9] == 1
+    simulation.set_quality(0)
+    assert not memory.active.any()
+
+
+@pytest.mark.parametrize(
+    ("without", "essential", "said"),
+    [
+        (("gravity",), (), "quality.1.without: gravity cannot rest while the scene runs; these can: self_contact, muc"),
+        (("twist",), (), "quality.1.without: the scene has no effect 'twist'"),
+        (("mucus_drag",), ("mucus_drag",), "quality.1.without: mucus_drag is essential"),
+        ((), ("twist",), "essential: the scene has no effect 'twist'"),
+    ],
+)
+def test_a_ladder_that_cannot_be_is_refused(resting_scene, small_duct, without, essential, said):
+    ladder = (QualityLevel(), QualityLevel(name="dry", without=without))
+    with pytest.raises(ValueError, match=said):
+        Simulation(replace(resting_scene, quality=ladder, essential=essential), small_duct)
