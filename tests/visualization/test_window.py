@@ -30,41 +30,37 @@ pytestmark = [
 ]
 NOTICE = '{"type": "rig", "state": "running", "reason": "", "safe_stop": false}'
 PATIENCE_S = 90.0
+#: Numbers of displays, beyond those that a person or a search for a free one takes; X allows 59,536.
+_FIRST_DISPLAY, _DISPLAYS = 1_000, 50_000
 
 
 class Display:
-    """A virtual screen whose memory can be looked into."""
+    """A virtual screen whose memory can be looked into.
+
+    Its number comes from this process's own: servers that look for a free one remove each other's sockets where two
+    start at once, and one that was ended would find its number taken when it comes back.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.name = ""
+        self.name = f":{_FIRST_DISPLAY + os.getpid() % _DISPLAYS}"
         self.start()
 
     def start(self) -> None:
-        """Start it, under the number that it had."""
+        """Start it; it serves when this returns."""
         read, write = os.pipe()
-        options = [
-            "-displayfd",
-            str(write),
-            "-screen",
-            "0",
-            "1300x820x24",
-            "-fbdir",
-            str(self.folder),
-            "-nolisten",
-            "tcp",
-        ]
+        screen = ["-screen", "0", "1300x820x24", "-fbdir", str(self.folder), "-nolisten", "tcp"]
         self._server = subprocess.Popen(
-            ["Xvfb", *([self.name] if self.name else []), *options], pass_fds=[write], stderr=subprocess.DEVNULL
+            ["Xvfb", self.name, "-displayfd", str(write), *screen], pass_fds=[write], stderr=subprocess.DEVNULL
         )
         os.close(write)
-        with os.fdopen(read) as numbers:
-            self.name = f":{numbers.readline().strip()}"
-        assert self.name != ":", "Xvfb did not start"
+        with os.fdopen(read) as ready:
+            assert f":{ready.readline().strip()}" == self.name, "Xvfb did not start"
 
     def end(self) -> None:
-        self._server.kill()
-        self._server.wait()
+        """End it as its user would: it takes its socket and its lock with it."""
+        self._server.terminate()
+        self._server.wait(PATIENCE_S)
 
     def pixels(self) -> np.ndarray:
         """Return the screen (height, width, 3), from the server's own memory (an XWD file)."""
