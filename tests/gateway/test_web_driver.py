@@ -12,7 +12,7 @@ from protocol import Frame
 from protocol.bodies import Hands, HandTarget
 from services.gateway import driver, layout, pose, virtual_hand
 from services.gateway.driver import Place
-from services.gateway.drivers.web import LOOK_EVERY
+from services.gateway.hand_arm import LOOK_EVERY
 from services.runtime.errors import ConfigError
 from services.runtime.rig import DriverSettings, Mount
 

@@ -1,0 +1,45 @@
+"""An instrument steered with one half of a gamepad that the kernel shows. What a hand would feel shakes the gamepad."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.gateway import driver, input_events, input_stand_in
+from services.gateway.bench import Bench, no_output
+from services.gateway.driver import Place
+from services.gateway.host_check import HostCheck
+from services.gateway.steering import Axes, SteeredArm, SteeringSettings, check_inputs
+from services.runtime.rig import DriverSettings
+
+#: Names are those of the kernel's gamepad layout. The first instrument has the left half, the second the right one.
+HALVES: tuple[dict[str, Axes], ...] = (
+    {"right": {"ABS_X": 1.0}, "up": {"ABS_Y": -1.0}, "inward": {"ABS_HAT0Y": -1.0}, "roll": {"ABS_HAT0X": 1.0}},
+    {
+        "right": {"ABS_RX": 1.0},
+        "up": {"ABS_RY": -1.0},
+        "inward": {"BTN_SOUTH": 1.0, "BTN_EAST": -1.0},
+        "roll": {"BTN_TR": 1.0, "BTN_TL": -1.0},
+    },
+)
+
+
+class Driver(SteeredArm):
+    """The stick moves the tool sideways and up, the pad's other keys along and about its shaft."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        read = driver.read_settings(SteeringSettings, settings, place)
+        super().__init__("gamepad", input_events.GAMEPAD, HALVES[place.index % 2], read, place)
+
+
+def check_host(_settings: Sequence[DriverSettings], _in_use: bool) -> Iterator[HostCheck]:
+    """Look for a gamepad."""
+    yield check_inputs(input_events.GAMEPAD)
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """A gamepad that nobody touches."""
+    with input_events.stand_in(input_stand_in.gamepad()):
+        yield Bench(DriverSettings(driver="gamepad"), output=no_output)

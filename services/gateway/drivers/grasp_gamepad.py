@@ -1,0 +1,31 @@
+"""The jaws of an instrument, closed by a trigger of a gamepad. No torque is felt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.gateway import driver, input_events, input_stand_in
+from services.gateway.bench import Bench, no_output
+from services.gateway.driver import Place
+from services.gateway.steering import Axes, JawSettings, SteeredGrasp
+from services.runtime.rig import DriverSettings
+
+#: Left and right trigger; on pads without, the buttons in their place.
+TRIGGERS: tuple[Axes, ...] = ({"ABS_Z": 1.0, "BTN_TL2": 1.0}, {"ABS_RZ": 1.0, "BTN_TR2": 1.0})
+
+
+class Driver(SteeredGrasp):
+    """Closes as far as the trigger is pressed."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        read = driver.read_settings(JawSettings, settings, place)
+        super().__init__(input_events.GAMEPAD, TRIGGERS[place.index % 2], read, place)
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """A gamepad that nobody touches."""
+    with input_events.stand_in(input_stand_in.gamepad()):
+        yield Bench(DriverSettings(driver="grasp_gamepad"), output=no_output)

@@ -1,0 +1,42 @@
+"""An instrument steered with a SpaceMouse, as the kernel shows it. Force is shown, not felt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.gateway import driver, input_events, input_stand_in
+from services.gateway.bench import Bench, no_output
+from services.gateway.driver import Place
+from services.gateway.host_check import HostCheck
+from services.gateway.steering import Axes, SteeredArm, SteeringSettings, check_inputs
+from services.runtime.rig import DriverSettings
+
+#: The cap's own axes are x to the right, y to the user, z down. Kernels show them as relative or as absolute ones.
+CAP: dict[str, Axes] = {
+    "right": {"REL_X": 1.0, "ABS_X": 1.0},
+    "up": {"REL_Z": -1.0, "ABS_Z": -1.0},
+    "inward": {"REL_Y": -1.0, "ABS_Y": -1.0},
+    "roll": {"REL_RZ": 1.0, "ABS_RZ": 1.0},
+}
+
+
+class Driver(SteeredArm):
+    """Pushing the cap moves the tool the same way: away from the person is in; turning it rolls the tool."""
+
+    def __init__(self, settings: DriverSettings, place: Place) -> None:
+        read = driver.read_settings(SteeringSettings, settings, place)
+        super().__init__("spacemouse", input_events.SPACEMOUSE, CAP, read, place)
+
+
+def check_host(_settings: Sequence[DriverSettings], _in_use: bool) -> Iterator[HostCheck]:
+    """Look for a SpaceMouse."""
+    yield check_inputs(input_events.SPACEMOUSE)
+
+
+@contextmanager
+def bench(_folder: Path) -> Iterator[Bench]:
+    """A cap that nobody touches."""
+    with input_events.stand_in(input_stand_in.spacemouse()):
+        yield Bench(DriverSettings(driver="spacemouse"), output=no_output)

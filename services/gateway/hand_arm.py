@@ -1,0 +1,118 @@
+"""An instrument in a hand that is told where to go, and yields to what the tool touches. Force is shown, not felt."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from services.gateway import pose, virtual_hand
+from services.gateway.driver import Arm, ArmLimits, Place
+from services.gateway.layout import MEMORY_FORCE, READ_ROLL
+from services.gateway.virtual_hand import POSITION, STATE_SIZE, TICK_S
+from services.mechanics.arrays import FloatArray
+from services.runtime.errors import ConfigError
+from services.runtime.rig import Settings, Vector3
+
+#: Who tells the hand speaks at 60 to 250 Hz; looking more often would cost the tick and find nothing.
+LOOK_EVERY = 4
+_ROLL_RAD_S = 6.0
+_TICK_NS = 1_000_000
+_MAX_TICKS = 20
+_FROM_PORT_M = 0.01
+
+
+class HandSettings(Settings):
+    """Of the rig file: where the tool waits until somebody takes it, and how far it may be moved from there."""
+
+    start_hip_m: Vector3 | None = Field(None, description="junction in the world; none: the middle of the workspace")
+    start_roll_rad: float = 0.0
+    reach_m: Annotated[float, Field(gt=0.0, le=0.3)] = Field(0.09, description="from the middle of the workspace")
+
+
+class HandArm(Arm):
+    """Follows a target with a hand that yields to the tool's force. What the target is, a driver says in `follow`.
+
+    Attributes
+    ----------
+    target : ndarray (3,)
+        Where the junction shall be, world, m; kept within reach.
+    target_roll : float
+        Roll about the shaft, rad.
+    felt_n : ndarray (3,)
+        What a hand would feel now, world, N.
+    """
+
+    has_force = False
+    limits = ArmLimits(max_force_n=3.0, continuous_force_n=3.0, max_damping_n_s_m=10.0, max_velocity_m_s=2.0)
+
+    def __init__(self, name: str, settings: HandSettings, place: Place) -> None:
+        self.place = place
+        self._settings = settings
+        self._mount = pose.pack_mount(place.mount)
+        self._centre = np.array(place.mount.centre_m)
+        self.target = np.array(settings.start_hip_m or place.mount.centre_m)
+        self._state = np.zeros(STATE_SIZE)
+        self.felt_n = np.zeros(3)
+        self._roll = self.target_roll = settings.start_roll_rad
+        self._last_ns = 0
+        self._waited = place.index
+        self._passed_s = 0.0
+        self._check(name, place)
+
+    def _check(self, name: str, place: Place) -> None:
+        """Refuse a workspace with the port in it, where the shaft has no direction, and a start outside."""
+        reach_m = self._settings.reach_m
+        to_port_m = float(np.linalg.norm(self._centre - np.array(place.port_m)))
+        where = f"instrument {place.instrument!r}, driver {name!r}"
+        if any(place.port_m) and to_port_m < reach_m + _FROM_PORT_M:
+            raise ConfigError(f"{where}: reach_m: {reach_m} m from the middle reaches the port, {to_port_m:.3f} m away")
+        if np.linalg.norm(self.target - self._centre) > reach_m:
+            raise ConfigError(f"{where}: start_hip_m: is farther than reach_m from the middle of the workspace")
+
+    def open(self) -> None:
+        """Put the tool where it waits; a step of a copy makes the kernels ready."""
+        virtual_hand.step_hand(self._state.copy(), self.target, self.felt_n)
+        virtual_hand.read_hand(self._state, self._mount, np.zeros(8))
+        self._state[:] = 0.0
+        self._state[POSITION : POSITION + 3] = self.target
+
+    def enable(self) -> None:
+        """Nothing to switch on."""
+
+    def read(self, time_ns: int, reading: FloatArray) -> None:
+        """Let the hand follow its target up to `time_ns`."""
+        ticks = min(round((time_ns - self._last_ns) / _TICK_NS), _MAX_TICKS) if self._last_ns else 0
+        self._last_ns = time_ns
+        self._passed_s += ticks * TICK_S
+        self._waited += 1
+        if self._waited % LOOK_EVERY == 0:
+            self.follow(time_ns, self._passed_s)
+            self.target = virtual_hand.within(self.target, self._centre, self._settings.reach_m)
+            self._passed_s = 0.0
+        for _ in range(ticks):
+            virtual_hand.step_hand(self._state, self.target, self.felt_n)
+            step = _ROLL_RAD_S * TICK_S
+            self._roll += min(max(self.target_roll - self._roll, -step), step)
+        virtual_hand.read_hand(self._state, self._mount, reading)
+        reading[READ_ROLL] = self._roll
+
+    @abstractmethod
+    def follow(self, time_ns: int, passed_s: float) -> None:
+        """Set `target` and `target_roll`, `passed_s` after the last time. Never waits."""
+
+    def evaluate(
+        self, model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
+    ) -> None:
+        """Compute the force as for any arm, and let the simulated hand yield to it."""
+        super().evaluate(model, motion, limits, now, memory)
+        self.felt_n[:] = memory[MEMORY_FORCE : MEMORY_FORCE + 3]
+
+    def write(self, force_n: FloatArray) -> None:
+        """Ignore the force: `has_force` says so."""
+
+    def close(self) -> None:
+        """Leave no force."""
+        self.felt_n[:] = 0.0

@@ -1,0 +1,277 @@
+"""Gamepads and SpaceMice as the Linux kernel shows them: /dev/input/event*, read through the library evdev.
+
+One file may serve several drivers of the process (two arms, two handles): they share one reader, which takes what has
+come at most once a millisecond, never waits, and remembers what each axis and button says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Protocol, cast
+
+from evdev import InputDevice, ecodes, ff, list_devices
+
+from services.runtime.errors import DeviceError
+
+_TICK_NS = 1_000_000
+#: A tick takes so many events; a device that sends more is read on in the next.
+_EVENTS_A_TICK = 32
+#: Relative axes never say that they are let go; they repeat every 8 to 16 ms while they are not.
+_RELATIVE_NS = 60 * _TICK_NS
+#: What a cap pushed to its end sends in a relative report.
+_RELATIVE_FULL = 350.0
+#: Triggers are pressed from one end; everything else is pushed both ways from its middle.
+_ONE_SIDED = {ecodes.ABS_Z, ecodes.ABS_RZ, ecodes.ABS_GAS, ecodes.ABS_BRAKE}
+_RUMBLE_MS = 200
+
+
+class Source(Protocol):
+    """What is used of `evdev.InputDevice`."""
+
+    path: str
+    name: str
+
+    def read_one(self) -> Any:
+        """Return the next event, None when there is none."""
+        ...
+
+    def capabilities(self, absinfo: bool = ...) -> dict[int, Any]:
+        """Return codes by type, those of axes with their ranges."""
+        ...
+
+    def upload_effect(self, effect: Any) -> int:
+        """Hand an effect over and return its number."""
+        ...
+
+    def write(self, etype: int, code: int, value: int) -> None:
+        """Send an event, such as the beginning of an effect."""
+        ...
+
+    def close(self) -> None:
+        """Give it up."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """How one kind of device is told among all input devices.
+
+    Attributes
+    ----------
+    name
+        In sentences.
+    is_one
+        Of what a device can do, as ``{type: [codes]}``.
+    for_both
+        Whether one device has enough axes for both hands.
+    """
+
+    name: str
+    is_one: Callable[[dict[int, list[int]]], bool]
+    for_both: bool
+
+
+def _codes(capabilities: dict[int, Any]) -> dict[int, list[int]]:
+    """Return the codes by type, without the ranges of axes."""
+    return {
+        kind: [code[0] if isinstance(code, tuple) else code for code in codes] for kind, codes in capabilities.items()
+    }
+
+
+GAMEPAD = Kind(
+    "gamepad",
+    lambda can: ecodes.BTN_SOUTH in can.get(ecodes.EV_KEY, ()) and ecodes.ABS_X in can.get(ecodes.EV_ABS, ()),
+    for_both=True,
+)
+#: Six axes from translation to rotation and nothing that a gamepad has.
+SPACEMOUSE = Kind(
+    "SpaceMouse",
+    lambda can: (
+        {ecodes.REL_X, ecodes.REL_Z, ecodes.REL_RX, ecodes.REL_RZ} <= set(can.get(ecodes.EV_REL, ()))
+        or (
+            {ecodes.ABS_X, ecodes.ABS_Z, ecodes.ABS_RX, ecodes.ABS_RZ} <= set(can.get(ecodes.EV_ABS, ()))
+            and ecodes.BTN_SOUTH not in can.get(ecodes.EV_KEY, ())
+        )
+    ),
+    for_both=False,
+)
+
+
+@dataclass(slots=True)
+class Inputs:
+    """One device and what its axes and buttons say, -1 to 1.
+
+    Attributes
+    ----------
+    fault
+        Empty, or one sentence: it went away.
+    """
+
+    source: Source
+    fault: str = ""
+    _values: dict[tuple[int, int], float] = field(default_factory=dict)
+    _ranges: dict[int, tuple[float, float]] = field(default_factory=dict)
+    _moved_ns: int = 0
+    _read_ns: int = -1
+    _rumbles: bool = False
+    _effect: int = -1
+    users: int = 0
+
+    def __post_init__(self) -> None:
+        capabilities = self.source.capabilities(absinfo=True)
+        self._rumbles = ecodes.FF_RUMBLE in capabilities.get(ecodes.EV_FF, ())
+        for code, info in capabilities.get(ecodes.EV_ABS, ()):
+            self._ranges[code] = _range_of(code, float(info.min), float(info.max))
+            self._values[ecodes.EV_ABS, code] = self._scaled(code, float(info.value))
+
+    def value(self, name: str) -> float:
+        """Return what an axis or button says, by its kernel name (`code_of`); 0 for one that the device has not."""
+        return self._values.get(code_of(name), 0.0)
+
+    def poll(self, time_ns: int) -> None:
+        """Take what has come up to `time_ns`; nothing is read twice in a tick. A device that went away says 0."""
+        if self.fault or time_ns - self._read_ns < _TICK_NS:
+            return
+        self._read_ns = time_ns
+        try:
+            for _ in range(_EVENTS_A_TICK):
+                event = self.source.read_one()
+                if event is None:
+                    break
+                self._take(event, time_ns)
+        except OSError:
+            self.fault = f"{self.source.name} ({self.source.path}) went away"
+            self._values.clear()
+        if time_ns - self._moved_ns > _RELATIVE_NS:
+            for key in [key for key in self._values if key[0] == ecodes.EV_REL]:
+                self._values[key] = 0.0
+
+    def _take(self, event: Any, time_ns: int) -> None:
+        if event.type == ecodes.EV_KEY:
+            self._values[event.type, event.code] = 1.0 if event.value else 0.0
+        elif event.type == ecodes.EV_ABS and event.code in self._ranges:
+            self._values[event.type, event.code] = self._scaled(event.code, float(event.value))
+        elif event.type == ecodes.EV_REL:
+            self._values[event.type, event.code] = min(max(event.value / _RELATIVE_FULL, -1.0), 1.0)
+            self._moved_ns = time_ns
+
+    def _scaled(self, code: int, value: float) -> float:
+        middle, half = self._ranges[code]
+        return min(max((value - middle) / half, -1.0), 1.0) if half > 0.0 else 0.0
+
+    def rumble(self, strength: float) -> None:
+        """Shake for a fifth of a second, 0 to 1; a device that cannot does nothing."""
+        if not self._rumbles or self.fault:
+            return
+        level = int(0xFFFF * min(max(strength, 0.0), 1.0))
+        motors = ff.EffectType(ff_rumble_effect=ff.Rumble(strong_magnitude=level, weak_magnitude=level // 2))
+        shake = ff.Effect(ecodes.FF_RUMBLE, self._effect, 0, ff.Trigger(0, 0), ff.Replay(_RUMBLE_MS, 0), motors)
+        try:
+            self._effect = self.source.upload_effect(shake)
+            self.source.write(ecodes.EV_FF, self._effect, 1)
+        except OSError:
+            self._rumbles = False  # an input without permission to write; what is felt is shown anyway
+
+
+def _range_of(code: int, low: float, high: float) -> tuple[float, float]:
+    """Return what is 0 and how far it is to 1."""
+    if code in _ONE_SIDED and low >= 0.0:
+        return low, high - low
+    return (low + high) / 2.0, (high - low) / 2.0
+
+
+def code_of(name: str) -> tuple[int, int]:
+    """Return type and code of an axis or button, such as ``ABS_X``, ``REL_RZ`` or ``BTN_SOUTH``.
+
+    Raises
+    ------
+    ValueError
+        if the kernel knows no such name.
+    """
+    code = ecodes.ecodes.get(name)
+    kinds = {"ABS": ecodes.EV_ABS, "REL": ecodes.EV_REL, "BTN": ecodes.EV_KEY, "KEY": ecodes.EV_KEY}
+    kind = kinds.get(name.partition("_")[0])
+    if kind is None or not isinstance(code, int):
+        raise ValueError(f"{name!r} is no axis or button: names are those of the kernel, as ABS_X, REL_RZ, BTN_SOUTH")
+    return kind, code
+
+
+_open: dict[str, Inputs] = {}
+
+
+def open_inputs(kind: Kind, path: str | None, index: int, where: str) -> Inputs:
+    """Return the device at `path`, or the one for the instrument of `index` among those of `kind`.
+
+    Raises
+    ------
+    DeviceError
+        one sentence, if there is none, or it cannot be opened.
+    """
+    path = path or _choose(kind, index, where)
+    if path not in _open or _open[path].fault:
+        try:
+            _open[path] = Inputs(open_source(path))
+        except OSError as error:
+            raise DeviceError(f"{where}: {path}: {error.strerror or error}") from None
+    _open[path].users += 1
+    return _open[path]
+
+
+def _choose(kind: Kind, index: int, where: str) -> str:
+    found = find_devices(kind)
+    advice = "plug one in, name its file as `device`, or see `trocar doctor`"
+    if not found:
+        raise DeviceError(f"{where}: there is no {kind.name} in /dev/input that this user may read: {advice}")
+    if index < len(found):
+        return found[index]
+    if not kind.for_both:
+        raise DeviceError(f"{where}: there are {len(found)} of {kind.name} and this is hand {index + 1}: {advice}")
+    return found[-1]
+
+
+def close_inputs(inputs: Inputs) -> None:
+    """Give a device up; the last user closes it."""
+    inputs.users -= 1
+    if inputs.users <= 0:
+        if _open.get(inputs.source.path) is inputs:
+            del _open[inputs.source.path]
+        inputs.source.close()
+
+
+def find_devices(kind: Kind) -> list[str]:
+    """Return the files of all devices of a kind that this user may read."""
+    return [path for path in sorted(list_paths()) if _is_one(kind, path)]
+
+
+def _is_one(kind: Kind, path: str) -> bool:
+    try:
+        source = open_source(path)
+    except OSError:
+        return False
+    try:
+        return kind.is_one(_codes(source.capabilities(absinfo=False)))
+    finally:
+        source.close()
+
+
+def _open_device(path: str) -> Source:
+    return cast(Source, InputDevice(path))
+
+
+#: How devices are listed and opened; a bench puts its stand-in here.
+list_paths: Callable[[], list[str]] = list_devices
+open_source: Callable[[str], Source] = _open_device
+
+
+@contextmanager
+def stand_in(source: Source) -> Iterator[None]:
+    """Let `source` be the only input device of this host."""
+    global list_paths, open_source
+    before = list_paths, open_source
+    list_paths, open_source = (lambda: [source.path]), (lambda _path: source)
+    try:
+        yield
+    finally:
+        list_paths, open_source = before

@@ -1,0 +1,88 @@
+"""Input devices that are not there: what benches and tests hold in their hands."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from evdev import AbsInfo, InputEvent, ecodes
+
+
+class StandIn:
+    """An input device as `input_events.Source` wants it; `say` is a hand on it.
+
+    Attributes
+    ----------
+    shaken : list of int
+        The strong motor's magnitude of each rumble so far.
+    """
+
+    def __init__(self, path: str, name: str, capabilities: dict[int, Any]) -> None:
+        self.path, self.name = path, name
+        self._capabilities = capabilities
+        self._events: deque[InputEvent] = deque()
+        self._unplugged = False
+        self._last_effect = 0
+        self.shaken: list[int] = []
+        self.closed = 0
+
+    def say(self, code_name: str, value: int) -> None:
+        """Let an axis or a button say `value`, in the device's own numbers."""
+        kind = {"ABS": ecodes.EV_ABS, "REL": ecodes.EV_REL, "BTN": ecodes.EV_KEY}[code_name[:3]]
+        self._events.append(InputEvent(0, 0, kind, ecodes.ecodes[code_name], value))
+
+    def unplug(self) -> None:
+        """Answer from now on as the kernel does for what is gone."""
+        self._unplugged = True
+
+    def read_one(self) -> InputEvent | None:
+        """Return the next event, None when there is none."""
+        if self._unplugged:
+            raise OSError(19, "No such device")
+        return self._events.popleft() if self._events else None
+
+    def capabilities(self, absinfo: bool = True) -> dict[int, Any]:
+        """Return what it can do, in the shape of `evdev.InputDevice.capabilities`."""
+        if absinfo:
+            return self._capabilities
+        return {
+            kind: [c[0] if isinstance(c, tuple) else c for c in codes] for kind, codes in self._capabilities.items()
+        }
+
+    def upload_effect(self, effect: Any) -> int:
+        """Remember a rumble."""
+        self._last_effect = effect.u.ff_rumble_effect.strong_magnitude
+        return 0
+
+    def write(self, etype: int, code: int, value: int) -> None:
+        """Play what was uploaded."""
+        if etype == ecodes.EV_FF and value:
+            self.shaken.append(self._last_effect)
+
+    def close(self) -> None:
+        """Count how often it was closed."""
+        self.closed += 1
+
+
+def _axis(low: int, high: int, value: int = 0) -> AbsInfo:
+    return AbsInfo(value, low, high, 0, 0, 0)
+
+
+def gamepad(path: str = "/dev/input/event5") -> StandIn:
+    """Return a gamepad in the ranges of the common ones: sticks of 16 bits, triggers of 8."""
+    sticks = [(code, _axis(-32768, 32767)) for code in (ecodes.ABS_X, ecodes.ABS_Y, ecodes.ABS_RX, ecodes.ABS_RY)]
+    triggers = [(code, _axis(0, 255)) for code in (ecodes.ABS_Z, ecodes.ABS_RZ)]
+    hat = [(code, _axis(-1, 1)) for code in (ecodes.ABS_HAT0X, ecodes.ABS_HAT0Y)]
+    buttons = [ecodes.BTN_SOUTH, ecodes.BTN_EAST, ecodes.BTN_TL, ecodes.BTN_TR]
+    can = {ecodes.EV_KEY: buttons, ecodes.EV_ABS: sticks + triggers + hat, ecodes.EV_FF: [ecodes.FF_RUMBLE]}
+    return StandIn(path, "Stand-in gamepad", can)
+
+
+def spacemouse(path: str = "/dev/input/event6", absolute: bool = False) -> StandIn:
+    """Return a SpaceMouse as most kernels show it, with relative axes, or as some do, with absolute ones."""
+    names = ("X", "Y", "Z", "RX", "RY", "RZ")
+    buttons = {ecodes.EV_KEY: [ecodes.BTN_0, ecodes.BTN_1]}
+    if absolute:
+        axes = [(ecodes.ecodes[f"ABS_{name}"], _axis(-350, 350)) for name in names]
+        return StandIn(path, "Stand-in SpaceMouse", {**buttons, ecodes.EV_ABS: axes})
+    return StandIn(path, "Stand-in SpaceMouse", {**buttons, ecodes.EV_REL: [ecodes.ecodes[f"REL_{n}"] for n in names]})

@@ -1,0 +1,201 @@
+"""Instruments steered by rate: an axis that is held moves the tool on, as a gamepad and a SpaceMouse do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from services.gateway import input_events
+from services.gateway.driver import Place
+from services.gateway.hand_arm import HandArm, HandSettings
+from services.gateway.hand_grasp import HandGrasp, HandGraspSettings
+from services.gateway.host_check import HostCheck
+from services.gateway.input_events import Inputs, Kind
+from services.mechanics.arrays import FloatArray
+from services.runtime.errors import DeviceError
+from services.runtime.rig import Settings
+
+#: What an axis may move: the tool sideways and up as seen along the shaft, along the shaft, about it.
+MOTIONS = ("right", "up", "inward", "roll")
+Axes = dict[str, float]
+_DEAD = 0.12
+_LONGEST_STEP_S = 0.05
+_RUMBLE_EVERY_S = 0.1
+#: So much force shakes a gamepad as hard as it can.
+_RUMBLE_FULL_N = 2.0
+
+
+class DeviceSettings(Settings):
+    """Which input device."""
+
+    device: Path | None = Field(None, description="file such as /dev/input/event7; none: found by its axes")
+
+
+def _check_axes(axes: Axes) -> Axes:
+    for name in axes:
+        input_events.code_of(name)
+    return axes
+
+
+class SteeringSettings(HandSettings, DeviceSettings):
+    """What moves the tool, and how quickly."""
+
+    speed_m_s: Annotated[float, Field(gt=0.0, le=0.5)] = Field(0.05, description="of an axis at its end")
+    roll_rad_s: Annotated[float, Field(gt=0.0, le=10.0)] = 1.5
+    axes: dict[str, Axes] = Field({}, description="by motion: kernel names of axes and buttons, and their signs")
+
+    @field_validator("axes")
+    @classmethod
+    def _are_known(cls, axes: dict[str, Axes]) -> dict[str, Axes]:
+        for motion, names in axes.items():
+            if motion not in MOTIONS:
+                raise ValueError(f"there is no motion {motion!r}; known: {', '.join(MOTIONS)}")
+            _check_axes(names)
+        return axes
+
+
+class JawSettings(HandGraspSettings, DeviceSettings):
+    """What closes the jaws."""
+
+    close: Axes = Field({}, description="kernel names of axes and buttons, and their signs")
+
+    @field_validator("close")
+    @classmethod
+    def _are_known(cls, close: Axes) -> Axes:
+        return _check_axes(close)
+
+
+def pushed(inputs: Inputs, axes: Mapping[str, float]) -> float:
+    """Return how far the axes of one motion are pushed together, -1 to 1, before the dead zone."""
+    return min(max(sum(sign * inputs.value(name) for name, sign in axes.items()), -1.0), 1.0)
+
+
+def shaped(push: float) -> float:
+    """Return the part of full speed: nothing in the dead zone, fine control beyond it, 1 at the end."""
+    beyond = max(abs(push) - _DEAD, 0.0) / (1.0 - _DEAD)
+    return (0.3 * beyond + 0.7 * beyond**3) * (1.0 if push > 0.0 else -1.0)
+
+
+def shaft_axes(hip: FloatArray, port: FloatArray) -> FloatArray:
+    """Return right, up and inward (rows, (3, 3)) as seen from the port along the shaft; z is up in the world."""
+    inward = hip - port
+    inward = inward / max(float(np.linalg.norm(inward)), 1e-9)
+    right = np.cross(inward, (0.0, 0.0, 1.0))
+    length = float(np.linalg.norm(right))
+    right = right / length if length > 1e-6 else np.array((1.0, 0.0, 0.0))
+    return np.array((right, np.cross(right, inward), inward))
+
+
+class SteeredArm(HandArm):
+    """Moves on while an axis is held. An input that goes away is a fault, and the tool stays where it is."""
+
+    def __init__(
+        self, name: str, kind: Kind, axes: Mapping[str, Axes], settings: SteeringSettings, place: Place
+    ) -> None:
+        super().__init__(name, settings, place)
+        self._name, self._kind = name, kind
+        self._axes = {**axes, **settings.axes}
+        self._steering = settings
+        self._inputs: Inputs | None = None
+        self._port = np.array(place.port_m)
+        self._rumbled_s = 0.0
+
+    def open(self) -> None:
+        """Find the device and begin where the tool waits."""
+        super().open()
+        self._inputs = _open(self._kind, self._steering, self.place)
+
+    def follow(self, time_ns: int, passed_s: float) -> None:
+        """Move the target on by what the axes say."""
+        if self._inputs is None:
+            return
+        self._inputs.poll(time_ns)
+        self.fault = self._inputs.fault
+        step_s = min(passed_s, _LONGEST_STEP_S)
+        right, up, inward, roll = (shaped(pushed(self._inputs, self._axes.get(motion, {}))) for motion in MOTIONS)
+        way = np.array((right, up, inward)) @ shaft_axes(self.target, self._port)
+        self.target = self.target + step_s * self._steering.speed_m_s * way
+        self.target_roll += step_s * self._steering.roll_rad_s * roll
+        self._rumble(step_s)
+
+    def _rumble(self, passed_s: float) -> None:
+        self._rumbled_s += passed_s
+        force_n = float(np.linalg.norm(self.felt_n))
+        if self._inputs is not None and force_n > 0.05 and self._rumbled_s >= _RUMBLE_EVERY_S:
+            self._rumbled_s = 0.0
+            self._inputs.rumble(force_n / _RUMBLE_FULL_N)
+
+    def clear_fault(self) -> None:
+        """Look for the device again."""
+        self.close()
+        self._inputs, self.fault = _try_open(self._kind, self._steering, self.place)
+
+    def close(self) -> None:
+        """Give the device up."""
+        super().close()
+        if self._inputs is not None:
+            input_events.close_inputs(self._inputs)
+            self._inputs = None
+
+
+class SteeredGrasp(HandGrasp):
+    """Closes the jaws as far as a trigger is pressed, or while a button is."""
+
+    def __init__(self, kind: Kind, close: Axes, settings: JawSettings, place: Place) -> None:
+        super().__init__(settings, place)
+        self._kind, self._settings_of_device = kind, settings
+        self._close = settings.close or close
+        self._inputs: Inputs | None = None
+        self._touched = False
+
+    def open(self) -> None:
+        """Find the device."""
+        self._inputs = _open(self._kind, self._settings_of_device, self.place)
+
+    def opening(self, time_ns: int) -> float | None:
+        """Return how far the trigger leaves the jaws open; as they were until it is first touched."""
+        if self._inputs is None:
+            return None
+        self._inputs.poll(time_ns)
+        self.fault = self._inputs.fault
+        closed = pushed(self._inputs, self._close)
+        self._touched |= closed > _DEAD
+        return 1.0 - max(closed, 0.0) if self._touched and not self.fault else None
+
+    def clear_fault(self) -> None:
+        """Look for the device again."""
+        self.close()
+        self._inputs, self.fault = _try_open(self._kind, self._settings_of_device, self.place)
+
+    def close(self) -> None:
+        """Give the device up."""
+        if self._inputs is not None:
+            input_events.close_inputs(self._inputs)
+            self._inputs = None
+
+
+def check_inputs(kind: Kind) -> HostCheck:
+    """Return whether a device of this kind is there and may be read, for `trocar doctor`."""
+    found = input_events.find_devices(kind)
+    advice = (
+        f"plug a {kind.name} in; if it is, let this user read /dev/input: `sudo usermod -aG input $USER`, then log in "
+        "anew; another driver that holds it (spacenavd) must be stopped"
+    )
+    return HostCheck(f"{kind.name}", bool(found), ", ".join(found) or "none in /dev/input", advice, needed=True)
+
+
+def _open(kind: Kind, settings: DeviceSettings, place: Place) -> Inputs:
+    path = str(settings.device) if settings.device is not None else None
+    return input_events.open_inputs(kind, path, place.index, f"instrument {place.instrument!r}")
+
+
+def _try_open(kind: Kind, settings: DeviceSettings, place: Place) -> tuple[Inputs | None, str]:
+    """Return the device and no fault, or none and why: what happens in a tick raises nothing."""
+    try:
+        return _open(kind, settings, place), ""
+    except DeviceError as error:
+        return None, str(error)
