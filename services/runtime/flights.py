@@ -23,6 +23,8 @@ from services.runtime.private_directory import open_private
 FILE_SUFFIX = ".npz"
 _META = "about"
 _PREFIX = len(MAGIC) + 4
+#: What comes of reading a file that is no ring as one.
+_NO_RING = (OSError, ValueError, KeyError, TypeError, struct.error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,32 +92,57 @@ def read_ring(path: Path) -> Flight | None:
         return None
     try:
         return _read(descriptor)
-    except (OSError, ValueError, KeyError, TypeError, struct.error):
+    except _NO_RING:
         return None
     finally:
         os.close(descriptor)
 
 
-def _read(descriptor: int) -> Flight | None:
+def open_ring(path: Path, pid: int) -> int | None:
+    """Return a descriptor of the ring at `path`, for `rows_written`; None if process `pid` has not made it."""
+    try:
+        descriptor = open_private(path, os.O_RDONLY)
+    except (FileNotFoundError, BusError):
+        return None
+    try:
+        about = _about(descriptor)
+        if about is not None and int(about["pid"]) == pid:
+            return descriptor
+    except _NO_RING:
+        pass
+    os.close(descriptor)
+    return None
+
+
+def rows_written(descriptor: int) -> int:
+    """Return how many rows a ring was ever given."""
+    (count,) = struct.unpack("<q", os.pread(descriptor, 8, HEADER_BYTES))
+    return int(count)
+
+
+def _about(descriptor: int) -> dict[str, Any] | None:
+    """Return what the header of a ring says, None of what is no ring."""
     head = os.pread(descriptor, HEADER_BYTES, 0)
     if head[: len(MAGIC)] != MAGIC:
         return None
     (length,) = struct.unpack_from("<I", head, len(MAGIC))
     about: dict[str, Any] = json.loads(head[_PREFIX : _PREFIX + length])
+    return about
+
+
+def _read(descriptor: int) -> Flight | None:
+    about = _about(descriptor)
+    if about is None:
+        return None
     capacity, columns = int(about["capacity"]), len(COLUMNS) + len(about["stages"])
-    before = _written(descriptor)
+    before = rows_written(descriptor)
     data = os.pread(descriptor, 8 * capacity * columns, ROWS_AT)
-    after = _written(descriptor)
+    after = rows_written(descriptor)
     rows = np.frombuffer(data, np.int64).reshape(capacity, columns)
     # The writer may have been in the row after the last that it counted, in the place of the oldest.
     whole = np.arange(max(0, after - capacity + 1), before)
     cores, stages = tuple(map(int, about["cores"])), tuple(map(str, about["stages"]))
     return Flight(str(about["name"]), int(about["pid"]), float(about["rate_hz"]), cores, stages, rows[whole % capacity])
-
-
-def _written(descriptor: int) -> int:
-    (count,) = struct.unpack("<q", os.pread(descriptor, 8, HEADER_BYTES))
-    return int(count)
 
 
 def to_bytes(flights: Flights) -> bytes:

@@ -64,13 +64,14 @@ class _Loss:
 
 
 def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | None:
-    figures = window.figures(seconds)
-    if figures is None or figures.loop is None or figures.seconds <= 0:
+    counted = window.loop(seconds)
+    if counted is None or counted[1] <= 0:
         return None
-    asked_hz = figures.loop.target_hz if contract.follows_readers else contract.rate_hz
-    due = min(contract.rate_hz, asked_hz) * figures.seconds
+    loop, counted_s = counted
+    asked_hz = loop.target_hz if contract.follows_readers else contract.rate_hz
+    due = min(contract.rate_hz, asked_hz) * counted_s
     # One tick is what a count over a window can be off by.
-    return _Loss(max(figures.loop.misses, due - figures.loop.ticks - 1.0), due, figures.seconds)
+    return _Loss(max(loop.misses, due - loop.ticks - 1.0), due, counted_s)
 
 
 def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | None:
@@ -105,8 +106,7 @@ def _judge_path(name: str, windows: Mapping[str, Window], contract: PathContract
 
 def _p99_us(window: Window, seconds: float, path: str) -> float:
     """Return the 99th percentile; 0 where too little was counted."""
-    figures = window.figures(seconds)
-    counted = figures.paths.get(path) if figures is not None else None
+    counted = window.path(path, seconds)
     if counted is None or counted.latency.total < _SAMPLES:
         return 0.0
     return counted.latency.quantiles().p99

@@ -9,15 +9,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import protocol.bodies as bodies
 from services.runtime import log
 from services.runtime.bus import Bus
 from services.runtime.errors import EndOfRig
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
-from services.supervisor.figures import Figures, Window
+from services.supervisor.figures import Window
 from services.supervisor.launcher import Child
 from services.supervisor.member import Member, MemberState
 from services.supervisor.processes import ProcessSpec
+from services.supervisor.pulses import Pulses
 from services.supervisor.restarts import RestartPolicy
 
 #: How long a process may take to end by itself.
@@ -59,7 +61,8 @@ class Crew:
     limits: watch.Limits
     launch: Launch | None
     say: Callable[[str, str], None]
-    on_counts: Callable[[str, Figures], None] = lambda _name, _counts: None
+    on_report: Callable[[str, bodies.Health], None] = lambda _name, _health: None
+    pulses: Pulses = field(default_factory=lambda: Pulses(None))
     has_heard_all: Callable[[], bool] = lambda: True
     fatal: FatalStart | None = None
     ended_by_person: bool = False
@@ -77,7 +80,8 @@ class Crew:
         hearing = self._is_hearing(now_s)  # before the reading: what arrives after this is heard in the next turn
         flowing = self._flowing()
         for member in self.members.values():
-            self._hear(member, now_s, member.spec.stream in flowing)
+            flows = member.name in flowing
+            self._hear(member, now_s, flows)
             if member.child is not None:
                 self._read_lines(member)
                 status = member.child.end()
@@ -85,7 +89,7 @@ class Crew:
                     self._ended(member, status, now_s)
                     continue
             if not self.stopping:
-                self._watch(member, now_s, hearing)
+                self._watch(member, now_s, hearing, flows)
                 self._start_if_due(member, now_s)
 
     def wait(self, timeout_s: float) -> None:
@@ -169,19 +173,33 @@ class Crew:
                 member.stream_s += held_up_s
 
     def _flowing(self) -> set[str]:
-        """Return the 1 kHz streams that are heard in this turn: all of them listened to together, not one by one."""
-        streams = [m.spec.stream for m in self.members.values() if m.spec.stream is not None]
-        return set(self.bus.sample(streams, time.monotonic_ns() + PATIENCE_NS))
+        """Return the names of processes whose 1 kHz stream flows: by their rings, the others' streams are listened to.
+
+        Those are listened to all together, not one by one. Who has not said that it is ready is not asked.
+        """
+        flowing, unknown = set(), {}
+        for member in self.members.values():
+            if member.spec.stream is None or not watch.says_living(member):
+                continue
+            ticked = self.pulses.ticked(member.name, member.pid)
+            if ticked is None:
+                unknown[member.spec.stream] = member.name
+            elif ticked:
+                flowing.add(member.name)
+        if unknown:
+            heard = self.bus.sample(unknown, time.monotonic_ns() + PATIENCE_NS)
+            flowing.update(unknown[stream] for stream in heard)
+        return flowing
 
     def _hear(self, member: Member, now_s: float, flows: bool) -> None:
         frame = self.bus.latest(f"{member.name}.health")
         if frame is not None:
-            counts = member.hear(frame.body, now_s)
-            if counts is not None:
+            health: bodies.Health = frame.body
+            if member.hear(health, now_s):
                 for stall in member.new_stalls():
                     self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
-                self.on_counts(member.name, counts)
-                if frame.body.state != "starting":
+                self.on_report(member.name, health)
+                if health.state != "starting":
                     self._prepared.add(member.name)
         if flows:
             member.stream_s = now_s
@@ -197,14 +215,17 @@ class Crew:
             self.say(_level_of(line, member.name), line)
 
     def _is_hearing(self, now_s: float) -> bool:
-        """Return whether silence may be judged; a bus that never rests must not hide it for ever."""
-        if self.has_heard_all():
+        """Return whether silence may be judged; a bus that never rests must not hide it for ever.
+
+        While nobody is silent for half of what is accepted there is nothing to judge in this turn, and nothing to ask.
+        """
+        if not any(watch.may_be_silent(m, now_s, self.limits) for m in self.members.values()) or self.has_heard_all():
             self._heard_all_s = now_s
             return True
         return now_s - self._heard_all_s >= self.limits.heartbeat_s
 
-    def _watch(self, member: Member, now_s: float, hearing: bool) -> None:
-        stopped = member.child is not None and member.child.is_stopped()
+    def _watch(self, member: Member, now_s: float, hearing: bool, flows: bool) -> None:
+        stopped = member.child is not None and not flows and member.child.is_stopped()  # who has just ticked is not
         if hearing or stopped:
             wrong = watch.hang(member, stopped, now_s, self.limits)
         else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import chain, islice
 from typing import TypeVar
 
 import numpy as np
@@ -75,6 +76,10 @@ class Latencies:
         return Latencies(self.deadline_ns, counts, total_ns, max(self.max_ns, other.max_ns))
 
 
+#: Of durations that were counted, but are of no interest.
+_NOTHING = Latencies(0, np.zeros(0, np.int64))
+
+
 @dataclass(frozen=True, slots=True)
 class Loop:
     """Counts of a deadline loop."""
@@ -122,6 +127,11 @@ class Path:
     latency: Latencies
     answered: int
     asked: int
+
+    @classmethod
+    def of(cls, body: bodies.PathLatency) -> Path:
+        """Return the counts of a path body."""
+        return cls(Latencies.of(body.latency), body.answered, body.asked)
 
     def __sub__(self, older: Path) -> Path:
         return Path(self.latency - older.latency, self.answered - older.answered, self.asked - older.asked)
@@ -222,8 +232,17 @@ class Figures:
         return Figures(self.seconds + other.seconds, loop, paths, topics, _plus(self.stages, other.stages))
 
 
+def contracted(health: bodies.Health) -> Figures:
+    """Return what contracts are about, ticks and paths: to be judged ten times a second, without what is only shown."""
+    loop, paths = health.loop, {path.name: Path.of(path) for path in health.paths}
+    if loop is None:
+        return Figures(health.uptime_s, None, paths)
+    ticks = Loop(loop.rate_hz, loop.ticks, loop.misses, loop.skipped, _NOTHING, _NOTHING, _NOTHING)
+    return Figures(health.uptime_s, ticks, paths)
+
+
 def of(health: bodies.Health, *, stages: bool = False) -> Figures:
-    """Return what a process has counted since it began; its stages too, if asked: who judges has no use for them."""
+    """Return what a process has counted since it began; its stages too, if asked: a report of a run has no use."""
     topics: dict[str, Traffic] = {}
     for report in health.topics:
         age = Latencies.of(report.age) if report.age else None
@@ -231,7 +250,7 @@ def of(health: bodies.Health, *, stages: bool = False) -> Figures:
             report.sent, report.received, report.superseded, report.dropped, dict(report.refused), age
         )  # fmt: skip
         topics[report.topic] = topics[report.topic] + traffic if report.topic in topics else traffic
-    paths = {path.name: Path(Latencies.of(path.latency), path.answered, path.asked) for path in health.paths}
+    paths = {path.name: Path.of(path) for path in health.paths}
     loop = Loop.of(health.loop) if health.loop else None
     costs = {stage.name: Stage.of(stage) for stage in health.stages} if stages else {}
     return Figures(health.uptime_s, loop, paths, topics, costs)
@@ -254,19 +273,15 @@ class Window:
         self._coarse: deque[Figures] = deque()
         self._fine: deque[Figures] = deque()
 
-    def add(self, pid: int, figures: Figures) -> Figures:
-        """Take the cumulative `figures` of a report; return what was counted since the last one."""
+    def add(self, pid: int, figures: Figures) -> None:
+        """Take the cumulative `figures` of a report."""
         last = self._fine[-1] if self._fine else None
-        if last is not None and (pid != self._pid or figures.seconds < last.seconds):
-            last = None
-        if last is None or _rate(figures) != _rate(last):
+        if last is None or pid != self._pid or figures.seconds < last.seconds or _rate(figures) != _rate(last):
             self._fine.clear()
             self._coarse.clear()
         self._pid = pid
-        since = figures - last if last is not None else figures
         self._fine.append(figures)
         self._thin(figures.seconds)
-        return since
 
     def _thin(self, now_s: float) -> None:
         while len(self._fine) > 2 and now_s - self._fine[1].seconds >= _FINE_S:
@@ -288,12 +303,63 @@ class Window:
 
     def figures(self, seconds: float) -> Figures | None:
         """Return the counts of about the last `seconds`, less where less is known; None before the second report."""
+        ends = self._ends(seconds)
+        return None if ends is None else ends[0] - ends[1]
+
+    def loop(self, seconds: float) -> tuple[Loop, float] | None:
+        """Return the loop's part of `figures` and how many seconds it is of; None where there is no loop either."""
+        ends = self._ends(seconds)
+        loop = None if ends is None else ends[0].loop
+        if ends is None or loop is None:
+            return None
+        before = ends[1].loop
+        return loop - before if before else loop, ends[0].seconds - ends[1].seconds
+
+    def path(self, name: str, seconds: float) -> Path | None:
+        """Return one path's part of `figures`; None where there is no such path either."""
+        ends = self._ends(seconds)
+        if ends is None or name not in ends[0].paths:
+            return None
+        newest, oldest = ends[0].paths[name], ends[1].paths.get(name)
+        return newest if oldest is None else newest - oldest
+
+    def _ends(self, seconds: float) -> tuple[Figures, Figures] | None:
+        """Return the newest report and the one of `seconds` before it, or the oldest there is."""
         if len(self._fine) < 2:
             return None
-        newest = self._fine[-1]
-        oldest = self._fine[-2]
-        for report in reversed([*self._coarse, *self._fine][:-1]):
-            oldest = report
-            if newest.seconds - report.seconds >= seconds - _SLACK_S:
-                break
-        return newest - oldest
+        newest, enough_s = self._fine[-1], seconds - _SLACK_S
+        oldest = self._coarse[0] if self._coarse else self._fine[0]
+        for report in chain(islice(reversed(self._fine), 1, None), reversed(self._coarse)):
+            if newest.seconds - report.seconds >= enough_s:
+                return newest, report
+        return newest, oldest
+
+
+class Tally:
+    """What one process has counted since a moment, over its restarts; only its newest report is looked into, if asked.
+
+    Parameters
+    ----------
+    before
+        Its last report before that moment, None where it had made none.
+    """
+
+    def __init__(self, before: bodies.Health | None) -> None:
+        self._first = before
+        self._newest: bodies.Health | None = before
+        self._of_others = Figures(0.0)
+
+    def add(self, health: bodies.Health) -> None:
+        """Take a report."""
+        last = self._newest
+        if last is not None and (health.pid != last.pid or health.uptime_s < last.uptime_s):
+            self._of_others = self.counts()
+            self._first = None
+        self._newest = health
+
+    def counts(self) -> Figures:
+        """Return everything that was counted."""
+        if self._newest is None:
+            return self._of_others
+        counted = of(self._newest)
+        return self._of_others + (counted if self._first is None else counted - of(self._first))

@@ -72,14 +72,15 @@ class Member:
         """Take another state."""
         self.state, self.since_s, self.reason = state, now_s, reason
 
-    def hear(self, health: bodies.Health, now_s: float) -> figures.Figures | None:
-        """Take a heartbeat; return what was counted since the last, or None if it is not from the process we own."""
+    def hear(self, health: bodies.Health, now_s: float) -> bool:
+        """Take a heartbeat; return whether it is from the process we own."""
         if self.child is not None and health.pid != self.child.pid:
-            return None
+            return False
         self.health, self.heard_s = health, now_s
         if self.child is not None:
             self.waited_s = self.child.waited_s()
-        return self.window.add(health.pid, figures.of(health))
+        self.window.add(health.pid, figures.contracted(health))
+        return True
 
     def new_stalls(self) -> list[bodies.Stall]:
         """Return the stalls that its loop measured and that were not returned before; none of its time of starting."""

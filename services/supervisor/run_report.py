@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import protocol.bodies as bodies
-from services.supervisor.figures import Figures, Latencies, Traffic
+from services.supervisor.figures import Figures, Latencies, Tally, Traffic
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 
@@ -32,14 +32,14 @@ class RunReport:
 
     def __init__(self, supervisor: Supervisor) -> None:
         self._supervisor = supervisor
-        self._counts: dict[str, Figures] = {}
+        self._tallies: dict[str, Tally] = {}
         self._running_s: float | None = None
         self._restarts: dict[str, int] = {}
         self._start_s: float | None = None
         self._end_s = 0.0
         self._state = supervisor.state
         self._realtime: dict[str, tuple[bodies.RealtimeFact, ...]] = {}
-        supervisor.crew.on_counts = self._add
+        supervisor.crew.on_report = self._add
 
     @property
     def measured_s(self) -> float:
@@ -53,6 +53,7 @@ class RunReport:
         if self._start_s is None and self._running_s is not None and now_s - self._running_s >= SETTLE_S:
             self._start_s = now_s
             self._restarts = self._restart_counts()
+            self._tallies = {m.name: Tally(m.health) for m in self._supervisor.crew.members.values()}
         self._end_s = now_s
         self._state = self._supervisor.state
         for name, member in self._supervisor.crew.members.items():
@@ -61,7 +62,7 @@ class RunReport:
 
     def result(self) -> dict[str, Any]:
         """Return the object, every number finite or None."""
-        counts = self._counts
+        counts = {name: tally.counts() for name, tally in self._tallies.items()}
         paths = {name: path for figures in counts.values() for name, path in figures.paths.items()}
         model = paths.get("device_model")
         restarts = {name: n - self._restarts.get(name, 0) for name, n in self._restart_counts().items()}
@@ -83,9 +84,9 @@ class RunReport:
             "machine": machine(),
         }
 
-    def _add(self, name: str, counts: Figures) -> None:
+    def _add(self, name: str, health: bodies.Health) -> None:
         if self._start_s is not None and self._supervisor.state is not RigState.OFF:
-            self._counts[name] = self._counts[name] + counts if name in self._counts else counts
+            self._tallies[name].add(health)
 
     def _restart_counts(self) -> dict[str, int]:
         return {name: member.restarts.count for name, member in self._supervisor.crew.members.items()}

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from services.runtime import config, endpoints
 from services.runtime.errors import BusError, UserError
-from services.runtime.flight import remove_rings
+from services.runtime.flight import flight_directory, remove_rings
 from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
@@ -25,6 +25,7 @@ from services.supervisor.member import MemberState
 from services.supervisor.page import Page, missing_package
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
+from services.supervisor.pulses import Pulses
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
 _TURN_S = 0.02
@@ -102,7 +103,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
     supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
     threads = BusThreads()
     supervisor.crew.has_heard_all = threads.are_idle
-    with closing(threads), _page(sock, supervisor, process.scene_name) as page:
+    pulses = supervisor.crew.pulses = Pulses(_rings(process.rig))
+    with closing(threads), closing(pulses), _page(sock, supervisor, process.scene_name) as page:
         meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
@@ -118,6 +120,14 @@ def run_session(process: Process, session: SessionOptions) -> None:
     for member in supervisor.crew.members.values():
         if member.state is MemberState.FAILED:
             raise GivenUpError(member.reason, max(1, member.status))
+
+
+def _rings(rig: Rig) -> Path | None:
+    """Return where the flight rings are, None where there can be none."""
+    try:
+        return flight_directory(endpoints.run_directory(rig.transport))
+    except (BusError, OSError):
+        return None
 
 
 def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractContextManager[Page | None]:

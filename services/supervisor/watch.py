@@ -28,9 +28,22 @@ class Limits:
     ready_s: float = 120.0
 
 
+def says_living(member: Member) -> bool:
+    """Return whether a process has said that it is ready, and works."""
+    return member.health is not None and member.health.state in _LIVING
+
+
+def may_be_silent(member: Member, now_s: float, limits: Limits) -> bool:
+    """Return whether a living process was not heard for half the time that is accepted."""
+    if not says_living(member):
+        return False
+    stream_s = now_s if member.stream_s is None else member.stream_s
+    return now_s - member.heard_s > 0.5 * limits.heartbeat_s or now_s - stream_s > 0.5 * limits.stream_s
+
+
 def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
     """Return whether a process says that it is ready and what it should publish is heard."""
-    if member.health is None or member.health.state not in _LIVING or now_s - member.heard_s > limits.heartbeat_s:
+    if not says_living(member) or now_s - member.heard_s > limits.heartbeat_s:
         return False
     if member.spec.stream is None:
         return True
@@ -77,8 +90,7 @@ def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
             f"{member.name}: process {member.pid} is stopped by a signal for {held_s * 1e3:.0f} ms, "
             f"limit {limits.heartbeat_s * 1e3:.0f} ms"
         )
-    starting = member.health is None or member.health.state not in _LIVING
-    if starting or member.state not in (MemberState.READY, MemberState.HUNG):
+    if not says_living(member) or member.state not in (MemberState.READY, MemberState.HUNG):
         return ""
     if member.spec.stream is not None and member.stream_s is not None:
         stream_s = now_s - member.stream_s

@@ -138,6 +138,8 @@ class Bench:
         self.ears = MemoryBus(hub, reads_every=["supervisor.state"])
         setup = Setup(self.rig, TABLE, None, self.levels, self.memory)
         self.supervisor = Supervisor(setup, bus, self.now_s)
+        self.heard = {name: Heard.nothing(2.0) for name in self.peers}
+        self.supervisor.crew.on_report = lambda name, body: self.heard[name].take(body)
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> float:
         """Let time pass in steps of 10 ms; return how much passed before `until`."""
@@ -166,5 +168,4 @@ def rig(**settings: object) -> Rig:
 def shown(bench: Bench) -> Snapshot:
     """Return what the page would show."""
     supervisor = bench.supervisor
-    heard = {name: Heard(m.health, m.window, 2.0) for name, m in supervisor.crew.members.items()}
-    return snapshot(notes(supervisor, bench.now_s), heard, supervisor.rig, "default")
+    return snapshot(notes(supervisor, bench.now_s), bench.heard, supervisor.rig, "default")

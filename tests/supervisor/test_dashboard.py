@@ -61,7 +61,7 @@ def test_the_agreed_keys() -> None:
         body = health(
             "gateway", uptime_s=50.0 + k, loop=loop_report(1000 * k), paths=(path,), topics=(topic,), pid=gateway.pid
         )
-        gateway.hear(body, bench.now_s)
+        bench.heard["gateway"].take(body)
     shown = _shown(bench)
     assert {"t", "state", "reason", "quality_level", "safe_stop", "rig", "scene", "heat", "events"} <= shown.keys()
     assert len(shown["processes"]) == 5

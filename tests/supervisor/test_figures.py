@@ -52,16 +52,21 @@ def test_nothing_due_is_unknown_not_zero() -> None:
 
 
 @pytest.mark.parametrize("first_heard_s", [0.5, 9.0])
-def test_a_restart_empties_the_window_and_counts_what_the_new_process_did(first_heard_s: float) -> None:
+def test_a_restart_empties_the_window_and_a_tally_counts_what_both_did(first_heard_s: float) -> None:
     window = figures.Window(5.0)
+    tally = figures.Tally(health("physics", uptime_s=0.5, loop=loop_report(500), pid=7))
     for k in range(5):
-        body = health("physics", uptime_s=float(k), loop=loop_report(1000 * k, misses=k), pid=7)
+        body = health("physics", uptime_s=k + 1.0, loop=loop_report(1000 * (k + 1), misses=k), pid=7)
         window.add(body.pid, figures.of(body))
+        tally.add(body)
     fresh = health("physics", uptime_s=first_heard_s, loop=loop_report(400), pid=8)
-    since = window.add(fresh.pid, figures.of(fresh))
+    window.add(fresh.pid, figures.of(fresh))
+    tally.add(fresh)
     assert window.figures(5.0) is None
-    assert since.loop is not None
-    assert since.loop.ticks == 400
+    counted = tally.counts()
+    assert counted.loop is not None
+    assert counted.loop.ticks == 4500 + 400
+    assert counted.seconds == 4.5 + first_heard_s
 
 
 def test_a_restart_under_the_same_pid_is_seen_by_its_age() -> None:
@@ -151,15 +156,17 @@ def test_traffic_of_all_readers_adds_up() -> None:
 
 
 def test_another_rate_begins_a_window_anew_and_loses_no_counts() -> None:
-    """Runs add up what `add` returns: what was counted between the last report and the change is in it, once."""
-    window, together = figures.Window(60.0), figures.Figures(0.0)
+    window, tally = figures.Window(60.0), figures.Tally(None)
     for k in range(40):
         loop = loop_report(100 * (k + 1), rate_hz=36.0 if k < 20 else 15.0)
-        together += window.add(7, figures.of(health("visualization", uptime_s=k / 10, loop=loop)))
+        body = health("visualization", uptime_s=k / 10, loop=loop)
+        window.add(7, figures.of(body))
+        tally.add(body)
         if k == 20:
             assert window.figures(60.0) is None
-    assert together.loop is not None
-    assert together.loop.ticks == 4000
+    counted = tally.counts()
+    assert counted.loop is not None
+    assert counted.loop.ticks == 4000
     seen = window.figures(60.0)
     assert seen is not None
     assert seen.loop is not None

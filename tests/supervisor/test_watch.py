@@ -99,5 +99,5 @@ def test_ready_is_said_and_heard() -> None:
 
 def test_health_of_another_process_under_this_name_is_not_heard() -> None:
     owned = member("recorder")
-    assert owned.hear(health("recorder", pid=8), 200.0) is None
+    assert owned.hear(health("recorder", pid=8), 200.0) is False
     assert owned.heard_s == 100.0
