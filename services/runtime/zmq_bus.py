@@ -28,6 +28,9 @@ _HIGH_WATER_MARK = 1000
 #: time for its frames, keeps those of `bus.BACKLOG_S` itself.
 _BATCHES_KEPT = 3 * SENDS_PER_S
 _RECONNECT_MS = 2
+#: For a publisher that is not there, less and less often: a topic whose process the rig does not have would be asked
+#: for 500 times a second, by a thread of its reader's priority.
+_RECONNECT_MAX_MS = 50
 #: Frames between two looks at who has come and gone: readers that sample say so often, and what they say adds up.
 _COUNT_READERS_EVERY = 16
 _ROUNDING_NS = 30_000  # select() may return this much early; the rest is slept
@@ -85,7 +88,7 @@ class ZmqBus:
             for name in reads_every:
                 self._connect(transport, name, every=True).setsockopt(zmq.SUBSCRIBE, b"")
             for name in samples:
-                self._connect(transport, name, every=False)
+                self._connect(transport, name, samples=True)
         except BaseException:
             self.close()
             raise
@@ -124,9 +127,11 @@ class ZmqBus:
             self._direct_readers[name] = DirectReader(_path(transport, name))
             self._in[name] = bus.Inbox(row)
         else:
-            self._connect(transport, name, every=False).setsockopt(zmq.SUBSCRIBE, b"")
+            self._connect(transport, name).setsockopt(zmq.SUBSCRIBE, b"")
 
-    def _connect(self, transport: Transport, name: str, *, every: bool) -> zmq.Socket[bytes]:
+    def _connect(
+        self, transport: Transport, name: str, *, every: bool = False, samples: bool = False
+    ) -> zmq.Socket[bytes]:
         box = bus.Inbox(topic(name), every=every)
         socket = self._context.socket(zmq.SUB)
         if box.every:
@@ -134,6 +139,8 @@ class ZmqBus:
         else:
             socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
         socket.reconnect_ivl = _RECONNECT_MS
+        if samples or box.every or not has_whole_socket(box.row):  # but the hand waits for a fast one over tcp
+            socket.reconnect_ivl_max = _RECONNECT_MAX_MS
         if self._keys:
             self._keys.guard_reader(socket)
         socket.connect(endpoints.endpoint(transport, whole(name) if every else name))

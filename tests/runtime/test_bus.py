@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -253,6 +254,31 @@ def test_waiting_ends_at_its_time_or_with_a_frame(transport: Transport, eventual
         assert reader.latest(STATE) is not None
     finally:
         sender.close()
+        reader.close()
+
+
+def _wakeups_of_the_bus() -> int:
+    """Return how often threads of libzmq in this process have slept."""
+    tasks = [task for task in Path("/proc/self/task").iterdir() if (task / "comm").read_text().startswith("ZMQbg/IO")]
+    lines = [line for task in tasks for line in (task / "status").read_text().splitlines()]
+    return sum(int(line.split()[1]) for line in lines if line.startswith("voluntary_ctxt_switches"))
+
+
+def test_a_publisher_that_is_not_there_is_asked_for_ever_more_rarely_and_heard_when_it_comes(
+    transport: Transport, eventually: Eventually
+) -> None:
+    reader = ZmqBus(transport, reads=["visualization.health"], reads_every=[STATE], samples=["physics.state"])
+    try:
+        time.sleep(0.3)
+        before = _wakeups_of_the_bus()
+        time.sleep(1.0)
+        assert _wakeups_of_the_bus() - before < 300, "three topics, of which each would be asked for 500 times"
+        late = ZmqBus(transport, publishes=["visualization.health"])
+        try:
+            eventually(lambda: late.has_reader("visualization.health"))
+        finally:
+            late.close()
+    finally:
         reader.close()
 
 
