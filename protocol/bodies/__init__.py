@@ -13,7 +13,7 @@ from protocol.bodies.health import (
     TopicReport,
 )
 from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
-from protocol.bodies.supervisor import ProcessReport, SupervisorState
+from protocol.bodies.supervisor import ProcessReport, QualityReport, SupervisorState
 from protocol.bodies.visualization import Hands, HandTarget
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "PathLatency",
     "PhysicsState",
     "ProcessReport",
+    "QualityReport",
     "RealtimeFact",
     "StageCost",
     "Stall",

@@ -18,6 +18,20 @@ class ProcessReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     reason: Annotated[str, Meta(max_length=256)] = ""
 
 
+class QualityReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """The rung of the scene's quality ladder that is in force, with what `trocar tune` measured: errors are root mean
+    square, against the converged reference.
+    """
+
+    name: Annotated[str, Meta(max_length=64)] = "full"
+    rungs: Annotated[int, Meta(ge=1, le=16, description="of the whole ladder")] = 1
+    cost_us: Annotated[float | None, Meta(description="of a tick of physics; none: nobody has measured")] = None
+    force_error_percent: float | None = None
+    motion_error_percent: float | None = None
+    lowered: Annotated[int, Meta(ge=0, description="how often since the start")] = 0
+    raised: Annotated[int, Meta(ge=0, description="how often since the start")] = 0
+
+
 class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """State of the rig, and what everyone is asked to do."""
 
@@ -33,3 +47,4 @@ class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
     token_sha256: Annotated[
         str, Meta(max_length=64, description="of the session's token, which whoever commands the rig must show")
     ] = ""
+    quality: QualityReport = QualityReport()

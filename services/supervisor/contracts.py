@@ -29,7 +29,7 @@ class Breach:
     """A contract that is not kept.
 
     `excess` is how many times over the limit (1 is just at it); `severe` says that it is past the limit from which a
-    restart, then a safe stop, is worth its price.
+    restart, then a safe stop, is worth its price; `sudden` that the fast window is burning, not the slow one.
     """
 
     process: str
@@ -37,6 +37,7 @@ class Breach:
     text: str
     excess: float
     severe: bool
+    sudden: bool = False
 
 
 def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
@@ -85,7 +86,7 @@ def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | N
             f"{name}: {100 * burst.ratio:.1f} % of the ticks lost over {burst.seconds:.1f} s, limit {100 * limit:.1f} %"
         )
         severe = min(burst.ratio, still.ratio) > contract.stop_miss_ratio
-        return Breach(name, f"{name} ticks", text, _over(burst.ratio, limit), severe)
+        return Breach(name, f"{name} ticks", text, _over(burst.ratio, limit), severe, sudden=True)
     budget = contract.miss_ratio * contract.rate_hz * BUDGET_S
     if minute.lost > budget and lately.ratio > contract.miss_ratio:
         text = f"{name}: {minute.lost:.0f} ticks lost in the last minute, budget {budget:.0f}"

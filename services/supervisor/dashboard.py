@@ -143,6 +143,18 @@ class EventRow(msgspec.Struct, frozen=True):
     text: str
 
 
+class QualityRow(msgspec.Struct, frozen=True):
+    """The rung of quality in force: what a tick of it costs, and what it costs in accuracy, as far as measured."""
+
+    name: str
+    rungs: int
+    cost_us: float | None
+    force_error_percent: float | None
+    motion_error_percent: float | None
+    lowered: int
+    raised: int
+
+
 class Snapshot(msgspec.Struct, frozen=True):
     """The whole rig at one time."""
 
@@ -150,6 +162,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     state: str
     reason: str
     quality_level: int
+    quality: QualityRow
     safe_stop: bool
     rig: str
     scene: str
@@ -224,6 +237,7 @@ def snapshot(
         state=notes.state,
         reason=notes.reason,
         quality_level=notes.quality_level,
+        quality=QualityRow(**msgspec.structs.asdict(notes.quality)),
         safe_stop=notes.safe_stop,
         rig=rig.name,
         scene=scene,

@@ -41,6 +41,7 @@ class RigSource:
     processes: Sequence[Source]
     threads: Mapping[str, Counts] = field(default_factory=dict)
     floor: Mapping[int, Latencies] = field(default_factory=dict)
+    quality: bodies.QualityReport = field(default_factory=bodies.QualityReport)
 
 
 class RigCollector:
@@ -80,7 +81,25 @@ def _rig(rig: RigSource) -> Iterator[Metric]:
         state.add_metric([str(value)], float(value is rig.state))
     yield state
     yield GaugeMetricFamily("trocar_quality_level", "Quality level asked for, 0 is the best", value=rig.quality_level)
+    yield from _quality(rig.quality)
     yield GaugeMetricFamily("trocar_safe_stop", "1 while the arms are limp until armed", value=float(rig.safe_stop))
+
+
+def _quality(quality: bodies.QualityReport) -> Iterator[Metric]:
+    """Yield what the rung in force costs, where that was measured, and how often it was changed."""
+    if quality.cost_us is not None:
+        yield GaugeMetricFamily(
+            "trocar_quality_cost_seconds", "A tick of the rung in force", value=1e-6 * quality.cost_us
+        )
+    error = GaugeMetricFamily("trocar_quality_error_ratio", "Error of the rung in force", labels=["of"])
+    for of, percent in (("force", quality.force_error_percent), ("motion", quality.motion_error_percent)):
+        if percent is not None:
+            error.add_metric([of], 0.01 * percent)
+    yield error
+    switches = CounterMetricFamily("trocar_quality_switches", "Changes of the rung", labels=["direction"])
+    switches.add_metric(["down"], quality.lowered)
+    switches.add_metric(["up"], quality.raised)
+    yield switches
 
 
 def _services(processes: Iterable[Source]) -> Iterator[Metric]:

@@ -7,6 +7,7 @@ from typing import Literal, TypeVar
 
 import msgspec
 
+import protocol.bodies as bodies
 from services.supervisor.supervisor import Event, Supervisor
 
 #: More than the largest notes: two hundred events of a few hundred characters.
@@ -40,6 +41,7 @@ class Notes(msgspec.Struct, frozen=True):
     state: str
     reason: str
     quality_level: int
+    quality: bodies.QualityReport
     safe_stop: bool
     members: tuple[MemberNote, ...]
     broken: tuple[str, ...]
@@ -66,6 +68,7 @@ def notes(supervisor: Supervisor, now_s: float) -> Notes:
         state=body.state,
         reason=body.reason,
         quality_level=body.quality_level,
+        quality=body.quality,
         safe_stop=body.safe_stop,
         members=tuple(MemberNote(m.name, str(m.state), m.up, m.pid, m.restarts.count, m.reason) for m in members),
         broken=tuple(breach.key for breach in supervisor.breaches),

@@ -74,6 +74,7 @@ class Knowledge:
         return RigSource(
             state=RigState(self.notes.state),
             quality_level=self.notes.quality_level,
+            quality=self.notes.quality,
             safe_stop=self.notes.safe_stop,
             processes=processes,
             threads=self.around.threads.totals(),

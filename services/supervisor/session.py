@@ -6,7 +6,7 @@ import gc
 import signal
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +20,7 @@ from services.runtime.process import Options, Process, load_process_config, open
 from services.runtime.rig import Rig
 from services.supervisor.bus_threads import BusThreads
 from services.supervisor.crew import Launch
+from services.supervisor.governor import Level
 from services.supervisor.holders import holders
 from services.supervisor.member import MemberState
 from services.supervisor.page import Page, missing_package
@@ -171,8 +172,8 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
     return Setup(rig, session.table, Launch(arguments(session.options), log_directory(rig)), levels)
 
 
-def quality_levels(scene: str, overrides: Sequence[str] = ()) -> int:
-    """Return how many quality levels a scene file has. What else is in it is checked by the processes that use it.
+def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ...]:
+    """Return the quality ladder of a scene file, best rung first. The processes that use the scene check what is in it.
 
     Raises
     ------
@@ -182,7 +183,14 @@ def quality_levels(scene: str, overrides: Sequence[str] = ()) -> int:
     data = config.read_yaml(config.find("scene", scene))
     config.apply_overrides(data, overrides, {})
     ladder = data.get("quality")
-    return max(1, len(ladder)) if isinstance(ladder, list) else 1
+    rungs = [each for each in ladder if isinstance(each, dict)] if isinstance(ladder, list) else []
+    return tuple(map(_level, rungs)) or (Level(),)
+
+
+def _level(rung: Mapping[str, object]) -> Level:
+    measured = (rung.get(key) for key in ("cost_us", "force_error_percent", "motion_error_percent"))
+    numbers = (float(each) if isinstance(each, int | float) else None for each in measured)
+    return Level(str(rung.get("name", Level().name))[:64], *numbers)
 
 
 def arguments(options: Options) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
 from services.supervisor.crew import Crew, Launch, build_members
 from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
+from services.supervisor.governor import Governor, Level
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.state_machine import RigState, Situation, next_state
 
@@ -44,7 +45,7 @@ class Setup:
     rig: Rig
     table: tuple[ProcessSpec, ...]
     launch: Launch | None
-    levels: int = 1
+    levels: tuple[Level, ...] = (Level(),)
     safe_stop_file: Path | None = None
 
 
@@ -126,6 +127,7 @@ class Supervisor:
             reason=self.reason[:512],
             processes=tuple(member.body() for member in self.crew.members.values()),
             token_sha256=self.token_sha256,
+            quality=_quality(self.enforcement.governor),
         )
 
     def _obey(self) -> None:
@@ -245,6 +247,19 @@ class Supervisor:
         if changed or self._now_s - self._told_s >= _TELL_S:
             self._told, self._told_s = body, self._now_s
             self._bus.publish("supervisor.state", body)
+
+
+def _quality(governor: Governor) -> bodies.QualityReport:
+    rung = governor.rung
+    return bodies.QualityReport(
+        name=rung.name,
+        rungs=len(governor.levels),
+        cost_us=rung.cost_us,
+        force_error_percent=rung.force_error_percent,
+        motion_error_percent=rung.motion_error_percent,
+        lowered=governor.lowered,
+        raised=governor.raised,
+    )
 
 
 def _gist(body: bodies.SupervisorState) -> tuple[object, ...]:

@@ -104,6 +104,9 @@ _BODIES: dict[str, msgspec.Struct] = {
     "supervisor.state": bodies.SupervisorState(
         state="degraded", quality_level=1, reason="physics: miss ratio 2 %, limit 0.1 %",
         processes=(bodies.ProcessReport(name="physics", state="running", pid=42, restarts=1),),
+        quality=bodies.QualityReport(
+            name="dry", rungs=3, cost_us=250.0, force_error_percent=1.5, motion_error_percent=2.0, lowered=2, raised=1
+        ),
     ),
     "visualization.hands": bodies.Hands(
         hands=(bodies.HandTarget(name="left", position_m=(0.1, 0.2, 0.3), roll_rad=1.5, opening=0.7),)

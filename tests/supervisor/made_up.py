@@ -10,6 +10,7 @@ import protocol.bodies as bodies
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.rig import Rig
 from services.supervisor.dashboard import Heard, Snapshot, snapshot
+from services.supervisor.governor import Level
 from services.supervisor.notes import notes
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.supervisor import Setup, Supervisor
@@ -123,7 +124,7 @@ class Bench:
     """A supervisor in attach mode, its peers, and a clock."""
 
     rig: Rig
-    levels: int = 1
+    levels: int | tuple[Level, ...] = 1
     memory: Path | None = None
     now_s: float = 1000.0
     peers: dict[str, Peer] = field(default_factory=dict)
@@ -136,7 +137,10 @@ class Bench:
         reads = [f"{spec.name}.health" for spec in TABLE] + [spec.stream for spec in TABLE if spec.stream]
         bus = MemoryBus(hub, publishes=["supervisor.state"], reads=reads)
         self.ears = MemoryBus(hub, reads_every=["supervisor.state"])
-        setup = Setup(self.rig, TABLE, None, self.levels, self.memory)
+        levels = self.levels
+        if isinstance(levels, int):
+            levels = tuple(Level(str(k)) for k in range(levels))
+        setup = Setup(self.rig, TABLE, None, levels, self.memory)
         self.supervisor = Supervisor(setup, bus, self.now_s)
         self.heard = {name: Heard.nothing(2.0) for name in self.peers}
         self.supervisor.crew.on_report = lambda name, body: self.heard[name].take(body)

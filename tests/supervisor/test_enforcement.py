@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from services.supervisor.contracts import Breach
 from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
+from services.supervisor.governor import Hysteresis, Level
+
+LEVELS = tuple(Level(name) for name in ("full", "fewer", "fewest"))
 
 SLIGHT = Breach("haptics", "path", "device_model slow", 2.0, False)
 SEVERE = Breach("physics", "rate", "physics slow", 3.0, True)
@@ -19,7 +22,7 @@ def _climb(enforcement: Enforcement, standing: list[Breach], seconds: float, sta
 
 
 def test_severe_breach_climbs_every_rung_in_order() -> None:
-    enforcement = Enforcement(Ladder(levels=3, patience_s=1.0))
+    enforcement = Enforcement(Ladder(levels=LEVELS[:3], patience_s=1.0))
     actions = _climb(enforcement, [SEVERE], 6.0)
     assert [action.rung for action in actions] == [
         Rung.LOWER, Rung.LOWER, Rung.RESTART, Rung.SAFE_STOP, Rung.SAFE_STOP,
@@ -29,12 +32,12 @@ def test_severe_breach_climbs_every_rung_in_order() -> None:
 
 
 def test_slight_breach_stays_on_the_last_level() -> None:
-    enforcement = Enforcement(Ladder(levels=2, patience_s=1.0))
+    enforcement = Enforcement(Ladder(levels=LEVELS[:2], patience_s=1.0))
     assert [action.rung for action in _climb(enforcement, [SLIGHT], 30.0)] == [Rung.LOWER]
 
 
 def test_each_rung_waits_its_patience() -> None:
-    enforcement = Enforcement(Ladder(levels=3, patience_s=1.0))
+    enforcement = Enforcement(Ladder(levels=LEVELS[:3], patience_s=1.0))
     assert _climb(enforcement, [SEVERE], 1.0) == []
     assert len(_climb(enforcement, [SEVERE], 1.0, 1.0)) == 1
     assert _climb(enforcement, [], 0.1, 2.0) == []  # gone: the next breach waits anew
@@ -42,18 +45,18 @@ def test_each_rung_waits_its_patience() -> None:
 
 
 def test_where_nobody_may_restart_the_rung_is_skipped() -> None:
-    enforcement = Enforcement(Ladder(levels=1, patience_s=1.0, may_restart=False))
+    enforcement = Enforcement(Ladder(levels=LEVELS[:1], patience_s=1.0, may_restart=False))
     assert _climb(enforcement, [SEVERE], 1.2)[0].rung is Rung.SAFE_STOP
 
 
 def test_the_severe_one_is_acted_on_even_if_another_is_further_over_its_limit() -> None:
-    enforcement = Enforcement(Ladder(levels=1, patience_s=1.0))
+    enforcement = Enforcement(Ladder(levels=LEVELS[:1], patience_s=1.0))
     far = Breach("haptics", "path", "far over", 50.0, False)
     assert _climb(enforcement, [far, SEVERE], 1.2)[0].process == "physics"
 
 
 def test_quality_returns_after_calm_and_later_after_a_failed_try() -> None:
-    enforcement = Enforcement(Ladder(levels=2, patience_s=1.0, calm_s=5.0))
+    enforcement = Enforcement(Ladder(levels=LEVELS[:2], patience_s=1.0, hysteresis=Hysteresis(calm_s=5.0)))
     _climb(enforcement, [SLIGHT], 1.5)
     (up,) = _climb(enforcement, [], 5.5, 2.0)
     assert (up.rung, enforcement.level) == (Rung.RAISE, 0)
@@ -64,7 +67,7 @@ def test_quality_returns_after_calm_and_later_after_a_failed_try() -> None:
 
 
 def test_arming_allows_a_restart_again() -> None:
-    enforcement = Enforcement(Ladder(levels=1, patience_s=1.0))
+    enforcement = Enforcement(Ladder(levels=LEVELS[:1], patience_s=1.0))
     assert [action.rung for action in _climb(enforcement, [SEVERE], 2.2)] == [Rung.RESTART, Rung.SAFE_STOP]
     enforcement.reset()
     assert _climb(enforcement, [SEVERE], 1.2, 10.0)[0].rung is Rung.RESTART

@@ -13,6 +13,7 @@ from prometheus_client import generate_latest
 import protocol.bodies as bodies
 from protocol.arrays import pack
 from services.runtime.histogram import BUCKETS
+from services.supervisor.governor import Level
 from services.supervisor.member import MemberState
 from services.supervisor.metrics import RigSource, Source, registry
 from services.supervisor.state_machine import RigState
@@ -295,3 +296,22 @@ def test_events_name_what_happened_in_order() -> None:
     assert texts[0].startswith("supervisor: starting")
     assert any(text.startswith("gateway.state: silent") for text in texts)
     assert any(text.startswith("supervisor: degraded: gateway.state: silent") for text in texts)
+
+
+def test_what_the_rung_in_force_costs_in_accuracy_is_told_to_all_and_exported() -> None:
+    bench = running(Bench(rig(**STRICT), levels=(Level("full", 400.0, 0.5, 0.25), Level("dry", 250.0, 1.5, 2.0))))
+    bench.peers["physics"].miss_ratio = 0.1
+    bench.run(30.0, lambda: bench.supervisor.enforcement.level == 1)
+    bench.run(0.2)
+    told = bench.told()[-1]
+    assert told.quality_level == 1
+    dry = bodies.QualityReport(
+        name="dry", rungs=2, cost_us=250.0, force_error_percent=1.5, motion_error_percent=2.0, lowered=1
+    )
+    assert told.quality == dry
+    assert any("now 'dry', 150 us less a tick, force off by 1.5 %" in event.text for event in bench.supervisor.events)
+    assert msgspec.to_builtins(shown(bench).quality)["force_error_percent"] == 1.5
+    text = generate_latest(registry(lambda: RigSource(RigState.DEGRADED, 1, False, (), quality=dry))).decode()
+    assert "trocar_quality_cost_seconds 0.00025" in text
+    assert 'trocar_quality_error_ratio{of="motion"} 0.02' in text
+    assert 'trocar_quality_switches_total{direction="down"} 1.0' in text

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { viewAddress } from "../src/address.js";
-import { duration, force, hz, losses, percent, share, us } from "../src/dashboard/format.js";
+import { duration, force, givenUp, hz, losses, percent, share, us } from "../src/dashboard/format.js";
 
 const page = (href) => new URL(href);
 
@@ -40,4 +40,11 @@ test("figures are short and keep their meaning", () => {
   assert.equal(force(0.42), "0.42 N");
   assert.equal(duration(59), "59 s");
   assert.equal(duration(600), "10 min");
+});
+
+test("what was given up for time is told with what it costs in accuracy", () => {
+  const quality = { name: "dry", rungs: 3, force_error_percent: 1.5, motion_error_percent: null };
+  assert.equal(givenUp({ quality_level: 0, quality }), "");
+  assert.equal(givenUp({ quality_level: 1, quality }), "quality level 1 of 2: dry, force off by 1.5 %");
+  assert.equal(givenUp({ quality_level: 2 }), "quality level 2");
 });

@@ -1,7 +1,7 @@
 // The dashboard: five messages a second become curves, a heat map and tables.
 
 import { COLOURS, latencyChart, missChart } from "./charts.js";
-import { known, percent, us } from "./format.js";
+import { givenUp, known, percent, us } from "./format.js";
 import { HeatMap } from "./heat.js";
 import { element, Rows, text } from "./rows.js";
 import { Budget, Events, Floor, Processes, Realtime, Stages, Threads, Topics } from "./tables.js";
@@ -104,8 +104,7 @@ export class Dashboard {
     text(badge, state.safe_stop ? "SAFE STOP" : label(state.state).toUpperCase());
     badge.dataset.state = state.safe_stop ? "safe_stop" : state.state;
     if ($("rig-reason").dataset.own) return;
-    const quality = state.quality_level > 0 ? `quality level ${state.quality_level}` : "";
-    text($("rig-reason"), [state.reason, quality].filter(Boolean).join(" · "));
+    text($("rig-reason"), [state.reason, givenUp(state)].filter(Boolean).join(" · "));
     $("rig-reason").title = state.reason ?? "";
   }
 

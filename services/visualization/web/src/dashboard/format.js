@@ -45,3 +45,12 @@ export function force(newton) {
   if (!known(newton)) return "–";
   return newton < 0.0995 ? `${(1000 * newton).toFixed(newton < 0.00995 ? 1 : 0)} mN` : `${newton.toFixed(2)} N`;
 }
+
+// What the governor has given up for time, and what that costs in accuracy as far as it was measured.
+export function givenUp({ quality_level: level, quality }) {
+  if (!(level > 0)) return "";
+  const off = [["force", quality?.force_error_percent], ["motion", quality?.motion_error_percent]]
+    .filter(([, error]) => known(error)).map(([of, error]) => `${of} off by ${error} %`);
+  const rung = quality?.name ? ` of ${quality.rungs - 1}: ${quality.name}` : "";
+  return [`quality level ${level}${rung}`, ...off].join(", ");
+}
