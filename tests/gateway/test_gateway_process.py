@@ -108,7 +108,7 @@ def test_a_gateway_that_hangs_or_dies_is_let_go_by_the_drive(tmp_path: Path) -> 
 
 
 def _assert_ends(pid: int) -> None:
-    deadline_s = time.monotonic() + 2.0
+    deadline_s = time.monotonic() + 20.0
     while Path(f"/proc/{pid}/stat").exists() and Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z":
         assert time.monotonic() < deadline_s, "the drives end with their gateway"
         time.sleep(0.01)
