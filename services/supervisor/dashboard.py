@@ -67,12 +67,13 @@ class StageRow(msgspec.Struct, frozen=True):
 
 
 class UsageRow(msgspec.Struct, frozen=True):
-    """What the kernel counted of a process, and of what it has started, in the last second."""
+    """What the kernel counted of a process, and of what it has started, in the last `seconds`, about one."""
 
     wakeups_per_s: float
     switches_per_s: float
     processor_share: float
     waited_share: float
+    seconds: float
 
 
 class FloorRow(msgspec.Struct, frozen=True):

@@ -105,11 +105,14 @@ def _quality(quality: bodies.QualityReport) -> Iterator[Metric]:
 def _services(processes: Iterable[Source]) -> Iterator[Metric]:
     up = GaugeMetricFamily("trocar_service_up", "1 while a process is ready and heard", labels=["service"])
     restarts = CounterMetricFamily("trocar_service_restarts", "Restarts by the supervisor", labels=["service"])
+    text = "From the start of a process to its newest report, which every count here is of"
+    uptime = GaugeMetricFamily("trocar_service_uptime_seconds", text, labels=["service"])
     for process in processes:
         up.add_metric([process.name], float(process.up))
         restarts.add_metric([process.name], process.restarts)
-    yield up
-    yield restarts
+        if process.health is not None:
+            uptime.add_metric([process.name], process.health.uptime_s)
+    yield from (up, restarts, uptime)
 
 
 def _loops(heard: Iterable[bodies.Health]) -> Iterator[Metric]:

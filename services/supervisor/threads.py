@@ -27,12 +27,13 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """Of one process, with all that it has started, a second."""
+    """Of one process, with all that it has started, a second; `seconds` is what it was counted over."""
 
     wakeups_per_s: float
     switches_per_s: float
     processor_share: float
     waited_share: float
+    seconds: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +80,7 @@ class ThreadWatch:
             row = sums.setdefault(now.process, [0.0] * 4)
             for i, value in enumerate((woken, woken + preempted, 1e-9 * ran, 1e-9 * waited)):
                 row[i] += value / seconds
-        return {name: Usage(*row) for name, row in sums.items()}
+        return {name: Usage(row[0], row[1], row[2], row[3], seconds) for name, row in sums.items()}
 
     def recent(self) -> tuple[ThreadTime, ...]:
         """Return who ran and who waited between the first and the last look that are kept, most first."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -82,14 +83,16 @@ def test_the_canvas_is_drawn_on(page: Page, tmp_path: Path) -> None:
 
 
 def test_it_says_in_small_print_how_it_draws_and_the_rig_sends_no_more_than_it_asked_for(page: Page) -> None:
-    words = page.browser.text("#drawn-how")
-    assert words.startswith("This browser draws on the processor: ")
-    found = re.search(r"(\d+) pictures a second asked for", words)
-    assert found is not None
-    asked_hz = int(found[1])
+    def asked_hz() -> float:
+        words = page.browser.text("#drawn-how")
+        assert words.startswith("This browser draws on the processor: ")
+        found = re.search(r"(\d+) pictures a second asked for", words)
+        assert found is not None
+        return float(found[1])
+
+    assert asked_hz() <= 20.0  # the most that is asked for in software
     browser = page.browser
-    browser.until(lambda: _loop(page, "visualization")["target_hz"] <= 20.0, 20, "the rig makes fewer pictures")
-    assert _loop(page, "visualization")["target_hz"] == pytest.approx(asked_hz, abs=8)  # it may have changed just now
+    browser.until(lambda: _loop(page, "visualization")["target_hz"] == asked_hz(), 40, "the rig makes as many pictures")
 
 
 def _loop(page: Page, name: str) -> Any:
@@ -97,29 +100,78 @@ def _loop(page: Page, name: str) -> Any:
     return row["loop"]
 
 
+_SHOWN = """({
+  state: trocar.dashboard.shown,
+  rates: Object.fromEntries([...document.querySelectorAll('#processes .tile')].map((tile) =>
+    [tile.querySelector('strong span').textContent, tile.querySelector('.numbers').textContent])),
+  switches: Object.fromEntries([...document.querySelectorAll('#threads tbody tr')].map((row) =>
+    [row.children[0].textContent, row.children[2].textContent])),
+})"""
+_LOOPS = ("gateway", "haptics", "physics")
+_WINDOW_S = 2.0  # supervisor.window_s
+
+
+class Exported:
+    """What `/metrics` said of one process, over some seconds: counts by the uptime of their report, and in their order.
+
+    A rate that the page shows is then of two of these, whatever the machine did meanwhile: the page's figures are of
+    the reports that its server heard, and so are the metrics.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.ticks: dict[float, float] = {}
+        self.switches: list[float] = []
+
+    def take(self, metrics: dict[str, float]) -> None:
+        uptime_s = metrics[f'trocar_service_uptime_seconds{{service="{self.name}"}}']
+        self.ticks[uptime_s] = metrics[f'trocar_loop_iterations_total{{loop="{self.name}"}}']
+        kinds = (f'kind="{kind}",service="{self.name}"' for kind in ("wanted", "preempted"))
+        self.switches.append(sum(metrics[f"trocar_context_switches_total{{{labels}}}"] for labels in kinds))
+
+    def rate_hz(self, uptime_s: float, window_s: float) -> float | None:
+        """Return the rate over the window before the report at `uptime_s`, None where one of its ends was not seen."""
+        ends = [[seen for seen in self.ticks if abs(seen - at) < 1e-3] for at in (uptime_s - window_s, uptime_s)]
+        if not all(ends):
+            return None
+        (first, *_), (last, *_) = ends
+        return (self.ticks[last] - self.ticks[first]) / (last - first)
+
+    def rises(self) -> list[float]:
+        """Return by how much the switches rose from one look of the page's server at them to the next."""
+        return [after - before for before, after in itertools.pairwise(self.switches) if after > before]
+
+
 def test_numbers_agree_with_metrics(page: Page) -> None:
-    before, at = page.metrics(), time.monotonic()
-    time.sleep(4.0)
-    rates = page.browser.evaluate(
-        "Object.fromEntries([...document.querySelectorAll('#processes .tile')].map((tile) =>"
-        " [tile.querySelector('strong span').textContent, tile.querySelector('.numbers').textContent]))"
-    )
-    switches = page.browser.evaluate(
-        "Object.fromEntries([...document.querySelectorAll('#threads tbody tr')].map((row) =>"
-        " [row.children[0].textContent, row.children[2].textContent]))"
-    )
-    after, seconds = page.metrics(), time.monotonic() - at
-    for name in ("gateway", "haptics", "physics"):
-        counted = _difference(after, before, f'trocar_loop_iterations_total{{loop="{name}"}}') / seconds
-        shown = float(rates[name].split(" of ")[0])
-        assert shown == pytest.approx(counted, rel=0.15), name
-        kinds = [f'trocar_context_switches_total{{kind="{kind}",service="{name}"}}' for kind in ("wanted", "preempted")]
-        counted = sum(_difference(after, before, kind) for kind in kinds) / seconds
-        assert float(switches[name]) == pytest.approx(counted, rel=0.4), name  # another second of the same
+    exported = {name: Exported(name) for name in _LOOPS}
+    agreed: set[tuple[str, str]] = set()
+    until_s = time.monotonic() + 60.0
+    while len(agreed) < 2 * len(_LOOPS):
+        assert time.monotonic() < until_s, f"no two reports to compare with, or other figures; agreed: {agreed}"
+        metrics = page.metrics()
+        for each in exported.values():
+            each.take(metrics)
+        shown = page.browser.evaluate(_SHOWN)
+        for row in shown["state"]["processes"]:
+            if row["name"] in exported:
+                agreed |= _agreed(row, shown, exported[row["name"]])
 
 
-def _difference(after: dict[str, float], before: dict[str, float], key: str) -> float:
-    return after[key] - before[key]
+def _agreed(row: Any, shown: Any, exported: Exported) -> set[tuple[str, str]]:
+    """Check what the page shows of a process against what was exported; return what could be compared."""
+    name, loop, usage = row["name"], row["loop"], row["usage"]
+    found = set()
+    window_s = loop["ticks"] / loop["rate_hz"]
+    rate_hz = exported.rate_hz(row["uptime_s"], window_s)
+    if rate_hz is not None:
+        assert window_s > _WINDOW_S - 0.1, name
+        assert float(shown["rates"][name].split(" of ")[0]) == pytest.approx(rate_hz, abs=0.51), name
+        found.add((name, "rate"))
+    if usage is not None:
+        counted = float(shown["switches"][name]) * usage["seconds"]
+        if any(counted == pytest.approx(rise, abs=usage["seconds"]) for rise in exported.rises()):
+            found.add((name, "switches"))
+    return found
 
 
 _STAGES = """
@@ -132,9 +184,11 @@ Object.fromEntries([...document.querySelectorAll('.stage-group')].map((group) =>
 
 
 def test_stages_on_the_page_are_those_of_metrics(page: Page) -> None:
-    shown = page.browser.evaluate(_STAGES)
+    shown: dict[str, dict[str, str]] = {}
+    names = {"gateway", "haptics", "physics", "visualization", "recorder"}
+    page.browser.until(lambda: shown.update(page.browser.evaluate(_STAGES)) or names <= shown.keys(), 40, "all stages")
     metrics = page.metrics()
-    for name in ("gateway", "haptics", "physics", "visualization", "recorder"):
+    for name in names:
         exported = {
             m[1]
             for key in metrics
@@ -153,6 +207,7 @@ def test_stages_on_the_page_are_those_of_metrics(page: Page) -> None:
 
 @pytest.mark.parametrize("length_ms", [20, 100, 400])
 def test_the_history_shows_a_stall_once_with_its_length(page: Page, length_ms: int) -> None:
+    found: list[str] = []
     for _ in range(_TRIES):
         before, stopped_ms = _stop_physics(page, length_ms)
         try:
@@ -161,9 +216,9 @@ def test_the_history_shows_a_stall_once_with_its_length(page: Page, length_ms: i
             continue  # the host kept the process longer than the test did: what it tells is true, and another length
         time.sleep(1.0)
         found = _stalls(page, stopped_ms)
-        assert len(found) == before + 1, found
-        return
-    pytest.fail(f"{_TRIES} stalls of {length_ms} ms, none told within a tenth of its length")
+        if len(found) == before + 1:
+            return  # else the host made one of that length beside it
+    pytest.fail(f"{_TRIES} stalls of {length_ms} ms, none told once within a tenth of its length: {found}")
 
 
 _TRIES = 4
@@ -187,14 +242,10 @@ def _stalls(page: Page, length_ms: float) -> list[str]:
     return [line for line, m in told if m is not None and abs(int(m[1]) - length_ms) <= 0.1 * length_ms + 1.5]
 
 
-def test_the_page_answers_within_a_second(page: Page) -> None:
-    """Not a measurement: a page that waits for the rig, or for the browser, takes many."""
-    times = []
-    for _ in range(20):
-        began = time.monotonic()
-        assert httpx.get(page.address, timeout=10).status_code == 200
-        times.append(time.monotonic() - began)
-    assert sorted(times)[10] < 1.0
+def test_the_page_answers_while_the_rig_works_and_the_browser_draws(page: Page) -> None:
+    """How soon is `benchmarks/bench_page.py`'s to say."""
+    for path in ("", "metrics", "api/state", "healthz") * 5:
+        assert httpx.get(f"{page.address}{path}", timeout=30).status_code == 200, path
 
 
 _TOO_WIDE = """

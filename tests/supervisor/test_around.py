@@ -105,18 +105,26 @@ def test_threads_are_counted_as_the_kernel_does() -> None:
     try:
         time.sleep(0.5)
         watch = ThreadWatch()
-        began = time.monotonic()
+        looked = [time.monotonic()]
         pids = {"sleeper": sleeper.pid, "spinner": spinner.pid, "gone": 2**22 - 1, "not started": 0}
-        watch.turn(began, pids)
-        watch.turn(began + 0.5, pids)  # too early: not looked at
+        watch.turn(looked[0], pids)
+        looked.append(time.monotonic())
+        watch.turn(looked[0] + 0.5, pids)  # too early: not looked at
         assert not watch.usage()
         time.sleep(1.5)
-        watch.turn(time.monotonic(), pids)
+        looked.append(time.monotonic())
+        watch.turn(looked[2], pids)
+        looked.append(time.monotonic())
         usage = watch.usage()
         assert usage.keys() == {"sleeper", "spinner"}
-        assert 40 < usage["sleeper"].wakeups_per_s < 205  # less where others have the machine
-        assert usage["spinner"].wakeups_per_s < 20
-        assert usage["spinner"].processor_share + usage["spinner"].waited_share == pytest.approx(1.0, abs=0.1)
+        spinner_use, seconds = usage["spinner"], usage["spinner"].seconds
+        assert seconds == looked[2] - looked[0]
+        # What was counted is of a time between the shortest and the longest that lies between the two looks.
+        assert usage["sleeper"].wakeups_per_s > 40  # far less than 200 where others have the machine
+        assert usage["sleeper"].wakeups_per_s * seconds <= (looked[3] - looked[0]) / 0.005 + 1
+        assert spinner_use.wakeups_per_s < 20
+        busy_s = (spinner_use.processor_share + spinner_use.waited_share) * seconds
+        assert 0.95 * (looked[2] - looked[1]) < busy_s < 1.05 * (looked[3] - looked[0])
         assert usage["sleeper"].processor_share < 0.1
         first = watch.recent()[0]
         assert first.process == "spinner"

@@ -199,6 +199,7 @@ def test_metrics_are_what_prometheus_reads(client: Client) -> None:
     assert seconds == pytest.approx(99 * 300e-6 + 1.5e-3)
     assert value["trocar_service_restarts_total", (("service", "haptics"),)] == 2
     assert value["trocar_service_up", (("service", "physics"),)] == 0
+    assert value["trocar_service_uptime_seconds", (("service", "haptics"),)] == 1.0
     assert value["trocar_gauge", (("name", "dropped_contacts"), ("service", "haptics"))] == 3
     drops = {labels: v for (name, labels), v in value.items() if name == "trocar_topic_drops_total"}
     assert sorted(drops.values()) == [2, 3]

@@ -11,7 +11,7 @@ const view = new View();
 const dashboard = new Dashboard({ sparing: () => view.software });
 const controls = new Controls();
 const hands = view.stage ? new Hands(view, controls.token) : null;
-globalThis.trocar = { view, hands }; // for whoever looks into the page with the browser's tools
+globalThis.trocar = { view, hands, dashboard }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");
 panel.onclick = () => {

@@ -47,6 +47,7 @@ export class Dashboard {
     this.sparing = sparing;
     this.drawnAt = -Infinity;
     this.history = [];
+    this.shown = null; // the message that the tables are of
     this.heat = new HeatMap($("heat"));
     this.paths = new Tabs($("path-tabs"), () => this.drawPath());
     this.loops = new Tabs($("heat-tabs"), () => this.heat.show(this.loops.chosen));
@@ -87,6 +88,7 @@ export class Dashboard {
     this.showRig(state);
     if (document.body.classList.contains("alone") || (this.sparing() && performance.now() - this.drawnAt < SPARING_MS)) return;
     this.drawnAt = performance.now();
+    this.shown = state;
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);
     this.floor.update(state.floor ?? [], state.processes ?? []);
