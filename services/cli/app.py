@@ -235,6 +235,22 @@ def study(
     run_study(Request(tuple(names), size, seed, out, jobs, scheduler, report, json))
 
 
+@app.command()
+def tune(
+    scene: Annotated[str, typer.Option("--scene", help="Scene file, or the name of one in configs/scenes.")],
+    budget_us: Annotated[float, typer.Option(help="What a tick of physics may cost, in microseconds.")],
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one key of the scene first.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Scene file to write, with its quality ladder.")] = Path("tuned.yaml"),
+    json: Json = False,
+) -> None:
+    """Choose modes, mesh, particles, sweeps and effects of a scene for this machine, and say what was given up."""
+    from services.cli.tune import Request, run_tune
+
+    run_tune(Request(scene, tuple(overrides or ()), budget_us, out, json))
+
+
 @config_app.command("show")
 def config_show(
     rig: Annotated[str | None, typer.Option(help="Rig file or name; the default.")] = None,

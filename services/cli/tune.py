@@ -1,0 +1,148 @@
+"""``trocar tune``: the settings of a scene that fit a budget on this machine, and what was given up for it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from services.cache_directory import cache_directory
+from services.mechanics.scene import SceneModel
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.scenes import load_duct, load_scene
+from services.studies.accuracy.trial import Trial
+from services.studies.accuracy.tuning import Rung, Tuned, tune, value_of
+
+_CHOSEN = ("duct.n_modes", "duct.integrator", "catheter.n_segments")
+_CELLS = ("duct.n_around", "duct.n_along")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line."""
+
+    scene: str
+    overrides: tuple[str, ...]
+    budget_us: float
+    out: Path
+    json: bool
+
+
+def run_tune(request: Request) -> None:
+    """Tune a scene, print what was given up for what, and write it with its quality ladder.
+
+    Raises
+    ------
+    ConfigError
+        The scene or the budget cannot be used, or the file not be written.
+    """
+    scene = _checked(request)
+    tuned = _tuned(scene, request.budget_us)
+    try:
+        request.out.write_text(tuned_text(request, tuned), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--out {request.out}: {error.strerror}") from None
+    if request.json:
+        print(json.dumps(_as_data(tuned)))
+    else:
+        _print(request, tuned)
+
+
+def _checked(request: Request) -> SceneModel:
+    if not (math.isfinite(request.budget_us) and request.budget_us > 0.0):
+        raise ConfigError(f"--budget-us must be a positive number of microseconds, is {request.budget_us:g}")
+    if not request.out.absolute().parent.is_dir():
+        raise ConfigError(f"--out {request.out}: there is no folder {request.out.absolute().parent}")
+    if request.out.suffix not in (".yaml", ".yml"):
+        raise ConfigError(f"--out {request.out}: a scene file ends in .yaml")
+    scene = load_scene(request.scene, request.overrides)
+    if scene.hands == "none":
+        raise ConfigError(
+            f"scene {request.scene}: hands: with none nothing is felt that a setting could be judged by; "
+            "name others for this with --set hands=pinch"
+        )
+    return scene
+
+
+def _tuned(scene: SceneModel, budget_us: float) -> Tuned:
+    directory = cache_directory()
+    trial = Trial(lambda each: load_duct(each, directory, lambda *_: None))
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=None)
+        return tune(
+            scene,
+            budget_us,
+            trial,
+            lambda what, done, total: progress.update(task, description=what, completed=done, total=total),
+        )
+
+
+def tuned_text(request: Request, tuned: Tuned) -> str:
+    """Return the scene file: what the scene's own says, with what was chosen and the ladder."""
+    path, scene, last = config.find("scene", request.scene), tuned.scene, tuned.rungs[-1]
+    data: dict[str, Any] = config.read_yaml(path)
+    config.apply_overrides(data, request.overrides, {})
+    if scene.duct.mesh_file is None:
+        chosen = (*_CELLS, *_CHOSEN)
+    else:
+        data["duct"]["mesh_file"] = str(Path(scene.duct.mesh_file).absolute())
+        chosen = (*(("duct.mesh_edge_m",) if scene.duct.mesh_edge_m is not None else ()), *_CHOSEN)
+    for key in chosen:
+        part, _, field = key.partition(".")
+        data.setdefault(part, {})[field] = value_of(scene, key)
+    data["effects"] = {name: each for name, each in data.get("effects", {}).items() if name in scene.effects}
+    data["quality"] = [_level(asdict(level)) for level in tuned.ladder]
+    given = ", ".join(step.name for step in last.steps) or "nothing"
+    head = (
+        f"{path.stem} as `trocar tune --budget-us {request.budget_us:g}` left it on one machine: a tick of "
+        f"{last.cost.median_us:.0f} us, forces {last.errors.force_percent:.2g} % and motion "
+        f"{last.errors.motion_percent:.2g} % from the finest that was tried.\nGiven up for it: {given}."
+    )
+    return "".join(f"# {line}\n" for line in head.splitlines()) + yaml.safe_dump(data, sort_keys=False)
+
+
+def _level(level: dict[str, Any]) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in level.items() if value != ()}
+
+
+def _as_data(tuned: Tuned) -> dict[str, Any]:
+    rungs = [
+        {"steps": [step.name for step in rung.steps], "cost": asdict(rung.cost), "errors": asdict(rung.errors)}
+        for rung in tuned.rungs
+    ]
+    return {"fits": tuned.fits, "rungs": rungs, "ladder": [asdict(level) for level in tuned.ladder]}
+
+
+def _print(request: Request, tuned: Tuned) -> None:
+    console = Console(highlight=False)
+    console.print(_rungs_table(tuned))
+    console.print("Ladder while it runs:")
+    for level in tuned.ladder:
+        off = f"force off by {level.force_error_percent:g} %, motion by {level.motion_error_percent:g} %"
+        console.print(f"  {level.name}: {level.cost_us:g} us, {off}")
+    if not tuned.fits:
+        console.print(f"[bold]Nothing that may be given up brings a tick to {request.budget_us:g} us.[/]")
+    console.print(f"Written: {request.out}")
+
+
+def _rungs_table(tuned: Tuned) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for title in ("given up", "us a tick", "99 %", "noise", "freed", "force off by", "motion off by"):
+        table.add_column(title, overflow="fold")
+    before: Rung | None = None
+    for rung in tuned.rungs:
+        freed = f"{before.cost.median_us - rung.cost.median_us:+.0f} us" if before else ""
+        cost = (f"{rung.cost.median_us:.0f}", f"{rung.cost.p99_us:.0f}", f"{rung.cost.noise_us:.0f}")
+        errors = (f"{rung.errors.force_percent:.2g} %", f"{rung.errors.motion_percent:.2g} %")
+        table.add_row(rung.steps[-1].name if rung.steps else "nothing", *cost, freed, *errors)
+        before = rung
+    return table

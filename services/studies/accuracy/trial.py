@@ -1,0 +1,120 @@
+"""Trials of a scene with its own hands: what is felt and seen, how far that is off, and what a tick costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.scenes.hands import hands_of
+from services.studies.accuracy.costs import measure_costs
+from services.studies.accuracy.study import Cost, Tick
+from services.studies.insertion_steps import rms
+
+BuildDuct = Callable[[SceneModel], ReducedDuct]
+TICK_S = 1e-3
+HELD_AT = 0.73
+"""Share of what the hands do after which they hold still, while ticks are timed: most of it is done by then."""
+SAMPLES = 150
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What the hands feel and the eye sees, once a millisecond.
+
+    Attributes
+    ----------
+    force_n : (k, 2, 4) float64
+        On both tools, and what their jaws press apart with at their tips: a pinch is hardly felt by anything else.
+    tip_m : (k, 3) float64
+        Way of the catheter's tip from where it began.
+    wall : (k,) float64
+        Norm of the modal coordinates: the wall's root mean square displacement, weighted by its mass, on any mesh.
+    """
+
+    force_n: FloatArray
+    tip_m: FloatArray
+    wall: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Root mean square differences over a run, in per cent of the reference; of motion the larger of tip and wall."""
+
+    force_percent: float
+    motion_percent: float
+
+    @property
+    def worst_percent(self) -> float:
+        """The larger one."""
+        return max(self.force_percent, self.motion_percent)
+
+
+class Bench(Protocol):
+    """Where scenes are tried."""
+
+    def run(self, scene: SceneModel, dt_s: float = TICK_S, level: int = 0) -> Run:
+        """Return what comes of a scene's own hands."""
+
+    def costs(self, scenes: Sequence[tuple[SceneModel, int]]) -> list[Cost]:
+        """Return what a tick costs of each scene and quality level, measured in turns."""
+
+
+class Trial:
+    """Runs scenes on this machine."""
+
+    def __init__(self, build_duct: BuildDuct) -> None:
+        self._build_duct = build_duct
+
+    def run(self, scene: SceneModel, dt_s: float = TICK_S, level: int = 0) -> Run:
+        """Return what comes of a scene's own hands in steps of ``dt_s``, a whole part of a millisecond."""
+        simulation, hands, tools = self._begin(scene, level)
+        per_sample, n = round(TICK_S / dt_s), round(hands.duration_s / TICK_S)
+        run = Run(np.empty((n, 2, 4)), np.empty((n, 3)), np.empty(n))
+        jaw_m = [forceps.jaw_length_m for forceps in scene.forceps]
+        start_m = simulation.catheter.state.position_m[-1].copy()
+        for tick in range(n * per_sample):
+            hands.write_inputs((tick + 1) * dt_s, tools)
+            simulation.step(tools, None, dt_s)
+            at = tick // per_sample
+            run.force_n[at, :, :3] = simulation.tool_results.force_n
+            run.force_n[at, :, 3] = simulation.tool_results.grasp_torque_nm / jaw_m
+            run.tip_m[at] = simulation.catheter.state.position_m[-1] - start_m
+            run.wall[at] = np.linalg.norm(simulation.duct.state.q)
+        return run
+
+    def costs(self, scenes: Sequence[tuple[SceneModel, int]]) -> list[Cost]:
+        """Return what a tick costs in the middle of what the hands do."""
+        costs = measure_costs({str(k): self._tick(*each) for k, each in enumerate(scenes)}, SAMPLES)
+        return [costs[str(k)] for k in range(len(scenes))]
+
+    def _tick(self, scene: SceneModel, level: int) -> Tick:
+        simulation, hands, tools = self._begin(scene, level)
+        for tick in range(round(HELD_AT * hands.duration_s / TICK_S)):
+            hands.write_inputs((tick + 1) * TICK_S, tools)
+            simulation.step(tools, None, TICK_S)
+        return lambda: simulation.step(tools, None, TICK_S)
+
+    def _begin(self, scene: SceneModel, level: int) -> tuple[Simulation, Any, ToolInputs]:
+        duct = self._build_duct(scene)
+        simulation = Simulation(scene, duct)
+        simulation.set_quality(level)
+        return simulation, hands_of(simulation.scene, duct.mesh), ToolInputs()
+
+
+def errors_of(run: Run, reference: Run) -> Errors:
+    """Return how far a run is off; nothing felt, and nothing moved, in the reference is no error."""
+    motion = (_percent(run.tip_m, reference.tip_m), _percent(run.wall, reference.wall))
+    return Errors(_percent(run.force_n, reference.force_n), max(motion))
+
+
+def _percent(values: FloatArray, reference: FloatArray) -> float:
+    largest = rms(reference)
+    return 100.0 * rms(values - reference) / largest if largest else 0.0

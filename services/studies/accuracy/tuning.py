@@ -1,0 +1,259 @@
+"""Which settings a scene should have on this machine: from the finest down, what frees most time for least error first.
+
+Every step down is tried alone and ranked; then they are taken together, one after the other, and what the whole then
+costs and how far it is off is measured, until a tick fits the budget.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from services.mechanics.effects import EFFECTS
+from services.mechanics.scene import QualityLevel, SceneModel
+from services.studies.accuracy.study import Cost
+from services.studies.accuracy.trial import TICK_S, Bench, Errors, Run, errors_of
+
+Tell = Callable[[str, int, int], None]
+LEAST_ERROR_PERCENT = 0.02
+"""Below, errors are rounding, and what frees time for less is free."""
+LEAST_FREED = 0.02
+"""A rung of the ladder frees at least this share of a tick, and more than the noise: less is not worth a switch."""
+_FEWEST_MODES, _FEWEST_SEGMENTS, _COARSEST = 10, 25, (12, 14)
+_SWEEPS = (10, 5)
+_COARSER_IF_MORE = ("duct.mesh_edge_m",)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One thing that a scene can do with less of."""
+
+    name: str
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    effect: str = ""
+
+    def apply(self, scene: SceneModel) -> SceneModel:
+        """Return the scene with less."""
+        if self.effect:
+            return replace(scene, effects={n: s for n, s in scene.effects.items() if n != self.effect})
+        for key, value in self.changes.items():
+            part, _, name = key.partition(".")
+            if part == "quality":
+                scene = replace(scene, quality=(replace(scene.quality[0], **{name: value}),))
+            else:
+                scene = replace(scene, **{part: replace(getattr(scene, part), **{name: value})})
+        return scene
+
+    def is_less_than(self, scene: SceneModel) -> bool:
+        """Return whether it is a step down from where the scene is already, in all that can be counted."""
+        for key, value in self.changes.items():
+            now = value_of(scene, key)
+            if not isinstance(value, str) and not (value > now if key in _COARSER_IF_MORE else value < now):
+                return False
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """A scene with some steps taken, what a tick of it costs, and how far it is off."""
+
+    steps: tuple[Step, ...]
+    scene: SceneModel
+    cost: Cost
+    errors: Errors
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """What came of it.
+
+    Attributes
+    ----------
+    rungs : list of Rung
+        From the finest down to the one that fits.
+    ladder : tuple of QualityLevel
+        Of the last rung, what can be switched while it runs: the best first.
+    fits : bool
+        Whether the last rung keeps the budget.
+    """
+
+    rungs: list[Rung]
+    ladder: tuple[QualityLevel, ...]
+    fits: bool
+
+    @property
+    def scene(self) -> SceneModel:
+        """The scene to run, with its ladder."""
+        return replace(self.rungs[-1].scene, quality=self.ladder)
+
+
+def value_of(scene: SceneModel, key: str) -> Any:
+    """Return what a scene says under a key of two parts; of the ladder, its best rung."""
+    part, _, name = key.partition(".")
+    return getattr(scene.quality[0] if part == "quality" else getattr(scene, part), name)
+
+
+def finest(scene: SceneModel) -> SceneModel:
+    """Return the scene with more of everything that only costs time."""
+    duct, catheter, best = scene.duct, scene.catheter, scene.quality[0]
+    if duct.mesh_file is None:
+        duct = replace(duct, n_around=_even(1.4 * duct.n_around), n_along=_even(1.4 * duct.n_along))
+    elif duct.mesh_edge_m is not None:
+        duct = replace(duct, mesh_edge_m=duct.mesh_edge_m / 1.4)
+    duct = replace(duct, n_modes=round(1.5 * duct.n_modes), integrator="exact")
+    quality = (replace(best, name="full", iterations=2 * best.iterations, without=()),)
+    return replace(
+        scene, duct=duct, catheter=replace(catheter, n_segments=round(1.5 * catheter.n_segments)), quality=quality
+    )
+
+
+def steps_down(scene: SceneModel) -> Iterator[Step]:
+    """Yield what a scene can do with less of: mesh, modes, particles, sweeps, effects that are not essential."""
+    yield from _coarser_meshes(scene)
+    for share in (0.6, 0.3, 0.15):
+        n_modes = max(round(share * scene.duct.n_modes), _FEWEST_MODES)
+        yield Step(f"{n_modes} modes", {"duct.n_modes": n_modes})
+    for share in (0.8, 0.65, 0.5):
+        n_segments = max(round(share * scene.catheter.n_segments), _FEWEST_SEGMENTS)
+        yield Step(f"{n_segments} segments", {"catheter.n_segments": n_segments})
+    for sweeps in (round(0.5 * scene.quality[0].iterations), *_SWEEPS):
+        yield Step(f"{sweeps} sweeps", {"quality.iterations": sweeps})
+    yield Step("newmark", {"duct.integrator": "newmark"})
+    for name in scene.effects:
+        if name not in scene.essential:
+            yield Step(f"no {name}", effect=name)
+
+
+def _coarser_meshes(scene: SceneModel) -> Iterator[Step]:
+    duct = scene.duct
+    for share in (0.85, 0.7, 0.55):
+        if duct.mesh_file is None:
+            around, along = (
+                max(_even(share * duct.n_around), _COARSEST[0]),
+                max(_even(share * duct.n_along), _COARSEST[1]),
+            )
+            yield Step(f"{around} x {along} cells", {"duct.n_around": around, "duct.n_along": along})
+        elif duct.mesh_edge_m is not None:
+            edge_m = duct.mesh_edge_m / share
+            yield Step(f"edges of {1e3 * edge_m:.2g} mm", {"duct.mesh_edge_m": edge_m})
+
+
+def tune(scene: SceneModel, budget_us: float, bench: Bench, tell: Tell) -> Tuned:
+    """Walk down from the finest settings until a tick costs no more than the budget.
+
+    Parameters
+    ----------
+    scene : SceneModel
+        Its hands do what it is judged by.
+    budget_us : float
+        For the median of a tick.
+    bench : Bench
+    tell : callable
+        Told what is being done, how much of it is done, and of how much.
+    """
+    best = finest(scene)
+    tell("reference", 0, 1)
+    reference = bench.run(best, 0.5 * TICK_S)
+    order = _ranked(best, bench, reference, tell)
+    rungs = _measured(_walk(best, order), bench, reference, tell)
+    fitting = next((k for k, rung in enumerate(rungs) if rung.cost.median_us <= budget_us), None)
+    rungs = rungs if fitting is None else rungs[: fitting + 1]
+    return Tuned(rungs, _ladder(rungs[-1].scene, bench, reference, tell), fitting is not None)
+
+
+def _ranked(best: SceneModel, bench: Bench, reference: Run, tell: Tell) -> list[Step]:
+    """Return the steps that free time, those first that free most for their error."""
+    steps = [step for step in steps_down(best) if step.is_less_than(best)]
+    alone = _measured([((), best), *(((step,), step.apply(best)) for step in steps)], bench, reference, tell)
+    start, worth = alone[0], dict[str, float]()
+    for step, rung in zip(steps, alone[1:], strict=True):
+        freed_us = start.cost.median_us - rung.cost.median_us
+        if freed_us > 0.0:
+            lost = max(rung.errors.worst_percent - start.errors.worst_percent, LEAST_ERROR_PERCENT)
+            worth[step.name] = freed_us / lost
+    return sorted((step for step in steps if step.name in worth), key=lambda step: -worth[step.name])
+
+
+def _walk(best: SceneModel, order: Sequence[Step]) -> list[tuple[tuple[Step, ...], SceneModel]]:
+    """Return the scenes on the way down; a step back up, to finer than what is already given up, is left out."""
+    taken: tuple[Step, ...] = ()
+    way = [(taken, best)]
+    for step in order:
+        if step.is_less_than(way[-1][1]):
+            taken = (*taken, step)
+            way.append((taken, step.apply(way[-1][1])))
+    return way
+
+
+def _measured(
+    scenes: Sequence[tuple[tuple[Step, ...], SceneModel]], bench: Bench, reference: Run, tell: Tell
+) -> list[Rung]:
+    errors = []
+    for done, (taken, scene) in enumerate(scenes):
+        tell(f"errors, {taken[-1].name if taken else 'finest'}", done, len(scenes))
+        errors.append(errors_of(bench.run(scene), reference))
+    tell("costs", 0, len(scenes))
+    costs = bench.costs([(scene, 0) for _, scene in scenes])
+    return [Rung(*each, cost, error) for each, cost, error in zip(scenes, costs, errors, strict=True)]
+
+
+def _ladder(scene: SceneModel, bench: Bench, reference: Run, tell: Tell) -> tuple[QualityLevel, ...]:
+    """Return what can be switched while the scene runs, with the measured cost and error of each rung."""
+    levels = list(_levels(scene))
+    laddered = replace(scene, quality=tuple(levels))
+    tell("ladder", 0, len(levels))
+    costs = bench.costs([(laddered, k) for k in range(len(levels))])
+    told = []
+    for k, (level, cost) in enumerate(zip(levels, costs, strict=True)):
+        errors = errors_of(bench.run(laddered, level=k), reference)
+        told.append(
+            replace(
+                level,
+                cost_us=round(cost.median_us, 1),
+                force_error_percent=float(f"{errors.force_percent:.3g}"),
+                motion_error_percent=float(f"{errors.motion_percent:.3g}"),
+            )
+        )
+        tell("ladder", k + 1, len(levels))
+    return worth_having(told, max(cost.noise_us for cost in costs))
+
+
+def worth_having(levels: Sequence[QualityLevel], noise_us: float) -> tuple[QualityLevel, ...]:
+    """Return the first rung and, dearest first, those below that free enough and that no other beats at both."""
+    kept = [levels[0]]
+    for level in sorted(levels[1:], key=lambda each: (-_cost_us(each), _error_percent(each))):
+        is_beaten = any(
+            _cost_us(other) <= _cost_us(level) and _error_percent(other) < _error_percent(level) for other in levels
+        )
+        freed_us = _cost_us(kept[-1]) - _cost_us(level)
+        if not is_beaten and freed_us > max(noise_us, LEAST_FREED * _cost_us(levels[0])):
+            kept.append(level)
+    return tuple(kept)
+
+
+def _cost_us(level: QualityLevel) -> float:
+    return level.cost_us or 0.0
+
+
+def _error_percent(level: QualityLevel) -> float:
+    return max(level.force_error_percent or 0.0, level.motion_error_percent or 0.0)
+
+
+def _levels(scene: SceneModel) -> Iterable[QualityLevel]:
+    """Yield what may be tried: fewer sweeps, each effect resting that may, and all of it."""
+    best = replace(scene.quality[0], name="full", without=())
+    yield best
+    fewer = [sweeps for sweeps in _SWEEPS if sweeps < best.iterations]
+    able = tuple(name for name in scene.effects if EFFECTS[name].kind.can_rest and name not in scene.essential)
+    for sweeps in fewer:
+        yield replace(best, name=f"{sweeps} sweeps", iterations=sweeps)
+    for name in able:
+        yield replace(best, name=f"without {name}", without=(name,))
+    if able and (fewer or len(able) > 1):
+        sweeps = fewer[-1] if fewer else best.iterations
+        yield replace(best, name=f"{sweeps} sweeps without {' and '.join(able)}", iterations=sweeps, without=able)
+
+
+def _even(value: float) -> int:
+    return 2 * round(0.5 * value)
