@@ -32,7 +32,8 @@ _REPORT_NS = 200_000
 #: the core, is nearly always done. Earlier they would interrupt it where it is late already.
 _HANDLES_NS = 250_000
 #: Of so many ticks in one the model is waited for, so that the time of its arrival is known: `device_model`. A wake-up
-#: interrupts haptics for 50 us, so it is not had in every tick; a hundred are had within the supervisor's window.
+#: interrupts haptics, so it is not had in every tick, and nothing but the time is taken in it; a hundred are had within
+#: the supervisor's window.
 TIMED_EVERY = 16
 #: Frames looked at while waiting for an answer: a publisher that floods gets no more of this core.
 _LOOKS = 4
@@ -98,16 +99,17 @@ class Gateway:
     def serve(self, deadline_ns: int) -> None:
         """Until `deadline_ns`: serve the handles from the model that answers the last tick."""
         handles_ns = deadline_ns - _HANDLES_NS
+        came_ns = 0
         if self._timed:
             self._settle()
-            listen(self._bus, self._answers, handles_ns)
+            came_ns = notice(self._bus, self._answers, handles_ns)
         if self._look_round or self._health.is_due():
             sleep_until(handles_ns - _REPORT_NS)
             self._settle()
             self._report()
         sleep_until(handles_ns)  # haptics has this core until its work is done
         self._settle()
-        take(self._bus, self._answers)
+        take(self._bus, self._answers, came_ns)
         began_ns = time.monotonic_ns()
         if self.instruments:  # one handle a tick, so each of two at 500 Hz: docs/decisions/handles-take-turns.md
             self.instruments[self._turn % len(self.instruments)].exchange_handle()
@@ -139,11 +141,16 @@ class Gateway:
             instrument.close()
 
 
-def take(bus: Bus, answers: Answers) -> None:
-    """Give the answer to the last tick to the servos, if it has come and they have not had it."""
+def take(bus: Bus, answers: Answers, came_ns: int = 0) -> None:
+    """Give the answer to the last tick to the servos, if it has come and they have not had it: now, or at `came_ns`."""
     frame = bus.latest(MODEL) if answers.outstanding else None
     if frame is not None:
-        answers.accept(frame, time.monotonic_ns())
+        answers.accept(frame, came_ns or time.monotonic_ns())
+
+
+def notice(bus: Bus, answers: Answers, until_ns: int) -> int:
+    """Wait for a model, at most until `until_ns`; return when it came, 0 if none did. Haptics is at work: it is let."""
+    return time.monotonic_ns() if answers.outstanding and bus.wait(MODEL, until_ns) else 0
 
 
 def listen(bus: Bus, answers: Answers, until_ns: int) -> None:

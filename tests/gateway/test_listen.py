@@ -57,6 +57,27 @@ def test_an_answer_is_taken_once_and_without_being_waited_for() -> None:
     assert (bus.taken, accepted) == ([gateway.MODEL], ["frame"])
 
 
+class Waited(Quiet):
+    """A bus on which the answer comes while somebody waits for it."""
+
+    def wait(self, _topic: str, _until_ns: int) -> bool:
+        return True
+
+
+def test_a_model_that_is_waited_for_is_dated_when_it_comes_and_looked_into_later() -> None:
+    bus: Any = Waited()
+    came: list[int] = []
+    answers: Any = SimpleNamespace(outstanding=True, accept=lambda _frame, now_ns: came.append(now_ns))
+    before = time.monotonic_ns()
+    came_ns = gateway.notice(bus, answers, 0)
+    assert bus.taken == []
+    assert before <= came_ns <= time.monotonic_ns()
+    gateway.take(bus, answers, came_ns)
+    assert came == [came_ns]
+    answers.outstanding = False
+    assert gateway.notice(bus, answers, 0) == 0
+
+
 def test_hands_are_let_go_before_the_process_ends() -> None:
     servo = Servo(ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2), ramp_s=0.0)
     servo.engagement.state = State.ACTIVE
