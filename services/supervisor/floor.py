@@ -2,12 +2,15 @@
 
 A thread a core does nothing but sleep to a grid, above every process of the rig: where it wakes late, nobody of the
 rig could have run. It writes when it was due and when it woke into a flight ring (`floor0`, `floor1`, ...), so that
-misses of the rig and of the machine lie on one time line. It ends with whoever started it.
+misses of the rig and of the machine lie on one time line. Where in a millisecond it wakes it is told by whoever started
+it, in a file of a number a core (`Phases`): a wake-up takes 75 us, so it is best where nobody works
+(`services.supervisor.quiet`). It ends with whoever started it.
 """
 
 from __future__ import annotations
 
 import gc
+import mmap
 import os
 import resource
 import sys
@@ -16,15 +19,50 @@ import time
 from pathlib import Path
 
 from services.runtime.flight import SUFFIX, FlightRing
+from services.runtime.private_directory import open_private
 
-#: A wake-up of each costs about 20 us of its core: this often, 0.2 % of it.
+#: The phases are within a period of the rig's loops.
+PERIOD_NS = 1_000_000
+
+#: A wake-up of each costs about 75 us of its core: this often, 0.8 % of it.
 RATE_HZ = 100.0
 #: Above all that a rig file can ask for.
 PRIORITY = 95
 NAME = "floor"
+PHASES = "floor.phases"
 
 
-def watch(core: int, ring: FlightRing, parent: int) -> None:
+class Phases:
+    """When in a millisecond the thread of each core wakes, in ns; -1: whenever. Memory that two processes look at.
+
+    Parameters
+    ----------
+    path
+        Of the file, in a private directory; `create` makes it anew.
+    """
+
+    def __init__(self, path: Path, *, create: bool = False) -> None:
+        size = 8 * (os.cpu_count() or 1)
+        flags = os.O_RDWR | (os.O_CREAT | os.O_TRUNC if create else 0)
+        descriptor = open_private(path, flags)
+        try:
+            if create:
+                os.posix_fallocate(descriptor, 0, size)
+            self._memory = memoryview(mmap.mmap(descriptor, size)).cast("q")
+        finally:
+            os.close(descriptor)
+        if create:
+            for core in range(len(self._memory)):
+                self[core] = -1
+
+    def __getitem__(self, core: int) -> int:
+        return self._memory[core]
+
+    def __setitem__(self, core: int, phase_ns: int) -> None:
+        self._memory[core] = phase_ns
+
+
+def watch(core: int, ring: FlightRing, parent: int, phases: Phases) -> None:
     """Sleep and note, on `core`, until the parent is another."""
     os.sched_setaffinity(0, {core})
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
@@ -36,8 +74,11 @@ def watch(core: int, ring: FlightRing, parent: int) -> None:
             continue
     period_ns = round(1e9 / ring.rate_hz)
     due_ns = time.monotonic_ns() + period_ns + core * period_ns // (os.cpu_count() or 1)  # not both at once
-    tick = 0
+    tick, phase_ns = 0, -1
     while os.getppid() == parent:
+        if phases[core] != phase_ns:
+            phase_ns = phases[core]
+            due_ns += (phase_ns - due_ns) % PERIOD_NS
         time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
         now_ns = time.monotonic_ns()
         ring.write(tick, due_ns, now_ns, now_ns, 0, ())
@@ -49,12 +90,13 @@ def watch(core: int, ring: FlightRing, parent: int) -> None:
 def main(directory: Path) -> None:
     """Watch every core that this process may use."""
     parent = os.getppid()
+    phases = Phases(directory / PHASES)
     threads = []
     for core in sorted(os.sched_getaffinity(0)):
         os.sched_setaffinity(0, {core})  # which the ring's header says
         ring = FlightRing(RATE_HZ)
         ring.share(directory / f"{NAME}{core}{SUFFIX}")
-        threads.append(threading.Thread(target=watch, args=(core, ring, parent), daemon=True))
+        threads.append(threading.Thread(target=watch, args=(core, ring, parent, phases), daemon=True))
     gc.collect()
     gc.disable()
     for thread in threads:

@@ -10,16 +10,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from services.runtime.flight import SUFFIX
-from services.runtime.flights import read_ring
+from services.runtime.flights import read_ring, read_rings
 from services.runtime.histogram import LatencyHistogram
 from services.supervisor import floor
 from services.supervisor.figures import Latencies
+from services.supervisor.quiet import quiet_phase_ns
 
 #: A wake-up so late would have cost a loop of 1 kHz its tick.
 LATE_NS = 1_000_000
 #: Over which shares are shown: at a hundred wake-ups a second, fewer seconds say little.
 WINDOW_S = 60.0
 _END_S = 1.0
+#: A gateway that was started anew has another grid.
+_LOOK_EVERY_S = 2.0
 
 
 @dataclass(slots=True)
@@ -55,19 +58,32 @@ class FloorWatch:
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        self._phases = floor.Phases(directory / floor.PHASES, create=True)
+        self._look_s = 0.0
         self._process = subprocess.Popen(
             [sys.executable, "-m", "services.supervisor.floor", str(directory)], stdin=subprocess.DEVNULL
         )
         self.cores: dict[int, Core] = {}
 
     def turn(self, now_s: float) -> None:
-        """Count what has come."""
+        """Count what has come; now and then find out when looking costs the rig least."""
+        if now_s >= self._look_s:
+            self._look_s = now_s + _LOOK_EVERY_S
+            self._choose_phases()
         for path in sorted(self._directory.glob(f"{floor.NAME}[0-9]*{SUFFIX}")):
             number = int(path.name.removeprefix(floor.NAME).removesuffix(SUFFIX))
             self.cores.setdefault(number, Core(number)).take(path, now_s)
 
+    def _choose_phases(self) -> None:
+        flights = read_rings(self._directory)
+        for core in self.cores:
+            phase_ns = quiet_phase_ns(flights, core)
+            if phase_ns is not None:
+                self._phases[core] = phase_ns
+
     def close(self) -> None:
         """End the process."""
+        (self._directory / floor.PHASES).unlink(missing_ok=True)
         self._process.kill()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_END_S)

@@ -9,20 +9,23 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import prometheus_client
 import pytest
 
 import protocol.bodies as bodies
 from services.runtime.flight import FlightRing
-from services.runtime.flights import read_file, read_ring
+from services.runtime.flights import Flight, read_file, read_ring
 from services.runtime.loop import LoopMeter
 from services.runtime.stage_times import StageTimes
 from services.supervisor import flight_files
 from services.supervisor.dashboard import Heard
 from services.supervisor.figures import Latencies
 from services.supervisor.flight_files import FlightFiles
+from services.supervisor.floor import PHASES, Phases
 from services.supervisor.floor_watch import Core
 from services.supervisor.metrics import RigSource, Source, registry
+from services.supervisor.quiet import quiet_phase_ns
 from services.supervisor.state_machine import RigState
 from services.supervisor.threads import Counts, ThreadWatch
 from tests.supervisor.made_up import MS, health, histogram, loop_report
@@ -56,7 +59,34 @@ def _ticks(path: Path) -> int:
     return 0 if flight is None else int(flight.column("tick").max(initial=0))
 
 
+def _newest_due_ns(path: Path) -> int:
+    flight = read_ring(path)
+    return 0 if flight is None else int(flight.column("due_ns").max(initial=0))
+
+
+def _ring(name: str, core: int, begins_ns: int, ends_ns: int) -> Flight:
+    """A loop of 1 kHz that works from `begins_ns` to `ends_ns` of each period, from an odd moment of the clock on."""
+    tick = np.arange(500)
+    due = 123_456_000_000 + tick * MS + begins_ns
+    rows = np.stack([tick, due, due + 10_000, due + ends_ns - begins_ns, np.zeros_like(tick)], axis=1)
+    return Flight(name, 7, 1000.0, (core,), (), rows)
+
+
+def test_the_quiet_moment_is_where_no_loop_of_that_core_works_or_is_about_to() -> None:
+    rig = (_ring("gateway", 0, 0, 90_000), _ring("haptics", 0, 90_000, 450_000), _ring("physics", 1, 400_000, 950_000))
+    phase = {core: quiet_phase_ns(rig, core) for core in (0, 1)}
+    assert 450_000 <= (phase[0] or 0) <= 580_000
+    assert 950_000 <= (phase[1] or 0) <= 980_000
+    over = (_ring("physics", 1, 400_000, 1_400_000),)  # busy all the time: any moment is as good
+    assert quiet_phase_ns(over, 1) is not None
+    assert quiet_phase_ns(rig, 2) is None
+    slow = Flight("picture", 7, 36.0, (1,), (), rig[0].rows)
+    everywhere = Flight("physics", 7, 1000.0, (0, 1), (), rig[0].rows)
+    assert quiet_phase_ns((slow, everywhere), 1) is None
+
+
 def test_the_floor_watches_every_core_and_ends_with_who_started_it(directory: Path) -> None:
+    phases = Phases(directory / PHASES, create=True)
     starter = _floor(directory, parent="pass")
     cores = sorted(os.sched_getaffinity(0))
     rings = [directory / f"floor{core}.flight" for core in cores]
@@ -65,6 +95,8 @@ def test_the_floor_watches_every_core_and_ends_with_who_started_it(directory: Pa
     assert flight is not None
     assert flight.cores == (cores[0],)
     assert (flight.column("began_ns") >= flight.column("due_ns")).all()  # nobody wakes before the time
+    phases[cores[0]] = 620_000  # told where in a millisecond to wake, it does so from then on
+    eventually(lambda: (_newest_due_ns(rings[0]) - 620_000) % MS == 0)
     assert starter.stdin is not None
     starter.stdin.close()
     starter.wait()
