@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import ctypes
 import json
 import os
 import shutil
+import signal
 import subprocess
 import time
 from collections.abc import Callable
@@ -14,6 +16,9 @@ from pathlib import Path
 from typing import Any, Self
 
 from websockets.sync.client import ClientConnection, connect
+
+_PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None)
 
 #: What a browser of a container needs, and what keeps it from doing anything but the page.
 _OPTIONS = (
@@ -46,7 +51,7 @@ class Chromium:
         self._log = (self._profile.parent / f"{self._profile.name}.log").open("wb")
         self._process = subprocess.Popen(
             [program, *_OPTIONS, f"--user-data-dir={self._profile}", f"--window-size={width},{height}", "about:blank"],
-            stdout=self._log, stderr=self._log, start_new_session=True, preexec_fn=lambda: os.nice(self._nice),
+            stdout=self._log, stderr=self._log, start_new_session=True, preexec_fn=self._prepare,
         )  # fmt: skip
         try:
             self._socket = self._attach()
@@ -60,6 +65,11 @@ class Chromium:
 
     def __exit__(self, *_: object) -> None:
         self._end()
+
+    def _prepare(self) -> None:
+        """End with whoever started it, however that ends: a browser that is left over takes a core from all later."""
+        os.nice(self._nice)
+        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
     def _end(self) -> None:
         self._stack.close()
