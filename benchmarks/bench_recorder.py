@@ -1,14 +1,18 @@
 """What it costs to record every frame of every fast topic, and how much is lost.
 
     python benchmarks/bench_recorder.py
+    python benchmarks/bench_recorder.py --rig [--minutes 10]
 
 A process of the ordinary class publishes all four 1 kHz topics, each frame with other numbers, as large as those of the
 default scene with both tools in contact; the recorder records every frame of all, or of the devices as it does by
-default. In one run it is stopped for two seconds, as by a machine that has no time for it.
+default. In one run it is stopped for two seconds, as by a machine that has no time for it. With ``--rig`` it is the
+stub rig itself that is recorded whole, beside stress-ng (a Debian package) on both cores: what the recorder loses and
+takes, what the loops miss, and how many alarms were false.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 import subprocess
@@ -32,6 +36,7 @@ TOPICS = ("gateway.state", "haptics.contact_model", "haptics.contacts", "physics
 MODES, PARTICLES, PAIRS = 100, 51, 12
 SECONDS = 10.0
 _TICK_S = 1e-3
+_SETTLE_S = 5.0
 
 
 class Numbers:
@@ -140,8 +145,42 @@ def record(whole: tuple[str, ...], stopped_s: float = 0.0) -> tuple[float, int, 
         return share, published, published - kept, path.stat().st_size / 1e6 * 60.0 / SECONDS
 
 
+def record_rig(minutes: float) -> None:
+    """Record a rig whole beside stress-ng, and write the table."""
+    from watched_rig import STRESS, WatchedRig, print_alarms
+
+    names = ",".join((*TOPICS, "supervisor.state"))
+    with WatchedRig(["--set", f"recorder.whole=[{names}]"]) as rig:
+        time.sleep(_SETTLE_S)
+        stress = subprocess.Popen(STRESS, stderr=subprocess.DEVNULL)
+        try:
+            rig.watch(60.0 * minutes)
+        finally:
+            stress.terminate()
+            stress.wait()
+        print_alarms(rig, "stress-ng")
+        ran_s = rig.history.change('trocar_processor_seconds_total{service="recorder"}')
+        published = sum(rig.history.change(f'trocar_topic_messages_total{{topic="{name}"}}') for name in TOPICS)
+        rows = [
+            Row("recorder: processor time", 100.0 * ran_s / rig.seconds, "% of a core", limit=10.0),
+            Row("recorder: frames of the four topics published", published, "frames"),
+            Row("recorder: frames recorded since its start", rig.gauge("recorder", "recorded_frames"), "frames"),
+            Row("recorder: frames lost", rig.gauge("recorder", "lost_frames"), "frames", limit=0.0),
+            *rig.rows("stress-ng"),
+        ]
+    notes = f"{minutes:g} minutes beside `{' '.join(STRESS)}`. An alarm is false where no histogram shows what it says."
+    write_report("recorder-stress", "The rig recorded whole, beside stress-ng on both cores", rows, notes)
+
+
 def main() -> None:
     """Measure undisturbed, then with the recorder held up."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rig", action="store_true", help="record the stub rig beside stress-ng")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of --rig")
+    arguments = parser.parse_args()
+    if arguments.rig:
+        record_rig(arguments.minutes)
+        return
     rows = []
     for name, whole, stopped_s in (
         ("all four", TOPICS, 0.0),

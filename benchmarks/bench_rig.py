@@ -26,11 +26,11 @@ import numpy as np
 from machine_floor import Floor
 from report import RESULTS, Row, write_report
 from rig_threads import watch
+from watched_rig import STRESS
 
 ROOT = Path(__file__).resolve().parents[1]
 LOADS = ("alone", "observers", "stress")
 _OBSERVERS = ("reads",) * 4 + ("stops",)
-_STRESS = ["stress-ng", "--cpu", "2", "--vm", "2", "--vm-bytes", "128M", "--quiet"]
 #: Misses that are asked of a loop: so many times the floor, or this share where that is more; under stress, this share.
 _TIMES_FLOOR, _LEAST_PERCENT, _STRESS_PERCENT = 2.0, 0.02, 0.2
 #: Asked of each loop: the core it runs on, and its work at 50 and 99 % in us.
@@ -44,7 +44,7 @@ def _beside(load: str, directory: Path) -> Iterator[None]:
         "observers": [
             [sys.executable, str(ROOT / "benchmarks/rig_observers.py"), str(directory), k] for k in _OBSERVERS
         ],
-        "stress": [_STRESS],
+        "stress": [STRESS],
     }[load]
     started = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) for command in commands]
     try:

@@ -39,6 +39,8 @@ class RunReport:
         self._end_s = 0.0
         self._state = supervisor.state
         self._realtime: dict[str, tuple[bodies.RealtimeFact, ...]] = {}
+        self._own_before: Latencies | None = None
+        self._recorder: bodies.Health | None = None
         supervisor.crew.on_report = self._add
 
     @property
@@ -53,12 +55,15 @@ class RunReport:
         if self._start_s is None and self._running_s is not None and now_s - self._running_s >= SETTLE_S:
             self._start_s = now_s
             self._restarts = self._restart_counts()
+            self._own_before = self._own_lateness()
             self._tallies = {m.name: Tally(m.health) for m in self._supervisor.crew.members.values()}
         self._end_s = now_s
         self._state = self._supervisor.state
         for name, member in self._supervisor.crew.members.items():
             if member.health is not None:
                 self._realtime[name] = member.health.realtime
+                if name == "recorder":
+                    self._recorder = member.health
 
     def result(self) -> dict[str, Any]:
         """Return the object, every number finite or None."""
@@ -76,6 +81,8 @@ class RunReport:
             "answered_next_tick": model.answered / model.asked if model and model.asked else None,
             "topics": _topics(counts),
             "restarts": restarts,
+            "supervisor": self._own(),
+            "recording": _recording(self._recorder),
             "realtime": {name: [_fact(fact) for fact in facts] for name, facts in self._realtime.items()},
             "rig": self._supervisor.rig.name,
             "quality_level": self._supervisor.enforcement.level,
@@ -84,12 +91,29 @@ class RunReport:
             "machine": machine(),
         }
 
+    def _own_lateness(self) -> Latencies | None:
+        meter = self._supervisor.meter
+        return None if meter is None else Latencies.of(meter.lateness.body())
+
+    def _own(self) -> dict[str, Any] | None:
+        """Return how late the supervisor's own turns were."""
+        now, before = self._own_lateness(), self._own_before
+        return {"lateness_us": _quantiles(now - before)} if now is not None and before is not None else None
+
     def _add(self, name: str, health: bodies.Health) -> None:
         if self._start_s is not None and self._supervisor.state is not RigState.OFF:
             self._tallies[name].add(health)
 
     def _restart_counts(self) -> dict[str, int]:
         return {name: member.restarts.count for name, member in self._supervisor.crew.members.items()}
+
+
+def _recording(health: bodies.Health | None) -> dict[str, Any] | None:
+    """Return how many frames were recorded and how many lost since the recorder began, and why, as it said last."""
+    if health is None or "recorded_frames" not in health.gauges:
+        return None
+    frames, lost = health.gauges["recorded_frames"], health.gauges["lost_frames"]
+    return {"frames": int(frames), "lost": int(lost), "why": health.detail}
 
 
 def _loop(figures: Figures) -> dict[str, Any]:

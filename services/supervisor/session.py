@@ -106,7 +106,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
     supervisor.crew.has_heard_all = threads.are_idle
     pulses = supervisor.crew.pulses = Pulses(_rings(process.rig))
     with closing(threads), closing(pulses), _page(sock, supervisor, process.scene_name) as page:
-        meter = LoopMeter(1.0 / _TURN_S, STAGES)
+        meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:

@@ -11,6 +11,7 @@ from queue import Empty, SimpleQueue
 
 import protocol.bodies as bodies
 from services.runtime.bus import Bus
+from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import open_text
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
@@ -60,6 +61,7 @@ class Supervisor:
         self.started_s = now_s
         self.page_address = ""
         self.token_sha256 = ""
+        self.meter: LoopMeter | None = None  # of its own turns
         self.events: deque[Event] = deque(maxlen=200)
         limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)

@@ -242,6 +242,8 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     assert due / (gateway["ticks"] / gateway["rate_hz"]) == pytest.approx(200, rel=0.05)
     assert slow["miss_ratio"] > 0.2
     assert slow["work_us"]["p99"] > 5000
+    own = result["supervisor"]["lateness_us"]
+    assert 0.0 < own["p50"] <= own["p99"] <= own["max"]
     # A frame a tick, however many the machine left it; the frames of the last report are not all of the same ticks.
     assert result["topics"]["gateway.state"]["rate_hz"] == pytest.approx(gateway["rate_hz"], rel=0.05)
     assert any(fact["name"] == "scheduling" for fact in result["realtime"]["gateway"])
