@@ -251,6 +251,20 @@ def tune(
     run_tune(Request(scene, tuple(overrides or ()), budget_us, out, json))
 
 
+@app.command()
+def haptics(
+    hands: Annotated[int, typer.Option(min=1, help="How many try to get energy out of each kind of servo.")] = 1000,
+    out: Annotated[Path, typer.Option(help="Page to write; its figures go into a folder beside it.")] = Path(
+        "haptics.md"
+    ),
+    json: Json = False,
+) -> None:
+    """Show what is felt: how stiff a wall may be, what a moving hand meets, whether any hand gets energy out."""
+    from services.cli.haptics import Request, run_haptics
+
+    run_haptics(Request(hands, out, json))
+
+
 @config_app.command("show")
 def config_show(
     rig: Annotated[str | None, typer.Option(help="Rig file or name; the default.")] = None,

@@ -1,0 +1,89 @@
+"""``trocar haptics``: how good the haptics is, as a page with figures."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+import services.runtime  # noqa: F401 - keeps linear algebra to one thread before numpy is loaded
+from services.gateway.feel.figures import draw_borders, draw_energies, draw_transparency
+from services.gateway.feel.measure import Tell, energies, passive_borders, stable_borders, transparency
+from services.gateway.feel.report import Felt, write_page
+from services.runtime.errors import ConfigError
+from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.study import Draw, Size
+from services.studies.provenance import code_version
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line."""
+
+    hands: int
+    out: Path
+    json: bool
+
+
+def run_haptics(request: Request) -> None:
+    """Measure what is felt and write the page, with its figures in a folder beside it.
+
+    Raises
+    ------
+    ConfigError
+        A page in a folder that is not there.
+    """
+    folder = request.out.absolute().parent
+    if not folder.is_dir():
+        raise ConfigError(f"--out {request.out}: there is no folder {folder}")
+    with _progress() as tell, ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as executor:
+        felt = Felt(passive_borders(), stable_borders(), transparency(), energies(request.hands, executor, tell))
+    figures = folder / request.out.stem
+    figures.mkdir(exist_ok=True)
+    draw_borders(felt.passive, felt.stable, figures / "borders")
+    draw_transparency(felt.rendered, figures / "transparency")
+    draw_energies(felt.energies, figures / "energies")
+    draw = Draw(Size.FULL, 0)
+    facts = Facts.collect(f"trocar haptics --hands {request.hands}", code_version(Path(__file__).parents[2]), draw, {})
+    write_page(felt, facts.lines(), figures, request.out)
+    if request.json:
+        print(json.dumps({"page": str(request.out), **_data(felt)}))
+    else:
+        Console().print(f"written to {request.out}, figures in {figures}", soft_wrap=True)
+
+
+def _data(felt: Felt) -> dict[str, object]:
+    return {
+        "worst_border": felt.worst_border(),
+        "energies": [
+            {
+                "kind": each.kind,
+                "gaining": each.gaining,
+                "worst_j": each.worst_j,
+                "books": [asdict(b) for b in each.books],
+            }
+            for each in felt.energies
+        ],
+    }
+
+
+@contextmanager
+def _progress() -> Iterator[Tell]:
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        bars = {}
+
+        def tell(what: str, done: int, total: int) -> None:
+            if what not in bars:
+                bars[what] = progress.add_task(what, total=total)
+            progress.update(bars[what], completed=done)
+
+        yield tell

@@ -1,0 +1,160 @@
+"""docs/haptics.md: how good the haptics is, in words, tables and figures."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from services.gateway.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
+
+_MOST_LISTED = 12
+
+
+@dataclass(frozen=True)
+class Felt:
+    """All that was found."""
+
+    passive: Sequence[Border]
+    stable: Sequence[Border]
+    rendered: Sequence[Rendered]
+    energies: Sequence[Energies]
+
+    def worst_border(self) -> float:
+        """Return the largest relative distance of a measured border from theory."""
+        return max(abs(row.error) for row in (*self.passive, *self.stable))
+
+
+def write_page(felt: Felt, made_with: Sequence[str], figures: Path, page: Path) -> None:
+    """Write the page; `figures` is the folder of its figures, beside it."""
+    page.write_text("\n".join(_lines(felt, made_with, figures.name)), encoding="utf-8")
+
+
+def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
+    yield "# What is felt"
+    yield ""
+    yield from _words(
+        "Written by `trocar haptics`; not to be edited by hand. Everything here runs the servo's own law "
+        "(`services/gateway/servo_law.py`), the one that writes to the devices."
+    )
+    yield ""
+    yield from (f"- {line}" for line in made_with)
+    yield from _borders(felt, figures)
+    yield from _transparency(felt.rendered, figures)
+    yield from _energies(felt.energies, figures)
+    yield ""
+
+
+def _words(text: str) -> Iterator[str]:
+    yield from textwrap.wrap(text, width=118)
+
+
+def _borders(felt: Felt, figures: str) -> Iterator[str]:
+    yield ""
+    yield "## How stiff a wall may be"
+    yield ""
+    yield from _words(
+        "A wall that is computed T apart and held between gives energy to whoever touches it; the friction of "
+        "the device has to take it. Passive with any hand: b > KT/2 + |B|, with a delay of the loop b > K(T/2 "
+        "+ t) + |B| (Colgate and Schenkel). Stable by itself: b + B > K(T/2 + t) (Gil and others). The "
+        f"largest distance of what was measured from theory is **{100.0 * felt.worst_border():.1f} %**."
+    )
+    yield ""
+    yield f"![Borders]({figures}/borders.svg)"
+    yield ""
+    yield from _words(
+        "The hardest to meet are long delays: stability theory holds while K (T/2 + t)^2 is small beside the "
+        "mass, and a wall is a little more stable than it says. With the passivity controller a wall that is too "
+        "stiff does not run away: it hums at the 10 mm/s below which the controller is silent, 0.07 mm at 1,500 N/m."
+    )
+    yield ""
+    yield "| a wall of 500 N/m, servo at 1 kHz, force | needs a friction of, N s/m | measured |"
+    yield "| --- | --- | --- |"
+    for row in felt.passive:
+        if row.wall.stiffness_n_m == 500.0 and not row.wall.damping_n_s_m:
+            way = f"over the bus, {row.wall.delay} ms late" if row.wall.delay else "by a local model, however late"
+            yield f"| {way} | {row.theory:.2f} | {row.measured:.2f} |"
+    yield ""
+    yield from _words(
+        "With a delay and damping together theory is a bound, not a border: the wall with B = 0 is compared "
+        "here. A Phantom Premium has the friction of about 0.05 N s/m and 0.04 N, a hand adds 1 to 10 N s/m."
+    )
+    yield ""
+    yield from _words(
+        "A local model is evaluated against the present position, so how late it came moves the wall by what "
+        "the tissue did since then, and puts no energy into the loop. That is what the design buys."
+    )
+
+
+def _transparency(rendered: Sequence[Rendered], figures: str) -> Iterator[str]:
+    hertz = [each for each in TABLE_HZ if any(row.frequency_hz == each for row in rendered)]
+    yield ""
+    yield "## What a moving hand meets"
+    yield ""
+    yield from _words(
+        "A wall of 500 N/m, moved in sinusoids of 1 to 100 Hz: how many degrees the force is behind the "
+        "position. A spring is at 0; from 0 to 180 the wall gives energy in every cycle, at 90 it is no "
+        "spring at all, at 180 it pulls in. Whole turns count: at 360 the force is a whole cycle late."
+    )
+    yield ""
+    yield "| force | " + " | ".join(f"{each:g} Hz" for each in hertz) + " |"
+    yield "| --- |" + " --- |" * len(hertz)
+    for name, _ in WAYS:
+        cells = [f"{row.late_deg:.0f}" for row in rendered if row.way == name and row.frequency_hz in hertz]
+        yield f"| {name} | " + " | ".join(cells) + " |"
+    yield ""
+    yield "The force over the bus with 1 ms is the paper's way: one loop computes a penalty force and sends it."
+    yield ""
+    yield f"![Transparency]({figures}/transparency.svg)"
+
+
+def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
+    count = len(found[0].books)
+    yield ""
+    yield "## Hands that try to get energy out"
+    yield ""
+    yield from _words(
+        f"{count} hands at one wall each, the same for every row: stiffness 30 to 5,000 N/m, answers 1 to 19 "
+        "ms late, none to half of them lost, motion of 0.1 to 6 mm at 0.5 to 100 Hz, half of the hands stiff "
+        "while the wall pushes and soft while it is pushed. The simulated Premium with its encoders, friction "
+        "and motors is between. Energy is that of the motors' torques over the joints' ways, less what the "
+        "joints' friction took, after the hand has left."
+    )
+    yield ""
+    yield "| | hands that gained | most that one got | servo alone gave |"
+    yield "| --- | --- | --- | --- |"
+    for each in found:
+        worst = f"{1e3 * each.worst_j:.2f} mJ" if each.worst_j > 0.0 else "nothing"
+        yield f"| {each.kind} | **{each.gaining}** of {count} | {worst} | {each.servo_gaining} times |"
+    yield ""
+    yield from _words(
+        "The last column does not count what the arm's own friction takes: encoders and the held force lend a little "
+        "at speeds below 10 mm/s, where the controller's own noise would be worse than what it takes."
+    )
+    yield ""
+    yield from _gaining(found[0])
+    yield f"![Energies]({figures}/energies.svg)"
+
+
+def _gaining(first: Energies) -> Iterator[str]:
+    """List the hands that got energy out of the servo as the rig runs it."""
+    got = sorted(zip(first.attacks, first.books, strict=True), key=lambda each: -each[1].gained_j)
+    got = [each for each in got if each[1].gained_j > 0.0]
+    if not got:
+        return
+    yield from _words(
+        "The hands that gained from the servo as the rig runs it, the worst first. A force may change by 200 N/s, "
+        "which is a promise of its own: a hand that leaves a wall faster than the force may fall is pushed on."
+    )
+    yield ""
+    yield "| wall, N/m | answers late, ms | lost | hand: Hz | mm | m/s | got, mJ | of, mJ |"
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
+    for attack, book in got[:_MOST_LISTED]:
+        speed_m_s = 2.0 * math.pi * attack.hertz * attack.depth_m
+        yield (
+            f"| {attack.stiffness_n_m:.0f} | {attack.bus_delay} | {attack.lost:.0%} | {attack.hertz:.1f} "
+            f"| {1e3 * attack.depth_m:.1f} | {speed_m_s:.2f} | {1e3 * book.gained_j:.2f} | {1e3 * book.moved_j:.0f} |"
+        )
+    yield ""
