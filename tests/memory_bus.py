@@ -55,6 +55,9 @@ class MemoryBus:
         self._hub.send(name, box.seal(body, origin_ns, valid))
         return box.sent - 1
 
+    def flush(self) -> None:
+        """Everything has been handed on."""
+
     def latest(self, name: str) -> Frame | None:
         """Return the newest unread frame of `name`, or None."""
         queue = self._queues[name]

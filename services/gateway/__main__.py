@@ -115,6 +115,7 @@ class Gateway:
             self.instruments[self._turn % len(self.instruments)].exchange_handle()
             self._turn += 1
         self._grasp.latency.record(time.monotonic_ns() - began_ns)
+        self._bus.flush()
         if self._answers.timed:
             listen(self._bus, self._answers, deadline_ns)
         sleep_until(deadline_ns)

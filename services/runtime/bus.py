@@ -37,6 +37,10 @@ class Bus(Protocol):
         """
         ...
 
+    def flush(self) -> None:
+        """Send what nobody waits for: to be called between two ticks, in each. Never blocks."""
+        ...
+
     def latest(self, topic: str) -> Frame | None:
         """Return the newest frame of a "latest" topic that was not returned before, or None. Never blocks."""
         ...

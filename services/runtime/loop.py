@@ -230,7 +230,8 @@ def follow(
 ) -> Iterator[Frame | None]:
     """Yield each new frame of `topic`, newest only; None when none came for two periods.
 
-    After each, when the tick is done and counted, `slack` is called, for what is no tick's work: reports.
+    After each, when the tick is done and counted, the bus sends what nobody waits for, and `slack` is called, for what
+    is no tick's work either: reports.
 
     The tick is due when its frame was sent and must be done one period later. Frames that come faster than the rate
     (a publisher that floods) are answered at no more than four times the rate, and a loop whose ticks take longer than
@@ -240,6 +241,7 @@ def follow(
     last_ns = 0
     limiter = DutyCycleLimiter()
     while not stop():
+        bus.flush()
         slack()
         if not bus.wait(topic, time.monotonic_ns() + 2 * meter.period_ns):
             meter.idle(time.monotonic_ns())

@@ -174,6 +174,13 @@ class ZmqBus:
             self._authenticator.answer()
         return box.sent - 1
 
+    def flush(self) -> None:
+        """Send the batches that are due, for those who only look on."""
+        if self._batches:
+            now_ns = time.monotonic_ns()
+            for batches in self._batches.values():
+                batches.send_if_due(now_ns)
+
     def latest(self, name: str) -> Frame | None:
         """Return the newest unread frame of `name`, or None."""
         box, direct = self._in[name], self._direct_readers.get(name)

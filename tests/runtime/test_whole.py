@@ -48,11 +48,13 @@ def made(*said: bytes) -> tuple[BatchSender, Socket]:
     return sender, socket
 
 
-def run(sender: BatchSender, seconds: float) -> list[bytes]:
-    """Add a frame a millisecond."""
+def run(sender: BatchSender, seconds: float, *, pauses: bool = True) -> list[bytes]:
+    """Add a frame a millisecond; a publisher that has no pauses between its ticks sends nothing there."""
     frames = [b"%d" % tick for tick in range(round(1000 * seconds))]
     for tick, frame in enumerate(frames):
         sender.add(frame, tick * MS)
+        if pauses:
+            sender.send_if_due(tick * MS + MS // 2)
     return frames
 
 
@@ -63,16 +65,27 @@ def test_while_nobody_listens_nothing_is_kept_and_the_socket_is_not_touched(said
     assert (socket.touched, sender._frames) == (0, [])
 
 
+@pytest.mark.parametrize("pauses", [True, False])
 @pytest.mark.parametrize("n_readers", [1, 4])
-def test_every_frame_goes_in_sixty_sends_a_second_to_however_many(n_readers: int) -> None:
+def test_every_frame_goes_in_sixty_sends_a_second_to_however_many(n_readers: int, pauses: bool) -> None:
     sender, socket = made(*[COME] * n_readers)
-    frames = run(sender, 2.0)
+    frames = run(sender, 2.0, pauses=pauses)
     assert sender.readers == n_readers
     assert len(socket.sent) <= 2 * SENDS_PER_S + 1
     assert socket.touched == len(socket.sent)
     sent = [frame for parts in socket.sent for frame in parts]
     assert sent == frames[: len(sent)]
     assert len(frames) - len(sent) <= 1000 // SENDS_PER_S + 1
+
+
+def test_a_batch_leaves_between_two_ticks_and_not_with_a_frame() -> None:
+    sender, socket = made(COME)
+    for tick in range(100):
+        before = len(socket.sent)
+        sender.add(b"frame", tick * MS)
+        assert len(socket.sent) == before, "it waits for the pause"
+        sender.send_if_due(tick * MS + MS // 2)
+    assert len(socket.sent) >= 5
 
 
 def test_with_the_last_reader_goes_what_was_kept() -> None:
@@ -90,8 +103,8 @@ def test_a_publisher_that_floods_keeps_a_bounded_number() -> None:
     for _ in range(5000):
         sender.add(b"frame", 0)
     assert len(sender._frames) == 1000
-    sender.add(b"later", 20 * MS)
-    assert [len(parts) for parts in socket.sent] == [1, 1000]
+    sender.send_if_due(20 * MS)
+    assert [len(parts) for parts in socket.sent] == [1000]
 
 
 def looked(sender: ZmqBus, reader: ZmqBus) -> tuple[int, int]:
@@ -149,6 +162,7 @@ def _sends(transport: Transport, n_observers: int, eventually: Callable[[Callabl
             for tick in range(600):
                 now_ns += MS
                 sender.publish(STATE, bodies.GatewayState(tick=tick))
+                sender.flush()
                 assert reader._direct_readers[STATE].newest() is not None, "the fast reader has each frame at once"
         return sender._direct_senders[STATE].sends, batched.sends
     finally:
