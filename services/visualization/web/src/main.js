@@ -7,7 +7,7 @@ import { Hands } from "./hands/hands.js";
 import { viewAddress } from "./address.js";
 import { View } from "./view/view.js";
 
-const view = new View();
+const view = new View(() => dashboard.turn());
 const dashboard = new Dashboard({ sparing: () => view.software });
 const controls = new Controls();
 const hands = view.stage ? new Hands(view, controls.token) : null;

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Governor, ladder } from "../src/view/governor.js";
+import { Governor, ladder, weight } from "../src/view/governor.js";
 
 // A computer that takes so many milliseconds for a picture at full resolution with plain materials, and `fixed` for any.
 function computer(software, cost, { fixed = 1, made = 36 } = {}) {
@@ -9,8 +9,8 @@ function computer(software, cost, { fixed = 1, made = 36 } = {}) {
   let now = 0;
   const run = (seconds, ms = cost) => {
     for (let i = 0; i < seconds; i++) {
-      const { ratio, plain, shadows, hz } = governor.step;
-      const took = fixed + ms * ratio * ratio * (plain ? 1 : 3) * (shadows ? 1.5 : 1), offered = Math.min(made, hz ?? Infinity);
+      const { hz } = governor.step;
+      const took = fixed + ms * weight(governor.step), offered = Math.min(made, hz ?? Infinity);
       now++;
       governor.look({ now, cost: took, offered, painted: Math.min(offered, 1000 / took) });
       steps.push(governor.at);
@@ -32,8 +32,8 @@ test("a fast computer draws everything as it is meant to be, and says nothing", 
 test("a slow one goes down step by step until it holds 30 pictures a second, and stays there", () => {
   const { governor, run, changes } = computer(false, 30);
   run(60);
-  const { ratio, plain, hz } = governor.step;
-  assert.ok(plain && hz === null);
+  const { ratio, look, hz } = governor.step;
+  assert.ok(look === "plain" && hz === null);
   assert.ok(1 + 30 * ratio * ratio < 1000 / 30);
   const before = changes();
   run(600);
@@ -45,7 +45,7 @@ test("in software at least ten are held where it can be, and fewer asked for tha
   for (const cost of [5, 40, 150, 400]) {
     const { governor, run } = computer(true, cost);
     run(60);
-    const { ratio, hz } = governor.step, took = 1 + cost * ratio * ratio;
+    const { hz } = governor.step, took = 1 + cost * weight(governor.step);
     assert.ok(hz >= 10 && hz <= 20);
     assert.ok(Math.min(hz, 1000 / took) >= 0.99 * 10, `${cost}`);
     assert.match(governor.words(true), /on the processor: .*pictures a second asked for/);

@@ -8,6 +8,7 @@ import { Budget, Events, Floor, Processes, Realtime, Stages, Threads, Topics } f
 
 const $ = (id) => document.getElementById(id);
 const SPARING_MS = 900;
+const ALONE_MS = 1800; // without a picture beside which to be drawn
 const KEPT = 600; // messages: two minutes
 const MACHINE = "machine, core ";
 const FIRST_PATH = "device_force";
@@ -42,7 +43,8 @@ class Tabs {
 }
 
 export class Dashboard {
-  // `sparing()`: whether curves are drawn once a second and not with every message.
+  // `sparing()`: whether all is shown once a second, with a picture (`turn`), and not with every message: where the browser draws
+  // on the processor each frame of the page costs as much as a picture does.
   constructor({ sparing = () => false } = {}) {
     this.sparing = sparing;
     this.drawnAt = -Infinity;
@@ -85,9 +87,22 @@ export class Dashboard {
     this.state = state;
     this.heat.add(state.heat, Object.fromEntries(loopsOf(state).map(({ name, loop }) => [name, 1e6 / loop.target_hz])));
     if (document.visibilityState === "hidden") return;
-    this.showRig(state);
-    if (document.body.classList.contains("alone") || (this.sparing() && performance.now() - this.drawnAt < SPARING_MS)) return;
+    const words = `${state.state} ${state.safe_stop}`;
+    if (this.sparing() && words === this.words && performance.now() - this.drawnAt < ALONE_MS) return;
+    this.words = words;
+    this.show();
+  }
+
+  // A frame of the page is being made anyway.
+  turn() {
+    if (this.sparing() && this.state && performance.now() - this.drawnAt >= SPARING_MS) this.show();
+  }
+
+  show() {
+    const { state } = this;
     this.drawnAt = performance.now();
+    this.showRig(state);
+    if (document.body.classList.contains("alone")) return;
     this.shown = state;
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);

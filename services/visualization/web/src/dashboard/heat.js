@@ -13,6 +13,8 @@ function colour(level) {
   return STRIPES[i].map((c, k) => Math.round(c + f * (STRIPES[i + 1][k] - c)));
 }
 
+const LEVELS = Array.from({ length: 256 }, (_, i) => [...colour(i / 255), 255]);
+
 export class HeatMap {
   constructor(canvas) {
     this.canvas = canvas;
@@ -63,7 +65,7 @@ export class HeatMap {
     for (let x = 0; x < COLUMNS; x++) {
       for (let row = 0; row < rows; row++) {
         const count = x < start ? 0 : columns[x - start][row] || 0;
-        pixels.data.set([...colour(count ? 0.14 + (0.86 * Math.log1p(count)) / most : 0), 255], 4 * ((rows - 1 - row) * COLUMNS + x));
+        pixels.data.set(LEVELS[count ? Math.round(255 * (0.14 + (0.86 * Math.log1p(count)) / most)) : 0], 4 * ((rows - 1 - row) * COLUMNS + x));
       }
     }
     ctx.putImageData(pixels, 0, 0);

@@ -13,9 +13,10 @@ function wave(x, y) {
   return Math.sin(0.055 * x + 1.3) * Math.cos(0.07 * y) + 0.5 * Math.sin(0.13 * x - 0.09 * y) + 0.3 * Math.sin(0.21 * y + 2);
 }
 
-export function backdrop(layout, bounds, plain) {
+// `look`: see governor.js.
+export function backdrop(layout, bounds, look) {
   const centre = bounds.getCenter(new THREE.Vector3());
-  const bed = new THREE.PlaneGeometry(520, 520, 90, 90);
+  const bed = new THREE.PlaneGeometry(520, 520, ...(look === "coarse" ? [30, 30] : [90, 90]));
   const p = bed.attributes.position;
   const floor = bounds.min.z - 26;
   for (let i = 0; i < p.count; i++) {
@@ -27,15 +28,15 @@ export function backdrop(layout, bounds, plain) {
     colour: "#3d1512", pale: "#5a261c", vein: "#2a0a0c", grain: 0.3, relief: 0.14, veins: 0.4, wet: 0.3, roughness: 0.62, shine: 0.12,
   };
   const group = new THREE.Group();
-  const floorMesh = tissue(withRest(bed), liver, plain);
+  const floorMesh = tissue(withRest(bed), liver, look);
   floorMesh.receiveShadow = true;
   group.add(floorMesh);
-  if (layout.clamped && layout.mouth) group.add(commonDuct(layout, plain));
+  if (layout.clamped && layout.mouth) group.add(commonDuct(layout, look));
   return group;
 }
 
 // The common bile duct: a wider tube across the held end, sinking into the bed on both sides.
-function commonDuct(layout, plain) {
+function commonDuct(layout, look) {
   const away = new THREE.Vector3().subVectors(layout.clampedCentre, layout.mouthCentre).normalize();
   const across = new THREE.Vector3().crossVectors(away, new THREE.Vector3(0, 0, 1)).normalize();
   const own = rimRadius(layout), radius = 1.62 * own;
@@ -44,15 +45,16 @@ function commonDuct(layout, plain) {
     return layout.clampedCentre.clone().addScaledVector(away, 1.08 * own + 0.25 * step * step + 0.35 * step)
       .addScaledVector(across, step * 1.25 * own).add(new THREE.Vector3(0, 0, -sink));
   });
-  const line = spline(places.flatMap((place) => place.toArray()), 8, new Float32Array(3 * (8 * (places.length - 1) + 1)));
+  const [per, sides] = look === "coarse" ? [3, 14] : [8, 40];
+  const line = spline(places.flatMap((place) => place.toArray()), per, new Float32Array(3 * (per * (places.length - 1) + 1)));
   const rings = line.length / 3;
-  const sweep = new Sweep(rings, 40);
-  sweep.update(line, Float32Array.from({ length: rings }, (_, i) => radius * (1 + 0.025 * Math.sin(0.5 * i) + 0.02 * Math.sin(0.23 * i + 1))));
+  const sweep = new Sweep(rings, sides);
+  sweep.update(line, Float32Array.from({ length: rings }, (_, i) => radius * (1 + 0.025 * Math.sin((4 * i) / per) + 0.02 * Math.sin((1.84 * i) / per + 1))));
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(sweep.positions, 3));
   geometry.setIndex(new THREE.BufferAttribute(sweep.index, 1));
   geometry.computeVertexNormals();
-  const mesh = tissue(withRest(geometry), { colour: "#8f4238", pale: "#b4785c", vein: "#631c26", relief: 0.08, grain: 0.7 }, plain);
+  const mesh = tissue(withRest(geometry), { colour: "#8f4238", pale: "#b4785c", vein: "#631c26", relief: 0.08, grain: 0.7 }, look);
   mesh.receiveShadow = mesh.castShadow = true;
   return mesh;
 }

@@ -1,25 +1,34 @@
 // What moves: duct, catheter, forceps, force arrows. Millimetres.
 
 import * as THREE from "three";
+import { gouraud } from "./gouraud.js";
 import { Sweep, spline } from "./sweep.js";
 import { tissue } from "./tissue.js";
 import { Wall } from "./wall.js";
 
 const UP = new THREE.Vector3(0, 1, 0);
+// Points of the catheter between two particles, sides of what is round, rings of a jaw.
+const FINE = { perSegment: 3, sides: 14, round: 28, rings: 64, arcs: 10 };
+const COARSE = { perSegment: 2, sides: 7, round: 8, rings: 12, arcs: 4 };
+
+// `look`: see governor.js.
+function fineness(look) {
+  return look === "coarse" ? COARSE : FINE;
+}
 
 function dynamic(array) {
   return new THREE.BufferAttribute(array, 3).setUsage(THREE.DynamicDrawUsage);
 }
 
 export class Duct {
-  constructor(layout, plain) {
-    this.wall = new Wall(layout.rest, layout.triangles, layout.thickness);
+  constructor(layout, look) {
+    this.wall = new Wall(layout.rest, layout.triangles, layout.thickness, look !== "coarse");
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", dynamic(this.wall.positions));
     geometry.setAttribute("normal", dynamic(this.wall.normals));
     geometry.setAttribute("rest", new THREE.BufferAttribute(this.wall.rest, 3));
     geometry.setIndex(new THREE.BufferAttribute(this.wall.index, 1));
-    this.object = tissue(geometry, { colour: "#b9594f", pale: "#d99a83", vein: "#86283a", relief: 0.08, grain: 0.7 }, plain);
+    this.object = tissue(geometry, { colour: "#b9594f", pale: "#d99a83", vein: "#86283a", relief: 0.08, grain: 0.7 }, look);
     this.object.frustumCulled = false;
     this.object.castShadow = this.object.receiveShadow = true;
   }
@@ -31,25 +40,30 @@ export class Duct {
   }
 }
 
-const PER_SEGMENT = 3;
 const CAP = [0.97, 0.87, 0.7, 0.5, 0.5]; // rounded tip: radii of the last rings, the last one inside the lumen
 
+const RUBBER = {
+  wet: () => new THREE.MeshPhysicalMaterial({ vertexColors: true, roughness: 0.38, clearcoat: 0.6, clearcoatRoughness: 0.25 }),
+  plain: () => new THREE.MeshPhongMaterial({ vertexColors: true, shininess: 60 }),
+  coarse: () => gouraud({ vertexColors: true, shine: 0.3 }),
+};
+
 export class Catheter {
-  constructor(layout, plain) {
+  constructor(layout, look) {
+    const { perSegment, sides } = fineness(look);
     this.radius = layout.catheterRadius;
-    const along = Math.max(2, (layout.particles - 1) * PER_SEGMENT + 1);
+    this.perSegment = perSegment;
+    const along = Math.max(2, (layout.particles - 1) * perSegment + 1);
     this.line = new Float32Array(3 * (along + CAP.length));
     this.radii = new Float32Array(along + CAP.length).fill(this.radius);
     this.along = along;
-    this.sweep = new Sweep(along + CAP.length, 14);
+    this.sweep = new Sweep(along + CAP.length, sides);
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", dynamic(this.sweep.positions));
     geometry.setAttribute("normal", dynamic(this.sweep.normals));
     geometry.setAttribute("color", dynamic(new Float32Array(this.sweep.positions.length)));
     geometry.setIndex(new THREE.BufferAttribute(this.sweep.index, 1));
-    const material = plain
-      ? new THREE.MeshPhongMaterial({ vertexColors: true, shininess: 60 })
-      : new THREE.MeshPhysicalMaterial({ vertexColors: true, roughness: 0.38, clearcoat: 0.6, clearcoatRoughness: 0.25 });
+    const material = RUBBER[look]();
     this.object = new THREE.Mesh(geometry, material);
     this.object.frustumCulled = false;
     this.object.castShadow = this.object.receiveShadow = true;
@@ -58,7 +72,7 @@ export class Catheter {
 
   update(frame) {
     const { line, along, radius } = this;
-    spline(frame.centreline, PER_SEGMENT, line);
+    spline(frame.centreline, this.perSegment, line);
     const tip = 3 * (along - 1), t = [0, 1, 2].map((k) => line[tip + k] - line[tip - 3 + k]);
     const length = Math.hypot(...t) || 1;
     const steps = [0.3, 0.55, 0.72, 0.8, 0.2];
@@ -89,15 +103,27 @@ export class Catheter {
   }
 }
 
-const PLAIN_STEEL = new THREE.MeshPhongMaterial({ color: "#8f979e", specular: "#e8eef4", shininess: 90 });
-const PLAIN_SLEEVE = new THREE.MeshPhongMaterial({ color: "#23272c", specular: "#555b62", shininess: 40 });
-const STEEL = new THREE.MeshStandardMaterial({ color: "#b9c0c6", metalness: 0.85, roughness: 0.34, envMapIntensity: 0.9 });
-const SLEEVE = new THREE.MeshPhysicalMaterial({ color: "#23272c", roughness: 0.55, clearcoat: 0.25, envMapIntensity: 0.6 });
-const CANNULA = new THREE.MeshStandardMaterial({ color: "#8ea4b8", metalness: 0.2, roughness: 0.4, transparent: true, opacity: 0.45 });
+const METAL = {
+  wet: {
+    steel: new THREE.MeshStandardMaterial({ color: "#b9c0c6", metalness: 0.85, roughness: 0.34, envMapIntensity: 0.9 }),
+    sleeve: new THREE.MeshPhysicalMaterial({ color: "#23272c", roughness: 0.55, clearcoat: 0.25, envMapIntensity: 0.6 }),
+    cannula: new THREE.MeshStandardMaterial({ color: "#8ea4b8", metalness: 0.2, roughness: 0.4, transparent: true, opacity: 0.45 }),
+  },
+  plain: {
+    steel: new THREE.MeshPhongMaterial({ color: "#8f979e", specular: "#e8eef4", shininess: 90 }),
+    sleeve: new THREE.MeshPhongMaterial({ color: "#23272c", specular: "#555b62", shininess: 40 }),
+    cannula: new THREE.MeshPhongMaterial({ color: "#8ea4b8", transparent: true, opacity: 0.45 }),
+  },
+  coarse: {
+    steel: gouraud({ color: "#8f979e", shine: 0.5 }),
+    sleeve: gouraud({ color: "#23272c", shine: 0.08 }),
+    cannula: gouraud({ color: "#8ea4b8", opacity: 0.45 }),
+  },
+};
 
 // A jaw along +x from the hinge: half round outside (+y), flat and toothed inside, blunt at the end.
-function jawGeometry(length, radius) {
-  const rings = 64, arcs = 10, positions = [], index = [];
+function jawGeometry(length, radius, { rings, arcs }) {
+  const positions = [], index = [];
   for (let i = 0; i <= rings; i++) {
     const x = (length * i) / rings, s = i / rings;
     const end = Math.sqrt(Math.max(0, 1 - Math.max(0, (s - 0.9) / 0.1) ** 2));
@@ -141,20 +167,20 @@ function solid(geometry, material) {
 }
 
 export class Forceps {
-  constructor(shape, plain) {
-    const steel = plain ? PLAIN_STEEL : STEEL, sleeve = plain ? PLAIN_SLEEVE : SLEEVE;
+  constructor(shape, look) {
+    const { steel, sleeve, cannula } = METAL[look], round = fineness(look).round;
     const r = shape.shaftRadius, j = shape.jawRadius, length = 260;
     this.object = new THREE.Group();
     this.port = new THREE.Vector3(...shape.port);
     this.object.add(
-      solid(along(new THREE.CylinderGeometry(r, r, length, 28), -length - 9, -9), sleeve),
-      solid(along(new THREE.CylinderGeometry(0.82 * r, 0.96 * r, 3, 28), -9, -6), steel),
-      solid(along(new THREE.CylinderGeometry(1.7 * j, 0.82 * r, 5, 28), -6, -1), steel),
-      solid(along(new THREE.CylinderGeometry(1.25 * j, 1.7 * j, 1.6, 28), -1, 0.6), steel),
+      solid(along(new THREE.CylinderGeometry(r, r, length, round), -length - 9, -9), sleeve),
+      solid(along(new THREE.CylinderGeometry(0.82 * r, 0.96 * r, 3, round), -9, -6), steel),
+      solid(along(new THREE.CylinderGeometry(1.7 * j, 0.82 * r, 5, round), -6, -1), steel),
+      solid(along(new THREE.CylinderGeometry(1.25 * j, 1.7 * j, 1.6, round), -1, 0.6), steel),
     );
-    const pin = new THREE.CylinderGeometry(0.95 * j, 0.95 * j, 3.9 * j, 20).rotateX(Math.PI / 2);
+    const pin = new THREE.CylinderGeometry(0.95 * j, 0.95 * j, 3.9 * j, round).rotateX(Math.PI / 2);
     this.object.add(solid(pin, steel));
-    const jaw = jawGeometry(shape.jawLength, j);
+    const jaw = jawGeometry(shape.jawLength, j, fineness(look));
     this.jawA = solid(jaw, steel);
     this.jawB = new THREE.Group();
     const other = solid(jaw, steel);
@@ -163,8 +189,8 @@ export class Forceps {
     this.object.add(this.jawA, this.jawB);
     this.cannula = new THREE.Group();
     this.cannula.add(
-      new THREE.Mesh(along(new THREE.CylinderGeometry(1.7 * r, 1.7 * r, 46, 32, 1, true), -30, 16), CANNULA),
-      new THREE.Mesh(along(new THREE.CylinderGeometry(3.4 * r, 2.6 * r, 12, 32), -42, -30), CANNULA),
+      new THREE.Mesh(along(new THREE.CylinderGeometry(1.7 * r, 1.7 * r, 46, round, 1, true), -30, 16), cannula),
+      new THREE.Mesh(along(new THREE.CylinderGeometry(3.4 * r, 2.6 * r, 12, round), -42, -30), cannula),
     );
     this.root = new THREE.Group().add(this.object, this.cannula);
   }

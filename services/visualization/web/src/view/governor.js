@@ -1,18 +1,22 @@
 // Whoever draws pays: how finely this computer draws, so that it holds its pictures a second. Pure: no page, no clock.
 
-// From the finest to the coarsest: pixels of a picture per pixel of the page, materials, shadows, pictures asked for a second
-// (none: all that the rig makes). With a graphics processor, materials and pixels go first.
+// From the finest to the coarsest: pixels of a picture per pixel of the page, look of the bodies (wet: light for each pixel, relief;
+// plain: light for each pixel; coarse: fewer triangles, light for each vertex), shadows, pictures asked for a second (none: all
+// that the rig makes). With a graphics processor, materials and pixels go first.
 const HARDWARE = [
-  { ratio: 2, plain: false, shadows: true }, { ratio: 1, plain: false, shadows: true }, { ratio: 1, plain: false },
-  { ratio: 1, plain: true }, { ratio: 0.75, plain: true }, { ratio: 0.5, plain: true }, { ratio: 0.5, plain: true, hz: 20 },
-  { ratio: 0.35, plain: true, hz: 15 },
+  { ratio: 2, look: "wet", shadows: true }, { ratio: 1, look: "wet", shadows: true }, { ratio: 1, look: "wet" },
+  { ratio: 1, look: "plain" }, { ratio: 0.75, look: "plain" }, { ratio: 0.5, look: "plain" }, { ratio: 0.5, look: "plain", hz: 20 },
+  { ratio: 0.35, look: "coarse", hz: 15 },
 ];
-// On the processor every pixel and every picture is taken from somebody, who may be a loop of the rig on the same core.
+// On the processor every triangle, pixel and picture is taken from somebody, who may be a loop of the rig on the same core.
 const SOFTWARE = [
-  { ratio: 1, plain: true, hz: 20 }, { ratio: 0.75, plain: true, hz: 20 }, { ratio: 0.75, plain: true, hz: 15 },
-  { ratio: 0.5, plain: true, hz: 15 }, { ratio: 0.35, plain: true, hz: 15 }, { ratio: 0.35, plain: true, hz: 12 },
-  { ratio: 0.25, plain: true, hz: 12 }, { ratio: 0.25, plain: true, hz: 10 },
+  { ratio: 1, look: "plain", hz: 20 }, { ratio: 0.75, look: "plain", hz: 20 }, { ratio: 1, look: "coarse", hz: 20 },
+  { ratio: 0.75, look: "coarse", hz: 20 }, { ratio: 0.75, look: "coarse", hz: 15 }, { ratio: 0.5, look: "coarse", hz: 15 },
+  { ratio: 0.5, look: "coarse", hz: 12 }, { ratio: 0.35, look: "coarse", hz: 12 }, { ratio: 0.25, look: "coarse", hz: 10 },
 ];
+const SOFTWARE_BEGINS = 5;
+const WEIGHT = { wet: 3, plain: 1, coarse: 0.08 }; // of a pixel: measured with SwiftShader, plain to coarse
+const WORDS = { plain: "plain materials", coarse: "coarse shapes" };
 const HARDWARE_HZ = 30; // to be held where all pictures are asked for
 const SHARE = { hardware: 0.7, software: 0.4 }; // of the time between pictures that drawing one may take
 const HELD = 0.85; // of the pictures that came or were asked for
@@ -25,15 +29,15 @@ export function ladder(software, devicePixelRatio) {
   return steps.filter((step, i) => i === 0 || JSON.stringify(step) !== JSON.stringify(steps[i - 1]));
 }
 
-function weight({ ratio, plain, shadows }) {
-  return ratio * ratio * (plain ? 1 : 3) * (shadows ? 1.5 : 1);
+export function weight({ ratio, look, shadows }) {
+  return ratio * ratio * WEIGHT[look] * (shadows ? 1.5 : 1);
 }
 
 export class Governor {
   constructor(steps, software) {
     this.steps = steps;
     this.share = software ? SHARE.software : SHARE.hardware;
-    this.at = software ? Math.min(3, steps.length - 1) : 0;
+    this.at = software ? Math.min(SOFTWARE_BEGINS, steps.length - 1) : 0;
     this.slow = 0;
     this.calmSince = null;
     this.raised = -Infinity;
@@ -87,10 +91,10 @@ export class Governor {
 
   // The small print; nothing while everything is drawn as it is meant to be.
   words(software) {
-    const { ratio, plain, shadows, hz } = this.step, parts = [];
+    const { ratio, look, shadows, hz } = this.step, parts = [];
     if (this.at === 0 && !software) return "";
     if (ratio < 1) parts.push(`${Math.round(100 * ratio)} % of the resolution`);
-    if (plain) parts.push("plain materials");
+    if (WORDS[look]) parts.push(WORDS[look]);
     else if (!shadows) parts.push("no shadows");
     if (hz) parts.push(`${hz} pictures a second asked for`);
     const why = software ? "This browser draws on the processor" : "This computer draws slowly";

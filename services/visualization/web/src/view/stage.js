@@ -5,6 +5,8 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 import { backdrop } from "./backdrop.js";
 import { Catheter, Duct, ForceArrow, Forceps } from "./bodies.js";
+import { lightFrom } from "./gouraud.js";
+import { Lens } from "./lens.js";
 
 // Whether the browser draws on the processor (SwiftShader, llvmpipe), where every pixel counts.
 export function drawsInSoftware() {
@@ -18,7 +20,7 @@ export function drawsInSoftware() {
 export class Stage {
   // `step`: how finely, see governor.js; `software`: without a graphics processor, where edges are not smoothed.
   constructor(canvas, step, software) {
-    this.plain = step.plain;
+    this.look = step.look;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, powerPreference: "high-performance" });
     this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
     this.renderer.toneMappingExposure = 1.05;
@@ -28,7 +30,7 @@ export class Stage {
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color("#0a0505");
     this.scene.fog = new THREE.Fog("#0a0505", 110, 380);
-    if (!step.plain) this.reflect();
+    if (step.look === "wet") this.reflect();
     this.camera = new THREE.PerspectiveCamera(50, 1, 1, 1500);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
@@ -38,7 +40,8 @@ export class Stage {
     this.controls.maxDistance = 420;
     this.light();
     this.bodies = new THREE.Group();
-    this.scene.add(this.bodies);
+    this.lens = new Lens();
+    this.scene.add(this.bodies, this.lens.object);
     this.layout = null;
     this.showForces = true;
   }
@@ -76,11 +79,11 @@ export class Stage {
     const bounds = new THREE.Box3().setFromArray(layout.rest);
     for (const name of ["mouth", "clamped"]) layout[`${name}Centre`] = centreOf(layout.rest, layout[name]);
     this.layout = layout;
-    this.duct = new Duct(layout, this.plain);
-    this.catheter = layout.particles > 1 ? new Catheter(layout, this.plain) : null;
-    this.forceps = layout.tools.map((shape) => new Forceps(shape, this.plain));
+    this.duct = new Duct(layout, this.look);
+    this.catheter = layout.particles > 1 ? new Catheter(layout, this.look) : null;
+    this.forceps = layout.tools.map((shape) => new Forceps(shape, this.look));
     this.arrows = layout.tools.map(() => new ForceArrow());
-    this.bodies.add(backdrop(layout, bounds, this.plain), this.duct.object);
+    this.bodies.add(backdrop(layout, bounds, this.look), this.duct.object);
     if (this.catheter) this.bodies.add(this.catheter.object);
     for (const body of [...this.forceps.map((f) => f.root), ...this.arrows.map((a) => a.object)]) this.bodies.add(body);
     this.frameBounds(bounds);
@@ -147,17 +150,18 @@ export class Stage {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    this.lens.resize(width, height);
     this.height = height;
   }
 
   // Draw more or less finely from now on.
-  setStep({ ratio, plain, shadows }) {
+  setStep({ ratio, look, shadows }) {
     this.pixelRatio = ratio;
     this.renderer.setPixelRatio(ratio);
-    if (plain === this.plain && shadows === this.renderer.shadowMap.enabled) return;
-    this.plain = plain;
+    if (look === this.look && shadows === this.renderer.shadowMap.enabled) return;
+    this.look = look;
     this.renderer.shadowMap.enabled = this.sun.castShadow = shadows;
-    if (!plain && !this.scene.environment) this.reflect();
+    if (look === "wet" && !this.scene.environment) this.reflect();
     if (this.layout) this.setLayout(this.layout);
   }
 
@@ -220,6 +224,7 @@ export class Stage {
   draw() {
     const distance = this.camera.position.distanceTo(this.controls.target);
     [this.scene.fog.near, this.scene.fog.far] = [distance + 20, 2.6 * distance + 120];
+    if (this.look === "coarse") lightFrom(this.camera, this.sun, this.scene.fog);
     this.renderer.render(this.scene, this.camera);
   }
 }

@@ -5,7 +5,7 @@ import { decodeFrame, decodeHello, encodeEcho } from "./protocol.js";
 const RETRY_MS = [250, 500, 1000, 2000];
 
 export class ViewStream {
-  // handlers: onLayout(layout), onRig(message), onLink(text or null)
+  // handlers: onLayout(layout), onFrame() when one waits to be taken, onRig(message), onLink(text or null)
   constructor(address, handlers) {
     this.address = address;
     this.handlers = handlers;
@@ -50,6 +50,7 @@ export class ViewStream {
     if (!frame) return;
     this.newest = frame;
     this.came++;
+    this.handlers.onFrame();
   }
 
   // Frames that came since it was asked last.

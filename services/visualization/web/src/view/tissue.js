@@ -1,6 +1,7 @@
 // Wet tissue: a physical material whose colour and fine relief come from noise anchored in the undeformed body.
 
 import * as THREE from "three";
+import { gouraud } from "./gouraud.js";
 
 const NOISE = /* glsl */ `
 varying vec3 vRest;
@@ -34,8 +35,8 @@ float det = dot(sx, r1);
 normal = normalize(abs(det) * normal - sign(det) * (dFdx(relief) * r1 + dFdy(relief) * r2));
 `;
 
-// The same tissue for a computer without a graphics processor: colours computed once per vertex, plain shading.
-function plainTissue(geometry, { colour, pale, vein, grain = 1, wet = 0.7 }) {
+// The same tissue for a computer without a graphics processor: colours computed once per vertex.
+function paint(geometry, { colour, pale, vein, grain = 1 }) {
   const flesh = new THREE.Color(colour), light = new THREE.Color(pale), dark = new THREE.Color(vein), mixed = new THREE.Color();
   const rest = geometry.attributes.rest, colours = new Float32Array(rest.array.length);
   for (let i = 0; i < rest.count; i++) {
@@ -45,6 +46,9 @@ function plainTissue(geometry, { colour, pale, vein, grain = 1, wet = 0.7 }) {
     mixed.lerp(dark, 0.5 * Math.max(0, 1 - line / 0.055)).toArray(colours, 3 * i);
   }
   geometry.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+}
+
+function plainTissue({ wet = 0.7 }) {
   return new THREE.MeshPhongMaterial({ vertexColors: true, shininess: 70, specular: new THREE.Color("#806a60").multiplyScalar(Math.max(0, wet - 0.25)) });
 }
 
@@ -68,8 +72,11 @@ function hash(x, y, z) {
   return s - Math.floor(s);
 }
 
-export function tissue(geometry, look, plain) {
-  return new THREE.Mesh(geometry, plain ? plainTissue(geometry, look) : tissueMaterial(look));
+// `kind`: of flesh; `look`: see governor.js.
+export function tissue(geometry, kind, look) {
+  if (look === "wet") return new THREE.Mesh(geometry, tissueMaterial(kind));
+  paint(geometry, kind);
+  return new THREE.Mesh(geometry, look === "plain" ? plainTissue(kind) : gouraud({ vertexColors: true, shine: 0.25 }));
 }
 
 function tissueMaterial({ colour, pale, vein, grain = 1, relief = 0.12, veins = 1, wet = 0.7, roughness = 0.5, shine = 0.5 }) {

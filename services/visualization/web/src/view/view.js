@@ -17,7 +17,9 @@ export function colourOfForce(newton) {
 }
 
 export class View {
-  constructor() {
+  // onTurn(): what else is to be shown in a frame of the page; each frame costs a processor that draws, whatever is in it.
+  constructor(onTurn = () => {}) {
+    this.onTurn = onTurn;
     this.canvas = $("scene");
     this.frames = 0;
     this.drawnAt = 0;
@@ -38,13 +40,15 @@ export class View {
     this.say("Waiting for the view…");
     this.showStep();
     document.addEventListener("visibilitychange", () => this.beginAnew());
-    requestAnimationFrame(() => this.animate());
+    this.stage.controls.addEventListener("change", () => this.request());
+    setInterval(() => this.request(), LOOK_MS);
   }
 
   connect(address) {
     if (!this.stage || this.stream) return;
     this.stream = new ViewStream(address, {
       onLayout: (layout) => this.setLayout(layout),
+      onFrame: () => this.request(),
       onRig: (rig) => this.setRig(rig),
       onLink: (text) => this.say(text ?? ""),
     });
@@ -80,22 +84,32 @@ export class View {
       $("view").classList.toggle("mirrored", on);
       this.stage.mirrored = on;
     });
-    toggle($("vignette"), (on) => $("view").classList.toggle("scope", on));
-    toggle($("forces"), (on) => {
-      this.stage.showForces = on;
-      this.changed = true;
-    });
+    toggle($("vignette"), (on) => this.ask(() => (this.stage.lens.object.visible = on)));
+    toggle($("forces"), (on) => this.ask(() => (this.stage.showForces = on)));
   }
 
   resize() {
     const { clientWidth: width, clientHeight: height } = $("view");
-    if (width && height) this.stage.resize(width, height);
+    if (width && height) this.ask(() => this.stage.resize(width, height));
+  }
+
+  // Something is to be drawn anew, after `change`.
+  ask(change = () => {}) {
+    change();
     this.changed = true;
+    this.request();
+  }
+
+  // An animation frame, once; between them the browser has nothing to do, which costs a processor that draws less than to find that out.
+  request() {
+    if (this.requested) return;
+    this.requested = true;
+    requestAnimationFrame(() => this.animate());
   }
 
   // Draws what is new: a picture of the rig, or another look at it. A still picture costs nothing.
   animate() {
-    requestAnimationFrame(() => this.animate());
+    this.requested = false;
     const now = performance.now(), frame = this.stream?.take();
     if (frame) {
       this.stage.update(frame, colourOfForce);
@@ -103,10 +117,13 @@ export class View {
       this.frames++;
       this.last = frame;
     }
-    this.changed = this.stage.moved() || this.changed || Boolean(frame);
+    const moved = this.stage.moved();
+    this.changed ||= moved || Boolean(frame);
     if (this.stage.layout && this.changed && (frame || this.isTimeToDraw(now))) this.draw(now);
     if (now - this.since >= LOOK_MS) this.look(now);
     if (frame) this.showForcesOf(frame);
+    this.onTurn();
+    if (moved || (this.stage.layout && this.changed)) this.request();
   }
 
   isTimeToDraw(now) {
@@ -155,7 +172,7 @@ export class View {
     this.stage.setStep(this.governor.step);
     this.stream.want(this.governor.step.hz);
     this.showStep();
-    this.changed = true;
+    this.ask();
   }
 
   beginAnew() {

@@ -56,11 +56,12 @@ export function boundary(triangles) {
 }
 
 export class Wall {
-  constructor(rest, triangles, thickness) {
+  // `refined`: every triangle drawn as four.
+  constructor(rest, triangles, thickness, refined = true) {
     this.coarse = triangles;
     this.half = 0.5 * thickness;
     this.n = rest.length / 3;
-    const { edges, triangles: fine } = refine(triangles, this.n);
+    const { edges, triangles: fine } = refined ? refine(triangles, this.n) : { edges: new Uint32Array(), triangles };
     this.edges = edges;
     this.fine = fine;
     this.count = this.n + edges.length / 2;
