@@ -91,11 +91,11 @@ export class Catheter {
     const { line, sweep, along } = this;
     const body = new THREE.Color("#d8a63c"), ring = new THREE.Color("#1d1b18"), bore = new THREE.Color("#2a1f12");
     const colours = this.object.geometry.attributes.color;
-    let arc = 0;
+    let arc = 0, step = 0;
     for (let i = sweep.n - 1; i >= 0; i--) {
-      if (i < along - 1) arc += Math.hypot(...[0, 1, 2].map((k) => line[3 * i + k] - line[3 * i + 3 + k]));
+      if (i < along - 1) arc += step = Math.hypot(...[0, 1, 2].map((k) => line[3 * i + k] - line[3 * i + 3 + k]));
       const fromMark = Math.abs(arc - 10 * Math.round(arc / 10));
-      const colour = i === sweep.n - 1 ? bore : arc > 5 && fromMark < 0.55 ? ring : body;
+      const colour = i === sweep.n - 1 ? bore : arc > 5 && fromMark < Math.max(0.55, 0.5 * step) ? ring : body;
       for (let s = 0; s < sweep.sides; s++) colours.setXYZ(i * sweep.sides + s, colour.r, colour.g, colour.b);
     }
     colours.needsUpdate = true;

@@ -8,20 +8,26 @@ import { Catheter, Duct, ForceArrow, Forceps } from "./bodies.js";
 import { lightFrom } from "./gouraud.js";
 import { Lens } from "./lens.js";
 
-// Whether the browser draws on the processor (SwiftShader, llvmpipe), where every pixel counts.
-export function drawsInSoftware() {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  const info = gl?.getExtension("WEBGL_debug_renderer_info");
-  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
-  gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+// The canvas to draw on, and whether the browser draws on the processor (SwiftShader, llvmpipe), where every pixel counts: then edges
+// are not smoothed, which is settled with the context, and the context is the one that was asked, since making one takes a processor long.
+export function canvasFor(canvas) {
+  const asked = canvas.cloneNode();
+  const context = asked.getContext("webgl2", { alpha: true, antialias: false });
+  const info = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? context.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  if (/swiftshader|llvmpipe|software|basic render/i.test(name)) {
+    canvas.replaceWith(asked);
+    return { canvas: asked, context, software: true };
+  }
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return { canvas, software: false };
 }
 
 export class Stage {
-  // `step`: how finely, see governor.js; `software`: without a graphics processor, where edges are not smoothed.
-  constructor(canvas, step, software) {
+  // `step`: how finely, see governor.js; `drawnOn`: of `canvasFor`.
+  constructor({ canvas, context, software }, step) {
     this.look = step.look;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !software, powerPreference: "high-performance" });
+    this.renderer = new THREE.WebGLRenderer({ canvas, context, antialias: !software, powerPreference: "high-performance" });
     this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
     this.renderer.toneMappingExposure = 1.05;
     this.renderer.shadowMap.enabled = step.shadows;

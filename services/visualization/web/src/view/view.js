@@ -2,7 +2,7 @@
 
 import { force } from "../dashboard/format.js";
 import { Governor, ladder } from "./governor.js";
-import { drawsInSoftware, Stage } from "./stage.js";
+import { canvasFor, Stage } from "./stage.js";
 import { ViewStream } from "./stream.js";
 
 const FORCE_FULL_N = 3;
@@ -20,16 +20,16 @@ export class View {
   // onTurn(): what else is to be shown in a frame of the page; each frame costs a processor that draws, whatever is in it.
   constructor(onTurn = () => {}) {
     this.onTurn = onTurn;
-    this.canvas = $("scene");
     this.frames = 0;
     this.drawnAt = 0;
     this.changed = true;
     this.costs = [];
     this.since = performance.now();
-    this.software = drawsInSoftware();
+    const drawnOn = canvasFor($("scene"));
+    ({ canvas: this.canvas, software: this.software } = drawnOn);
     this.governor = new Governor(ladder(this.software, devicePixelRatio), this.software);
     try {
-      this.stage = new Stage(this.canvas, this.governor.step, this.software);
+      this.stage = new Stage(drawnOn, this.governor.step);
     } catch (error) {
       this.say(`This browser cannot draw in 3-D (${error.message}). The dashboard works all the same.`);
       return;

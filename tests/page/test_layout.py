@@ -1,0 +1,67 @@
+"""The page at the sizes of desks and phones, without a rig: nothing covers a button, nothing is too wide."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from services.supervisor.page_place import DIST
+from tests import chromium
+from tests.chromium import Chromium
+
+pytestmark = [
+    pytest.mark.timeout(300),
+    pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
+    pytest.mark.skipif(not (DIST / "index.html").is_file(), reason="the page is not built"),
+]
+
+_SIZES = [(1920, 1080), (1280, 800), (800, 560), (390, 844), (844, 390)]
+#: What a rig with instruments for a page's hands, long words and small print would show.
+_FULL = """
+document.getElementById('hands').hidden = false;
+document.getElementById('rig-reason').textContent = 'physics: 2608 ticks lost in the last minute, budget 60';
+document.getElementById('rig-name').textContent = 'mouse · everything';
+document.getElementById('drawn-how').textContent =
+  'This browser draws on the processor: 50 % of the resolution, coarse shapes, 12 pictures a second asked for.';
+"""
+_COVERED = """
+[...document.querySelectorAll('header button, #view button')].filter((button) => {
+  const { x, y, width, height } = button.getBoundingClientRect();
+  return width && [[0.1, 0.1], [0.5, 0.5], [0.9, 0.9]].some(([a, b]) =>
+    !button.contains(document.elementFromPoint(x + a * width, y + b * height)));
+}).map(({ id, textContent }) => id || textContent)
+"""
+_TOO_WIDE = "document.documentElement.scrollWidth - innerWidth"
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(_Quiet, directory=DIST)) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        profile: Path = tmp_path_factory.mktemp("layout") / "profile"
+        with Chromium(profile) as browser:
+            browser.open(f"http://127.0.0.1:{server.server_port}/")
+            browser.until(lambda: browser.evaluate("globalThis.trocar !== undefined"), 120, "the page loaded")
+            browser.evaluate(_FULL)
+            yield browser
+        server.shutdown()
+
+
+@pytest.mark.parametrize("taken", [False, True], ids=["free", "taken"])
+@pytest.mark.parametrize(("width", "height"), _SIZES)
+def test_no_button_is_covered_and_nothing_too_wide(browser: Chromium, width: int, height: int, *, taken: bool) -> None:
+    browser.set_size(width, height)
+    browser.evaluate(f"trocar.hands.show({str(taken).lower()})")
+    browser.until(lambda: browser.evaluate("innerWidth") == width, 30, "the size was taken")
+    assert browser.evaluate(_COVERED) == []
+    assert browser.evaluate(_TOO_WIDE) <= 0
