@@ -238,7 +238,10 @@ def study(
 @app.command()
 def tune(
     scene: Annotated[str, typer.Option("--scene", help="Scene file, or the name of one in configs/scenes.")],
-    budget_us: Annotated[float, typer.Option(help="What a tick of physics may cost, in microseconds.")],
+    budget_us: Annotated[
+        float | None,
+        typer.Option(help="What a tick of physics may cost, in microseconds; without it, only the ladder is measured."),
+    ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one key of the scene first.")
     ] = None,

@@ -19,7 +19,7 @@ from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
 from services.studies.accuracy.trial import Trial
-from services.studies.accuracy.tuning import Rung, Tuned, tune, value_of
+from services.studies.accuracy.tuning import Rung, Tuned, measure_ladder, tune, value_of
 
 _CHOSEN = ("duct.n_modes", "duct.integrator", "catheter.n_segments")
 _CELLS = ("duct.n_around", "duct.n_along")
@@ -31,7 +31,7 @@ class Request:
 
     scene: str
     overrides: tuple[str, ...]
-    budget_us: float
+    budget_us: float | None
     out: Path
     json: bool
 
@@ -57,7 +57,7 @@ def run_tune(request: Request) -> None:
 
 
 def _checked(request: Request) -> SceneModel:
-    if not (math.isfinite(request.budget_us) and request.budget_us > 0.0):
+    if request.budget_us is not None and not (math.isfinite(request.budget_us) and request.budget_us > 0.0):
         raise ConfigError(f"--budget-us must be a positive number of microseconds, is {request.budget_us:g}")
     if not request.out.absolute().parent.is_dir():
         raise ConfigError(f"--out {request.out}: there is no folder {request.out.absolute().parent}")
@@ -72,18 +72,17 @@ def _checked(request: Request) -> SceneModel:
     return scene
 
 
-def _tuned(scene: SceneModel, budget_us: float) -> Tuned:
+def _tuned(scene: SceneModel, budget_us: float | None) -> Tuned:
     directory = cache_directory()
     trial = Trial(lambda each: load_duct(each, directory, lambda *_: None))
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=None)
-        return tune(
-            scene,
-            budget_us,
-            trial,
-            lambda what, done, total: progress.update(task, description=what, completed=done, total=total),
-        )
+
+        def tell(what: str, done: int, total: int) -> None:
+            progress.update(task, description=what, completed=done, total=total)
+
+        return measure_ladder(scene, trial, tell) if budget_us is None else tune(scene, budget_us, trial, tell)
 
 
 def tuned_text(request: Request, tuned: Tuned) -> str:
@@ -102,8 +101,9 @@ def tuned_text(request: Request, tuned: Tuned) -> str:
     data["effects"] = {name: each for name, each in data.get("effects", {}).items() if name in scene.effects}
     data["quality"] = [_level(asdict(level)) for level in tuned.ladder]
     given = ", ".join(step.name for step in last.steps) or "nothing"
+    asked = "" if request.budget_us is None else f" --budget-us {request.budget_us:g}"
     head = (
-        f"{path.stem} as `trocar tune --budget-us {request.budget_us:g}` left it on one machine: a tick of "
+        f"{path.stem} as `trocar tune{asked}` left it on one machine: a tick of "
         f"{last.cost.median_us:.0f} us, forces {last.errors.force_percent:.2g} % and motion "
         f"{last.errors.motion_percent:.2g} % from the finest that was tried.\nGiven up for it: {given}."
     )

@@ -162,6 +162,14 @@ def tune(scene: SceneModel, budget_us: float, bench: Bench, tell: Tell) -> Tuned
     return Tuned(rungs, _ladder(rungs[-1].scene, bench, reference, tell), fitting is not None)
 
 
+def measure_ladder(scene: SceneModel, bench: Bench, tell: Tell) -> Tuned:
+    """Return the scene as it is, with its quality ladder measured."""
+    tell("reference", 0, 1)
+    reference = bench.run(finest(scene), 0.5 * TICK_S)
+    as_it_is = _measured([((), scene)], bench, reference, tell)
+    return Tuned(as_it_is, _ladder(scene, bench, reference, tell), fits=True)
+
+
 def _ranked(best: SceneModel, bench: Bench, reference: Run, tell: Tell) -> list[Step]:
     """Return the steps that free time, those first that free most for their error."""
     steps = [step for step in steps_down(best) if step.is_less_than(best)]

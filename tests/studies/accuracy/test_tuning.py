@@ -21,7 +21,17 @@ from services.runtime.errors import ConfigError
 from services.scenes import build_scene, load_duct, load_scene
 from services.studies.accuracy.study import Cost
 from services.studies.accuracy.trial import Errors, Run, Trial, errors_of
-from services.studies.accuracy.tuning import Rung, Step, Tuned, _walk, finest, steps_down, tune, worth_having
+from services.studies.accuracy.tuning import (
+    Rung,
+    Step,
+    Tuned,
+    _walk,
+    finest,
+    measure_ladder,
+    steps_down,
+    tune,
+    worth_having,
+)
 
 ESSENTIAL = ("friction", "grasp_slip", "gravity")
 
@@ -120,6 +130,15 @@ def test_the_ladder_tells_what_each_rung_costs_and_loses():
     assert all(after.cost_us < before.cost_us for before, after in pairwise(ladder))
     assert all(after.force_error_percent >= before.force_error_percent for before, after in pairwise(ladder))
     assert not any(name in ESSENTIAL for level in ladder for name in level.without)
+
+
+def test_without_a_budget_the_scene_stays_as_it_is_and_only_its_ladder_is_measured():
+    scene = example_scene()
+    tuned = measure_ladder(scene, MadeUp(), lambda *_: None)
+    assert replace(tuned.scene, quality=scene.quality) == scene
+    assert tuned.ladder[0].name == "full"
+    assert tuned.ladder[0].force_error_percent > 0.0
+    assert len(tuned.ladder) > 1
 
 
 def test_rungs_that_another_beats_or_that_free_less_than_the_noise_are_left_out():
