@@ -171,13 +171,13 @@ def measure_ladder(scene: SceneModel, bench: Bench, tell: Tell) -> Tuned:
 
 
 def _ranked(best: SceneModel, bench: Bench, reference: Run, tell: Tell) -> list[Step]:
-    """Return the steps that free time, those first that free most for their error."""
+    """Return the steps that free more time than the noise, those first that free most for their error."""
     steps = [step for step in steps_down(best) if step.is_less_than(best)]
     alone = _measured([((), best), *(((step,), step.apply(best)) for step in steps)], bench, reference, tell)
     start, worth = alone[0], dict[str, float]()
     for step, rung in zip(steps, alone[1:], strict=True):
         freed_us = start.cost.median_us - rung.cost.median_us
-        if freed_us > 0.0:
+        if freed_us > max(start.cost.noise_us, rung.cost.noise_us):
             lost = max(rung.errors.worst_percent - start.errors.worst_percent, LEAST_ERROR_PERCENT)
             worth[step.name] = freed_us / lost
     return sorted((step for step in steps if step.name in worth), key=lambda step: -worth[step.name])

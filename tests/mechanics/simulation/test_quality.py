@@ -33,7 +33,7 @@ def test_switching_quality_moves_nothing_by_itself(ladder):
         simulation.step(tools)
         largest = max(largest, np.linalg.norm(simulation.tool_results.force_n[0] - force))
         force[:] = simulation.tool_results.force_n[0]
-    assert largest < 0.3
+    assert largest < 0.2  # what the rig lets the force at a hand change in a millisecond
 
 
 def test_a_lower_rung_makes_fewer_sweeps_and_the_wall_stays_what_it_is(ladder):
