@@ -85,6 +85,11 @@ class Physics:
         self._begin()
         self.simulation.set_quality(level)
 
+    def settle(self) -> None:
+        """Do what no tick waits for, between two."""
+        self._outputs.settle()
+        self._process.health.send_if_due()
+
     def obey(self, level: int) -> None:
         """Take the quality level that the supervisor asks for, as far as the scene's ladder goes."""
         level = min(level, len(self._scene.quality) - 1)
@@ -114,7 +119,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     _say_what_is_approximate(process, prepared[1])
     clock = TickClock(meter)
     process.ready(meter)
-    for frame in follow(process.bus, "haptics.contacts", meter, process.stop, process.health.send_if_due):
+    for frame in follow(process.bus, "haptics.contacts", meter, process.stop, physics.settle):
         if frame is not None:
             steps = clock.steps(frame.body.tick)
             if steps:

@@ -22,6 +22,7 @@ from services.runtime.bus import Bus
 
 Arrays = tuple[NDArray[Any], ...]
 
+#: The inserted length is for the picture and the score: measured at 60 Hz, for it costs a third of a tick.
 _INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
@@ -36,13 +37,21 @@ class Outputs:
         self._simulation = simulation
         self._basis_hash = basis_hash
         self._inserted_m = 0.0
+        self._inserted_is_old = False
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
         self._table = np.zeros((N_TOOLS, _COLUMNS))
 
     def publish(self, bus: Bus, answered: Frame, *, valid: bool) -> None:
         """Send the state, as the answer to one frame of tools: one frame, for each more would wake haptics again."""
         state = self.state(answered.body.tick, answered.body.tools)
+        self._inserted_is_old |= state.tick % _INSERTED_EVERY == 0
         bus.publish("physics.state", state, origin_ns=answered.origin_ns, valid=valid and answered.valid)
+
+    def settle(self) -> None:
+        """Measure, between two ticks, what is only looked at: the next frames have it."""
+        if self._inserted_is_old:
+            self._inserted_is_old = False
+            self._inserted_m = self._simulation.inserted_length_m
 
     def state(self, tick: int, tools: tuple[ToolState, ...]) -> PhysicsState:
         """Return all that is known after a step, and what each of `tools`, which it was solved for, feels."""
@@ -51,7 +60,7 @@ class Outputs:
             tick=tick,
             tools=tuple(map(_reaction, self._table.tolist(), tools)),
             duct=self._duct(),
-            catheter=self._catheter(tick),
+            catheter=self._catheter(),
             contacts=contacts,
         )
 
@@ -65,20 +74,14 @@ class Outputs:
             load_force_n=pack(s.load_force_n[: s.n_loads]),
         )
 
-    def _catheter(self, tick: int) -> Catheter:
+    def _catheter(self) -> Catheter:
         catheter = self._simulation.catheter
         return Catheter(
             position_m=pack(catheter.state.position_m),
             velocity_m_s=pack(catheter.state.velocity_m_s),
             radius_m=catheter.radius_m,
-            inserted_length_m=self._inserted_length_m(tick),
+            inserted_length_m=self._inserted_m,
         )
-
-    def _inserted_length_m(self, tick: int) -> float:
-        """Return what the picture and the score read; at 60 Hz, for it costs as much as a tenth of a step."""
-        if tick % _INSERTED_EVERY == 0:
-            self._inserted_m = self._simulation.inserted_length_m
-        return self._inserted_m
 
     def _contacts(self) -> ContactForces:
         """Return the solved contacts, with the table of reactions brought up to date."""

@@ -42,6 +42,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
             simulation.step(tools)
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, ())
+        _ = simulation.inserted_length_m
     progress("kernels are compiled", 1.0)
 
 

@@ -1,0 +1,35 @@
+"""What physics says that nobody waits for costs no tick."""
+
+from __future__ import annotations
+
+import pytest
+
+from services.mechanics.simulation import Simulation
+from tests.memory_bus import MemoryBus
+from tests.physics.conftest import Rig
+
+FAR = (0.02, -0.05, 0.08)
+
+
+def test_the_inserted_length_is_measured_between_two_ticks_and_sixty_times_a_second(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured: list[int] = []
+
+    def measure(_simulation: Simulation) -> float:
+        measured.append(rig.tick)
+        return 0.01 * len(measured)
+
+    monkeypatch.setattr(Simulation, "inserted_length_m", property(measure))
+    observer = MemoryBus(rig.hub, reads=["physics.state"])
+    told = []
+    for _ in range(48):
+        before = len(measured)
+        rig.turn(FAR, FAR)
+        assert len(measured) == before
+        rig.physics.settle()
+        frame = observer.latest("physics.state")
+        assert frame is not None
+        told.append(frame.body.catheter.inserted_length_m)
+    assert len(measured) == 3
+    assert sorted(set(told)) == pytest.approx([0.0, 0.01, 0.02, 0.03])
