@@ -8,7 +8,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from services.mechanics.effects import EFFECTS
+from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scenarios import insertion
 from services.mechanics.scene import SceneModel
@@ -43,7 +43,7 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
 
     Three simulations, one with and two without, take every tick one after the other, in an order that turns, so that
     what else the machine does meets all alike. An effect that the scene has keeps its settings, another takes its
-    defaults.
+    defaults, and one that does not go with it is left out of all three.
 
     Raises
     ------
@@ -52,7 +52,8 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
     """
     if name not in EFFECTS:
         raise ValueError(f"unknown effect '{name}'; known: {', '.join(EFFECTS)}")
-    bare = replace(scene, effects={other: settings for other, settings in scene.effects.items() if other != name})
+    stays = {other: kept for other, kept in scene.effects.items() if other != name and go_together(other, name)}
+    bare = replace(scene, effects=stays)
     settings = scene.effects[name] if name in scene.effects else EFFECTS[name].kind.Settings()
     with_it = replace(scene, effects={**bare.effects, name: settings})
     simulations = [Simulation(each, build_duct(each)) for each in (with_it, bare, bare)]

@@ -54,13 +54,19 @@ EFFECTS: dict[str, EffectEntry] = {
 }
 
 
+def go_together(one: str, other: str) -> bool:
+    """Whether a scene may have both effects."""
+    return one not in EFFECTS[other].kind.stands_for and other not in EFFECTS[one].kind.stands_for
+
+
 def build_effects(scene: SceneModel) -> dict[str, Effect]:
     """Construct the effects that the scene names, in the order of the table.
 
     Raises
     ------
     ValueError
-        An effect that does not exist, settings that are another's, or a quality ladder that cannot be.
+        An effect that does not exist, settings that are another's, two effects of the same phenomenon, or a quality
+        ladder that cannot be.
     """
     for name, settings in scene.effects.items():
         if name not in EFFECTS:
@@ -68,6 +74,9 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
         wanted = EFFECTS[name].kind.Settings
         if type(settings) is not wanted:
             raise ValueError(f"effects.{name}: takes {wanted.__name__}, not {type(settings).__name__}")
+        for other in EFFECTS[name].kind.stands_for:
+            if other in scene.effects:
+                raise ValueError(f"effects.{name}: describes what effects.{other} describes as well; leave one out")
     check_ladder(scene)
     return {name: entry.kind(scene.effects[name], scene) for name, entry in EFFECTS.items() if name in scene.effects}
 
@@ -100,4 +109,4 @@ def _cannot_rest(name: str, scene: SceneModel) -> str:
     return ""
 
 
-__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects", "by_stage", "check_ladder"]
+__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects", "by_stage", "check_ladder", "go_together"]

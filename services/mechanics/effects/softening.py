@@ -8,7 +8,8 @@ from services.mechanics.arrays import AnyArray
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.softening.softened_wall import SoftenedWall, follow_loads
+from services.mechanics.reduction.softened_wall.follow import follow_loads
+from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
 from services.mechanics.reduction.softening.training import WallSoftening, fetch_softening
 from services.mechanics.world import World
 
@@ -26,11 +27,13 @@ class SofteningSettings:
 class Softening(Effect):
     """What large displacements add to the linear response of the wall to contact forces.
 
-    A force on the modes that follows their displacement and comes of an energy; none at first order, so small loads
-    meet the linear wall. Weight and gas pressure are not among the loads that soften.
+    A force on the modes that follows their displacement and has a potential, so that it gives out nothing that it was
+    not given; none at first order, so small loads meet the linear wall. Weight and gas pressure are not among the loads
+    that soften. It takes the place of `nonlinear_membrane`, whose energy it counts as well.
     """
 
     Settings = SofteningSettings
+    stands_for = ("nonlinear_membrane",)
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
         """Compute what is learned of the wall, unless it is in the cache.
@@ -45,7 +48,10 @@ class Softening(Effect):
     def prepare(self, world: World) -> None:
         """Take the wall's softening on."""
         duct = world.duct
-        self._wall = SoftenedWall.of(duct.reduced, self._fetch(duct.reduced), duct.constant_modal_force)
+        # Read by name: no effect needs another's file.
+        lasting = 1.0 - sum(getattr(self.scene.effects.get("viscoelasticity"), "g", ()))
+        softening, load = self._fetch(duct.reduced), duct.constant_modal_force
+        self._wall = SoftenedWall.of(duct.reduced, softening, load, duct.integrator, lasting)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Push the modes."""
@@ -55,9 +61,9 @@ class Softening(Effect):
         """Follow the contact forces, and the wall."""
         duct, n = world.duct, world.duct.n_loads
         loads = duct.load_nodes[:n], duct.load_force_n[:n]
-        follow_loads(self._wall.address, loads, duct.contact_impulse, (duct.state.q, duct.q_start), dt_s)
-        potential_j, work_j = self._wall.books
-        self.dissipated_j = -float(work_j + potential_j)
+        motion = duct.state.q, duct.q_start, duct.state.qdot, duct.state.qddot
+        follow_loads(self._wall.address, loads, duct.contact_impulse, motion, dt_s)
+        self.dissipated_j = float(self._wall.books[SPENT])
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return forces followed, force on the modes, and the books."""
@@ -65,7 +71,7 @@ class Softening(Effect):
 
     def potential_energy_j(self, world: World) -> float:
         """Return what the wall stores less than a linear one that is displaced as far."""
-        return float(self._wall.books[0])
+        return float(self._wall.books[STORED])
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:
         if duct.recipe is None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from effect_runs import pressing_tools
 
+from services.mechanics.reduction.softened_wall.follow import CREDIT_J
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
@@ -48,7 +49,7 @@ def test_the_books_balance(scene, duct):
         book.step(tools)
         largest = max(largest, book.flow.input_j)
     assert abs(book.flow.imbalance_j) < 0.01 * largest
-    assert abs(book.flow.effects_j) < 0.05 * largest
+    assert 0.0 <= book.flow.effects_j < 0.05 * largest
 
 
 def test_what_is_let_go_rests(scene, duct):
@@ -58,7 +59,7 @@ def test_what_is_let_go_rests(scene, duct):
     tools.present[:] = False
     for _ in range(300):
         simulation.step(tools)
-    assert effect.potential_energy_j(simulation.world) == 0.0
+    assert abs(effect.potential_energy_j(simulation.world)) <= 2.0 * CREDIT_J
     assert not any(array.any() for array in effect.state_arrays()[:3])
 
 

@@ -6,13 +6,15 @@ from services.studies.stability.families import FAMILIES
 from services.studies.stability.family import Reach
 from services.studies.stability.suite import Order, list_cases, run_case
 
+pytestmark = pytest.mark.timeout(600)  # one wall learns from the nonlinear shell first
+
 QUICK = Order(Reach.QUICK, 1, tuple(FAMILIES))
 # Open faults: what is known to fail, each with its figure in the table that
 # the command prints; nothing else may. Who mends one takes it out of here.
 TOOLS = {"tool_penetration_hand", "tool_penetration_any"}
 OPEN: dict[tuple[str, str], set[str]] = {
     ("jumps", "holding, tool 0 by 10 mm along +y"): {"gain"},
-    ("abuse", "all contacts at once, number 0"): TOOLS | {"gain", "imbalance"},
+    ("abuse", "all contacts at once, wall gives way, number 0"): TOOLS,
     ("grasping", "number 0"): TOOLS,
     ("effect_pairs", "twist and friction, number 0"): TOOLS | {"gain"},
     ("mass", "wall 100 times as heavy, number 0"): {"gain"},

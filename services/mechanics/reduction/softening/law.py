@@ -59,7 +59,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class SofteningLaw:
-    """Y and the energy that it follows from.
+    """Y, made of parts.
 
     Attributes
     ----------
@@ -67,15 +67,12 @@ class SofteningLaw:
         Evenly spaced from the least to the largest that was seen; beyond them Y stays what it is there.
     work : (N_PARTS, p) float64
         The parts of Y.
-    energy : (N_PARTS, p) float64
-        The parts of Phi: V Phi(rho) is the complementary energy beyond the linear one, 2 Phi + rho Phi' = Y.
     coefficients : (m, N_PARTS) float64
         Of the parts, for forces on each site.
     """
 
     rho: FloatArray
     work: FloatArray
-    energy: FloatArray
     coefficients: FloatArray
 
 
@@ -101,7 +98,7 @@ def fit_law(samples: Sequence[Sample], distance: FloatArray) -> SofteningLaw:
     fitted = at_sites @ (seen * dual).T
     coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
     grid = _grid(min(rho.min(), -0.05), max(rho.max(), 0.05))
-    return SofteningLaw(grid, parts(grid), _energies(grid), coefficients)
+    return SofteningLaw(grid, parts(grid), coefficients)
 
 
 def _grid(first: float, last: float) -> FloatArray:
@@ -109,13 +106,3 @@ def _grid(first: float, last: float) -> FloatArray:
     step = (last - first) / (N_POINTS - 1)
     grid: FloatArray = step * (np.arange(N_POINTS) - np.ceil(-first / step))
     return grid
-
-
-def _energies(grid: FloatArray) -> FloatArray:
-    """Phi of each part: rho^2 Phi is the integral of rho Y, by the trapezoidal rule on a finer grid."""
-    fine = np.linspace(0.0, 1.0, 2001)
-    energies = np.zeros((N_PARTS, len(grid)))
-    for place, rho in enumerate(grid):
-        if rho != 0.0:
-            energies[:, place] = np.trapezoid(fine * parts(rho * fine), fine, axis=1)
-    return energies

@@ -22,8 +22,6 @@ from services.mechanics.reduction.softening.law import Sample, SofteningLaw, fit
 from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites
 from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
 
-STIFF_MODES = 0.3
-"""How much the energy of a shape counts beside its fit: the median mode's against the mean mode's displacement."""
 LEAST_SHARE = 1e-3
 """Of the work that is local deformation: below it a state says nothing about the law."""
 
@@ -114,23 +112,6 @@ def own_compliance_m_n(duct: ReducedDuct) -> FloatArray:
     scaled = basis.Phi / basis.omega_rad_s
     compliance: FloatArray = moved[:, :, 0].transpose(1, 2, 0) + np.einsum("nar,nbr->nab", scaled, scaled)
     return compliance
-
-
-def delivery(duct: ReducedDuct, sites: LoadSites, lumen: Lumen) -> FloatArray:
-    """(r, m) modal coordinates that move the sites inward by nearly a unit each, at little energy."""
-    basis, mesh = duct.basis, duct.mesh
-    rows = np.einsum("nar,na->nr", basis.Phi, lumen.inward)
-    weights = np.einsum("nka,na->nk", sites.weights, lumen.inward)
-    total = weights.sum(axis=1, keepdims=True)
-    weights = np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), 0.0)
-    wanted = np.zeros((mesh.n_vertices, len(sites.nodes)))
-    np.put_along_axis(wanted, sites.near.astype(np.intp), weights, axis=1)
-    normal, stiffness = rows.T @ rows, basis.omega_rad_s**2
-    # High modes fit the last per cent of a shape and store more energy in it than in all the rest.
-    costly = STIFF_MODES * np.trace(normal) / len(normal) * stiffness / np.median(stiffness)
-    normal[np.diag_indices_from(normal)] += costly
-    modal: FloatArray = np.linalg.solve(normal, rows.T @ wanted)
-    return modal
 
 
 def _samples(model: ShellModel, sites: LoadSites, third: Float32Array, states: list[SqueezedState]) -> list[Sample]:

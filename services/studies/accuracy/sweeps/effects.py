@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from services.cache_directory import cache_directory
-from services.mechanics.effects import EFFECTS
+from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import SceneModel
 from services.studies.accuracy import insertions
@@ -31,7 +31,7 @@ FORCE, TIP, DEPTH, WALL = "change of force", "change of the tip's way", "change 
 def settings(draw: Draw) -> Sequence[Setting]:
     """Unchanged, each effect, and pairs: all of them, or a few drawn by the seed."""
     names = list(EFFECTS)
-    pairs = list(combinations(names, 2))
+    pairs = [pair for pair in combinations(names, 2) if go_together(*pair)]
     n_pairs = draw.pick(1, 6, len(pairs))
     if n_pairs < len(pairs):
         drawn = np.random.default_rng(draw.seed).permutation(len(pairs))[:n_pairs]

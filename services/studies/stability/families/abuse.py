@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from services.mechanics.effects import EFFECTS
+from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.effects.gallstones import GallstonesSettings
 from services.mechanics.scene.tools import N_TOOLS
 from services.studies.stability.drive import Play
@@ -19,12 +19,13 @@ from services.studies.stability.situations import LEAD_STEPS, Situation, approac
 Way = tuple[float, float, tuple[float, float, float]]
 """Distance in m, top speed in m/s, direction."""
 COUNT = 12
+QUICK = "jammed", "pulled apart by both tools", "all contacts at once", "all contacts at once, wall gives way"
 BUCKLING_N = 5.0
 
 
 def cases(draw: Draw) -> Iterator[Case]:
     """Every kind of abuse, each with small changes of direction and speed."""
-    for what in KINDS if draw.is_long else ("jammed", "pulled apart by both tools", "all contacts at once"):
+    for what in KINDS if draw.is_long else QUICK:
         for k in range(COUNT if draw.is_long else 1):
             name = f"{what}, number {k}"
             yield played(name, partial(_varied, draw, name, KINDS[what]))
@@ -101,10 +102,11 @@ def _shutting(hands: Hands, shut: tuple[float, float]) -> Hands:
     return hands
 
 
-def _everything(random: np.random.Generator) -> Play:
-    """All effects, two stones, both tools shut and moving: every kind of contact at once."""
+def _everything(wall: str, random: np.random.Generator) -> Play:
+    """All effects that go with one of the wall, two stones, both tools shut and moving: every contact at once."""
     start = threaded()
-    effects = {name: entry.kind.Settings() for name, entry in EFFECTS.items() if name not in start.scene.effects}
+    names = [name for name in EFFECTS if name not in start.scene.effects and go_together(name, wall)]
+    effects = {name: EFFECTS[name].kind.Settings() for name in names}
     effects["gallstones"] = GallstonesSettings(((22e-3, 0.0, -1.5e-3), (14e-3, 0.5e-3, -1.5e-3)), (1.5e-3, 1.2e-3))
     scene = with_effects(start.scene, effects)
     scene = replace(scene, contact=replace(scene.contact, capacity=160))
@@ -121,5 +123,6 @@ KINDS: dict[str, Callable[[np.random.Generator], Play]] = {
     "jaws shut on the wall": partial(_shut, (34e-3, 0.0, 4e-3)),
     "jaws shut on the catheter": partial(_shut, (52e-3, 0.0, 0.0)),
     "jaws shut on both": partial(_shut, (36e-3, 0.0, 0.0)),
-    "all contacts at once": _everything,
+    "all contacts at once": partial(_everything, "nonlinear_membrane"),
+    "all contacts at once, wall gives way": partial(_everything, "softening"),
 }

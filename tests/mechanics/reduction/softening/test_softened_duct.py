@@ -8,9 +8,10 @@ import pytest
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
 from services.mechanics.reduction import DuctRecipe, Newmark, reduce_duct
+from services.mechanics.reduction.softened_wall.follow import follow_loads
+from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
 from services.mechanics.reduction.softening.law import parts
 from services.mechanics.reduction.softening.sites import Lumen
-from services.mechanics.reduction.softening.softened_wall import SoftenedWall, follow_loads
 from services.mechanics.reduction.softening.squeezes import Squeeze, follow
 from services.mechanics.reduction.softening.training import fetch_softening, own_compliance_m_n
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -59,8 +60,10 @@ class Squeezed:
     lines: np.ndarray
 
     def __post_init__(self):
-        self.body = DuctBody(self.duct, Newmark(self.duct.basis.omega_rad_s, self.duct.damping_ratio), len(self.nodes))
-        self.wall = SoftenedWall.of(self.duct, self.softening, np.zeros(self.duct.basis.n_modes))
+        basis = self.duct.basis
+        integrator = Newmark(basis.omega_rad_s, self.duct.damping_ratio)
+        self.body = DuctBody(self.duct, integrator, len(self.nodes))
+        self.wall = SoftenedWall.of(self.duct, self.softening, np.zeros(basis.n_modes), integrator)
         self.corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
         self.weights = np.tile([1.0, 0.0, 0.0], (len(self.nodes), 1))
 
@@ -79,7 +82,8 @@ class Squeezed:
             force_n = np.linalg.solve(along, wanted_m - moved)
         body.correct(self.corners, self.weights, -force_n[:, None] * self.lines)
         loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
-        follow_loads(self.wall.address, loads, body.contact_impulse, (body.state.q, body.q_start), DT_S)
+        motion = body.state.q, body.q_start, body.state.qdot, body.state.qddot
+        follow_loads(self.wall.address, loads, body.contact_impulse, motion, DT_S)
         return force_n
 
     def displacement_m(self):
@@ -165,9 +169,9 @@ def test_a_slow_cycle_gives_next_to_nothing_back_that_was_not_put_in(duct, lumen
     pressed, closed = Squeezed(duct, softening, nodes, lines), np.array(parts_of_width) * WIDTH_M
     _, closing = pressed.squeeze(closed, 2400)
     _, opening = pressed.squeeze(np.zeros(2), 2400, closed)
-    potential_j, work_j = pressed.wall.books
-    assert potential_j == pytest.approx(0.0, abs=1e-6 * closing)
-    assert abs(work_j) <= 0.01 * closing
+    books = pressed.wall.books
+    assert books[STORED] == pytest.approx(0.0, abs=1e-6 * closing)
+    assert 0.0 <= books[SPENT] <= 0.01 * closing
     assert closing + opening > 0.0
 
 
@@ -192,11 +196,8 @@ def test_what_is_let_go_is_forgotten(duct, lumen, softening):
     assert not pressed.wall.at_sites.any()
 
 
-def test_the_law_has_an_energy(softening):
-    """2 Phi + rho Phi' = Y."""
+def test_zero_is_a_point_of_the_law(softening):
     law = softening.law
-    slope = np.gradient(law.energy, law.rho, axis=1, edge_order=2)
-    np.testing.assert_allclose((2.0 * law.energy + law.rho * slope)[:, 1:-1], law.work[:, 1:-1], atol=5e-3)
     np.testing.assert_array_equal(law.work, parts(law.rho))
     assert np.count_nonzero(law.rho == 0.0) == 1
 

@@ -1,0 +1,94 @@
+"""What is known of a wall that softens, and its state."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+
+from services.mechanics.arrays import AnyArray, Float32Array, FloatArray, IntArray, LongArray
+from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.newmark import Newmark
+from services.mechanics.reduction.softened_wall.delivery import delivery
+from services.mechanics.reduction.softened_wall.pattern import Pattern
+from services.mechanics.reduction.softening.law import N_PARTS
+from services.mechanics.reduction.softening.sites import Lumen
+from services.mechanics.reduction.softening.training import WallSoftening
+from services.mechanics.reduction.state import ModalIntegrator
+
+STORED, SPENT, POTENTIAL, TANK = range(4)
+"""Books in J: what is stored, and what was dissipated so far; stored are the pattern's potential and the tank."""
+N_BOOKS = 4
+MOST_SOFTENING = 0.9
+"""Of the stiffness that lasts, so much may be lost: what is left brings the wall back."""
+
+
+class SoftenedWall(Struct):
+    """m sites, r modes."""
+
+    near: Annotated[IntArray, "n", "k"]
+    weights: Annotated[FloatArray, "n", "k", 3]
+    local: Annotated[FloatArray, "m", "m"]
+    third: Annotated[Float32Array, "m", "m", "m"]
+    coefficients: Annotated[FloatArray, "m", N_PARTS]
+    parts: Annotated[FloatArray, N_PARTS, "p"]
+    delivery: Annotated[FloatArray, "r", "m"]
+    stiffness: Annotated[FloatArray, "r"]
+    rest_q: Annotated[FloatArray, "r"]
+    takes_mean: bool  # the integrator, of the forces at both ends of a step
+    most_softening: float  # part of the linear stiffness that may be lost along a pattern
+    at_sites: Annotated[FloatArray, "m"]  # state: forces on the sites, followed
+    modal: Annotated[FloatArray, "r"]  # state: the modal force that belongs to them
+    force: Annotated[FloatArray, "r"]  # state: what acts on the modes in the next step
+    books: Annotated[FloatArray, N_BOOKS]  # state
+    pattern: Pattern  # state: acts
+    candidate: Pattern  # is being made of the forces below
+    pressed: Annotated[FloatArray, "m"]
+    pressed_modal: Annotated[FloatArray, "r"]
+    active: Annotated[IntArray, "m"]
+    made: Annotated[LongArray, 3]  # sites that are active, and the pair of them that comes next
+    quadratic: Annotated[FloatArray, "m"]
+    moved: Annotated[FloatArray, "m"]
+    shift: Annotated[FloatArray, "m"]
+
+    @classmethod
+    def of(
+        cls,
+        duct: ReducedDuct,
+        softening: WallSoftening,
+        constant_modal_force: FloatArray,
+        integrator: ModalIntegrator,
+        lasting: float = 1.0,
+    ) -> SoftenedWall:
+        """Take a softening on for a duct that rests under a constant modal force (r,).
+
+        ``lasting`` is the part of the wall's stiffness that does not relax.
+        """
+        sites, law = softening.sites, softening.law
+        stiffness = duct.basis.omega_rad_s**2
+        arrays = {
+            "near": sites.near,
+            "weights": sites.weights,
+            "local": sites.local_m_n,
+            "third": softening.third,
+            "coefficients": law.coefficients,
+            "parts": law.work,
+            "delivery": delivery(duct, sites, Lumen.of(duct.mesh)),
+            "stiffness": stiffness,
+            "rest_q": constant_modal_force / stiffness,
+        }
+        plain: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+        extents = {"r": len(stiffness), "p": len(law.rho)}
+        points = {"rho_first": float(law.rho[0]), "rho_step": float(law.rho[1] - law.rho[0])}
+        patterns = {name: Pattern.zeros(**extents, **points) for name in ("pattern", "candidate")}
+        takes_mean = isinstance(integrator, Newmark)
+        plain |= {"takes_mean": takes_mean, "most_softening": MOST_SOFTENING * lasting}
+        return cls.zeros(m=len(sites.nodes), **extents, **patterns, **plain)
+
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays of the state."""
+        return self.at_sites, self.modal, self.force, self.books, *self.pattern.state_arrays()
+
+
+softened_wall_at = reader(SoftenedWall)

@@ -1,0 +1,117 @@
+"""Whatever presses a wall that softens, and however it moves: what it gives out it was given before.
+
+Walls of random numbers, so that nothing rests on what a shell's are.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
+from services.mechanics.reduction.softened_wall.follow import CREDIT_J, follow_loads
+from services.mechanics.reduction.softened_wall.pattern import Pattern
+from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, TANK, SoftenedWall
+from services.mechanics.reduction.softening.law import parts
+
+SITES, MODES, NODES = 9, 14, 30
+RHO = np.linspace(-0.4, 1.2, 129)
+STEP = RHO[1] - RHO[0]
+RHO = RHO - RHO[np.abs(RHO).argmin()]
+
+
+def random_wall(random, integrator, coefficients):
+    """A wall whose sites and modes have to do with each other, as those of a shell, and whose numbers are small."""
+    shapes = random.normal(size=(MODES, SITES)) / np.sqrt(MODES)
+    third = random.normal(size=(SITES, SITES, SITES))
+    third = sum(third.transpose(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)))
+    stiffness = OMEGA**2
+    local = shapes.T @ (shapes / stiffness[:, None])
+    patterns = {
+        name: Pattern.zeros(r=MODES, p=len(RHO), rho_first=RHO[0], rho_step=STEP) for name in ("pattern", "candidate")
+    }
+    arrays = {
+        "near": random.integers(0, SITES, (NODES, 6)).astype(np.int32),
+        "weights": np.abs(random.normal(size=(NODES, 6, 3))),
+        "local": local,
+        "third": (-0.02 * np.abs(third) * np.abs(local).max() ** 1.5).astype(np.float32),
+        "coefficients": np.tile(coefficients, (SITES, 1)),
+        "parts": parts(RHO),
+        "delivery": shapes / stiffness[:, None] @ np.linalg.inv(local),
+        "stiffness": stiffness,
+        "rest_q": 1e-3 * random.normal(size=MODES),
+    }
+    plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    extents = {"m": SITES, "r": MODES, "p": len(RHO)}
+    plain |= {"takes_mean": isinstance(integrator, Newmark), "most_softening": 0.9}
+    return SoftenedWall.zeros(**extents, **patterns, **plain)
+
+
+OMEGA = np.geomspace(100.0, 2e4, MODES)
+GIVING, STIFFENING = (3.0, 1.0, 0.5, 0.3, 0.0), (3.0, -2.0, 4.0, 0.0, -6.0)
+
+
+@dataclass
+class Shaken:
+    """A wall under random loads and blows, its energy, and the least of what it has spent less what it had spent."""
+
+    fell_j: float = 0.0
+    imbalance_j: float = 0.0
+    largest_j: float = 0.0
+    owed_j: float = 0.0
+    softened: int = 0
+
+
+def shake(seed, kind, dt_s, ways, coefficients, ticks=1500):
+    random = np.random.default_rng(seed)
+    integrator = kind(OMEGA, np.zeros(MODES))
+    wall = random_wall(random, integrator, np.array(coefficients))
+    state, seen = ModalState.at_rest(MODES), Shaken()
+    state.q[:] = wall.rest_q
+    constant = OMEGA**2 * wall.rest_q
+    nodes, forces = np.zeros(0, np.int32), np.zeros((0, 3))
+
+    def energy():
+        rest = state.q - wall.rest_q
+        return state.kinetic_energy_j() + 0.5 * float(np.sum((OMEGA * rest) ** 2)) + wall.books[STORED]
+
+    for tick in range(ticks):
+        if tick % random.integers(1, 40) == 0:
+            nodes = random.choice(NODES, random.integers(0, 5), replace=False).astype(np.int32)
+            forces = (
+                random.choice(ways, len(nodes))[:, None]
+                * np.abs(random.normal(size=(len(nodes), 3)))
+                * 10.0 ** random.uniform(-2, 0)
+            )
+        if tick % 50 == 0:
+            state.qdot += 0.03 * random.normal(size=MODES)
+        before, spent, q_start = energy(), wall.books[SPENT], state.q.copy()
+        integrator.predict(state, constant + wall.force, dt_s)
+        modal = 0.01 * random.normal(size=MODES) + OMEGA**2 * (state.q - wall.rest_q)
+        follow_loads(wall.address, (nodes, forces), modal, (state.q, q_start, state.qdot, state.qddot), dt_s)
+        change = wall.books[SPENT] - spent
+        seen.largest_j = max(seen.largest_j, energy())
+        seen.fell_j = max(seen.fell_j, -change)
+        seen.imbalance_j = max(seen.imbalance_j, abs(energy() + change - before))
+        seen.softened += bool(wall.force.any())
+        seen.owed_j = max(seen.owed_j, -wall.books[TANK])
+    return seen
+
+
+INWARD, OUTWARD, BOTH = (1.0,), (-1.0,), (1.0, -1.0)
+CASES = [
+    (kind, dt_s, ways, coefficients)
+    for kind in (Newmark, ExactOscillator)
+    for dt_s in (1e-4, 1e-3, 5e-2)
+    for ways, coefficients in ((INWARD, GIVING), (BOTH, GIVING), (OUTWARD, STIFFENING), (BOTH, STIFFENING))
+]
+
+
+@pytest.mark.parametrize(("kind", "dt_s", "ways", "coefficients"), CASES)
+def test_nothing_comes_out_that_was_not_put_in(kind, dt_s, ways, coefficients):
+    for seed in range(3):
+        seen = shake(seed, kind, dt_s, ways, coefficients)
+        assert seen.softened > (0 if ways is OUTWARD else 50)
+        assert seen.fell_j == 0.0
+        assert seen.imbalance_j <= 1e-9 * seen.largest_j
+        assert seen.owed_j <= 2.0 * CREDIT_J + (0.0 if ways is INWARD else 1e-5 * seen.largest_j)

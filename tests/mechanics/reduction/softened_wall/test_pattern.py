@@ -1,0 +1,60 @@
+"""The potential of a pattern: the integral of its force, concave where the wall gives way, within its bounds."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, reader
+from services.mechanics.reduction.softened_wall import pattern as law
+from services.mechanics.reduction.softened_wall.pattern import DELIVERED, GAIN, LINEAR, PART, RHO, Pattern
+from services.mechanics.reduction.softening.law import parts
+
+KNOTS = 0.01 * np.arange(-40, 120)
+MOST_SOFTENING = 0.9
+pattern_at = reader(Pattern)
+
+
+@kernel
+def bound(address: Address[Pattern], most_softening: float) -> None:
+    law.bound_law(pattern_at(address), most_softening)
+    law.integrate_law(pattern_at(address))
+
+
+@kernel
+def evaluate(address: Address[Pattern], s: float) -> tuple[float, float]:
+    return law.evaluate(pattern_at(address), s)
+
+
+def made(rho, delivered, coefficients=(3.0, 1.0, 0.5, 2.0, -3.0)):
+    pattern = Pattern.zeros(r=1, p=len(KNOTS), rho_first=KNOTS[0], rho_step=KNOTS[1] - KNOTS[0])
+    pattern.work[:] = np.array(coefficients) @ parts(KNOTS)
+    pattern.numbers[[LINEAR, DELIVERED, GAIN, RHO, PART]] = 1.0, delivered, 1.0, rho, 1.0
+    bound(pattern.address, MOST_SOFTENING)
+    return pattern
+
+
+@pytest.mark.parametrize("rho", [0.05, 0.6, -0.05, -0.6])
+@pytest.mark.parametrize("delivered", [0.5, 2.0, 40.0])
+def test_the_force_is_the_slope_of_the_potential(rho, delivered):
+    pattern, s = made(rho, delivered), np.linspace(0.0, 6.0, 601)
+    phi, potential = np.array([evaluate(pattern.address, x) for x in s]).T
+    slope = np.gradient(potential, s)
+    np.testing.assert_allclose(-slope[1:-1], phi[1:-1], atol=2e-3 * np.abs(phi).max())
+    assert phi[0] == potential[0] == 0.0
+    stiffness = np.gradient(phi, s) * delivered
+    assert np.all(np.sign(rho) * phi[1:] > 0.0)
+    assert stiffness.max() <= MOST_SOFTENING + 1e-9
+    assert stiffness.min() >= (-1e-9 if rho > 0.0 else -1.0 - 1e-9)
+
+
+def test_the_law_is_met_where_it_is_within_the_bounds():
+    """Loads theta a displace by theta (m . t) + phi (t . K t); phi is theta Y(theta rho)."""
+    pattern = made(0.3, 1.0)
+    for theta in (0.3, 1.0, 2.0):
+        work = np.interp(theta * 0.3, KNOTS, np.array((3.0, 1.0, 0.5, 2.0, -3.0)) @ parts(KNOTS))
+        phi, _ = evaluate(pattern.address, theta + theta * work)
+        assert phi == pytest.approx(theta * work, rel=1e-9)
+
+
+def test_the_other_way_there_is_no_force():
+    assert evaluate(made(0.3, 1.0).address, -1.0) == (0.0, 0.0)
