@@ -220,7 +220,8 @@ class WatchedRig:
             misses = history.change(f'trocar_deadline_misses_total{{loop="{loop}"}}')
             limit = asked_percent if loop in _FAST else None
             rows.append(Row(f"{loop}: late or lost ticks", 100.0 * misses / max(1.0, ticks, misses), "%", limit))
-            rows.append(Row(f"{loop}: rate", ticks / self.seconds, "Hz"))
+            lived_s = history.change(f'trocar_service_uptime_seconds{{service="{loop}"}}')  # of the counts' own reports
+            rows.append(Row(f"{loop}: rate", ticks / max(1e-3, lived_s), "Hz"))
         for core in range(len(os.sched_getaffinity(0))):
             label = f'core="{core}"'
             total = history.change(f"trocar_machine_lateness_seconds_count{{{label}}}")
