@@ -30,6 +30,8 @@ from pathlib import Path
 
 import numpy as np
 
+from services.runtime.machine import processor_name
+
 RESULTS = Path(__file__).resolve().parent / "results"
 PACKAGES = ("numpy", "scipy", "numba", "msgspec", "msgpack", "pyzmq", "pyvista")
 
@@ -140,7 +142,7 @@ def describe_run() -> dict[str, str]:
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": shlex.join(["python", *_relative(sys.argv)]),
         "commit": _commit(),
-        "cpu": _cpu_model(),
+        "cpu": processor_name(),
         "cores": str(os.cpu_count()),
         "load": f"{os.getloadavg()[0]:.1f}",
         "kernel": platform.release(),
@@ -211,12 +213,3 @@ def _commit() -> str:
     command = ["git", "rev-parse", "--short", "HEAD"]
     done = subprocess.run(command, cwd=RESULTS.parent, capture_output=True, text=True, check=False)
     return done.stdout.strip() or "unknown"
-
-
-def _cpu_model() -> str:
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or "unknown"

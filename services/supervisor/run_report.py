@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import protocol.bodies as bodies
+from services.runtime.machine import processor_name
 from services.supervisor.figures import Figures, Latencies, Tally, Traffic
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
@@ -165,10 +166,9 @@ def _fact(fact: bodies.RealtimeFact) -> dict[str, Any]:
 
 def machine() -> dict[str, Any]:
     """Return what the figures were measured on."""
-    models = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "cpu": models[0].partition(":")[2].strip() if models else platform.machine(),
+        "cpu": processor_name(),
         "cores": os.cpu_count(),
         "kernel": platform.release(),
         "python": platform.python_version(),

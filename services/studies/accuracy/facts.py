@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
+from services.runtime.machine import processor_name
 from services.studies.accuracy.study import Cost, Draw
 
 PACKAGES = "numpy", "scipy", "numba"
@@ -39,7 +39,7 @@ class Facts:
             seed=draw.seed,
             size=draw.size.value,
             date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-            machine=f"{_processor()}, {os.cpu_count()} cores",
+            machine=f"{processor_name()}, {os.cpu_count()} cores",
             system=f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
             packages=", ".join(f"{name} {found}" for name, found in _versions(PACKAGES)),
             floors=floors,
@@ -70,12 +70,3 @@ def _versions(packages: Sequence[str]) -> list[tuple[str, str]]:
         except PackageNotFoundError:
             continue
     return found
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or "unknown processor"
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()

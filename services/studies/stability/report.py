@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
 
+from services.runtime.machine import processor_name
 from services.studies.stability.criteria import CRITERIA, load_of
 from services.studies.stability.families import FAMILIES
 from services.studies.stability.suite import Order, Result, list_cases
@@ -74,21 +75,13 @@ def _head(order: Order, results: Sequence[Result], failed: int, code: str) -> li
     steps, seconds = sum(result.steps for result in results), sum(result.seconds for result in results)
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     every = len(list_cases(order))
+    machine = f"{os.cpu_count()} cores of {processor_name()}, {platform.system()} {platform.machine()}"
     count = f"{len(results)} cases" if len(results) == every else f"{len(results)} of {every} cases run"
     return [
         f"- **{count}, {failed} failed**; {steps:,} steps, {seconds / 60:.0f} minutes of processor time",
         f"- code {code}, seed {order.seed}, {datetime.now(UTC):%Y-%m-%d}",
-        f"- {_machine()}, {platform.system()} {platform.machine()}, Python {platform.python_version()}, {packages}",
+        f"- {machine}, Python {platform.python_version()}, {packages}",
     ]
-
-
-def _machine() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor() or "an unknown processor"
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return f"{len(names)} cores of {names[0]}" if names else "an unknown processor"
 
 
 def _criteria(results: Sequence[Result]) -> list[str]:
