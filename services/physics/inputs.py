@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
 from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES
+from protocol.vectors import Vec3
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs, pairs_at
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 
 NO_PARTICLE = -1
+# Rows of a frame that are looked at, over the pairs that there is room for.
+_ROOM = 4
+_ROW_BYTES = 4 * PAIR_INDICES, 8 * PAIR_GEOMETRY
 
 
 class ContactsReader:
@@ -34,20 +41,35 @@ class ContactsReader:
         self.tools = ToolInputs()
         self.pairs = ContactPairs.allocate(simulation.scene.contact.capacity)
         self.refused = 0
-        self._port_m = simulation.tools.port_m
         n_triangles = simulation.duct.reduced.mesh.triangles.shape[0]
         n_segments = simulation.catheter.state.position_m.shape[0] - 1
+        room = _ROOM * self.pairs.capacity
+        self._index, self._geometry = np.zeros((room, PAIR_INDICES), np.int32), np.zeros((room, PAIR_GEOMETRY))
+        self._bytes = _flat(self._index, "B"), _flat(self._geometry, "B")
+        self._weights: dict[int, tuple[Vec3, FloatArray]] = {}
         self._n_targets = np.array([n_triangles, n_segments], np.int32)
+        self._most = {DUCT_TRIANGLE: n_triangles, CATHETER_SEGMENT: n_segments}
+        tools = self.tools
+        arrays = tools.present, simulation.tools.port_m, tools.position_m, tools.roll_rad, tools.jaw_angle_rad
+        # Numbers are put into a memory view three at a time for what numpy takes to look at a tuple.
+        self._views = tuple(map(_flat, arrays, "?dddd"))
 
     def take(self, body: ToolContacts) -> bool:
         """Copy `body` into `tools` and `pairs`; False, and nothing copied, if it names something that is not there."""
-        index, geometry = body.pair_index.view(), body.pair_geometry.view()
-        holds_there = all(self._is_there(hold) for hold in body.holds)
-        if not (holds_there and take_pairs(index, geometry, self._n_targets, self.pairs.address)):
+        holds_there = not body.holds or all(map(self._is_there, body.holds))
+        if not (holds_there and self._take_pairs(body.pair_index.data, body.pair_geometry.data)):
             self.refused += 1
             return False
         self._take_tools(body)
         return True
+
+    def _take_pairs(self, index: bytes, geometry: bytes) -> bool:
+        """Copy the tables' bytes to where numpy knows them: to make arrays of them would take four times as long."""
+        n_sent = len(index) // _ROW_BYTES[0]
+        n = min(n_sent, len(self._index))
+        for view, data, width in zip(self._bytes, (index, geometry), _ROW_BYTES, strict=True):
+            view[: n * width] = data[: n * width] if n < n_sent else data
+        return bool(take_pairs(self._index, self._geometry, n_sent, self._n_targets, self.pairs.address))
 
     def compile_kernels(self) -> None:
         """Read an empty frame as it comes off the wire."""
@@ -55,28 +77,40 @@ class ContactsReader:
         self.take(ToolContacts(tick=0, tools=(), pair_index=index, pair_geometry=geometry))
 
     def _is_there(self, hold: HoldBody) -> bool:
-        return hold.tool < N_TOOLS and hold.target < int(self._n_targets[hold.target_kind])
+        return hold.tool < N_TOOLS and hold.target < self._most[hold.target_kind]
 
     def _take_tools(self, body: ToolContacts) -> None:
-        tools = self.tools
-        tools.present[:] = False
-        for i, tool in enumerate(body.tools[:N_TOOLS]):
-            tools.present[i] = True
-            self._port_m[i] = tool.port_m
-            tools.position_m[i] = tool.position_m
-            tools.roll_rad[i] = tool.roll_rad
-            tools.jaw_angle_rad[i] = tool.jaw_angle_rad
-        tools.holds = [_hold(hold) for hold in body.holds]
+        present, port, position, roll, jaw = self._views
+        n_sent = len(body.tools)
+        for i in range(N_TOOLS):
+            present[i] = i < n_sent
+            if i < n_sent:
+                tool = body.tools[i]
+                port[3 * i], port[3 * i + 1], port[3 * i + 2] = tool.port_m
+                position[3 * i], position[3 * i + 1], position[3 * i + 2] = tool.position_m
+                roll[i], jaw[i] = tool.roll_rad, tool.jaw_angle_rad
+        self.tools.holds = [self._hold(hold) for hold in body.holds] if body.holds else []
+        if len(self._weights) > len(body.holds):
+            self._weights = {hold.hold_id: self._weights[hold.hold_id] for hold in body.holds}
+
+    def _hold(self, body: HoldBody) -> GraspHold:
+        known = self._weights.get(body.hold_id)
+        if known is None or known[0] != body.target_weights:
+            known = self._weights[body.hold_id] = body.target_weights, _weights(body)
+        return GraspHold(
+            body.hold_id, body.tool, body.target_kind, body.target, known[1], body.limit_n, body.jaw_angle_rad
+        )
 
 
 @kernel
-def take_pairs(index: IntArray, geometry: FloatArray, n_targets: IntArray, address: Address[ContactPairs]) -> bool:
-    """Copy tables of the wire into the pairs; False, and nothing copied, if a row names what is not there.
+def take_pairs(
+    index: IntArray, geometry: FloatArray, n_sent: int, n_targets: IntArray, address: Address[ContactPairs]
+) -> bool:
+    """Copy the first rows of tables of the wire into the pairs; False, and none copied, if one names what is not there.
 
     ``n_targets`` (2,) are the numbers of triangles and of segments. Rows beyond the pairs' capacity are dropped.
     """
-    n_sent = index.shape[0]
-    for row in range(n_sent):
+    for row in range(min(n_sent, index.shape[0])):
         tool, segment, kind, target = index[row, 0], index[row, 1], index[row, 2], index[row, 3]
         named = 0 <= tool < N_TOOLS and 0 <= segment < N_SEGMENTS and 0 <= kind < n_targets.shape[0]
         if not (named and 0 <= target < n_targets[kind]):
@@ -95,9 +129,13 @@ def take_pairs(index: IntArray, geometry: FloatArray, n_targets: IntArray, addre
     return True
 
 
-def _hold(body: HoldBody) -> GraspHold:
+def _flat(array: NDArray[Any], kind: str) -> Any:
+    """Return a view of all items of a contiguous array."""
+    whole: Any = memoryview(array.data).cast("B")
+    return whole.cast(kind)
+
+
+def _weights(body: HoldBody) -> FloatArray:
     if body.target_kind == CATHETER_SEGMENT:
-        weights = np.array([*body.target_weights[:2], 0.0])
-    else:
-        weights = np.array(body.target_weights)
-    return GraspHold(body.hold_id, body.tool, body.target_kind, body.target, weights, body.limit_n, body.jaw_angle_rad)
+        return np.array([*body.target_weights[:2], 0.0])
+    return np.array(body.target_weights)

@@ -40,6 +40,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         tools = _touch_everything(simulation)
         for _ in range(_STEPS):
             simulation.step(tools)
+        simulation.system.strategy.compile_kernels()
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, ())
         _ = simulation.inserted_length_m

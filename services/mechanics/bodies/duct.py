@@ -11,19 +11,38 @@ from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.newmark import Newmark, newmark_step
+from services.mechanics.reduction.node_compliance import NodeArrays, gather_and_displace
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
 
 
-class DuctLoads(Struct):
-    """Where contact forces go: onto nodes, and onto the modes at the end of the step."""
+class DuctMotion(Struct):
+    """The modes from the start of a step to its end without contact forces, and what drives them."""
 
     q: Annotated[FloatArray, "r"]
     qdot: Annotated[FloatArray, "r"]
     qddot: Annotated[FloatArray, "r"]
+    start: Annotated[FloatArray, "r"]
+    change: Annotated[FloatArray, "r"]
+    constant: Annotated[FloatArray, "r"]  # loads in every step
+    force: Annotated[FloatArray, "r"]
+    kick: Annotated[FloatArray, "r"]
+    given_back: Annotated[FloatArray, "r"]
+
+
+motion_at = reader(DuctMotion)
+
+
+class DuctLoads(Struct):
+    """Where contact forces come from and go: points of contact, nodes, and the modes at the end of the step."""
+
+    free: DuctMotion
     gains: Annotated[FloatArray, 3, "r"]  # change of these three per modal contact force
     impulse: Annotated[FloatArray, "r"]  # the modal contact force
     modes: Annotated[FloatArray, "3 c", "r"]
+    displacement: Annotated[FloatArray, "c", 3]
+    motion: Annotated[FloatArray, "c", 3]
     node: Annotated[IntArray, "l"]
     force: Annotated[FloatArray, "l", 3]
     count: Annotated[LongArray, 1]
@@ -52,6 +71,10 @@ class DuctBody:
         Displacement of the contact points at the start of the step, and their motion over it without contact forces.
     load_nodes : (L,) int32, load_force_n : (L, 3) float64, n_loads : int
         Contact forces on nodes, each node once; they act through the residual compliance.
+    motion_address : Address[DuctMotion], loads_address : Address[DuctLoads]
+        Where kernels find what drives the modes, and what contacts do.
+    kept_address : Address[NodeArrays] or None
+        Where they find the compliance that is kept between nodes, if any is.
     modal_force : (r,) float64
         Loads that effects put on the modes in this step, the constant ones included.
     constant_modal_force : (r,) float64
@@ -82,18 +105,32 @@ class DuctBody:
         self._n_loads = np.zeros(1, np.int64)
         self._gains = np.zeros((3, n_modes))
         self._gains_dt_s = 0.0
-        self._loads = DuctLoads(
+        self._free = DuctMotion(
             q=self.state.q,
             qdot=self.state.qdot,
             qddot=self.state.qddot,
+            start=self.q_start,
+            change=self.dq_free,
+            constant=self.constant_modal_force,
+            force=self.modal_force,
+            kick=self.modal_kick,
+            given_back=self.given_back,
+        )
+        self.motion_address = self._free.address
+        self._loads = DuctLoads(
+            free=self._free,
             gains=self._gains,
             impulse=self.contact_impulse,
             modes=self.modes,
+            displacement=self.displacement_m,
+            motion=self.motion_m,
             node=self.load_nodes,
             force=self.load_force_n,
             count=self._n_loads,
             slot=np.full(reduced.mesh.n_vertices, -1, np.int32),
         )
+        self.loads_address = self._loads.address
+        self.kept_address = self._motion.kept_address
 
     def set_constant_load(self, nodal_n: FloatArray) -> None:
         """Take a constant load (n, 3) on and start in equilibrium with it."""
@@ -103,11 +140,16 @@ class DuctBody:
 
     def predict(self, dt_s: float) -> None:
         """Step the modes without contact forces."""
-        self.change_step(dt_s)
+        if dt_s != self._gains_dt_s:
+            self.change_step(dt_s)
+        self._motion.update(self.state.q)
+        integrator = self.integrator
+        if type(integrator) is Newmark:
+            predict_by_newmark(self._free.address, integrator.constants(dt_s), dt_s)
+            return
         self.q_start[:] = self.state.q
         self.given_back[:] = 0.0
-        self._motion.update(self.q_start)
-        self.integrator.predict(self.state, self.modal_force, dt_s)
+        integrator.predict(self.state, self.modal_force, dt_s)
         np.subtract(self.state.q, self.q_start, out=self.dq_free)
 
     def gather(self, nodes: IntArray, weights: FloatArray) -> None:
@@ -121,14 +163,22 @@ class DuctBody:
         out = self.modes[: 3 * n], self.displacement_m[:n], self.motion_m[:n]
         self._motion.gather((nodes, weights), (self.q_start, self.dq_free), loads, out)
 
-    def compliance(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+    def displace(self, nodes: IntArray, weights: FloatArray) -> None:
+        """Do what `gather_kept` has left where it returned False."""
+        n, count = len(nodes), self.n_loads
+        loads = self.load_nodes[:count], self.load_force_n[:count]
+        self._motion.displace((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
+
+    def compliance(self, nodes: IntArray, weights: FloatArray, out: FloatArray, *, anew: bool = False) -> None:
         """Write the compliance between the points of the last `gather` into the lower blocks of ``out`` (3 k, 3 k).
 
         In m/N at the end of the step, along world axes: with all modes, as forces act on all of them. With fewer, the
-        wall would give way more than the solve knows, and every tick would put energy in.
+        wall would give way more than the solve knows, and every tick would put energy in. ``anew`` is without what is
+        kept between nodes.
         """
         rows = self.modes[: 3 * len(nodes)]
-        self._motion.compliance((nodes, weights), rows, self.position_gain, out)
+        compliance = self._motion.compliance_anew if anew else self._motion.compliance
+        compliance((nodes, weights), rows, self.position_gain, out)
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
@@ -246,6 +296,25 @@ class DuctBody:
 
 
 @kernel
+def predict_by_newmark(address: Address[DuctMotion], constants: FloatArray, dt_s: float) -> None:
+    """Note the start, step the modes with the ``constants`` of `Newmark`, and note the change."""
+    modes = motion_at(address)
+    for mode in range(modes.q.shape[0]):
+        modes.start[mode], modes.given_back[mode] = modes.q[mode], 0.0
+    newmark_step(modes.q, modes.qdot, modes.qddot, modes.force, constants, dt_s)
+    for mode in range(modes.q.shape[0]):
+        modes.change[mode] = modes.q[mode] - modes.start[mode]
+
+
+@kernel
+def gather_kept(duct: DuctLoads, kept: Address[NodeArrays], nodes: IntArray, weights: FloatArray) -> bool:
+    """Do as `DuctBody.gather` for points (k, 3); False, with residuals left out, where a node has no place."""
+    n, count, free = nodes.shape[0], duct.count[0], duct.free
+    loads, out = (duct.node[:count], duct.force[:count]), (duct.modes[: 3 * n], duct.displacement[:n], duct.motion[:n])
+    return bool(gather_and_displace(kept, (nodes, weights), (free.start, free.change), loads, out))
+
+
+@kernel
 def correct(address: Address[DuctLoads], nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
     """Apply the reactions to ``forces`` (k, 3) at barycentric points (k, 3); see `DuctBody.correct`."""
     out = loads_at(address)
@@ -292,8 +361,8 @@ def _write_modal_force(out: DuctLoads, forces: FloatArray) -> None:
 @kernel
 def _add_impulse(out: DuctLoads) -> None:
     """Add to the end state, in place, what the modal contact force changes."""
-    gains, force = out.gains, out.impulse
+    gains, force, state = out.gains, out.impulse, out.free
     for mode in range(force.shape[0]):
-        out.q[mode] += gains[0, mode] * force[mode]
-        out.qdot[mode] += gains[1, mode] * force[mode]
-        out.qddot[mode] += gains[2, mode] * force[mode]
+        state.q[mode] += gains[0, mode] * force[mode]
+        state.qdot[mode] += gains[1, mode] * force[mode]
+        state.qddot[mode] += gains[2, mode] * force[mode]

@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.duct import DuctBody, DuctLoads, loads_at
 from services.mechanics.collision import CollisionSurface
+from services.mechanics.collision.shell import Shell
+from services.mechanics.collision.tick import start_tick
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.field import ResidualField
+from services.mechanics.reduction.residual.field import FieldArrays, ResidualField, displace_round_loads, field_at
 
 
 class Wall:
@@ -30,6 +35,11 @@ class Wall:
         residual.update(load_nodes, load_force_n)
         self.surface.update(q, residual.nodes[: residual.count], residual.displacement_m[: residual.count])
 
+    def follow(self, duct: DuctBody) -> None:
+        """Take the state of a duct's body at the start of the step."""
+        if not move_wall(self._residual.address, self.surface.shell.address, duct.loads_address):
+            raise ValueError("the duct's coordinates or contact loads are not finite")
+
 
 class TurnedWall(Wall):
     """Wall whose sections turn: the loads are turned back into the undeformed axes, where the residual is known."""
@@ -47,6 +57,20 @@ class TurnedWall(Wall):
         self._frame.update(q)
         self._frame.turn_back(load_nodes, load_force_n, loads)
         super().update(q, load_nodes, loads)
+
+    def follow(self, duct: DuctBody) -> None:
+        """Take the state of a duct's body at the start of the step."""
+        n = duct.n_loads
+        self.update(duct.q_start, duct.load_nodes[:n], duct.load_force_n[:n])
+
+
+@kernel
+def move_wall(field: Address[FieldArrays], shell: Address[Shell], duct_address: Address[DuctLoads]) -> bool:
+    """Move a straight wall to where a duct's body is, loads included; False, and not moved, where that is no number."""
+    duct, arrays = loads_at(duct_address), field_at(field)
+    n = duct.count[0]
+    count = displace_round_loads(field, duct.node[:n], duct.force[:n])
+    return bool(start_tick(shell, duct.free.start, arrays.node[:count], arrays.displacement[:count]))
 
 
 def make_wall(duct: ReducedDuct, half_thickness_m: float) -> Wall:

@@ -12,10 +12,11 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.contact_corners import ContactCorners, list_corners, take_corners
 from services.mechanics.compiled import summing_kernel
+from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.reduction.node_compliance import Loads, NodeCompliance, PointRows, Points
+from services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
 from services.mechanics.reduction.residual.turned import TurnedResidual
 
 
@@ -26,13 +27,21 @@ class PointCompliance:
     ----------
     reduced : ReducedDuct
         Its residual compliance acts along world axes.
+    kept_address : Address[NodeArrays] or None
+        Where kernels find what is kept from tick to tick, if anything is.
     """
+
+    kept_address: Address[NodeArrays] | None = None
 
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         self.reduced = reduced
         self._corners = ContactCorners.allocate(n_points)
         self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
         self._scaled_modes = np.zeros(3 * n_points * reduced.basis.n_modes)
+
+    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Do as `add_residual`."""
+        self.add_residual(points, loads, out)
 
     def add_residual(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Add what ``loads`` do beyond the modes to displacements of points, and take it from their motions (k, 3)."""
@@ -43,6 +52,10 @@ class PointCompliance:
 
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
+        self.compliance_anew(points, rows, gain, out)
+
+    def compliance_anew(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
+        """Do as `compliance`, of nothing that is kept."""
         self.reduced.residual.gather_points(points[0], points[1], out)
         add_modal_compliance(rows, gain, self._scaled_modes, out)
 
@@ -53,6 +66,7 @@ class StraightMotion(PointCompliance):
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         super().__init__(reduced, n_points)
         self._kept = NodeCompliance(reduced, n_points)
+        self.kept_address = self._kept.address
 
     def update(self, q: FloatArray) -> None:
         """Take over the state; there is nothing to prepare."""
@@ -65,10 +79,15 @@ class StraightMotion(PointCompliance):
         if not self._kept.gather_points(points, motion, loads, out):
             self.add_residual(points, loads, (out[1], out[2]))
 
+    def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
+        """Add what ``loads`` do beyond the modes to displacements, and take it from motions, some nodes being new."""
+        if not self._kept.displace(points, loads, out):
+            self.add_residual(points, loads, out)
+
     def compliance(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Write the compliance between points, with their ``rows`` of the modes, into the lower blocks of ``out``."""
         if not self._kept.gather(points, gain, out):
-            super().compliance(points, rows, gain, out)
+            self.compliance_anew(points, rows, gain, out)
 
     def positions(self, nodes: IntArray, q: FloatArray) -> FloatArray:
         """Return where ``nodes`` (k,) are without contact loads, (k, 3) in m."""

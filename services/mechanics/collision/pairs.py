@@ -73,8 +73,7 @@ class ContactPairs(Struct):
 
     def clear(self) -> None:
         """Forget every pair."""
-        self.count = 0
-        self.dropped = 0
+        self.put_zero("count", "dropped")
 
 
 pairs_at = reader(ContactPairs)

@@ -7,6 +7,7 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
+from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import ForcepsScene
@@ -81,7 +82,7 @@ class HoldRegistry:
         self._lost: set[int] = set()
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
-        self._stops_jaws = False
+        self._stops: list[tuple[int, int, float]] = []
         geometry = system.geometry
         self._n_targets = {
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
@@ -97,8 +98,9 @@ class HoldRegistry:
             return
         requests = [request for request in requests if self._is_sound(request) and self._tool_is_present(request)]
         asked = {request.hold_id for request in requests}
-        for gone in [hold_id for hold_id in self.active if hold_id not in asked]:
-            self._drop(gone)
+        if asked != self.active.keys():
+            for gone in [hold_id for hold_id in self.active if hold_id not in asked]:
+                self._drop(gone)
         self._lost &= asked
         for request in requests:
             if request.hold_id in self.active:
@@ -115,21 +117,27 @@ class HoldRegistry:
 
     def stop_jaws(self, tools: ToolBody) -> None:
         """Write into the tools what they hold and where that stops their jaws."""
-        if not self.active and not self._stops_jaws:
+        requests = [hold.request for hold in self.active.values()]
+        stops = [(request.tool, request.target_kind, request.jaw_angle_rad) for request in requests]
+        if stops == self._stops:
             return
-        self._stops_jaws = bool(self.active)
+        self._stops = stops
         tools.held[:] = False
         tools.jaw_stop_rad[:] = -math.inf
-        for hold in self.active.values():
-            request = hold.request
-            tools.held[request.tool, request.target_kind] = True
-            tools.jaw_stop_rad[request.tool] = max(tools.jaw_stop_rad[request.tool], request.jaw_angle_rad)
+        for tool, target_kind, jaw_angle_rad in stops:
+            tools.held[tool, target_kind] = True
+            tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], jaw_angle_rad)
 
     def append_rows(self) -> None:
         """Append one bilateral row per hold, as far as there is room."""
         first = self._system.rows.n_contacts
         n_rows = append_holds(self._system.address, self._arrays.address, len(self.active)) if self.active else 0
         self.rows = range(first, first + n_rows)
+
+    @property
+    def in_use(self) -> tuple[Address[HoldArrays], int]:
+        """Where kernels find the holds, and how many there are."""
+        return self._arrays.address, len(self.active)
 
     def limit_rows(self) -> None:
         """Limit every hold to what its grasp can carry."""

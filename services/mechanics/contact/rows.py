@@ -81,5 +81,15 @@ class ContactRows(Struct):
         """Number of contacts there is room for."""
         return len(self.gap_m)
 
+    @property
+    def on_duct(self) -> tuple[IntArray, FloatArray]:
+        """Nodes and weights (k, 3) of the contacts in use."""
+        return self.duct_node[: self.n_contacts], self.duct_weight[: self.n_contacts]
+
+    @property
+    def on_rod(self) -> tuple[IntArray, FloatArray]:
+        """Particles and weights (k, 4) of the contacts in use."""
+        return self.rod_node[: self.n_contacts], self.rod_weight[: self.n_contacts]
+
 
 rows_at = reader(ContactRows)

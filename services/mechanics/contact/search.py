@@ -76,8 +76,7 @@ class DuctSearch:
 
     def start(self, duct: DuctBody) -> None:
         """Move the wall."""
-        n = duct.n_loads
-        self._wall.update(duct.q_start, duct.load_nodes[:n], duct.load_force_n[:n])
+        self._wall.follow(duct)
 
     def node_positions(self, nodes: IntArray, out: FloatArray) -> None:
         """Write where ``nodes`` (k,) of the wall are into ``out`` (k, 3), in m."""

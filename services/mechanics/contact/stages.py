@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.bodies.duct import DuctLoads, gather_kept, loads_at
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.free_motion import subtract_duct_motion
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from services.mechanics.contact.hold_rows import HoldArrays, append_holds
 from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.warm_start import recall_forces, store_forces
+from services.mechanics.reduction.node_compliance import NodeArrays
 
 
 @kernel
@@ -28,7 +31,47 @@ def append(
 @kernel
 def complete_rows(state_address: Address[ContactState], displacement: FloatArray, motion: FloatArray) -> None:
     """Finish gaps and slips with the duct's displacement, see `subtract_duct_motion`, and recall last tick's forces."""
+    _complete(state_at(state_address), displacement, motion)
+
+
+@kernel
+def collect(
+    state_address: Address[ContactState],
+    pairs_addresses: tuple[Address[ContactPairs], Address[ContactPairs]],
+    holds: tuple[Address[HoldArrays], int],
+    wall: tuple[Address[DuctLoads], Address[NodeArrays]],
+) -> tuple[int, int, int, bool]:
+    """Append the rows of tools, catheter and ``holds``, so many of them; `gather_and_complete` them, if there are any.
+
+    Return the pairs that had been dropped, the first row of a hold, how many rows holds have, and whether the rows are
+    complete.
+    """
     state = state_at(state_address)
+    rows, dropped = state.rows, 0
+    for place in range(2):
+        pairs = pairs_at(pairs_addresses[place])
+        append_pairs(pairs, state.geometry, rows)
+        dropped += pairs.dropped
+    first_hold, n_holds = rows.n_contacts, append_holds(state_address, holds[0], holds[1])
+    is_complete = rows.n_contacts > 0 and gather_and_complete(state_address, wall[0], wall[1])
+    return dropped, first_hold, n_holds, is_complete
+
+
+@kernel
+def gather_and_complete(
+    state_address: Address[ContactState], duct_address: Address[DuctLoads], kept_address: Address[NodeArrays]
+) -> bool:
+    """Gather what a straight wall is at the rows' points, and `complete_rows`; False if a node of it has no place."""
+    state, duct = state_at(state_address), loads_at(duct_address)
+    k = state.rows.n_contacts
+    if not gather_kept(duct, kept_address, state.rows.duct_node[:k], state.rows.duct_weight[:k]):
+        return False
+    _complete(state, duct.displacement, duct.motion)
+    return True
+
+
+@kernel
+def _complete(state: ContactState, displacement: FloatArray, motion: FloatArray) -> None:
     subtract_duct_motion(state.rows, displacement, motion)
     recall_forces(state.memory, state.rows, state.slides)
 

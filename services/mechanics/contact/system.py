@@ -8,11 +8,15 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
+from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
+from services.mechanics.contact.giving import give_forces
+from services.mechanics.contact.hold_rows import HoldArrays
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.strategies.strategy import AddCompliance
+from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.scene import ContactSettings
 
 
@@ -70,10 +74,7 @@ class ContactSystem:
         self.slides = self._state.slides
         self.sweeps = 0
         self.dropped_pairs = 0
-        self._gave_forces = False
-        rows = self.rows
-        self._nowhere = (rows.duct_node[:0], rows.duct_weight[:0]), (rows.rod_node[:0], rows.rod_weight[:0])
-        self._on_duct, self._on_rod = self._nowhere
+        self._gave_forces = self._is_complete = self._must_displace = False
 
     @property
     def motion_m(self) -> FloatArray:
@@ -87,7 +88,8 @@ class ContactSystem:
 
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
-        self.rows.n_contacts = 0
+        self.rows.put_zero("n_contacts")
+        self._is_complete = self._must_displace = False
 
     def let_go_of_tools(self) -> None:
         """Tell the duct of the last step's forces by tools that are gone."""
@@ -102,18 +104,38 @@ class ContactSystem:
         geometry = self.geometry if geometry is None else geometry
         self.dropped_pairs += stages.append(pairs.address, geometry.address, self.rows.address)
 
+    def collect(self, pairs: ContactPairs, more: ContactPairs, holds: tuple[Address[HoldArrays], int]) -> range | None:
+        """Append two sets of pairs and the rows of so many holds, and complete them; return the rows of the holds.
+
+        None, and nothing done, where the duct keeps no compliance.
+        """
+        duct = self.bodies.duct
+        if duct.kept_address is None:
+            return None
+        addresses, wall = (pairs.address, more.address), (duct.loads_address, duct.kept_address)
+        dropped, first, count, self._is_complete = stages.collect(self.address, addresses, holds, wall)
+        self.dropped_pairs += dropped
+        self._must_displace = not self._is_complete
+        return range(first, first + count)
+
     def complete_rows(self) -> None:
-        """Finish gaps and slips with the duct's displacement, and recall last tick's forces."""
-        duct, rows = self.bodies.duct, self.rows
-        k = rows.n_contacts
-        self._on_duct = rows.duct_node[:k], rows.duct_weight[:k]
-        self._on_rod = rows.rod_node[:k], rows.rod_weight[:k]
-        duct.gather(*self._on_duct)
+        """Finish gaps and slips with the duct's displacement, and recall last tick's forces, if that is not done."""
+        if self._is_complete:
+            return
+        duct = self.bodies.duct
+        if self._must_displace:
+            duct.displace(*self.rows.on_duct)
+        elif duct.kept_address is None:
+            duct.gather(*self.rows.on_duct)
+        elif stages.gather_and_complete(self.address, duct.loads_address, duct.kept_address):
+            return
+        else:
+            duct.displace(*self.rows.on_duct)
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
     def assemble(self, add_compliance: AddCompliance | None) -> None:
         """Gather what the solve needs, of the bodies here and, if there are others, what they add."""
-        self.strategy.assemble(self._on_duct, self._on_rod, add_compliance)
+        self.strategy.assemble(add_compliance)
 
     def solve(self, iterations: int, dt_s: float) -> None:
         """Find the contact forces."""
@@ -121,7 +143,7 @@ class ContactSystem:
 
     def rest(self) -> None:
         """Forget the forces of the last tick: nothing is touched."""
-        self.sweeps, self._on_duct, self._on_rod = 0, self._nowhere[0], self._nowhere[1]
+        self.sweeps = 0
         self._state.memory.n_contacts = 0
 
     def forget(self) -> None:
@@ -130,11 +152,23 @@ class ContactSystem:
         self.rest()
 
     def apply(self, tool_force: FloatArray) -> None:
-        """Give the forces to duct, catheter and, as generalised forces (2, 4), to the tools."""
-        bodies, k = self.bodies, self.rows.n_contacts
-        if k or self._gave_forces:  # once without any, so that the last ones are taken back
-            forces = self.force_n[:k]
-            bodies.duct.correct(*self._on_duct, forces)
-            bodies.catheter.correct(*self._on_rod, forces)
+        """Give the forces to duct, catheter and, as generalised forces ``tool_force`` (2, 4), to the tools."""
+        bodies, rows = self.bodies, self.rows
+        k = rows.n_contacts
+        catheter, rod = bodies.catheter, bodies.catheter.plain_integrator
+        if k and rod is not None:
+            motion, step = (
+                (catheter.state.position_m, catheter.state.velocity_m_s),
+                (rod.velocity_gain_s, rod.is_factored),
+            )
+            addresses = (self.address, bodies.duct.loads_address, catheter.step_address, bodies.tools.address)
+            rod.note_factors(give_forces(addresses, rod.addresses, motion, step, tool_force))
+            catheter.note_contacts(k)
+        else:
+            if k or self._gave_forces:  # once without any, so that the last ones are taken back
+                forces = self.force_n[:k]
+                bodies.duct.correct(*rows.on_duct, forces)
+                catheter.correct(*rows.on_rod, forces)
+            load_tools(self.address, tool_force)
+            bodies.tools.correct(tool_force)
         self._gave_forces = k > 0
-        bodies.tools.correct(tool_force)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.mechanics.arrays import BoolArray
+import numpy as np
+
+from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.rows import ContactRows, rows_at
@@ -44,9 +46,8 @@ class Friction(Effect):
 
     def __init__(self, settings: FrictionSettings, scene: SceneModel) -> None:
         super().__init__(settings, scene)
-        self._mu = (
-            (settings.mu_static, settings.mu_kinetic),
-            (settings.tool_mu_static, settings.tool_mu_kinetic),
+        self._mu = np.array(
+            [[settings.mu_static, settings.mu_kinetic], [settings.tool_mu_static, settings.tool_mu_kinetic]]
         )
 
     def set_friction(self, world: World, dt_s: float) -> None:
@@ -55,11 +56,8 @@ class Friction(Effect):
 
 
 @kernel
-def set_coefficients(
-    rows_address: Address[ContactRows], slides: BoolArray, mu: tuple[tuple[float, float], tuple[float, float]]
-) -> None:
-    """Write the coefficients of all rows; ``mu`` is (static, kinetic) without and with a tool. Not all laws use it."""
+def set_coefficients(rows_address: Address[ContactRows], slides: BoolArray, mu: FloatArray) -> None:
+    """Write the coefficients of all rows; ``mu`` (2, 2) is static, kinetic without and with a tool. Not all use it."""
     rows = rows_at(rows_address)
     for row in range(rows.n_contacts):
-        pair = mu[1] if rows.tool[row] >= 0 else mu[0]
-        rows.friction[row] = pair[1] if slides[row] else pair[0]
+        rows.friction[row] = mu[1 if rows.tool[row] >= 0 else 0, 1 if slides[row] else 0]

@@ -50,12 +50,9 @@ class Gravity(Effect):
         return self._g
 
     def prepare(self, world: World) -> None:
-        """Keep the particles' weights."""
+        """Put the particles' weights on them."""
         self._weight_n = world.catheter.properties.particle_mass_kg()[:, None] * self._g
-
-    def add_loads(self, world: World, dt_s: float) -> None:
-        """Add the weights of the particles."""
-        world.catheter.external_force_n += self._weight_n
+        world.catheter.constant_force_n += self._weight_n
 
     def potential_energy_j(self, world: World) -> float:
         """Potential energy of the catheter, zero at the origin."""

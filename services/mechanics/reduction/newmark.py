@@ -67,9 +67,13 @@ class Newmark:
 
     def predict(self, state: ModalState, modal_force: FloatArray, dt_s: float) -> None:
         """Step ``state`` in place by ``dt_s`` under ``modal_force`` (r,), which acts at the end of the step."""
+        newmark_step(state.q, state.qdot, state.qddot, modal_force, self.constants(dt_s), dt_s)
+
+    def constants(self, dt_s: float) -> FloatArray:
+        """Return what `newmark_step` takes for a step of this length."""
         if dt_s != self._dt_s:
             self._prepare(dt_s)
-        newmark_step(state.q, state.qdot, state.qddot, modal_force, self._kernel_constants, dt_s)
+        return self._kernel_constants
 
     def gains(self, dt_s: float) -> ModalGains:
         """Return the change of the end state per unit modal force: 1/K_hat, a8 a4/K_hat and a4/K_hat."""

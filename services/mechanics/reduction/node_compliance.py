@@ -80,6 +80,7 @@ class NodeCompliance:
         self._arrays = NodeArrays.zeros(
             touched=touched, Phi=duct.basis.Phi, gain=np.zeros(duct.basis.n_modes), m=m, k=n_points, **{"3 m": 3 * m}
         )
+        self.address = self._arrays.address
 
     def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> bool:
         """Add what ``loads`` move points by beyond the modes to displacements, and take it from motions, (k, 3) in m.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled.struct import Address
 from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
+from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, step_freely
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
@@ -60,12 +62,12 @@ class ImplicitIntegrator:
         self.iterations = 0
         n = properties.n_particles
         self.work = allocate_work(n)
-        self._addresses = (self.model.address, self.work.address)
+        self.addresses = (self.model.address, self.work.address)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
         self._external = np.zeros((n, 3)) if self.twist is not None else np.zeros((0, 3))
         self._columns = empty_columns(3 * n)
         self._dt_s = 0.0
-        self._is_factored = False
+        self.is_factored = False
 
     @property
     def held(self) -> IntArray:
@@ -91,7 +93,7 @@ class ImplicitIntegrator:
             If the state or a force is not finite; ``state`` is then left as it was.
         """
         self._dt_s = dt_s
-        self._is_factored = False
+        self.is_factored = False
         is_start = state.slow_velocity_m_s is None
         if state.slow_velocity_m_s is None:
             state.slow_velocity_m_s = np.zeros_like(state.velocity_m_s)
@@ -101,9 +103,36 @@ class ImplicitIntegrator:
             np.copyto(self._external, external_force_n)
             add_frame_forces(self.twist, state, self._external, of_next_step=True)
             external_force_n = self._external
-        self.iterations = implicit_kernels.predict(self._addresses, motion, external_force_n, self.held_target_m, step)
+        self.iterations = implicit_kernels.predict(self.addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
+
+    def step_freely(self, state: RodState, address: Address[FreeStep], dt_s: float, flags: tuple[bool, bool]) -> bool:
+        """Do as `predict` and `correct` do of a rod without twist, in one kernel; return whether the rod slept.
+
+        ``flags`` are those of `free_step.step_freely`.
+
+        Raises
+        ------
+        FloatingPointError
+            If the state or a force is not finite.
+        """
+        slow = state.slow_velocity_m_s
+        is_start = slow is None
+        if slow is None:
+            slow = np.zeros_like(state.velocity_m_s)
+        motion = (state.position_m, state.velocity_m_s, slow)
+        step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
+        taken = step_freely(address, self.addresses, motion, self.held_target_m, step, flags)
+        if taken == SLEPT:
+            return True
+        state.slow_velocity_m_s = slow
+        self._dt_s, self.iterations = dt_s, max(taken, 0)
+        self.note_factors(taken != NOT_DEFINITE)
+        self.is_factored = flags[0]
+        if taken == 0:
+            raise FloatingPointError("the rod's state or a force on it is not finite")
+        return False
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
         """Fill ``out`` (n, 3, m) with the end-of-step position changes of ``force_n`` (n, 3, m), m right-hand sides."""
@@ -124,15 +153,22 @@ class ImplicitIntegrator:
 
     def correct(self, state: RodState, contact_force_n: FloatArray) -> None:
         """Add to ``state`` in place what contact forces (n, 3), as impulses over the step, change since `predict`."""
-        motion, step = (state.position_m, state.velocity_m_s), (self._dt_s, self._is_factored)
-        self._note_factors(contact_response.correct(self._addresses, motion, contact_force_n, step))
+        motion, step = (state.position_m, state.velocity_m_s), (self._dt_s, self.is_factored)
+        self.note_factors(contact_response.correct(self.addresses, motion, contact_force_n, step))
 
     def _factor(self) -> None:
         """Factorise B, unless that is done."""
-        if not self._is_factored:
-            self._note_factors(contact_response.factor_for_contacts(self._addresses, self._dt_s))
+        if not self.is_factored:
+            self.note_factors(contact_response.factor_for_contacts(self.addresses, self._dt_s))
 
-    def _note_factors(self, is_factored: bool) -> None:
-        self._is_factored = is_factored
+    def note_factors(self, is_factored: bool) -> None:
+        """Note whether B could be factorised.
+
+        Raises
+        ------
+        FloatingPointError
+            It could not.
+        """
+        self.is_factored = is_factored
         if not is_factored:
             raise FloatingPointError("the rod's state is not finite")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.world import World
 
@@ -20,6 +22,17 @@ MOST_PARTS = 64
 LONGEST_STEP_S = 1e-3
 
 
+class Moving(Struct):
+    """What says how fast a world moves: velocities of n particles; r coordinates before and after the last step."""
+
+    velocity: Annotated[FloatArray, "n", 3]
+    before: Annotated[FloatArray, "r"]
+    after: Annotated[FloatArray, "r"]
+
+
+moving_at = reader(Moving)
+
+
 class Pace:
     """Splits ticks that are long, and steps in which something moves further than contacts are seen ahead.
 
@@ -28,6 +41,8 @@ class Pace:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        velocity, duct = world.catheter.state.velocity_m_s, world.duct
+        self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
         self._most_m = 2.0 * world.scene.contact.margin_m
         basis, n = world.duct.reduced.basis, world.duct.reduced.mesh.n_vertices
         nodes = np.unique(np.linspace(0, n - 1, N_NODES).astype(int))
@@ -38,8 +53,8 @@ class Pace:
     def parts(self, tools: ToolInputs, dt_s: float) -> int:
         """Return the number of parts of a step, a power of two."""
         world = self._world
-        rod, duct, body = world.catheter, world.duct, world.tools
-        speed_m_s, way = speed_and_way(rod.state.velocity_m_s, duct.q_start, duct.state.q)
+        duct, body = world.duct, world.tools
+        speed_m_s, way = speed_and_way(self._moving.address)
         moved_m, last_s = speed_m_s * dt_s, duct.dt_s
         if last_s > 0.0:
             scale = dt_s / last_s
@@ -63,8 +78,10 @@ def steps_of(tick_s: float) -> int:
 
 
 @kernel
-def speed_and_way(velocity: FloatArray, before: FloatArray, after: FloatArray) -> tuple[float, float]:
-    """Return the largest speed of particles (n, 3), and the Euclidean distance of coordinates (r,)."""
+def speed_and_way(address: Address[Moving]) -> tuple[float, float]:
+    """Return the largest speed of the particles, and the Euclidean distance of the coordinates."""
+    moving = moving_at(address)
+    velocity, before, after = moving.velocity, moving.before, moving.after
     largest_2, total = 0.0, 0.0
     for i in range(velocity.shape[0]):
         largest_2 = max(largest_2, velocity[i, 0] ** 2 + velocity[i, 1] ** 2 + velocity[i, 2] ** 2)

@@ -20,12 +20,13 @@ from services.mechanics.contact.manifold import ContactManifold
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
-from services.mechanics.contact.tool_loads import ReportArrays, load_tools, report
+from services.mechanics.contact.tool_loads import ReportArrays, report
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
 from services.mechanics.simulation.healing import Healer
+from services.mechanics.simulation.loads import begin_loads
 from services.mechanics.simulation.pace import Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
@@ -248,9 +249,7 @@ class Simulation:
         self._mark_ns = now
 
     def _add_loads(self, dt_s: float) -> None:
-        self.catheter.external_force_n[:] = 0.0
-        self.duct.modal_force[:] = self.duct.constant_modal_force
-        self.duct.modal_kick[:] = 0.0
+        begin_loads(self.duct.motion_address, self.catheter.step_address)
         for effect in self._stages["add_loads"]:
             effect.add_loads(self.world, dt_s)
 
@@ -276,6 +275,11 @@ class Simulation:
         catheter_pairs = self.world.pairs
         catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, catheter_pairs)
+        if not (self._stages["add_pairs"] or self._stages["add_rows"]):
+            rows = system.collect(pairs, catheter_pairs, self.holds.in_use)
+            if rows is not None:
+                self.holds.rows = rows
+                return
         for effect in self._stages["add_pairs"]:
             effect.add_pairs(self.world, dt_s)
         system.append(pairs)
@@ -313,7 +317,6 @@ class Simulation:
         self.seal.slide()
         self.holds.slide()
         self._manifold.keep(system.rows)
-        load_tools(system.address, self._tool_force)
         system.apply(self._tool_force)
         for effect in self._stages["after_solve"]:
             effect.after_solve(self.world, dt_s)

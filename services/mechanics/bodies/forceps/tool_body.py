@@ -19,6 +19,9 @@ from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 LONGEST_UNSOUND_S = 20e-3
 # Openings and rolls beyond this are numbers, but no hand's.
 MOST_TURNED_RAD = 1e3
+# What may be true of a tool in a step: it is not where its hand is; it was there in the step before; it is there, and
+# waits.
+BEHIND, LEFT, CAME = 1, 2, 4
 
 
 class ToolArrays(Struct):
@@ -45,9 +48,6 @@ class ToolArrays(Struct):
     length: Annotated[FloatArray, N_TOOLS]
     segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
     refused: int = 0
-    behind: int = 0  # tools that were not where their hands are at the end of the last step
-    left: int = 0  # tools that were there in the step before
-    came: int = 0  # tools that are there and wait
 
 
 tools_at = reader(ToolArrays)
@@ -94,6 +94,7 @@ class ToolBody:
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
         self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
+        self._flags = 0
         a.port[:] = [f.port_position_m for f in forceps]
         a.jaw_length[:] = [f.jaw_length_m for f in forceps]
         a.stiffness[:] = [[f.coupling_stiffness_n_m] * 3 + [f.jaw_stiffness_nm_rad] for f in forceps]
@@ -112,17 +113,17 @@ class ToolBody:
     @property
     def is_behind(self) -> bool:
         """Whether a tool is not where its hand is asked to be, because that is too far for a step."""
-        return self._arrays.behind > 0
+        return bool(self._flags & BEHIND)
 
     @property
     def have_left(self) -> bool:
         """Whether a tool was there in the step before and is no more."""
-        return self._arrays.left > 0
+        return bool(self._flags & LEFT)
 
     @property
     def have_come(self) -> bool:
         """Whether a tool is there that waits."""
-        return self._arrays.came > 0
+        return bool(self._flags & CAME)
 
     def predict(self, inputs: ToolInputs, dt_s: float) -> None:
         """Move the hands and find where the proxies go without contact; poses stay those of the start.
@@ -131,8 +132,8 @@ class ToolBody:
         appears starts with its proxy at the hand. Jaws that hold something do not close further. A tool whose input is
         refused stays where it was, and is absent when that has gone on for `LONGEST_UNSOUND_S`.
         """
-        hands = (inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad)
-        predict_proxies(self.address, inputs.present, hands, dt_s)
+        position, opening, roll = inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad
+        self._flags = predict_proxies(self.address, inputs.present, position, opening, roll, dt_s)
 
     def correct(self, force: FloatArray) -> None:
         """Apply the generalised contact forces (2, 4) of the step, in N and N m."""
@@ -149,16 +150,24 @@ class ToolBody:
 
 @kernel
 def predict_proxies(
-    address: Address[ToolArrays], present: BoolArray, hands: tuple[FloatArray, FloatArray, FloatArray], dt_s: float
-) -> None:
-    """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`."""
+    address: Address[ToolArrays],
+    present: BoolArray,
+    position: FloatArray,
+    opening: FloatArray,
+    roll: FloatArray,
+    dt_s: float,
+) -> int:
+    """Take positions (2, 3), openings (2,) and rolls (2,) of the hands; see `ToolBody.predict`.
+
+    Return which of `BEHIND`, `LEFT` and `CAME` is true of some tool.
+    """
     tools = tools_at(address)
-    position, opening, roll = hands
-    tools.behind = tools.left = tools.came = 0
+    flags = 0
     for tool in range(present.shape[0]):
         is_there = present[tool]
         if _is_sound(position[tool], tools.port[tool], opening[tool], roll[tool]):
-            _move_hand(tools, tool, (position[tool], opening[tool], roll[tool]), is_there, dt_s)
+            if _move_hand(tools, tool, (position[tool], opening[tool], roll[tool]), is_there, dt_s):
+                flags |= BEHIND
             tools.unsound_s[tool] = 0.0
         elif is_there:
             tools.refused += 1
@@ -170,8 +179,10 @@ def predict_proxies(
                 tools.proxy[tool, axis] = tools.hand[tool, axis]
             tools.waiting[tool] = tools.was_here[tool]
             tools.was_here[tool] = True
-        tools.left += tools.present[tool] and not is_there
-        tools.came += is_there and tools.waiting[tool]
+        if tools.present[tool] and not is_there:
+            flags |= LEFT
+        if is_there and tools.waiting[tool]:
+            flags |= CAME
         tools.present[tool] = is_there
         for axis in range(tools.hand.shape[1]):
             rate = tools.damping[tool, axis] / dt_s
@@ -186,13 +197,17 @@ def predict_proxies(
         for axis in range(tools.hand.shape[1]):
             tools.motion[tool, axis] = tools.free[tool, axis] - tools.proxy[tool, axis]
     _update_poses(tools)
+    return flags
 
 
 @kernel
 def _move_hand(
     tools: ToolArrays, tool: int, target: tuple[FloatArray, float, float], is_there: bool, dt_s: float
-) -> None:
-    """Put the hand where it is asked to be, or as far on its way as a tool that is in touch may go in a step."""
+) -> bool:
+    """Put the hand where it is asked to be, or as far on its way as a tool that is in touch may go in a step.
+
+    Return whether the hand of a tool that is there lags behind.
+    """
     hand, reach = tools.hand[tool], math.inf
     if is_there and tools.present[tool]:
         reach = FASTEST_HAND_M_S * dt_s
@@ -203,7 +218,7 @@ def _move_hand(
     is_behind = tools.roll[tool] != target[2] or hand[3] != target[1]
     for axis in range(3):
         is_behind = is_behind or hand[axis] != target[0][axis]
-    tools.behind += is_there and is_behind
+    return bool(is_there and is_behind)
 
 
 @kernel

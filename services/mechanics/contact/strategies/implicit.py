@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.anchors import store_anchors
-from services.mechanics.contact.delassus import (
-    add_rod_compliance,
-    add_tool_compliance,
-    rotate_to_contact_frames,
-)
+from services.mechanics.contact.delassus import rotate_to_contact_frames
 from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.solver import solve_contacts
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy, Points
+from services.mechanics.contact.strategies.assembly import ASSEMBLED, MISSING, NO_KERNEL, add_body_compliances, assemble
+from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
 
 
 class ImplicitStrategy(ContactStrategy):
@@ -24,40 +20,44 @@ class ImplicitStrategy(ContactStrategy):
     acts_in_next_step = False
     knows_stiffness = True
 
-    def assemble(self, duct: Points, rod: Points, add_compliance: AddCompliance | None) -> None:
+    def assemble(self, add_compliance: AddCompliance | None) -> None:
         """Gather W, along world axes first."""
-        bodies, catheter = self._bodies, self._bodies.catheter
-        bodies.duct.compliance(*duct, self._state.W)
-        between = catheter.compliance(*rod)
         is_all = add_compliance is None
-        add_body_compliances(self._address, (catheter.slot, between), bodies.tools.compliance, is_all)
+        outcome = self._assemble_at_once(is_all)
+        if outcome != ASSEMBLED:
+            self._assemble_by_body(is_all, anew=outcome == MISSING)
         if add_compliance is not None:
             add_compliance()
             rotate(self._address)
+
+    def _assemble_at_once(self, is_all: bool) -> int:
+        """Gather W in one kernel, where the bodies are such that there is one; return what it does, or `NO_KERNEL`."""
+        bodies, catheter = self._bodies, self._bodies.catheter
+        rod, kept_address = catheter.plain_integrator, bodies.duct.kept_address
+        if rod is None or kept_address is None:
+            return NO_KERNEL
+        duct, tools = (bodies.duct.loads_address, kept_address), bodies.tools.address
+        step = (rod.velocity_gain_s, rod.is_factored)
+        outcome: int = assemble(self._address, duct, (catheter.touch_address, *rod.addresses), tools, step, is_all)
+        if outcome != MISSING:
+            rod.note_factors(outcome == ASSEMBLED)
+        return outcome
+
+    def _assemble_by_body(self, is_all: bool, *, anew: bool) -> None:
+        bodies, catheter, rows = self._bodies, self._bodies.catheter, self._state.rows
+        bodies.duct.compliance(*rows.on_duct, self._state.W, anew=anew)
+        between = catheter.compliance(*rows.on_rod)
+        add_body_compliances(self._address, (catheter.slot, between), bodies.tools.compliance, is_all)
+
+    def compile_kernels(self) -> None:
+        """Assemble the rows of the last step as while blocks of the wall are missing."""
+        self._assemble_by_body(is_all=True, anew=True)
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Solve the complementarity problem."""
         settings = self._settings
         sweeps: int = solve_implicitly(self._address, (settings.recovery, dt_s), (iterations, settings.tolerance_n))
         return sweeps
-
-
-@kernel
-def add_body_compliances(
-    state_address: Address[ContactState], catheter: tuple[IntArray, FloatArray], tools: FloatArray, is_all: bool
-) -> None:
-    """Add what catheter and couplings (2, 4) give way to the duct's compliance in the lower blocks of W, world axes.
-
-    ``catheter`` are slots of its particles and compliance (3 p, 3 p) between them. If that is all, W is turned into the
-    contacts' frames.
-    """
-    state = state_at(state_address)
-    size = 3 * state.rows.n_contacts
-    W = state.delassus[: size * size].reshape(size, size)
-    add_rod_compliance(state.rows, catheter[0], catheter[1], state.rod_points, W)
-    add_tool_compliance(state.rows, tools, W)
-    if is_all:
-        rotate_to_contact_frames(state.rows, W)
 
 
 @kernel

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
-from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.state import ContactState
 from services.mechanics.scene import ContactSettings
 
 AddCompliance = Callable[[], None]
 """Adds what other bodies give way to the lower blocks of W, along world axes."""
-
-Points = tuple[IntArray, FloatArray]
-"""Nodes and weights of each contact's point on a body."""
 
 
 class ContactStrategy:
@@ -38,9 +34,12 @@ class ContactStrategy:
         self._state = state
         self._address = state.address
 
-    def assemble(self, duct: Points, rod: Points, add_compliance: AddCompliance | None) -> None:
+    def assemble(self, add_compliance: AddCompliance | None) -> None:
         """Gather what the solve needs of the bodies at the contacts' points; None if no other body gives way."""
         raise NotImplementedError
+
+    def compile_kernels(self) -> None:
+        """Run what a step runs seldom, after one with contacts: nothing, unless it says so."""
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Find forces, sliding states and the forces along world axes; return the number of sweeps."""

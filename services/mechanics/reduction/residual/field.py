@@ -6,16 +6,34 @@ loaded nodes alone would see spikes, and contacts would jump from one triangle t
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray, LongArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore, block_index
+from services.mechanics.reduction.residual.blocks import BlockStore, block_index
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
 
 RINGS = 3
+
+
+class FieldArrays(Struct):
+    """Blocks of the residual near each of n nodes, in the order of its ring, and what loads move."""
+
+    blocks: Annotated[Float32Array, "b", 3, 3]
+    place: Annotated[LongArray, "k"]  # of the block of each entry of the ring, -1 where there is none
+    start: Annotated[IntArray, "n + 1"]
+    ring: Annotated[IntArray, "k"]
+    slot: Annotated[IntArray, "n"]  # scratch, all -1
+    node: Annotated[IntArray, "n"]
+    displacement: Annotated[FloatArray, "n", 3]
+
+
+field_at = reader(FieldArrays)
 
 
 class ResidualField:
@@ -32,29 +50,29 @@ class ResidualField:
 
     def __init__(self, duct: ReducedDuct) -> None:
         n = duct.mesh.n_vertices
-        self._start, self._ring = neighbourhoods(duct.mesh, RINGS)
-        self._place = np.zeros(len(self._ring), np.int64)
-        find_places(duct.residual.store, (self._start, self._ring), self._place)
-        known = self._place >= 0
-        self._blocks: BlockArray = duct.residual.blocks[self._place[known]]
-        self._place[known] = np.arange(len(self._blocks))
-        self._slot = np.full(n, -1, np.int32)
+        start, ring = neighbourhoods(duct.mesh, RINGS)
+        place = np.zeros(len(ring), np.int64)
+        find_places(duct.residual.store, (start, ring), place)
+        known = place >= 0
+        blocks: Float32Array = duct.residual.blocks[place[known]].astype(np.float32, copy=False)
+        place[known] = np.arange(len(blocks))
         self.nodes = np.zeros(n, np.int32)
         self.displacement_m = np.zeros((n, 3))
         self.count = 0
+        self._arrays = FieldArrays(
+            blocks=blocks,
+            place=place,
+            start=start,
+            ring=ring,
+            slot=np.full(n, -1, np.int32),
+            node=self.nodes,
+            displacement=self.displacement_m,
+        )
+        self.address = self._arrays.address
 
     def update(self, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take the loads (l,), (l, 3) of a tick along undeformed axes, each node once."""
-        if not len(load_nodes):
-            self.count = 0
-            return
-        self.count = displace_round_loads(
-            (self._blocks, self._place),
-            (self._start, self._ring),
-            (load_nodes, load_force_n),
-            self._slot,
-            (self.nodes, self.displacement_m),
-        )
+        self.count = displace_round_loads(self.address, load_nodes, load_force_n)
 
 
 def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
@@ -79,21 +97,15 @@ def find_places(residual: BlockStore, neighbourhood: tuple[IntArray, IntArray], 
 
 
 @kernel
-def displace_round_loads(
-    residual: tuple[BlockArray, LongArray],
-    neighbourhood: tuple[IntArray, IntArray],
-    loads: tuple[IntArray, FloatArray],
-    slot: IntArray,
-    out: tuple[IntArray, FloatArray],
-) -> int:
-    """Write nodes and residual displacements and return how many; ``slot`` (n,) is scratch, all -1."""
-    blocks, places = residual
-    start, ring = neighbourhood
-    nodes, u = out
+def displace_round_loads(address: Address[FieldArrays], load_nodes: IntArray, load_force: FloatArray) -> int:
+    """Write nodes and residual displacements and return how many."""
+    field = field_at(address)
+    blocks, places, start, ring = field.blocks, field.place, field.start, field.ring
+    slot, nodes, u = field.slot, field.node, field.displacement
     count = 0
-    for load in range(loads[0].shape[0]):
-        source, force = loads[0][load], loads[1][load]
-        x, y, z = force[0], force[1], force[2]
+    for load in range(load_nodes.shape[0]):
+        source = load_nodes[load]
+        x, y, z = load_force[load, 0], load_force[load, 1], load_force[load, 2]
         if x == 0.0 and y == 0.0 and z == 0.0:
             continue
         for k in range(start[source], start[source + 1]):

@@ -1,0 +1,19 @@
+"""What a step begins with: the bodies' constant loads, before effects add theirs."""
+
+from __future__ import annotations
+
+from services.mechanics.bodies.duct import DuctMotion, motion_at
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.rod.free_step import FreeStep, step_at
+
+
+@kernel
+def begin_loads(duct_address: Address[DuctMotion], catheter_address: Address[FreeStep]) -> None:
+    """Write the constant loads over those of the last step, and no kick."""
+    duct, catheter = motion_at(duct_address), step_at(catheter_address)
+    for mode in range(duct.force.shape[0]):
+        duct.force[mode], duct.kick[mode] = duct.constant[mode], 0.0
+    for i in range(catheter.external.shape[0]):
+        for axis in range(3):
+            catheter.external[i, axis] = catheter.constant[i, axis]
