@@ -1,4 +1,4 @@
-"""What a window's picture is worth: effects, then pixels, are given up until there are enough pictures. Pure."""
+"""What a window's picture is worth: effects, then pixels, are given up until there are enough. Pure."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ WANTED_HZ, WANTED_IN_SOFTWARE_HZ = 24.0, 15.0
 _JUDGE_S = 1.0
 #: With so much time to spare for so long something is taken back; twice as long after each time that it was too much.
 _SPARE, _CALM_S = 0.45, 10.0
+
+
+#: Asked for beyond what was painted, so that a window that can paint more shows it; and in any case.
+_MORE, _LEAST_HZ = 1.25, 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +87,23 @@ class Pace:
     def _take(self, now_s: float, rung: int) -> bool:
         self.rung, self._calm_since_s, self._since_s = rung, now_s, None
         return True
+
+
+class Demand:
+    """How many pictures a second a window is worth sending: somewhat more than it lately painted."""
+
+    def __init__(self) -> None:
+        self._counted: tuple[float, int] | None = None
+        self.hz: float | None = None
+
+    def count(self, now_s: float, painted: int) -> float | None:
+        """Take how many pictures were painted by `now_s`; return pictures a second, None before that is known."""
+        if self._counted is None:
+            if painted > 0:  # the first picture is work of another kind
+                self._counted = now_s, painted
+            return None
+        elapsed_s = now_s - self._counted[0]
+        if elapsed_s >= _JUDGE_S:
+            self.hz = max(_LEAST_HZ, _MORE * (painted - self._counted[1]) / elapsed_s)
+            self._counted = now_s, painted
+        return self.hz

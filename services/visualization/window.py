@@ -17,6 +17,7 @@ from services.runtime.loop import sleep_until
 from services.visualization import codec
 from services.visualization.display import display_name
 from services.visualization.feed import Feed, Message
+from services.visualization.pace import Demand
 from services.visualization.picture import Layout, Picture
 from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
 
@@ -55,6 +56,7 @@ class WindowOutput:
         self._hello = self._notice = ""
         self._open = False
         self._painted = 0
+        self._demand = Demand()
         self._showing = self._loop.create_task(self._show_until_closed())
         try:
             self._loop.run_until_complete(self._await_first())
@@ -79,8 +81,8 @@ class WindowOutput:
         sleep_until(deadline_ns)
 
     def wanted_hz(self) -> float | None:
-        """Return nothing: all."""
-        return None
+        """Return somewhat more than the window lately painted; None, all, before it has."""
+        return self._demand.count(time.monotonic(), self._painted)
 
     def gauges(self) -> dict[str, float]:
         """Return whether the window is open, and how many pictures it has drawn."""

@@ -186,3 +186,17 @@ def test_a_loop_that_follows_its_readers_owes_what_they_ask_for_and_no_other_loo
         assert (found["few"] == []) == follows
         assert found["all again"] == []
         assert found["few, late"]
+
+
+@pytest.mark.parametrize(("asked_hz", "keeps"), [(36.0, False), (30.0, False), (10.0, True)])
+def test_a_picture_may_come_later_where_fewer_are_asked_for(asked_hz: float, *, keeps: bool) -> None:
+    loops = {"visualization": {"rate_hz": 30, "miss_ratio": 0.01, "follows_readers": True}}
+    contracts = Contracts.model_validate({"loops": loops, "paths": {"device_pixel": {"p99_us": 60000}}})
+    window, late_ns = figures.Window(60.0), []
+    for second in range(8):
+        late_ns += [100_000_000] * 30
+        paths = (bodies.PathLatency(name="device_pixel", latency=histogram(late_ns)),)
+        loop = loop_report(int(asked_hz * second), 0, rate_hz=asked_hz)
+        window.add(7, figures.of(health("visualization", uptime_s=1.0 + second, loop=loop, paths=paths)))
+    found = judge({"visualization": window}, contracts)
+    assert (found == []) == keeps

@@ -1,6 +1,8 @@
 """What a window gives up when pictures take too long, and when it takes it back."""
 
-from services.visualization.pace import RUNGS, SOFTWARE_RUNG, WANTED_IN_SOFTWARE_HZ, Pace
+import pytest
+
+from services.visualization.pace import RUNGS, SOFTWARE_RUNG, WANTED_IN_SOFTWARE_HZ, Demand, Pace
 
 
 class Drawing:
@@ -56,3 +58,22 @@ def test_a_machine_that_is_too_slow_for_anything_stays_on_the_last_rung():
     drawing = Drawing(software=True)
     drawing.run(60.0, lambda rung: 0.5)
     assert drawing.pace.rung == len(RUNGS) - 1
+
+
+def test_a_window_is_sent_somewhat_more_than_it_paints_and_all_when_it_paints_all() -> None:
+    demand = Demand()
+    assert demand.count(0.0, 0) is None
+    able_hz, painted, hz = 12.0, 1.0, None
+    for tick in range(100):
+        hz = demand.count(0.1 * tick, int(painted))
+        painted += 0.1 * min(able_hz, hz or 60.0)
+    assert hz == pytest.approx(1.25 * able_hz, rel=0.1)
+    able_hz = 60.0
+    for tick in range(100, 400):
+        hz = demand.count(0.1 * tick, int(painted))
+        painted += 0.1 * min(able_hz, hz or 60.0)
+    assert hz is not None
+    assert hz >= 60.0
+    for tick in range(400, 450):
+        hz = demand.count(0.1 * tick, int(painted))  # it hangs
+    assert hz == 10.0
