@@ -31,6 +31,8 @@ _REPORT_NS = 200_000
 #: The handles are served this long before the next tick: twice what it takes at p99.9, and when haptics, which shares
 #: the core, is nearly always done. Earlier they would interrupt it where it is late already.
 _HANDLES_NS = 250_000
+#: Batches for observers leave after the handles if there is so long before the next tick: one takes 90 us.
+_BATCH_NS = 120_000
 #: Of so many ticks in one the model is waited for, so that the time of its arrival is known: `device_model`. A wake-up
 #: interrupts haptics, so it is not had in every tick, and nothing but the time is taken in it; a hundred are had within
 #: the supervisor's window.
@@ -115,7 +117,8 @@ class Gateway:
             self.instruments[self._turn % len(self.instruments)].exchange_handle()
             self._turn += 1
         self._grasp.latency.record(time.monotonic_ns() - began_ns)
-        self._bus.flush()
+        if deadline_ns - time.monotonic_ns() >= _BATCH_NS:
+            self._bus.flush()
         if self._answers.timed:
             listen(self._bus, self._answers, deadline_ns)
         sleep_until(deadline_ns)
