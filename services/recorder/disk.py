@@ -101,8 +101,7 @@ class RecordingFile:
         finally:
             os.close(self._file)
         if self._error is not None:
-            kept = sum(sum(counts.values()) for counts in self._summary.counts)
-            raise RecordingError(f"{self.path}: {_why(self._error)}; {kept} frames were kept")
+            raise RecordingError(f"{self.path}: {_why(self._error)}; {self._summary.frames} frames were kept")
 
     @property
     def pending(self) -> int:
@@ -166,9 +165,7 @@ def finish(file: int, summary: Summary, end: int) -> None:
         except OSError:
             if not summary.chunks:
                 raise
-            end = summary.chunks.pop().chunk_start_offset
-            summary.counts.pop()
-            summary.metadata = [each for each in summary.metadata if each.offset < end]
+            end = summary.drop_last_chunk().chunk_start_offset
 
 
 def write_at(file: int, data: bytes, offset: int) -> None:

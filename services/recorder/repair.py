@@ -61,8 +61,7 @@ def repair(path: Path) -> Repaired | None:
         scan.mend_last_chunk()
         finish(file, scan.summary, scan.end)
         os.fsync(file)
-        frames = sum(sum(counts.values()) for counts in scan.summary.counts)
-        return Repaired(frames, max(0, scan.size - scan.end))
+        return Repaired(scan.summary.frames, max(0, scan.size - scan.end))
 
 
 def repair_all(directory: Path) -> dict[Path, Repaired]:
@@ -192,8 +191,7 @@ class _Scan:
             self.end += len(records)
             self.summary.counts[-1] = counts
         else:
-            self.summary.chunks.pop()
-            self.summary.counts.pop()
+            self.summary.drop_last_chunk()
         self.summary.metadata = [each for each in self.summary.metadata if each.offset < chunk.chunk_start_offset]
 
     def _look_into(self, chunk: ChunkIndex) -> dict[int, array[int]]:

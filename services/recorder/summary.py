@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections import Counter
 from dataclasses import dataclass, field
 
 from mcap.data_stream import RecordBuilder
@@ -34,6 +35,25 @@ class Summary:
     metadata: list[MetadataIndex] = field(default_factory=list)
     counts: list[dict[int, int]] = field(default_factory=list)  # of each chunk: messages by channel
 
+    @property
+    def frames(self) -> int:
+        """Messages in all chunks."""
+        return sum(self.message_counts().values())
+
+    def message_counts(self) -> dict[int, int]:
+        """Return the number of messages by channel."""
+        together: Counter[int] = Counter()
+        for chunk in self.counts:
+            together.update(chunk)
+        return dict(together)
+
+    def drop_last_chunk(self) -> ChunkIndex:
+        """Forget the last chunk, what was counted of it, and metadata that lies behind it; return its entry."""
+        chunk = self.chunks.pop()
+        self.counts.pop()
+        self.metadata = [each for each in self.metadata if each.offset < chunk.chunk_start_offset]
+        return chunk
+
     def end(self, offset: int) -> bytes:
         """Return everything that follows the last chunk, which ends at `offset`, to the last byte of the file."""
         data_end = record_bytes(DataEnd(0))
@@ -58,10 +78,7 @@ class Summary:
         return data_end + data + record_bytes(footer) + MAGIC
 
     def _statistics(self) -> Statistics:
-        counts: dict[int, int] = {}
-        for chunk in self.counts:
-            for channel, count in chunk.items():
-                counts[channel] = counts.get(channel, 0) + count
+        counts = self.message_counts()
         return Statistics(
             attachment_count=0,
             channel_count=len(self.channels),
