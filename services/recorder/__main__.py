@@ -8,7 +8,7 @@ from __future__ import annotations
 import platform
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -104,22 +104,28 @@ def run(process: Process) -> None:
     try:
         for _tick in ticks(meter, process.stop):
             began_ns = time.monotonic_ns()
-            _take_all(bus, read, recording)
+            take_all(bus, read, recording, process.health.send_if_due)
             taken_ns = time.monotonic_ns()
             recording.take(bus.sample(sampled, taken_ns + _PATIENCE_NS).values())
             sampled_ns = time.monotonic_ns()
             recording.turn(sampled_ns)
             meter.stages_ns = (taken_ns - began_ns, sampled_ns - taken_ns, time.monotonic_ns() - sampled_ns)
             process.health.send_if_due()
-        _take_all(bus, read, recording)
+        take_all(bus, read, recording, process.health.send_if_due)
     finally:
         recording.close()
 
 
-def _take_all(bus: Bus, topics: Iterable[str], recording: Recording) -> None:
+def take_all(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[], object]) -> None:
+    """Append everything that has come; whoever was held up for long has much of it, and is heard meanwhile.
+
+    Its heartbeat would else be silent for as long as it catches up: it would be taken for hung, ended, and what waits
+    in its queues lost.
+    """
     for topic in topics:
         while frames := bus.drain(topic):
             recording.take(frames)
+            beat()
 
 
 if __name__ == "__main__":

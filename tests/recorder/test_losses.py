@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 import protocol
 from protocol import bodies
-from services.recorder.__main__ import Recording
+from services.recorder.__main__ import Recording, take_all
 from services.recorder.losses import DISK, QUEUES, Loss, Losses, counts
 from services.runtime import bus as bus_module
 from services.runtime import config
@@ -38,6 +38,25 @@ def test_half_a_minute_at_once_is_no_flood_for_who_wants_every_frame() -> None:
     assert len(keeper.accept_all(frames)) == len(frames)
     assert len(actor.accept_all(frames)) < 200, "who acts on it is protected as before"
     assert 0 < keeper.accept_all(frames).__len__() + keeper.refused["flood"] <= len(frames)
+
+
+def test_who_catches_up_is_heard_meanwhile() -> None:
+    """Half a minute of backlog takes seconds: with its heartbeat silent for so long it would be ended as hung."""
+    told: list[str] = []
+
+    class Backlog:
+        left = 3
+
+        def drain(self, topic: str) -> list[str]:
+            self.left -= 1
+            return [topic] if self.left >= 0 else []
+
+    class Kept:
+        def take(self, frames: list[str]) -> None:
+            told.extend(frames)
+
+    take_all(Backlog(), [STATE], Kept(), lambda: told.append("beat"))  # type: ignore[arg-type]
+    assert told == [STATE, "beat"] * 3
 
 
 def test_frames_of_seconds_wait_in_the_queues_of_one_who_does_not_read(
