@@ -8,7 +8,7 @@ import { viewAddress } from "./address.js";
 import { View } from "./view/view.js";
 
 const view = new View(() => dashboard.turn());
-const dashboard = new Dashboard({ sparing: () => view.software });
+const dashboard = new Dashboard({ period: () => (view.software ? (view.slow ? 3000 : 900) : 0) });
 const controls = new Controls();
 const hands = view.stage ? new Hands(view, controls.token) : null;
 globalThis.trocar = { view, hands, dashboard }; // for whoever looks into the page with the browser's tools

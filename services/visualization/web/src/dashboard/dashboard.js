@@ -7,8 +7,6 @@ import { element, Rows, text } from "./rows.js";
 import { Budget, Events, Floor, Processes, Realtime, Stages, Threads, Topics } from "./tables.js";
 
 const $ = (id) => document.getElementById(id);
-const SPARING_MS = 900;
-const ALONE_MS = 1800; // without a picture beside which to be drawn
 const KEPT = 600; // messages: two minutes
 const MACHINE = "machine, core ";
 const FIRST_PATH = "device_force";
@@ -43,10 +41,10 @@ class Tabs {
 }
 
 export class Dashboard {
-  // `sparing()`: whether all is shown once a second, with a picture (`turn`), and not with every message: where the browser draws
-  // on the processor each frame of the page costs as much as a picture does.
-  constructor({ sparing = () => false } = {}) {
-    this.sparing = sparing;
+  // `period()`: milliseconds between two showings, each with a picture (`turn`) while they come; 0: with every message. Where the
+  // browser draws on the processor each frame of the page costs as much as a picture does, and all curves more than one.
+  constructor({ period = () => 0 } = {}) {
+    this.period = period;
     this.drawnAt = -Infinity;
     this.history = [];
     this.shown = null; // the message that the tables are of
@@ -88,14 +86,15 @@ export class Dashboard {
     this.heat.add(state.heat, Object.fromEntries(loopsOf(state).map(({ name, loop }) => [name, 1e6 / loop.target_hz])));
     if (document.visibilityState === "hidden") return;
     const words = `${state.state} ${state.safe_stop}`;
-    if (this.sparing() && words === this.words && performance.now() - this.drawnAt < ALONE_MS) return;
+    if (words === this.words && performance.now() - this.drawnAt < 2 * this.period()) return;
     this.words = words;
     this.show();
   }
 
   // A frame of the page is being made anyway.
   turn() {
-    if (this.sparing() && this.state && performance.now() - this.drawnAt >= SPARING_MS) this.show();
+    const period = this.period();
+    if (period && this.state && performance.now() - this.drawnAt >= period) this.show();
   }
 
   show() {

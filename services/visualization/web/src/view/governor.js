@@ -52,6 +52,11 @@ export class Governor {
     return step.hz ?? HARDWARE_HZ;
   }
 
+  // Pictures a second below which the step is not held, where so many came.
+  least(offered) {
+    return HELD * Math.min(this.target(), offered);
+  }
+
   budget(step = this.step) {
     return (this.share * 1000) / this.target(step);
   }
@@ -60,7 +65,7 @@ export class Governor {
   // were painted. Returns whether the step has changed.
   look({ now, cost, offered, painted }) {
     this.calmSince ??= now;
-    if (painted < HELD * Math.min(this.target(), offered) || cost > this.budget()) {
+    if (painted < this.least(offered) || cost > this.budget()) {
       this.calmSince = now;
       return ++this.slow >= SLOW_LOOKS && this.coarser(now);
     }

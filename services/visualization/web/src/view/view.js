@@ -162,6 +162,7 @@ export class View {
     const cost = this.costs.length ? this.costs.sort((a, b) => a - b)[this.costs.length >> 1] : null;
     Object.assign(this.canvas.dataset, { hz: painted.toFixed(1), cost: cost?.toFixed(1) ?? "", step: this.governor.at });
     const looked = document.visibilityState === "visible" && this.last && offered > 0;
+    this.slow = looked && painted < this.governor.least(offered);
     if (looked && this.governor.look({ now: now / 1000, cost, offered, painted })) this.takeStep();
     this.scaleBar();
     this.beginAnew();
