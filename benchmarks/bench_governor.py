@@ -1,0 +1,135 @@
+"""The governor at half the machine's speed: late ticks with the quality ladder and without, and what was given up.
+
+    python benchmarks/bench_governor.py [--scene everything] [--seconds 15] [--share 0.5] [trocar up's options]
+
+Runs the rig twice for each of ``--runs``: with the scene as it is, and with nothing of its ladder but the first rung.
+Once the rig runs, `slow_core` takes ``--share`` of each of its cores. Ticks are counted over the whole run, with the
+seconds that the governor takes to act.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from report import Row, write_report
+
+from services.runtime import config
+
+ROOT = Path(__file__).resolve().parents[1]
+CORES = (0, 1)
+LOOPS = ("gateway", "haptics", "physics")
+
+
+@contextmanager
+def slowed(seconds: float, share: float) -> Iterator[None]:
+    """Take a share of each core."""
+    command = [sys.executable, str(ROOT / "benchmarks/slow_core.py")]
+    started = [
+        subprocess.Popen([*command, str(core), str(seconds), str(share)], stdout=subprocess.PIPE) for core in CORES
+    ]
+    try:
+        for process in started:
+            assert process.stdout is not None
+            if not process.stdout.readline():
+                raise SystemExit("the load did not begin")
+        yield
+    finally:
+        for process in started:
+            process.terminate()
+            process.wait()
+
+
+def run_rig(scene: Path, seconds: float, share: float, options: list[str]) -> dict[str, Any]:
+    """Return the report of one run, the load beside it as soon as the rig is running."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.json"
+        command = [str(Path(sys.executable).with_name("trocar")), "up", "--scene", str(scene), "--viewer", "none"]
+        command += ["--seconds", str(seconds), "--json", str(file), "--set", f"transport.directory={folder}/bus"]
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        process = subprocess.Popen(
+            [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+        )
+        assert process.stdout is not None
+        said = []
+        for line in process.stdout:
+            said.append(line)
+            if "is running" in line:
+                break
+        with slowed(seconds, share):
+            said.append(process.communicate()[0])
+        if not file.is_file():
+            raise SystemExit(f"trocar up ended with {process.returncode}:\n{''.join(said)[-2000:]}")
+        report: dict[str, Any] = json.loads(file.read_text())
+    return report
+
+
+def first_rung_only(scene: str, folder: Path) -> Path:
+    """Write the scene without the rest of its ladder."""
+    path = config.find("scene", scene)
+    data = config.read_yaml(path)
+    data["quality"] = data.get("quality", [{}])[:1]
+    if mesh_file := data.get("duct", {}).get("mesh_file"):
+        data["duct"]["mesh_file"] = str((path.parent / mesh_file).absolute())
+    alone = folder / "first-rung.yaml"
+    alone.write_text(yaml.safe_dump(data, sort_keys=False))
+    return alone
+
+
+def rows_of(name: str, runs: list[dict[str, Any]]) -> list[Row]:
+    """Return medians over runs of one kind."""
+    rows = []
+    for loop in LOOPS:
+        misses = [100.0 * float(run["loops"][loop]["miss_ratio"]) for run in runs]
+        rows.append(Row(f"{name}: {loop}, late or lost ticks", float(np.median(misses)), "%"))
+    work = [float(run["loops"]["physics"]["work_us"]["p50"]) for run in runs]
+    rows.append(Row(f"{name}: physics, work", float(np.median(work)), "us"))
+    rows.append(Row(f"{name}: quality level at the end", float(np.median([run["quality_level"] for run in runs])), ""))
+    return rows
+
+
+def switches(run: dict[str, Any]) -> list[str]:
+    """Return what the governor said."""
+    return [f"{event['t']:.1f} s: {event['text']}" for event in run["events"] if "quality level" in event["text"]]
+
+
+def main() -> None:
+    """Measure and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scene", default="everything")
+    parser.add_argument("--seconds", type=float, default=15.0)
+    parser.add_argument("--share", type=float, default=0.5, help="of each core that the load takes")
+    parser.add_argument("--runs", type=int, default=1)
+    parser.add_argument("--name", default="governor", help="of the table in benchmarks/results")
+    arguments, options = parser.parse_known_args()
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = {
+            "with the ladder": config.find("scene", arguments.scene),
+            "first rung only": first_rung_only(arguments.scene, Path(folder)),
+        }
+        runs: dict[str, list[dict[str, Any]]] = {name: [] for name in scenes}
+        for _ in range(arguments.runs):
+            for name, scene in scenes.items():
+                runs[name].append(run_rig(scene, arguments.seconds, arguments.share, options))
+    rows = [row for name, found in runs.items() for row in rows_of(name, found)]
+    said = [line for run in runs["with the ladder"] for line in switches(run)] or ["nothing was given up"]
+    notes = (
+        f"{arguments.runs} runs of {arguments.seconds:g} s each of the scene `{arguments.scene}`, interleaved; a load "
+        f"above the rig's priorities takes {100 * arguments.share:g} % of each core in every half millisecond. The "
+        f"governor: {'; '.join(said)}."
+    )
+    write_report(arguments.name, "The governor", rows, notes)
+
+
+if __name__ == "__main__":
+    main()

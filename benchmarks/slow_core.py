@@ -1,0 +1,44 @@
+"""A core at a part of its speed: ``python benchmarks/slow_core.py CORE SECONDS SHARE``.
+
+Pins itself to a core and computes for a share of every half millisecond at a real-time priority above everything of
+the rig, so that whatever else runs there gets the rest: a machine that is slower, not one that is busy, which real-time
+threads would not notice. Says on standard output when it has begun.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import time
+
+PERIOD_NS = 500_000
+PRIORITY = 94
+
+
+def burn(core: int, seconds: float, share: float) -> None:
+    """Take the share of the core for so long.
+
+    Raises
+    ------
+    PermissionError
+        The system refuses a real-time priority; without one the rig would simply go first.
+    """
+    os.sched_setaffinity(0, {core})
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    gc.disable()
+    print("burning", flush=True)
+    began_ns = due_ns = time.monotonic_ns()
+    while due_ns < began_ns + seconds * 1e9:
+        until_ns = due_ns + round(share * PERIOD_NS)
+        while time.monotonic_ns() < until_ns:
+            pass
+        due_ns += PERIOD_NS
+        time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
+
+
+if __name__ == "__main__":
+    try:
+        burn(int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3]))
+    except PermissionError as error:
+        raise SystemExit(f"slow_core: {error.strerror}: a real-time priority is needed") from None
