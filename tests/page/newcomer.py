@@ -1,16 +1,21 @@
 """A newcomer with a mouse: takes the instruments at the page, grasps the catheter and slides it into the duct.
 
-``python -m pytest tests/page/newcomer.py``: it drives a real browser with the mouse. Not part of the suite: where
-the browser draws in software beside the rig, a picture a second, each event takes most of a second, two minutes in all.
+``python -m pytest tests/page/newcomer.py`` drives a real browser with the mouse beside a rig; not part of the suite,
+as it takes a minute. ``python -m tests.page.newcomer docs/insertion.jpg`` does so too and keeps what it saw as a strip.
 """
 
 from __future__ import annotations
 
 import json
+import sys
+import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
@@ -45,7 +50,7 @@ class Mouse:
 
     def move(self, to: tuple[float, float], seconds: float = 0.3, **held: object) -> None:
         x, y = self.at
-        n = max(2, round(3 * seconds))  # a browser that draws in software takes most of a second for each
+        n = max(2, round(8 * seconds))
         for k in range(1, n + 1):
             self.at = (x + (to[0] - x) * k / n, y + (to[1] - y) * k / n)
             self._event("mouseMoved", **held)
@@ -70,9 +75,9 @@ class Mouse:
         self.click()
 
 
-@pytest.fixture(scope="module")
-def mouse(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mouse]:
-    directory = tmp_path_factory.mktemp("hands")
+@contextmanager
+def newcomer(directory: Path) -> Iterator[Mouse]:
+    """Start a rig whose instruments wait for a hand, and a browser with its page."""
     with (
         running_rig(directory, "default", [], rig="mouse"),
         Chromium(directory / "profile", size=(800, 560)) as browser,
@@ -93,13 +98,17 @@ def inserted_mm(mouse: Mouse) -> float:
     return float(words.split()[0]) if words.endswith(" mm") else 0.0
 
 
-def test_a_newcomer_with_a_mouse_inserts_the_catheter(mouse: Mouse) -> None:
+def insert(mouse: Mouse, look: Callable[[], None] = lambda: None) -> None:
+    """Slide the catheter in by mouse events alone; `look` is called at each stage."""
     browser = mouse.browser
     assert "Move the forceps yourself" in browser.text("#hand-hint")
     mouse.press("#toggle-dashboard")
+    time.sleep(1.0)
+    look()
     mouse.press("#take-hands")
     browser.until(lambda: browser.evaluate("document.querySelector('#hands.taken') !== null"), 20, "the hands are on")
     time.sleep(1.0)  # the eye has moved
+    look()
     mouse.at = mouse.pixel(jaws_mm(mouse))
     while jaws_mm(mouse)[2] > 0.5:
         mouse.wheel(min(2.0, jaws_mm(mouse)[2] * 60 / WHEEL_NOTCH))
@@ -107,6 +116,42 @@ def test_a_newcomer_with_a_mouse_inserts_the_catheter(mouse: Mouse) -> None:
     time.sleep(1.0)
     mouse.click()  # the jaws close on the catheter
     time.sleep(2.0)
+    look()
     mouse.drag(mouse.pixel((66.0, 0.0, jaws_mm(mouse)[2])), 2.0)  # the tip before the mouth
+    time.sleep(1.0)
+    look()
     mouse.drag(mouse.pixel((45.0, 0.0, jaws_mm(mouse)[2])), 6.0)
     browser.until(lambda: inserted_mm(mouse) > INSERTED_MM, 60, "the catheter is in the duct")
+    look()
+    time.sleep(2.0)
+    look()
+
+
+def test_a_newcomer_with_a_mouse_inserts_the_catheter(tmp_path: Path) -> None:
+    with newcomer(tmp_path) as mouse:
+        insert(mouse)
+
+
+def strip(path: Path, columns: int = 3, width: int = 480) -> None:
+    """Write what the newcomer sees at each stage, from left to right and down."""
+    seen: list[Image.Image] = []
+
+    def look() -> None:
+        shot = directory / "shot.png"
+        mouse.browser.screenshot(shot)
+        image = Image.open(shot).convert("RGB")
+        seen.append(image.resize((width, round(width * image.height / image.width)), Image.Resampling.LANCZOS))
+
+    with tempfile.TemporaryDirectory() as made:
+        directory = Path(made)
+        with newcomer(directory) as mouse:
+            insert(mouse, look)
+    height = seen[0].height
+    sheet = Image.new("RGB", (columns * width, -(-len(seen) // columns) * height))
+    for i, image in enumerate(seen):
+        sheet.paste(image, (i % columns * width, i // columns * height))
+    sheet.save(path, quality=88)
+
+
+if __name__ == "__main__":
+    strip(Path(sys.argv[1]))
