@@ -127,6 +127,18 @@ def _follows_another(holds: HoldArrays, index: int) -> bool:
 
 
 @kernel
+def _another_slides(state: ContactState, holds: HoldArrays, index: int, first: int) -> bool:
+    """Whether this hold only guides the catheter, and the one that is stiff along it slides."""
+    tool = holds.tool[holds.order[index]]
+    for earlier in range(index):
+        slot = holds.order[earlier]
+        if holds.tool[slot] == tool and holds.target_kind[slot] == CATHETER_SEGMENT:
+            is_guide = state.rows.softness_m_n[first + index, 0] == LOOSE_SOFTNESS_M_N
+            return bool(is_guide and state.slides[first + earlier])
+    return False
+
+
+@kernel
 def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
     """Take the rest position off; the displacement goes with that of all other contacts."""
     corners, weights = wall.triangles[holds.target[slot]], holds.weights[slot]
@@ -150,22 +162,33 @@ def slide_holds(
     first = rows.n_contacts - count
     for index in range(count):
         row, slot = first + index, holds.order[index]
-        if not state.slides[row]:
+        u, slip = state.problem.motion[3 * row : 3 * row + 3], state.problem.change
+        follows = _another_slides(state, holds, index, first)
+        if not (state.slides[row] or follows):
             continue
-        f = rows.force_n[row]
-        u = state.problem.motion[3 * row : 3 * row + 3]
-        dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
-        slip = state.problem.change
         for axis in range(3):
-            slip[axis] = (
-                u[0] * rows.frame[row, 0, axis] + u[1] * rows.frame[row, 1, axis] + u[2] * rows.frame[row, 2, axis]
-            )
-        holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
+            slip[axis] = 0.0
+        if state.slides[row]:
+            f = rows.force_n[row]
+            dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
+            _to_world(rows, row, (u[0], u[1], u[2]), slip)
+            holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
+        if follows:
+            # It goes with the other one: left behind, it would hold the jaws to the line through it.
+            _to_world(rows, row, (-rows.softness_m_n[row, 0] * rows.force_n[row, 0], 0.0, 0.0), slip)
         if holds.target_kind[slot] == CATHETER_SEGMENT:
             _slide_along(holds, slot, slip, state.geometry.rod.position, state.scratch.free)
         _slide_in_jaws(holds, slot, slip, state.geometry.tools)
         is_lost = is_lost or holds.lost[slot]
     return dissipated_j, is_lost
+
+
+@kernel
+def _to_world(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
+    """Add a motion in the row's frame to ``out`` (3,) along world axes."""
+    for axis in range(3):
+        for k in range(3):
+            out[axis] += motion[k] * rows.frame[row, k, axis]
 
 
 @kernel

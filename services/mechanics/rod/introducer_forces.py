@@ -1,10 +1,10 @@
 """Forces of the introducer that a rod slides through, with their positive semidefinite tangent.
 
-Held are the points of the centreline nearest to the ends of the axis, to these, and every particle between to the axis;
-a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or out
-changes no force by a jump. Stops keep both ends of the rod from leaving; a step that runs into one is taken by implicit
-Euler, for felt half a step late it would push with energy that nobody had. All springs are the gradient of an energy:
-they take no work. Friction is none of theirs: it is solved with the contacts.
+Held are the points of the rod's curve nearest to the ends of the axis, to these, and every particle between to the
+axis; a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or
+out changes no force by a jump. Stops keep both ends of the rod from leaving; a step that runs into one is taken by
+implicit Euler, for felt half a step late it would push with energy that nobody had. All springs are the gradient of an
+energy: they take no work. Friction is none of theirs: it is solved with the contacts.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, dot, row
+from services.mechanics.compiled.vectors import Vector, along, dot, scaled
+from services.mechanics.rod.curve import CurvePoint, closest_on_curve
 from services.mechanics.rod.introducer_passage import (
     Passage,
     axial_position,
@@ -56,10 +57,10 @@ def introducer_energy(model: RodModel, x: FloatArray) -> float:
         o = offset_from_axis(model.introducer, x, i)
         total += depth_weight(model, i, axial_position(model.introducer, x, i))[0] * dot(o, o)
     if passage.has_entry:
-        o = closest_on_segment(x, passage.first - 1, end_point(model.introducer, 0.0))[1]
+        o = _passing(x, passage.first - 1, end_point(model.introducer, 0.0)).offset
         total += dot(o, o)
     if passage.has_exit:
-        o = closest_on_segment(x, passage.last, end_point(model.introducer, model.introducer.length))[1]
+        o = _passing(x, passage.last, end_point(model.introducer, model.introducer.length)).offset
         total += dot(o, o)
     over = stop_overlap(model, x, passage)[1]
     return 0.5 * float(model.introducer.stiffness * total + model.introducer.stop_stiffness * over * over)
@@ -87,38 +88,39 @@ def _quadratic_change(model: RodModel, work: RodWork, scale: float) -> float:
     for i in range(passage.first, passage.last + 1):
         o = offset_from_axis(introducer, x, i)
         weight, slope = depth_weight(model, i, axial_position(introducer, x, i))
-        d = _moved(work, i, 0.0, scale)
+        d = _moved(work, i, scale)
         total += weight * _across(o, d, axis) + 0.5 * slope * dot(o, o) * dot(d, axis)
     for is_there, i, axial in (
         (passage.has_entry, passage.first - 1, 0.0),
         (passage.has_exit, passage.last, introducer.length),
     ):
         if is_there:
-            s, o = closest_on_segment(x, i, end_point(introducer, axial))
-            along = row(work.tangent, i) if 0.0 < s < 1.0 else (0.0, 0.0, 0.0)
-            total += _across(o, _moved(work, i, s, scale), along)
+            point = _passing(x, i, end_point(introducer, axial))
+            total += _across(point.offset, _moved_point(work, point, scale), point.direction)
     i, over = stop_overlap(model, x, passage)
-    way = dot(_moved(work, i, 0.0, scale), axis) if over != 0.0 else 0.0
+    way = dot(_moved(work, i, scale), axis) if over != 0.0 else 0.0
     return float(introducer.stiffness * total + introducer.stop_stiffness * (over + 0.5 * way) * way)
 
 
 @kernel
-def _across(o: Vector, d: Vector, along: Vector) -> float:
+def _across(o: Vector, d: Vector, direction: Vector) -> float:
     """Change of |o|^2 / 2 by a motion d, of which only what is across a direction counts twice."""
-    parallel = dot(d, along)
+    parallel = dot(d, direction)
     return dot(o, d) + 0.5 * (dot(d, d) - parallel * parallel)
 
 
 @kernel
-def _moved(work: RodWork, i: int, s: float, scale: float) -> Vector:
-    """Motion of a point of segment i by ``scale`` times the solution."""
-    j = 3 * i + 3 if s > 0.0 else 3 * i
-    a, b = scale * (1.0 - s), scale * s
-    return (
-        a * work.rhs[3 * i] + b * work.rhs[j],
-        a * work.rhs[3 * i + 1] + b * work.rhs[j + 1],
-        a * work.rhs[3 * i + 2] + b * work.rhs[j + 2],
-    )
+def _moved(work: RodWork, i: int, scale: float) -> Vector:
+    """Motion of particle i by ``scale`` times the solution."""
+    return (scale * work.rhs[3 * i], scale * work.rhs[3 * i + 1], scale * work.rhs[3 * i + 2])
+
+
+@kernel
+def _moved_point(work: RodWork, point: CurvePoint, scale: float) -> Vector:
+    """Motion of a point of the curve by ``scale`` times the solution."""
+    total = scaled(_moved(work, point.first, scale), point.weights[0])
+    total = along(total, _moved(work, point.first + 1, scale), point.weights[1])
+    return along(total, _moved(work, point.first + 2, scale), point.weights[2])
 
 
 @kernel
@@ -137,26 +139,29 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
     o = offset_from_axis(model.introducer, work.position, i)
     weight, slope = depth_weight(model, i, axial)
     k = model.introducer.stiffness * weight
-    along = 0.5 * model.introducer.stiffness * slope * dot(o, o)
+    inwards = 0.5 * model.introducer.stiffness * slope * dot(o, o)
     for c in range(3):
-        work.force[i, c] -= k * o[c] + along * a[c]
+        work.force[i, c] -= k * o[c] + inwards * a[c]
     if scale > 0.0:
-        _add_tangent(work, (i, 0.0), a, scale * k)
+        _add_tangent(work, (i, 1), (1.0, 0.0, 0.0), a, scale * k)
 
 
 @kernel
 def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
-    """Hold segment i to an end of the axis where it is nearest to it: the push is normal to the rod at any angle."""
-    end = end_point(model.introducer, axial)
-    s, o = closest_on_segment(work.position, i, end)
+    """Hold the curve near segment i to an end of the axis where it is nearest to it: the push is normal to the rod."""
+    point = _passing(work.position, i, end_point(model.introducer, axial))
     k = model.introducer.stiffness
-    for c in range(3):
-        work.force[i, c] -= (1.0 - s) * k * o[c]
-        work.force[i + 1, c] -= s * k * o[c]
+    for particle in range(3):
+        for c in range(3):
+            work.force[point.first + particle, c] -= point.weights[particle] * k * point.offset[c]
     if scale > 0.0:
-        # A particle that is nearest itself, at a kink, is held in every direction.
-        along = row(work.tangent, i) if 0.0 < s < 1.0 else (0.0, 0.0, 0.0)
-        _add_tangent(work, (i, s), along, scale * k)
+        _add_tangent(work, (point.first, 3), point.weights, point.direction, scale * k)
+
+
+@kernel
+def _passing(x: FloatArray, i: int, end: Vector) -> CurvePoint:
+    """The point of the curve that is nearest to an end of the axis, where the polygon is with segment i."""
+    return closest_on_curve(x, i, closest_on_segment(x, i, end)[0], end)
 
 
 @kernel
@@ -167,26 +172,22 @@ def wall_push(model: RodModel, x: FloatArray, passage: Passage) -> float:
         o = offset_from_axis(introducer, x, i)
         total += depth_weight(model, i, axial_position(introducer, x, i))[0] * math.sqrt(dot(o, o))
     if passage.has_entry:
-        o = closest_on_segment(x, passage.first - 1, end_point(introducer, 0.0))[1]
+        o = _passing(x, passage.first - 1, end_point(introducer, 0.0)).offset
         total += math.sqrt(dot(o, o))
     if passage.has_exit:
-        o = closest_on_segment(x, passage.last, end_point(introducer, introducer.length))[1]
+        o = _passing(x, passage.last, end_point(introducer, introducer.length)).offset
         total += math.sqrt(dot(o, o))
     return float(introducer.stiffness * total)
 
 
 @kernel
-def _add_tangent(work: RodWork, at: tuple[int, float], along: Vector, lateral: float) -> None:
-    """Gauss-Newton stiffness ``lateral`` of a point held across ``along``, between its two particles."""
-    i, s = at
+def _add_tangent(work: RodWork, particles: tuple[int, int], weights: Vector, direction: Vector, lateral: float) -> None:
+    """Gauss-Newton stiffness ``lateral`` of a point held across a direction; ``particles`` are (first, how many)."""
+    first, count = particles
     for c in range(3):
         for b in range(3):
-            value = -lateral * along[c] * along[b]
-            if b == c:
-                value += lateral
-            if b >= c:
-                work.band[3 * i + c, b - c] += (1.0 - s) * (1.0 - s) * value
-            if s > 0.0:
-                work.band[3 * i + c, 3 + b - c] += (1.0 - s) * s * value
-                if b >= c:
-                    work.band[3 * i + 3 + c, b - c] += s * s * value
+            value = lateral * ((1.0 if b == c else 0.0) - direction[c] * direction[b])
+            for i in range(count):
+                for j in range(i, count):
+                    if j > i or b >= c:
+                        work.band[3 * (first + i) + c, 3 * (j - i) + b - c] += weights[i] * weights[j] * value

@@ -44,6 +44,8 @@ def enter_grips(simulation: Simulation, before: Grips) -> tuple[float, float]:
         stretched_m = _linear_stretch_m(simulation, row) - start_m
         started_j = 0.5 * float(np.sum(start_m**2 / softness))
         taken_j -= float(force @ stretched_m) + stored.holds_j[int(rows.identity[row])] - started_j
+        # What a hold has slid along is not straight, and its jaws turn: it does not begin a step as it ended the last.
+        taken_j += before.holds_j.get(int(rows.identity[row]), started_j) - started_j
         slipped_j += _slipped_j(simulation, row)
     for row in simulation.seal.rows:
         stretched_m = float(_linear_stretch_m(simulation, row)[0]) - simulation.seal.start_m

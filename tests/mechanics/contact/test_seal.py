@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.contact.laws import number_of
@@ -130,16 +131,20 @@ def wall_pushes(position, entry, length_m, segment_m, stiffness_n_m):
     total = np.sum(np.minimum(depth / segment_m, 1.0) * np.linalg.norm(across[inside], axis=1))
     for plane in (0.0, length_m):
         j = np.searchsorted(x, plane) - 1
-        s, rest = closest(position[j], position[j + 1], np.array([entry[0] - plane, *entry[1:]]))
-        assert 0.0 < s < 1.0
-        total += rest
+        end = np.array([entry[0] - plane, *entry[1:]])
+        total += min(distance(position[k - 1 : k + 2], end) for k in (j, j + 1))
     return stiffness_n_m * total
 
 
-def closest(a, b, p):
-    """Place on the segment from a to b nearest to p, and the distance."""
-    s = np.clip((p - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-    return s, np.linalg.norm(a + s * (b - a) - p)
+def distance(span, p):
+    """Of p from the parabola between the middles of the two segments of ``span`` (3, 3), tangent to both."""
+    a, b, c = span
+    start, end = 0.5 * (a + b), 0.5 * (b + c)
+
+    def off(u):
+        return np.linalg.norm((1.0 - u) ** 2 * start + 2.0 * u * (1.0 - u) * b + u * u * end - p)
+
+    return minimize_scalar(off, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-12}).fun
 
 
 def test_a_catheter_that_hangs_in_its_seal_sleeps_and_is_held_when_it_wakes(with_effects, small_duct):

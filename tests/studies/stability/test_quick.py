@@ -13,10 +13,9 @@ QUICK = Order(Reach.QUICK, 1, tuple(FAMILIES))
 # the command prints; nothing else may. Who mends one takes it out of here.
 TOOLS = {"tool_penetration_hand", "tool_penetration_any"}
 OPEN: dict[tuple[str, str], set[str]] = {
-    ("jumps", "holding, tool 0 by 10 mm along +y"): {"gain"},
     ("abuse", "all contacts at once, wall gives way, number 0"): TOOLS,
     ("grasping", "number 0"): TOOLS,
-    ("effect_pairs", "twist and friction, number 0"): TOOLS | {"gain"},
+    ("effect_pairs", "twist and friction, number 0"): TOOLS,
     ("mass", "wall 100 times as heavy, number 0"): {"gain"},
     ("random_play", "piece 0"): TOOLS,
 }
