@@ -133,16 +133,17 @@ def test_what_a_tool_pressed_is_let_go_at_rest_when_it_vanishes(pressed):
     left of the motion that pressed makes a third.
     """
     simulation, tools = pressed
-    for _ in range(1500):  # until the wall rests: its own motion would be told as coming back
+    for _ in range(1500):  # until the wall nearly rests; the catheter in it still swings
         simulation.step(tools)
     duct = simulation.duct
     turn = 1e-3 * duct.reduced.basis.omega_rad_s
     q = duct.state.q.copy()
     pressed_far = (turn < 0.4) & (np.abs(q) > 0.1 * np.abs(q).max())
     assert pressed_far.sum() >= 2
+    swung = q + 1e-3 * duct.rate()
     tools.present[0] = False
     simulation.step(tools)
-    came_back = (1.0 - duct.state.q / q)[pressed_far]
+    came_back = ((swung - duct.state.q) / q)[pressed_far]
     np.testing.assert_allclose(came_back, 0.5 * turn[pressed_far] ** 2, rtol=0.5)
 
 
