@@ -7,6 +7,8 @@ link is its life: when the supervisor goes, it goes.
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import os
 import socket
 import sys
 import time
@@ -30,6 +32,8 @@ _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 #: A supervisor that has said nothing for so long does not run: what is shown is old.
 SILENT_S = 2.0
 _OPENING_S = 10.0
+#: It needs a twentieth of a core and answers a person: of the ordinary class, it is served before what computes.
+_NICE = -10
 #: Whose page this is: no member of the crew, but its turns are measured as everybody's.
 OURS = "supervisor"
 _encoder = msgspec.json.Encoder()
@@ -90,6 +94,8 @@ class Knowledge:
 
 def main(link_descriptor: int, socket_descriptor: int) -> int:
     """Serve until the supervisor goes; return the exit code."""
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
     link = Link(socket.socket(fileno=link_descriptor))
     sock = socket.socket(fileno=socket_descriptor)
     opening = link.wait(Opening, _OPENING_S)
