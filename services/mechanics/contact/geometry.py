@@ -35,6 +35,7 @@ class ToolGeometry(Struct):
     present: Annotated[BoolArray, N_TOOLS]
     waiting: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
+    pad: Annotated[FloatArray, N_TOOLS]  # how deep a wall that they hold may be in them, in m
 
 
 class RodGeometry(Struct):
@@ -74,6 +75,7 @@ class ContactGeometry(Struct):
                 present=tools.present,
                 waiting=tools.waiting,
                 held=tools.held,
+                pad=tools.pad_m,
             ),
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),
             wall=WallGeometry(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
@@ -69,6 +71,8 @@ class HoldRegistry:
         Requests that found no room since the start, each counted in every step.
     refused : int
         Requests since the start that name nothing that is there, or hold it with a NaN; counted in every step.
+    took_up : bool
+        Whether a hold was taken up in this step.
     dissipated_j : float
     """
 
@@ -79,6 +83,7 @@ class HoldRegistry:
         self.dropped = 0
         self.refused = 0
         self.dissipated_j = 0.0
+        self.took_up = False
         self._lost: set[int] = set()
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
@@ -94,6 +99,7 @@ class HoldRegistry:
 
     def follow(self, requests: list[GraspHold]) -> None:
         """Take up new requests, update limits, drop what is no longer asked for, or by a tool that is gone."""
+        self.took_up = False
         if not requests and not self.active:
             return
         requests = [request for request in requests if self._is_sound(request) and self._tool_is_present(request)]
@@ -107,6 +113,7 @@ class HoldRegistry:
                 self.active[request.hold_id].request = request
             elif request.hold_id not in self._lost:
                 self._take_up(request)
+        self._free_jaws()
 
     def lose(self) -> None:
         """Let go of everything; who goes on asking for the same holds does not get them."""
@@ -127,6 +134,13 @@ class HoldRegistry:
         for tool, target_kind, jaw_angle_rad in stops:
             tools.held[tool, target_kind] = True
             tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], jaw_angle_rad)
+
+    def _free_jaws(self) -> None:
+        """Let jaws collide at once with what they held until now: it may spring back against them in this step."""
+        held = self._system.geometry.tools.held
+        kept = {(hold.request.tool, hold.request.target_kind) for hold in self.active.values()}
+        for tool, kind in np.argwhere(held).tolist():
+            held[tool, kind] = (tool, kind) in kept
 
     def append_rows(self) -> None:
         """Append one bilateral row per hold, as far as there is room."""
@@ -167,6 +181,7 @@ class HoldRegistry:
         arrays.weights[slot] = request.target_weights
         arrays.slipped_m[slot], arrays.lost[slot] = 0.0, False
         self.active[request.hold_id] = ActiveHold(request, slot, arrays)
+        self.took_up = True
         self._list_slots()
 
     def _is_sound(self, request: GraspHold) -> bool:

@@ -28,8 +28,9 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
     """Append pairs to ``rows`` as unilateral contacts.
 
     Gap and slip still lack the duct's displacement, which needs its modes: see `subtract_duct_motion`. Jaws do
-    not collide with what they hold: the hold stands for both of them. Pairs of a tool that is gone, or waits, are left
-    out.
+    not collide with a catheter that they hold: the hold stands for both of them. A fold of the wall is held at two
+    points, and what lies between and beside these goes on being squeezed. Pairs of a tool that is gone, or waits, are
+    left out.
     """
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
@@ -40,6 +41,7 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
         row = append_row(rows, _UNILATERAL, identity)
         if row == NO_ROOM:
             continue
+        rows.pad_m[row] = _pad(geometry.tools, tool, segment, kind)
         write_frame(pairs.normal[index], rows.frame[row])
         if tool != NO_TOOL:
             _tool_side(pairs, index, geometry.tools, rows, row)
@@ -55,7 +57,15 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
 def _touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
     """Whether a segment of a tool collides with this kind of target."""
     is_there = tools.present[tool] and not tools.waiting[tool]
-    return bool(is_there and (segment == SHAFT or not tools.held[tool, kind]))
+    is_held_catheter = segment != SHAFT and kind == CATHETER_SEGMENT and tools.held[tool, kind]
+    return bool(is_there and not is_held_catheter)
+
+
+@kernel
+def _pad(tools: ToolGeometry, tool: int, segment: int, kind: int) -> float:
+    """Return how deep a target may be in a segment of a tool, in m: more than nothing for a wall that jaws hold."""
+    holds_it = tool != NO_TOOL and segment != SHAFT and kind == DUCT_TRIANGLE and tools.held[tool, kind]
+    return float(tools.pad[tool]) if holds_it else 0.0
 
 
 @kernel

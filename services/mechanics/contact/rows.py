@@ -29,6 +29,8 @@ class ContactRows(Struct):
         Where the force acts on the first body.
     gap_m : (C,) float64
         Distance of the surfaces at the start of the step.
+    pad_m : (C,) float64
+        How deep the surfaces may overlap before they push each other.
     slip_m : (C, 3) float64
         Motion of the first body relative to the target over the step without contact forces, in world axes.
     elastic_m : (C, 3) float64
@@ -60,6 +62,7 @@ class ContactRows(Struct):
     frame: Annotated[FloatArray, "c", 3, 3]
     point_m: Annotated[FloatArray, "c", 3]
     gap_m: Annotated[FloatArray, "c"]
+    pad_m: Annotated[FloatArray, "c"]
     slip_m: Annotated[FloatArray, "c", 3]
     elastic_m: Annotated[FloatArray, "c", 3]
     friction: Annotated[FloatArray, "c"]

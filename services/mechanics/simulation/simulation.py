@@ -17,6 +17,7 @@ from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.engagement import engage_tools
 from services.mechanics.contact.manifold import ContactManifold
+from services.mechanics.contact.pads import take_pads
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
@@ -272,6 +273,8 @@ class Simulation:
             engage_tools(pairs.address, system.geometry.address)
         self._manifold.append_to(pairs, self.search, system.geometry)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
+        if self.holds.took_up:
+            take_pads(pairs.address, system.geometry.address)
         catheter_pairs = self.world.pairs
         catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, catheter_pairs)

@@ -71,6 +71,8 @@ class ToolBody:
         From the start of the step to ``free``.
     held : (2, 2) bool
         Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
+    pad_m : (2,) float64
+        How deep a wall that they hold may be in them before they push it, see `contact.pads`.
     jaw_stop_rad : (2,) float64
         Opening below which something held keeps the jaws; -inf where nothing does.
     frame : (2, 3, 3) float64
@@ -92,6 +94,7 @@ class ToolBody:
         self.forceps = forceps
         self.radius_m = np.array([[f.shaft_radius_m, f.jaw_radius_m, f.jaw_radius_m] for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
+        self.pad_m = np.zeros(N_TOOLS)
         self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
         self._flags = 0

@@ -116,7 +116,7 @@ def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gai
     The gap is that in the middle of the step: with the one at its start a force that is held over a step of second
     order feeds energy in at any stiffness. The damper of a particle is at most what halves its speed in a step.
     """
-    force, gap = rows.force_n[row], rows.gap_m[row] + 0.5 * motion[0]
+    force, gap = rows.force_n[row], rows.gap_m[row] + rows.pad_m[row] + 0.5 * motion[0]
     damping = gains.damping_n_s_m
     if rows.rod_weight[row, 0] != 0.0 or rows.rod_weight[row, 2] != 0.0:
         damping = min(damping, 0.5 * gains.lightest_kg / gains.dt_s)
