@@ -58,7 +58,7 @@ def test_schemas(trocar: Trocar) -> None:
         ("forceps.1.jaw_radius_m=-1e-3", "default.yaml: forceps.1.jaw_radius_m: must be positive, is -0.001"),
         ("catheter.outer_diameter_m=0.0", "default.yaml: catheter.outer_diameter_m: must be positive, is 0.0"),
         ("duct.damping_ratio=-0.1", "default.yaml: duct.damping_ratio: must not be negative, is -0.1"),
-        ("quality=[]", "default.yaml: quality: needs at least one level"),
+        ("quality=[]", "default.yaml: quality: needs one to 16 rungs, has 0"),
         ("duct.mesh_file=nowhere.stl", "nowhere.stl: no such file"),
         ("duct.n_modes=6000", "n_modes must lie between 1 and 1559, the free translations, is 6000"),
         ("duct.poisson_ratio=0.6", "poisson_ratio of an isotropic material must not exceed 0.5"),

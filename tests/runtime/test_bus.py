@@ -34,7 +34,7 @@ Eventually = Callable[[Callable[[], bool]], None]
 def make(request: pytest.FixtureRequest, transport: Transport) -> Iterator[Make]:
     """Return a maker of buses that meet: ``make(publishes=..., reads=..., reads_every=...)``."""
     hub = MemoryHub()
-    tcp = Transport(kind="tcp", base_port=31_000)
+    tcp = Transport(kind="tcp", base_port=25_000)
     with ExitStack() as stack:
 
         def maker(**topics: Iterable[str]) -> Any:
@@ -292,7 +292,7 @@ def test_an_endpoint_has_one_owner(transport: Transport) -> None:
 
 
 def test_a_taken_port_is_one_sentence() -> None:
-    transport = Transport(kind="tcp", base_port=32_000)
+    transport = Transport(kind="tcp", base_port=22_000)
     context = zmq.Context()
     blocker = context.socket(zmq.PUB)
     blocker.bind(endpoint(transport, STATE))
@@ -371,7 +371,7 @@ def test_a_sample_that_does_not_come_is_left_out(transport: Transport) -> None:
 def test_a_frame_that_somebody_waits_for_lets_the_thread_of_the_bus_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """That thread has the priority of the process: it runs when the process sleeps, or here."""
     yielded: list[int] = []
-    transport = Transport(kind="tcp", base_port=33_000)
+    transport = Transport(kind="tcp", base_port=23_000)
     sender = ZmqBus(transport, publishes=[STATE])
     monkeypatch.setattr("os.sched_yield", lambda: yielded.append(sender._out[STATE].sent))
     try:

@@ -21,7 +21,7 @@ from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 
 STATE = "gateway.state"
-PORT = 33_000
+PORT = 27_000  # below those that the system gives to whoever asks for any
 PATIENCE_S = 5.0
 SILENCE_S = 0.5
 
