@@ -169,7 +169,7 @@ def main() -> None:
     free = Simulation(replace(scene, catheter=aside, effects={}), build_scene_duct(scene, cache))
     absent = ToolInputs()
     absent.present[:] = False
-    facts = realtime.set_up(CORE, PRIORITY)
+    facts, _ = realtime.set_up(CORE, PRIORITY)
     seconds, stages = sample_ticks(ours, tools)
     # One after the other, not interleaved: each is a process of its own on the rig, and its caches are its own.
     timings = {"tick, pressed contacts": Timing.from_samples(seconds)}
