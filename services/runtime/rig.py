@@ -49,7 +49,7 @@ class ProcessSettings(Settings):
     enabled: bool = True
     core: Annotated[int, Field(ge=0)] | None = None
     priority: Annotated[int, Field(ge=1, le=89)] | None = Field(None, description="SCHED_FIFO; none: ordinary")
-    nice: Annotated[int, Field(ge=0, le=19)] | None = None
+    nice: Annotated[int, Field(ge=-20, le=19)] | None = None
     share: Annotated[float, Field(gt=0, le=0.95)] = Field(
         0.3, description="of a core: what SCHED_DEADLINE reserves, and what a container's real-time budget must hold"
     )

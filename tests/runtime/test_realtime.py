@@ -36,6 +36,15 @@ def test_a_core_that_is_not_there_is_reported() -> None:
     assert "may use" in fact.had
 
 
+def test_a_niceness_that_is_refused_is_reported_and_the_process_goes_on() -> None:
+    code = (
+        "import os; from services.runtime import realtime\n"
+        "os.geteuid() == 0 and os.setuid(65534)\n"
+        "fact = realtime.set_up(None, None, -10)[0][1]; print(fact.ok, fact.asked, '|', fact.had)"
+    )
+    assert _in_child(code) == "False OTHER, nice -10 | OTHER, nice 0"
+
+
 def test_numerics_libraries_get_one_thread() -> None:
     out = _in_child("import services.runtime, os; print(os.environ['OPENBLAS_NUM_THREADS'])")
     assert out == os.environ.get("OPENBLAS_NUM_THREADS", "1")
