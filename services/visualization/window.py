@@ -24,6 +24,8 @@ from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPE
 #: Pictures that the window has not yet drawn: the one that it draws. Of what comes meanwhile it gets the newest.
 _IN_FLIGHT = 1
 _OPEN_S, _RETRY_S, _END_S = 30.0, 5.0, 2.0
+#: So often a display may refuse the first window, so far apart: a virtual one was seen to do so, and to take the next.
+_TRIES, _SOON_S = 3, 0.5
 _MARGIN_NS = 1_500_000  # asyncio rounds its waits up to milliseconds; the rest is slept precisely
 
 
@@ -108,6 +110,7 @@ class WindowOutput:
     async def _show_until_closed(self) -> None:
         """Keep a window until a person closes it; one that ends otherwise is opened again when that can be done."""
         opened_once = told = False
+        refused = 0
         while True:
             status = await self._show_once()
             if self.closed:
@@ -115,12 +118,13 @@ class WindowOutput:
             opened_once, told = opened_once or self._open, told and not self._open
             self._open = False
             why = f"the window on display {display_name()} {_how(status)}: the display went away, or its driver failed"
-            if not opened_once:
+            refused += not opened_once
+            if refused == _TRIES:
                 raise DeviceError(f"visualization.viewer: {why.replace('went away', 'is not there')}")
-            if not told:
+            if opened_once and not told:
                 self._log.warning("%s; the rig goes on without a picture until it opens again", why)
                 told = True
-            await asyncio.sleep(_RETRY_S)
+            await asyncio.sleep(_RETRY_S if opened_once else _SOON_S)
 
     async def _show_once(self) -> int:
         worker = await asyncio.create_subprocess_exec(

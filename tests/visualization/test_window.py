@@ -256,3 +256,21 @@ def test_a_display_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("DISPLAY", ":4711")
     with pytest.raises(DeviceError, match=r"visualization\.viewer: the window on display :4711 ended .*is not there"):
         open_window()
+
+
+def test_a_display_that_refuses_the_first_window_gets_a_second(
+    display: Display, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, begun = WindowOutput._show_once, []
+
+    async def refused_once(self: WindowOutput) -> int:
+        begun.append(self)
+        return await real(self) if len(begun) > 1 else 1
+
+    monkeypatch.setattr(WindowOutput, "_show_once", refused_once)
+    output = open_window()
+    try:
+        assert output.gauges()["window_open"] == 1.0
+        assert len(begun) == 2
+    finally:
+        output.close()
