@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import services.runtime  # noqa: F401 - keeps linear algebra to one thread before numpy is loaded
+from services.cli.progress import progress_line
 from services.gateway.feel.figures import draw_borders, draw_energies, draw_transparency
-from services.gateway.feel.measure import Tell, energies, passive_borders, stable_borders, transparency
+from services.gateway.feel.measure import energies, passive_borders, stable_borders, transparency
 from services.gateway.feel.report import Felt, write_page
 from services.runtime.errors import ConfigError
 from services.studies.accuracy.facts import Facts
@@ -44,7 +42,7 @@ def run_haptics(request: Request) -> None:
     folder = request.out.absolute().parent
     if not folder.is_dir():
         raise ConfigError(f"--out {request.out}: there is no folder {folder}")
-    with _progress() as tell, ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as executor:
+    with progress_line() as tell, ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as executor:
         felt = Felt(passive_borders(), stable_borders(), transparency(), energies(request.hands, executor, tell))
     figures = folder / request.out.stem
     figures.mkdir(exist_ok=True)
@@ -73,17 +71,3 @@ def _data(felt: Felt) -> dict[str, object]:
             for each in felt.energies
         ],
     }
-
-
-@contextmanager
-def _progress() -> Iterator[Tell]:
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        bars = {}
-
-        def tell(what: str, done: int, total: int) -> None:
-            if what not in bars:
-                bars[what] = progress.add_task(what, total=total)
-            progress.update(bars[what], completed=done)
-
-        yield tell

@@ -5,24 +5,22 @@ from __future__ import annotations
 import json
 import os
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 # Keeps linear algebra to one thread before numpy is loaded, here and in the workers: sums are taken in one order.
 import services.runtime  # noqa: F401
+from services.cli.progress import progress_line
 from services.runtime.errors import ConfigError
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
 from services.studies.accuracy.log import Log
 from services.studies.accuracy.page import write_page
 from services.studies.accuracy.report import write_report
-from services.studies.accuracy.run import Tell, fill_costs, fill_errors, floors, table
+from services.studies.accuracy.run import fill_costs, fill_errors, floors, table
 from services.studies.accuracy.study import Draw, Row, Size, load_study, study_names
 from services.studies.accuracy.table import frontier_rows, write_table
 from services.studies.accuracy.workers import open_workers
@@ -67,7 +65,7 @@ def run_study(request: Request) -> None:
         log = Log(request.out, draw, code)
     except ValueError as error:
         raise ConfigError(f"--out {error}") from None
-    with _progress() as tell:
+    with progress_line() as tell:
         try:
             with open_workers(request.jobs or os.cpu_count() or 1, request.scheduler) as workers:
                 fill_errors(names, draw, log, workers, tell)
@@ -103,18 +101,6 @@ def _chosen(wanted: tuple[str, ...]) -> list[str]:
         if name not in (*known, EVERY):
             raise ConfigError(f"there is no study {name!r}; known: {', '.join(known)}, {EVERY}")
     return known if EVERY in wanted else list(dict.fromkeys(wanted))
-
-
-@contextmanager
-def _progress() -> Iterator[Tell]:
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=None)
-
-        def tell(what: str, done: int, total: int) -> None:
-            progress.update(task, description=what, completed=done, total=total)
-
-        yield tell
 
 
 def _print(rows: list[Row], out: Path) -> None:

@@ -10,10 +10,10 @@ from typing import Any
 
 import yaml
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from services.cache_directory import cache_directory
+from services.cli.progress import progress_line
 from services.mechanics.scene import SceneModel
 from services.runtime import config
 from services.runtime.errors import ConfigError
@@ -75,13 +75,7 @@ def _checked(request: Request) -> SceneModel:
 def _tuned(scene: SceneModel, budget_us: float | None) -> Tuned:
     directory = cache_directory()
     trial = Trial(lambda each: load_duct(each, directory, lambda *_: None))
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=None)
-
-        def tell(what: str, done: int, total: int) -> None:
-            progress.update(task, description=what, completed=done, total=total)
-
+    with progress_line() as tell:
         return measure_ladder(scene, trial, tell) if budget_us is None else tune(scene, budget_us, trial, tell)
 
 
