@@ -73,13 +73,6 @@ class Kind:
     for_both: bool
 
 
-def _codes(capabilities: dict[int, Any]) -> dict[int, list[int]]:
-    """Return the codes by type, without the ranges of axes."""
-    return {
-        kind: [code[0] if isinstance(code, tuple) else code for code in codes] for kind, codes in capabilities.items()
-    }
-
-
 GAMEPAD = Kind(
     "gamepad",
     lambda can: ecodes.BTN_SOUTH in can.get(ecodes.EV_KEY, ()) and ecodes.ABS_X in can.get(ecodes.EV_ABS, ()),
@@ -251,7 +244,7 @@ def _is_one(kind: Kind, path: str) -> bool:
     except OSError:
         return False
     try:
-        return kind.is_one(_codes(source.capabilities(absinfo=False)))
+        return kind.is_one(source.capabilities(absinfo=False))
     finally:
         source.close()
 

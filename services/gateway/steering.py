@@ -97,7 +97,7 @@ class SteeredArm(HandArm):
         self, name: str, kind: Kind, axes: Mapping[str, Axes], settings: SteeringSettings, place: Place
     ) -> None:
         super().__init__(name, settings, place)
-        self._name, self._kind = name, kind
+        self._kind = kind
         self._axes = {**axes, **settings.axes}
         self._steering = settings
         self._inputs: Inputs | None = None

@@ -21,10 +21,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from services.gateway.layout import (
-    LIMIT_CONTINUOUS_FORCE,
     LIMIT_DAMPING,
-    LIMIT_FORCE,
-    LIMIT_RATE,
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
@@ -88,7 +85,6 @@ class Wall:
     def limits(self) -> FloatArray:
         """Return limits, (LIMIT_SIZE,), that never act, but for the controller's."""
         limits = np.full(LIMIT_SIZE, _WIDE)
-        limits[[LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE]] = _WIDE
         limits[LIMIT_DAMPING] = self.controller_n_s_m
         return limits
 
