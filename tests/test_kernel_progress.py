@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -11,25 +13,30 @@ from services.kernel_progress import told
 from services.mechanics.compiled import kernel
 
 
-@kernel
-def _twice(x: float) -> float:
-    return 2.0 * x
+def _kernels() -> dict[str, Any]:
+    """Return kernels made now: where they are kept is asked when they are made."""
+
+    @kernel
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    @kernel
+    def four_times(x: float) -> float:
+        return twice(twice(x))
+
+    @kernel
+    def not_used(x: float) -> float:
+        return x
+
+    return {"twice": twice, "four_times": four_times, "not_used": not_used}
 
 
-@kernel
-def _four_times(x: float) -> float:
-    return _twice(_twice(x))
-
-
-@kernel
-def _not_used(x: float) -> float:
-    return x
-
-
-def test_what_is_compiled_is_counted_once_a_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_compiled_is_counted_once_a_kernel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # A folder of its own: what an earlier run of the tests has compiled would be loaded, and nothing counted.
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    kernels_of_test = _kernels()
     module = ModuleType("services.of_a_test")
-    for each in (_twice, _four_times, _not_used):
-        setattr(module, each.__name__, each)
+    vars(module).update(kernels_of_test)
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setattr("services.kernel_progress._APART_S", 0.0)
     monkeypatch.setattr("sys.modules", {module.__name__: module})
@@ -37,10 +44,11 @@ def test_what_is_compiled_is_counted_once_a_kernel(monkeypatch: pytest.MonkeyPat
     with told(lambda text, fraction: said.append((text, fraction))) as kernels:
         monkeypatch.undo()
         monkeypatch.setattr("services.kernel_progress._APART_S", 0.0)
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
         kernels.begin("sums")
-        assert _four_times(1.0) == 4.0
-        assert _four_times(1) == 4, "another signature of the same kernels"
-    _not_used(1.0)
+        assert kernels_of_test["four_times"](1.0) == 4.0
+        assert kernels_of_test["four_times"](1) == 4, "another signature of the same kernels"
+    kernels_of_test["not_used"](1.0)
     texts = [text for text, _ in said]
     assert texts[0] == "sums: 0 kernels compiled, of at most 3"
     assert texts[-1] == "sums: 2 kernels compiled, of at most 3"
