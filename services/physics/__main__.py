@@ -73,6 +73,7 @@ class Physics:
             "dropped_pairs": float(dropped.pairs),
             "dropped_contacts": float(dropped.rows),
             "dropped_holds": float(dropped.holds),
+            "refused_pairs": float(self._reader.refused_pairs),
             "refused_inputs": float(self.simulation.refused_inputs),
             "healed_states": float(self.simulation.healed_states),
         }

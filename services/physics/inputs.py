@@ -13,10 +13,11 @@ from protocol.bodies import ToolContacts
 from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES
 from protocol.vectors import Vec3
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.forceps.kinematics import N_SEGMENTS
+from services.mechanics.collision.pair_faults import names_fault, numbers_fault
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import put_row
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 
@@ -35,12 +36,15 @@ class ContactsReader:
         What a step takes; overwritten in place by `take`.
     refused
         Frames whose indices point nowhere.
+    refused_pairs
+        Pairs of other frames whose numbers are none of a contact's: they are left out.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         self.tools = ToolInputs()
         self.pairs = ContactPairs.allocate(simulation.scene.contact.capacity)
         self.refused = 0
+        self.refused_pairs = 0
         n_triangles = simulation.duct.reduced.mesh.triangles.shape[0]
         n_segments = simulation.catheter.state.position_m.shape[0] - 1
         room = _ROOM * self.pairs.capacity
@@ -69,7 +73,9 @@ class ContactsReader:
         n = min(n_sent, len(self._index))
         for view, data, width in zip(self._bytes, (index, geometry), _ROW_BYTES, strict=True):
             view[: n * width] = data[: n * width] if n < n_sent else data
-        return bool(take_pairs(self._index, self._geometry, n_sent, self._n_targets, self.pairs.address))
+        left_out = take_pairs(self._index, self._geometry, n_sent, self._n_targets, self.pairs.address)
+        self.refused_pairs += max(left_out, 0)
+        return bool(left_out >= 0)
 
     def compile_kernels(self) -> None:
         """Read an empty frame as it comes off the wire."""
@@ -105,28 +111,32 @@ class ContactsReader:
 @kernel
 def take_pairs(
     index: IntArray, geometry: FloatArray, n_sent: int, n_targets: IntArray, address: Address[ContactPairs]
-) -> bool:
-    """Copy the first rows of tables of the wire into the pairs; False, and none copied, if one names what is not there.
+) -> int:
+    """Copy the first rows of tables of the wire into the pairs; return how many were left out as no contacts.
 
-    ``n_targets`` (2,) are the numbers of triangles and of segments. Rows beyond the pairs' capacity are dropped.
+    -1, and none copied, if one names what is not there. ``n_targets`` (2,) are the numbers of triangles and of
+    segments. Rows beyond the pairs' capacity are dropped.
     """
     for row in range(min(n_sent, index.shape[0])):
-        tool, segment, kind, target = index[row, 0], index[row, 1], index[row, 2], index[row, 3]
-        named = 0 <= tool < N_TOOLS and 0 <= segment < N_SEGMENTS and 0 <= kind < n_targets.shape[0]
-        if not (named and 0 <= target < n_targets[kind]):
-            return False
+        if names_fault(index[row, 0], index[row, 1], index[row, 2], index[row, 3], n_targets):
+            return -1
     pairs = pairs_at(address)
-    pairs.count = min(n_sent, pairs.gap_m.shape[0])
-    pairs.dropped = n_sent - pairs.count
-    for row in range(pairs.count):
-        pairs.particle[row] = NO_PARTICLE
-        pairs.tool[row], pairs.tool_segment[row] = index[row, 0], index[row, 1]
-        pairs.target_kind[row], pairs.target[row] = index[row, 2], index[row, 3]
-        pairs.tool_parameter[row], pairs.gap_m[row] = geometry[row, 0], geometry[row, 7]
-        for axis in range(3):
-            pairs.target_weights[row, axis] = geometry[row, 1 + axis]
-            pairs.normal[row, axis] = geometry[row, 4 + axis]
-    return True
+    n_looked_at, n = min(n_sent, pairs.gap_m.shape[0]), 0
+    for row in range(n_looked_at):
+        weights = geometry[row, 1], geometry[row, 2], geometry[row, 3]
+        normal = geometry[row, 4], geometry[row, 5], geometry[row, 6]
+        if numbers_fault(geometry[row, 0], weights, normal, geometry[row, 7]):
+            continue
+        pairs.particle[n] = NO_PARTICLE
+        pairs.tool[n], pairs.tool_segment[n] = index[row, 0], index[row, 1]
+        pairs.target_kind[n], pairs.target[n] = index[row, 2], index[row, 3]
+        pairs.tool_parameter[n], pairs.gap_m[n] = geometry[row, 0], geometry[row, 7]
+        put_row(pairs.target_weights, n, weights)
+        put_row(pairs.normal, n, normal)
+        n += 1
+    pairs.count = n
+    pairs.dropped = n_sent - n_looked_at
+    return int(n_looked_at - n)
 
 
 def _flat(array: NDArray[Any], kind: str) -> Any:

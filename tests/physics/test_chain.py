@@ -134,6 +134,32 @@ def test_indices_that_point_nowhere_are_refused_whole(rig: Rig) -> None:
     assert sender is not None
 
 
+def test_a_pair_whose_numbers_are_none_of_a_contact_is_left_out(rig: Rig) -> None:
+    """The hands in the same frame are followed: it may be the only pair that detection could not give a direction."""
+    _press(rig, 60)
+    reader = ContactsReader(rig.physics.simulation)
+    spy = type(rig.gateway)(rig.hub, reads=["haptics.contacts"])
+    rig.turn((0.02, 0.0, 0.006), FAR)
+    frame = spy.latest("haptics.contacts")
+    assert frame is not None
+    index, geometry = frame.body.pair_index.view(), frame.body.pair_geometry.view()
+    n = len(index)
+    spoilt = [[(5, 0.0), (6, 0.0), (4, 0.0)], [(1, 7.0)], [(0, -3.0)], [(7, 1e9)], [(5, np.nan)]]
+    for wrong in spoilt:
+        table = np.concatenate([geometry, geometry[-1:]])
+        for column, value in wrong:
+            table[n - 1, column] = value
+        tables = {
+            "pair_index": pack(np.concatenate([index, index[-1:]]), "<i4"),
+            "pair_geometry": pack(table),
+        }
+        assert reader.take(msgspec.structs.replace(frame.body, **tables))
+        assert reader.pairs.count == n
+        np.testing.assert_array_equal(reader.pairs.normal[n - 1], geometry[-1, 4:7])
+        np.testing.assert_array_equal(reader.tools.position_m[0], frame.body.tools[0].position_m)
+    assert (reader.refused, reader.refused_pairs) == (0, len(spoilt))
+
+
 def test_the_same_frames_give_the_same_physics(rig: Rig) -> None:
     """Bit for bit, however late each frame was: what the hands did decides, not when."""
     spy = type(rig.gateway)(rig.hub, reads_every=["haptics.contacts"])

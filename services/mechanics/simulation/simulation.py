@@ -26,6 +26,7 @@ from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
+from services.mechanics.simulation.calls import CallCheck
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.loads import begin_loads
 from services.mechanics.simulation.pace import Pace, steps_of
@@ -87,6 +88,7 @@ class Simulation:
         self._mark_ns = 0
         self._pace = Pace(world)
         self._healer = Healer(world)
+        self._calls = CallCheck(duct.mesh.triangles.shape[0], self.catheter.properties.n_segments)
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
             effect.prepare(world)
@@ -105,13 +107,15 @@ class Simulation:
 
         Raises
         ------
-        ValueError
-            ``dt_s`` is not positive and finite, or too long; nothing has moved.
+        TypeError, ValueError
+            ``dt_s`` is not positive and finite, or too long; an array of another shape or dtype, a pair that names what
+            is not there or whose numbers are none of a contact's (`CallCheck`). Nothing has moved.
         """
         if not 0.0 < dt_s < math.inf:
             raise ValueError(f"dt_s must be positive and finite, is {dt_s}")
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
+        self._calls.check(tools, pairs)
         self._mark_ns = perf_counter_ns()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         steps = steps_of(dt_s)

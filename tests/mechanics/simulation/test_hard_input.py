@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 
@@ -213,6 +213,83 @@ def test_a_hold_whose_numbers_mean_nothing_is_none(small_scene, small_duct, spoi
     assert list(simulation.holds.active) == [3]
     assert np.isfinite(state(simulation)).all()
     assert np.isfinite(simulation.tool_results.force_n).all()
+
+
+def everything(simulation):
+    return np.concatenate([state(simulation), simulation.tools.proxy.ravel(), simulation.tools.hand.ravel()])
+
+
+CALLS = {
+    "position_m": [np.zeros(3), np.zeros((1, 3)), np.zeros((3, 3)), np.zeros((2, 3), np.float32), [[0.0] * 3] * 2],
+    "present": [np.ones(3, np.bool_), np.ones(1, np.bool_), np.ones(2), [True, False], None],
+    "roll_rad": [np.zeros(1), np.zeros(3), 0.1, np.zeros(2, np.int64), np.zeros(4)[::2]],
+    "jaw_angle_rad": [np.zeros((2, 1)), None],
+    "holds": [
+        3,
+        [None],
+        {3: HOLD},
+        *([replace(HOLD, **wrong)] for wrong in ({"tool": 1.5}, {"target": "4"}, {"limit_n": None})),
+        *([replace(HOLD, target_weights=each)] for each in ((1.0, 0.0, 0.0), np.ones(2), np.ones(3, np.int64))),
+    ],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in CALLS.items() for value in values])
+def test_arrays_of_another_kind_are_refused_by_name_before_anything_moves(pressed, name, value):
+    simulation, tools = pressed
+    before, good = everything(simulation), getattr(tools, name)
+    setattr(tools, name, value)
+    for _ in range(2):
+        with pytest.raises((TypeError, ValueError), match=rf"^tools\.{name}"):
+            simulation.step(tools)
+    np.testing.assert_array_equal(everything(simulation), before)
+    setattr(tools, name, good)
+    simulation.step(tools)
+    assert simulation.refused_inputs == 0
+
+
+WRONG_PAIRS = {
+    "tool": [-1, 2],
+    "tool_segment": [-1, 3],
+    "target_kind": [-1, 2],
+    "target": [-1, 10**6],
+    "tool_parameter": [np.nan, -0.5, 1.5, np.inf],
+    "target_weights": [(np.nan, 0.0, 0.0), (2.0, -1.0, 0.0), (0.5, 0.0, 0.0), (np.inf, -np.inf, 1.0)],
+    "normal": [(0.0, 0.0, 0.0), (0.0, np.nan, 1.0), (0.0, 0.0, 1e3), (np.inf, 0.0, 0.0)],
+    "gap_m": [np.nan, np.inf, -np.inf, 1e300, 2.0],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG_PAIRS.items() for value in values])
+def test_a_pair_that_is_none_is_refused_by_name_and_place_before_anything_moves(pressed, name, value):
+    simulation, tools = pressed
+    before, pairs = everything(simulation), ContactPairs.allocate(8)
+    pairs.count = 3
+    for i in range(3):
+        pairs.tool[i], pairs.tool_segment[i], pairs.target[i] = 0, 1, 5 + i
+        pairs.target_weights[i], pairs.normal[i], pairs.gap_m[i] = 1.0 / 3.0, (0.0, 0.0, 1.0), 1e-4
+    getattr(pairs, name)[1] = value
+    with pytest.raises(ValueError, match=rf"^pairs\.{name}\[1\] is none of a tool's contact: "):
+        simulation.step(tools, pairs)
+    np.testing.assert_array_equal(everything(simulation), before)
+    getattr(pairs, name)[1] = getattr(pairs, name)[0]
+    simulation.step(tools, pairs)
+    assert simulation.healed_states == 0
+
+
+@pytest.mark.parametrize("count", [-1, 9])
+def test_more_pairs_than_there_is_room_for_are_refused(pressed, count):
+    simulation, tools = pressed
+    pairs = ContactPairs.allocate(8)
+    pairs.count = count
+    with pytest.raises(ValueError, match=rf"pairs.count must be within 0 and 8, is {count}"):
+        simulation.step(tools, pairs)
+
+
+@pytest.mark.parametrize(("tools", "pairs"), [(None, None), (ToolInputs(), 5), ([1], None)])
+def test_what_is_no_input_at_all_is_refused(pressed, tools, pairs):
+    with pytest.raises(TypeError, match="must be"):
+        pressed[0].step(tools, pairs)
 
 
 @pytest.mark.parametrize("dt_s", [0.0, -1e-3, np.nan, np.inf])

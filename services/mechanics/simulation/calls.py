@@ -1,0 +1,109 @@
+"""What a caller hands to a step is looked at before anything moves: kernels trust what they are given.
+
+Arrays of tools are looked at when they are new, as they are changed in place from tick to tick; pairs and holds in
+every call. Numbers of a tool that no hand can have are no mistake of the caller's but a device's, and are answered by
+`bodies.forceps.ToolBody`: the tool stays where it was.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.mechanics.arrays import AnyArray, IntArray
+from services.mechanics.collision.pair_faults import FAULTS, first_fault
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs
+from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
+
+SHAPES: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
+    "present": ((N_TOOLS,), np.bool_),
+    "position_m": ((N_TOOLS, 3), np.float64),
+    "roll_rad": ((N_TOOLS,), np.float64),
+    "jaw_angle_rad": ((N_TOOLS,), np.float64),
+}
+_WHOLE = "hold_id", "tool", "target_kind", "target"
+_REAL = "limit_n", "jaw_angle_rad"
+
+
+class CallCheck:
+    """Refuses calls of `Simulation.step` whose arguments are not what they are said to be.
+
+    Parameters
+    ----------
+    n_triangles, n_segments : int
+        What pairs may name.
+    """
+
+    def __init__(self, n_triangles: int, n_segments: int) -> None:
+        self._n_targets: IntArray = np.zeros(2, np.int32)
+        self._n_targets[DUCT_TRIANGLE], self._n_targets[CATHETER_SEGMENT] = n_triangles, n_segments
+        self._seen: tuple[AnyArray | None, ...] = (None,) * len(SHAPES)
+
+    def check(self, tools: ToolInputs, pairs: ContactPairs | None) -> None:
+        """Raise the error that says what is wrong with them.
+
+        Raises
+        ------
+        TypeError
+            Something is of another type.
+        ValueError
+            An array is of another shape or dtype, or a pair names what is not there, or its numbers are none of a
+            contact's.
+        """
+        present, position, roll, opening = self._seen
+        try:
+            known = tools.position_m is position and tools.present is present
+            known = known and tools.roll_rad is roll and tools.jaw_angle_rad is opening
+        except AttributeError:
+            raise TypeError(f"tools must be ToolInputs, is {_kind(tools)}") from None
+        if not known:
+            self._look_at(tools)
+        if tools.holds is not None:
+            check_holds(tools.holds)
+        if pairs is not None:
+            self._look_at_pairs(pairs)
+
+    def _look_at(self, tools: ToolInputs) -> None:
+        for name, (shape, dtype) in SHAPES.items():
+            array = getattr(tools, name)
+            if not isinstance(array, np.ndarray):
+                raise TypeError(f"tools.{name} must be an array {shape} of {dtype.__name__}, is {_kind(array)}")
+            if array.shape != shape or array.dtype != dtype:
+                is_now = f"{array.shape} of {array.dtype}"
+                raise ValueError(f"tools.{name} must be an array {shape} of {dtype.__name__}, is {is_now}")
+            if not array.flags.c_contiguous:
+                raise ValueError(f"tools.{name} must lie in C order without gaps")
+        self._seen = tuple(getattr(tools, name) for name in SHAPES)
+
+    def _look_at_pairs(self, pairs: ContactPairs) -> None:
+        if not isinstance(pairs, ContactPairs):
+            raise TypeError(f"pairs must be ContactPairs or None, is {_kind(pairs)}")
+        index, fault = first_fault(pairs.address, self._n_targets)
+        if index < 0:
+            raise ValueError(f"pairs.count must be within 0 and {pairs.capacity}, is {pairs.count}")
+        if fault:
+            name = FAULTS[fault]
+            value = getattr(pairs, name)[index].tolist()
+            raise ValueError(f"pairs.{name}[{index}] is none of a tool's contact: {value}")
+
+
+def check_holds(holds: list[GraspHold]) -> None:
+    """Raise TypeError or ValueError where something in a list of holds is not of the type that it is said to be."""
+    if not isinstance(holds, list | tuple):
+        raise TypeError(f"tools.holds must be a list of GraspHold or None, is {_kind(holds)}")
+    for index, hold in enumerate(holds):
+        place = f"tools.holds[{index}]"
+        if not isinstance(hold, GraspHold):
+            raise TypeError(f"{place} must be a GraspHold, is {_kind(hold)}")
+        weights = hold.target_weights
+        if not isinstance(weights, np.ndarray) or weights.shape != (3,) or weights.dtype != np.float64:
+            raise ValueError(f"{place}.target_weights must be an array (3,) of float64")
+        for name in _WHOLE:
+            if not isinstance(getattr(hold, name), int | np.integer):
+                raise TypeError(f"{place}.{name} must be a whole number, is {getattr(hold, name)!r}")
+        for name in _REAL:
+            if not isinstance(getattr(hold, name), float | int | np.number):
+                raise TypeError(f"{place}.{name} must be a number, is {getattr(hold, name)!r}")
+
+
+def _kind(value: object) -> str:
+    return type(value).__name__
