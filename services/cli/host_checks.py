@@ -20,6 +20,7 @@ from pathlib import Path
 from services.cache_directory import cache_directory
 from services.runtime import endpoints
 from services.runtime.errors import UserError
+from services.runtime.realtime import DMA_LATENCY
 from services.runtime.rig import Rig
 from services.supervisor.holders import holders
 from services.supervisor.page_place import DIST
@@ -94,6 +95,9 @@ def scheduling() -> Iterator[Finding]:
     yield Finding(
         "timer slack", Verdict.OK, f"{slack.read_text().strip() if slack.exists() else '?'} ns, the loops set 1"
     )
+    awake = os.access(DMA_LATENCY, os.W_OK)
+    advice = f"write permission on {DMA_LATENCY} (docs/deployment.md), or `spare_power: true` in the rig file"
+    yield finding("idle cores", awake, "kept awake by the loops" if awake else "sleep, and wake late", advice)
     governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
     if governor.exists():
         name = governor.read_text().strip()

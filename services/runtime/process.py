@@ -141,7 +141,9 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     """
     name, rig, logger = process_config.name, process_config.rig, process_config.log
     settings = rig.process(name)
-    facts, scheduling = realtime.set_up(settings.core, settings.priority, settings.nice, settings.share, rig.rungs)
+    facts, scheduling = realtime.set_up(
+        settings.core, settings.priority, settings.nice, settings.share, rig.rungs, awake=not rig.spare_power
+    )
     for fact in facts:
         if not fact.ok:
             logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)

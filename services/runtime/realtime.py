@@ -10,7 +10,9 @@ import contextlib
 import ctypes
 import gc
 import os
+import struct
 from dataclasses import dataclass
+from pathlib import Path
 
 import protocol.bodies as bodies
 from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, Wish, get_attributes, own_threads
@@ -19,6 +21,8 @@ _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_MMAP_THRESHOLD = 32 << 20
+#: Longest time in us that a core may take to wake, asked for by who holds this open.
+DMA_LATENCY = Path("/dev/cpu_dma_latency")
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -42,6 +46,8 @@ def set_up(
     nice: int | None = None,
     share: float = 0.3,
     rungs: tuple[str, ...] = RUNGS,
+    *,
+    awake: bool = False,
 ) -> tuple[list[Fact], Scheduling | None]:
     """Pin the process, take its scheduling class, tighten its timers; return what was had, and its place on the ladder.
 
@@ -57,6 +63,8 @@ def set_up(
         Of a core, that is reserved where SCHED_FIFO is refused and SCHED_DEADLINE granted.
     rungs
         Scheduling classes to try, see `services.runtime.scheduling`.
+    awake
+        Whether the cores shall not sleep while a process with a priority lives, see `keep_awake`.
     """
     scheduling = None if priority is None else Scheduling.ask(Wish(priority, share, core, rungs))
     facts = [
@@ -66,6 +74,8 @@ def set_up(
     ]
     if priority is not None:
         facts += [keep_heap(), _lock_memory()]
+        if awake:
+            facts.append(keep_awake())
     return facts, scheduling
 
 
@@ -83,6 +93,22 @@ def keep_heap() -> Fact:
     """
     ok = _libc.mallopt(_M_TRIM_THRESHOLD, 2**31 - 1) and _libc.mallopt(_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD)
     return Fact("heap", "never trimmed", "never trimmed" if ok else "trimmed: mallopt refused", bool(ok))
+
+
+def keep_awake(path: Path = DMA_LATENCY) -> Fact:
+    """Ask the kernel to let no core sleep while this process lives: one that waits for work polls for it.
+
+    A core that slept wakes some 10 to 100 us late, and what that costs is time of the thread that is woken; in a
+    virtual machine, whose sleep is the host's, as on metal. The kernel takes the request back when the file is closed,
+    by whatever end (Documentation/power/pm_qos_interface.rst).
+    """
+    asked, said = "no core sleeps", ""
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CLOEXEC)  # kept: closing it ends the request
+        os.write(descriptor, struct.pack("=i", 0))
+    except OSError as error:
+        said = f"cores sleep: {path}: {error.strerror}"
+    return Fact("idle cores", asked, said or asked, not said)
 
 
 def freeze_garbage_collector() -> Fact:

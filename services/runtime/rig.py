@@ -194,6 +194,7 @@ class Rig(Settings):
     rungs: tuple[Literal["fifo", "deadline", "nice"], ...] = Field(
         ("fifo", "deadline", "nice"), description="scheduling classes that loops with a priority try, best first"
     )
+    spare_power: bool = Field(False, description="let the cores sleep between ticks: the loops then wake later")
     gateway: GatewaySettings = GatewaySettings()
     visualization: ViewSettings = ViewSettings()
     recorder: RecorderSettings = RecorderSettings()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -43,6 +44,37 @@ def test_a_niceness_that_is_refused_is_reported_and_the_process_goes_on() -> Non
         "fact = realtime.set_up(None, None, -10)[0][1]; print(fact.ok, fact.asked, '|', fact.had)"
     )
     assert _in_child(code) == "False OTHER, nice -10 | OTHER, nice 0"
+
+
+def test_cores_are_kept_awake_for_as_long_as_a_process_lives(tmp_path: Path) -> None:
+    """The kernel takes the request back when the file is closed, so it has to stay open, and may not be handed on."""
+    device = tmp_path / "cpu_dma_latency"
+    device.touch()
+    code = (
+        "import os, subprocess, sys; from pathlib import Path; from services.runtime import realtime\n"
+        f"path = Path({str(device)!r}); fact = realtime.keep_awake(path)\n"
+        "held = [os.readlink(each) for each in Path('/proc/self/fd').iterdir() if each.is_symlink()]\n"
+        "look = 'import os; print(*(os.path.realpath(f\"/proc/self/fd/{n}\") for n in range(3, 64)))'\n"
+        "theirs = subprocess.run([sys.executable, '-c', look], stdout=-1, text=True, close_fds=False).stdout\n"
+        "print(fact.ok, str(path) in held, str(path) in theirs)"
+    )
+    assert _in_child(code) == "True True False"
+    assert device.read_bytes() == bytes(4)
+
+
+def test_cores_that_sleep_are_reported(tmp_path: Path) -> None:
+    fact = realtime.keep_awake(tmp_path / "nothing")
+    assert not fact.ok
+    assert "No such file" in fact.had
+
+
+def test_a_rig_may_let_its_cores_sleep() -> None:
+    code = (
+        "from services.runtime import realtime\n"
+        "for awake in (False, True):\n"
+        "    print('idle cores' in [fact.name for fact in realtime.set_up(None, 10, awake=awake)[0]])"
+    )
+    assert _in_child(code).split() == ["False", "True"]
 
 
 def test_numerics_libraries_get_one_thread() -> None:
