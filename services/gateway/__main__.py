@@ -2,8 +2,9 @@
 
 A tick has two halves. At its deadline the arms are read, answered and published: nothing comes before what the hand
 feels. The handles, whose drives are on a bus that takes its time, are served when haptics has worked on the answer,
-from the model that has come by then; what comes later is found at the deadline. Nothing wakes the gateway in between,
-for haptics works on the same core: `TIMED_EVERY` says which models are waited for, to measure their way.
+from the model that has come by then; what comes later is found at the deadline. While it has not come haptics is late
+and wants the core: handles then wait for the next tick, but not for long. Nothing wakes the gateway in between, for
+haptics works on the same core: `TIMED_EVERY` says which models are waited for, to measure their way.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from services.gateway.answers import Answers
 from services.gateway.heard import Heard
 from services.gateway.instrument import Instrument, build_instruments
 from services.gateway.orders import Orders
+from services.gateway.turns import Turns
 from services.runtime.bus import Bus
 from services.runtime.health import LatencyPath
 from services.runtime.log import progress
@@ -53,7 +55,7 @@ class Gateway:
         self._grasp = self._path("grasp", 300.0)
         self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))
         self._orders = Orders(self.instruments, process.rig.gateway.supervisor_timeout_s)
-        self._turn = 0
+        self._turns = Turns(len(self.instruments))
         self._look_round = self._timed = False
         self._unsettled: tuple[int, int, int] | None = None  # index, when sampled, when written, of the last tick
 
@@ -113,10 +115,10 @@ class Gateway:
         self._settle()
         take(self._bus, self._answers, came_ns)
         began_ns = time.monotonic_ns()
-        if self.instruments:  # one handle a tick, so each of two at 500 Hz: docs/decisions/handles-take-turns.md
-            self.instruments[self._turn % len(self.instruments)].exchange_handle()
-            self._turn += 1
-        self._grasp.latency.record(time.monotonic_ns() - began_ns)
+        turn = self._turns.next(late=self._answers.outstanding)
+        if turn is not None:  # one handle a tick, so each of two at 500 Hz: docs/decisions/handles-take-turns.md
+            self.instruments[turn].exchange_handle()
+            self._grasp.latency.record(time.monotonic_ns() - began_ns)
         if deadline_ns - time.monotonic_ns() >= _BATCH_NS:
             self._bus.flush()
         if self._answers.timed:
