@@ -38,6 +38,7 @@ class Physics:
 
     def _begin(self) -> None:
         self.simulation = Simulation(self._scene, self._duct)
+        self._told_rests = 0
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
         watched = {"q": self.simulation.duct_state.q, "catheter": self.simulation.catheter.state.position_m}
@@ -76,6 +77,7 @@ class Physics:
             "refused_pairs": float(self._reader.refused_pairs),
             "refused_inputs": float(self.simulation.refused_inputs),
             "healed_states": float(self.simulation.healed_states),
+            "rests": float(self.simulation.rests),
         }
 
     def _reset(self) -> None:
@@ -90,6 +92,11 @@ class Physics:
         """Do what no tick waits for, between two."""
         self._outputs.settle()
         self._process.health.send_if_due()
+        if self.simulation.rests != self._told_rests:
+            self._told_rests = self.simulation.rests
+            self._process.log.error(
+                "each state that was taken up again went wrong at once: everything rests as it began, for a while"
+            )
 
     def obey(self, level: int) -> None:
         """Take the quality level that the supervisor asks for, as far as the scene's ladder goes."""

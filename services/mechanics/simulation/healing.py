@@ -3,22 +3,25 @@
 What is sound is judged by what bodies can do at all, not by what is likely: numbers that are finite, a catheter that is
 neither torn nor shot, no particle of it beyond the middle of the wall, and none in the lumen that did not come by an
 opening. A state that is taken up again is at rest, so that nothing is gained by it.
+
+What made a state unsound may do so again at once, and for ever. So heals that follow each other go further: from the
+second on the tools touch nothing until they have been withdrawn, at the third the first state of all is taken up, and
+from the fourth on everything stays there for a while, each time twice as long.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact import laws
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.scene.tools import N_TOOLS
+from services.mechanics.simulation.copies import Copies
 from services.mechanics.world import World
 
 # A bent catheter that is let go reaches 6 m/s at its tip; a duct pulled 20 mm aside comes back at 11 m/s.
@@ -27,27 +30,12 @@ FASTEST_M_S = 30.0
 MOST_STRETCH = 0.25
 # Copies are made so many steps apart, and two are kept: the newer one may already be on its way to what is not sound.
 APART = 16
-
-
-class Copies:
-    """Copies of live arrays, which must be changed in place and never replaced: the last two and the first."""
-
-    def __init__(self, arrays: Sequence[AnyArray]) -> None:
-        self._arrays = list(arrays)
-        self._kept = [[array.copy() for array in self._arrays] for _ in range(2)]
-        self._from_live = [copy_table(kept, self._arrays) for kept in self._kept]
-        self._to_live = [copy_table(self._arrays, kept) for kept in self._kept]
-        self._newest = 0
-
-    def keep(self) -> None:
-        """Copy what is there over the older copy."""
-        self._newest = 1 - self._newest
-        copy_arrays(self._from_live[self._newest])
-
-    def restore(self) -> None:
-        """Put the older copy back, and forget the newer one."""
-        copy_arrays(self._to_live[1 - self._newest])
-        copy_arrays(self._from_live[self._newest])
+# So many sound steps make up for one heal.
+CALM_STEPS = 2000
+# Heals that nothing made up for, from which on tools are limp, and from which on the first state is taken up.
+LIMP, FIRST, RESTING = 2, 3, 4
+# Steps of the first rest; each further one is twice as long.
+REST_STEPS = 1000
 
 
 class LiveState(Struct):
@@ -90,15 +78,29 @@ class Healer:
     ----------
     healed : int
         How often, since the start.
+    rests : int
+        How often everything was put to rest, since healing led nowhere.
     """
 
     def __init__(self, world: World) -> None:
         self._world = world
         self._copies: Copies | None = None
-        self._steps = 0
+        self._steps = self._calm_steps = 0
+        self._in_a_row = self._rest_left = self._rests_in_a_row = 0
         self._live = LiveState.of(world)
         self._addresses = (world.system.rows.address, self._live.address)
-        self.healed = 0
+        self.healed = self.rests = 0
+
+    def begin(self) -> None:
+        """Refuse to begin with what is no state.
+
+        Raises
+        ------
+        ValueError
+            A caller has put a NaN or an infinity into it before the first step.
+        """
+        if self._copies is None and not numbers_are_finite(self._live.address):
+            raise ValueError("the state of catheter, duct or tools holds a NaN or an infinity before the first step")
 
     def watch(self) -> bool:
         """Return whether the state at the end of a step is sound, and keep a copy now and then.
@@ -110,21 +112,46 @@ class Healer:
             if self._steps % APART == 0:
                 self._keep()
             self._steps += 1
+            if self._in_a_row:
+                self._calm_down()
         return is_sound or self._copies is None
 
     def heal(self) -> None:
-        """Go back to the last sound state, at rest; whoever holds something lets go."""
+        """Go back to the last sound state, at rest, or further; whoever holds something lets go."""
         self.healed += 1
+        self._in_a_row += 1
+        self._calm_steps = 0
         world = self._world
         if self._copies is not None:
-            self._copies.restore()
+            self._copies.restore(self._in_a_row >= FIRST)
         self._steps = 1
         world.duct.halt()
         world.catheter.halt()
         world.tools.update_pose()
+        if self._in_a_row >= LIMP:
+            world.tools.present[:] = False  # whoever comes back inside something touches nothing, see `engagement`
         world.holds.lose()
         world.system.forget()
         world.seal.forget()
+        if self._in_a_row >= RESTING:
+            self._rest_left = REST_STEPS << min(self._rests_in_a_row, 32)
+            self._rests_in_a_row += 1
+            self.rests += 1
+
+    def rest(self) -> bool:
+        """Return whether everything stays where it is in this tick."""
+        self._rest_left = max(self._rest_left - 1, 0)
+        return self._rest_left > 0
+
+    def _calm_down(self) -> None:
+        """Make up for a heal by steps that were sound."""
+        self._calm_steps += 1
+        if self._calm_steps < CALM_STEPS:
+            return
+        self._calm_steps = 0
+        self._in_a_row -= 1
+        if self._in_a_row == 0:
+            self._rests_in_a_row = 0
 
     def _keep(self) -> None:
         if self._copies is None:
@@ -163,21 +190,34 @@ def _depth_in_wall(rows: ContactRows) -> float:
 @kernel
 def _are_sound(live: LiveState) -> bool:
     """Return whether all numbers are finite and the catheter is neither longer nor faster than it may be."""
-    position, velocity, q, qdot = live.position, live.velocity, live.q, live.qdot
-    total = 0.0
+    position, velocity = live.position, live.velocity
     for i in range(position.shape[0]):
         length_2, speed_2 = 0.0, 0.0
         for axis in range(3):
             speed_2 += velocity[i, axis] ** 2
-            total += 0.0 * position[i, axis]
             if i > 0:
                 length_2 += (position[i, axis] - position[i - 1, axis]) ** 2
         # Written so that what is no number is not sound either.
         if not (length_2 <= live.longest_m**2 and speed_2 <= live.fastest_m_s**2):
             return False
-    for mode in range(q.shape[0]):
-        total += 0.0 * (q[mode] + qdot[mode])
+    return bool(_are_finite(live))
+
+
+@kernel
+def _are_finite(live: LiveState) -> bool:
+    total = 0.0
+    for i in range(live.position.shape[0]):
+        for axis in range(3):
+            total += 0.0 * (live.position[i, axis] + live.velocity[i, axis])
+    for mode in range(live.q.shape[0]):
+        total += 0.0 * (live.q[mode] + live.qdot[mode])
     for tool in range(live.proxy.shape[0]):
         for axis in range(live.proxy.shape[1]):
             total += 0.0 * (live.proxy[tool, axis] + live.hand[tool, axis])
     return bool(total == 0.0)
+
+
+@kernel
+def numbers_are_finite(live_address: Address[LiveState]) -> bool:
+    """Return whether a state consists of numbers at all."""
+    return bool(_are_finite(live_at(live_address)))

@@ -116,8 +116,11 @@ class Simulation:
         if dt_s > LONGEST_TICK_S:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
         self._calls.check(tools, pairs)
+        self._healer.begin()
         self._mark_ns = perf_counter_ns()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
+        if self._healer.rest():
+            return
         steps = steps_of(dt_s)
         for _ in range(steps):
             if not self._step_in_parts(tools, pairs, dt_s / steps):
@@ -215,6 +218,11 @@ class Simulation:
     def healed_states(self) -> int:
         """How often since the start a state was not sound, and the last sound one was taken up again."""
         return self._healer.healed
+
+    @property
+    def rests(self) -> int:
+        """How often since the start healing led nowhere, and everything stays at rest for a while."""
+        return self._healer.rests
 
     @property
     def slides(self) -> npt.NDArray[np.bool_]:

@@ -1,0 +1,129 @@
+"""States that heal to ones which at once become unsound again: they come to rest instead of rattling for ever."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.healing import CALM_STEPS, FASTEST_M_S, FIRST, RESTING
+
+PRESSING_M = (20e-3, 0.0, 15e-3 + 1.5e-3)
+AWAY_M = (60e-3, 0.0, 60e-3)
+
+
+class Spoiler:
+    """Shoots the catheter at the end of each part of a step in which something is so."""
+
+    def __init__(self, simulation, is_bad):
+        self.simulation, self.is_bad = simulation, is_bad
+        simulation.watcher = self
+
+    def begin(self):
+        pass
+
+    def end(self, dt_s):
+        if self.is_bad(self.simulation):
+            self.simulation.catheter.state.velocity_m_s[-1, 2] = 2.0 * FASTEST_M_S
+
+
+def state(simulation):
+    return np.concatenate([simulation.duct_state.q, simulation.catheter.state.position_m.ravel()])
+
+
+@pytest.fixture
+def pressed(small_scene, small_duct):
+    """Tool 0 presses the wall from above; with the state after the first step."""
+    simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
+    first = None
+    for tick in range(150):
+        tools.position_m[:] = np.add(PRESSING_M, (0.0, 0.0, max(4e-3 - tick * 3e-5, 0.0))), AWAY_M
+        simulation.step(tools)
+        first = state(simulation) if first is None else first
+    assert np.linalg.norm(simulation.tool_results.force_n[0]) > 0.05
+    return simulation, tools, first
+
+
+def presses(simulation):
+    contacts = simulation.contacts
+    return bool((contacts.tool[: contacts.n_contacts] == 0).any())
+
+
+def test_a_tool_that_makes_every_healed_state_unsound_is_limp_until_it_has_been_withdrawn(pressed):
+    simulation, tools, _ = pressed
+    Spoiler(simulation, presses)
+    for _ in range(500):
+        simulation.step(tools)
+    assert simulation.healed_states == 2
+    assert not presses(simulation)
+    assert not simulation.tool_results.force_n.any()
+    simulation.watcher = None
+    inside = tools.position_m[0].copy()
+    for part in np.linspace(0.0, 1.0, 300):
+        tools.position_m[0] = inside + np.array([0.0, 0.0, 10e-3 * np.sin(np.pi * part)])
+        simulation.step(tools)
+    assert presses(simulation)
+    assert simulation.healed_states == 2
+
+
+def test_a_state_that_only_the_first_one_is_better_than_leads_back_to_that(pressed):
+    """The tip sags on its way from the straight line that it begins as: the first states are good, the later bad."""
+    simulation, tools, first = pressed
+    tip_m = simulation.catheter.state.position_m[-1].copy()
+    began_m = first[-3:]
+    half_way = 0.5 * np.linalg.norm(tip_m - began_m)
+    assert half_way > 0.0
+    healed = []
+
+    def is_bad(simulation):
+        far = np.linalg.norm(simulation.catheter.state.position_m[-1] - began_m) > half_way
+        healed.append(simulation.healed_states)
+        return far and simulation.healed_states < FIRST
+
+    Spoiler(simulation, is_bad)
+    for _ in range(FIRST - 1):
+        simulation.step(tools)
+    simulation.step(tools)
+    assert simulation.healed_states == FIRST
+    np.testing.assert_array_equal(state(simulation), first)
+    assert not simulation.catheter.state.velocity_m_s.any()
+
+
+def test_what_no_healing_helps_comes_to_rest_longer_each_time(pressed):
+    simulation, tools, first = pressed
+    Spoiler(simulation, lambda _: True)
+    healed, ticks = [], 8000
+    for tick in range(ticks):
+        tools.position_m[0, 0] = PRESSING_M[0] + 5e-3 * np.sin(1e-2 * tick)
+        simulation.step(tools)
+        healed.append(simulation.healed_states)
+        if tick >= RESTING:
+            np.testing.assert_array_equal(state(simulation), first)
+            assert not simulation.catheter.state.velocity_m_s.any()
+            assert not simulation.tool_results.force_n.any()
+    assert healed[RESTING - 1] == RESTING
+    # After 1, 2 and 4 s.
+    assert healed[-1] == RESTING + 3
+    assert simulation.rests == 4
+
+
+def test_sound_steps_make_up_for_heals(pressed):
+    simulation, tools, _ = pressed
+    for _ in range(RESTING + 1):
+        Spoiler(simulation, lambda _: True)
+        simulation.step(tools)
+        simulation.watcher = None
+        for _ in range(CALM_STEPS):
+            simulation.step(tools)
+    assert simulation.healed_states == RESTING + 1
+    assert simulation.rests == 0
+    assert presses(simulation)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_scene_does_not_begin_with_what_is_no_number(small_scene, small_duct, value):
+    simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
+    simulation.catheter.state.position_m[3, 1] = value
+    with pytest.raises(ValueError, match="holds a NaN or an infinity before the first step"):
+        simulation.step(tools)
+    simulation.catheter.state.position_m[3, 1] = 0.0
+    simulation.step(tools)
