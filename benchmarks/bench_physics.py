@@ -1,6 +1,6 @@
 """The whole physics tick: 1,440-node duct, 100 modes, 50 segments, friction, both tools, 30 pressed contacts.
 
-    OPENBLAS_NUM_THREADS=1 GLIBC_TUNABLES=glibc.malloc.hugetlb=1 python benchmarks/bench_physics.py
+    OPENBLAS_NUM_THREADS=1 GLIBC_TUNABLES=glibc.malloc.hugetlb=1 python benchmarks/bench_physics.py [--ticks 4000]
 
 That is the environment of the rig's processes; like the rig's physics it runs on a core of its own under SCHED_FIFO
 where that is allowed, and is handed the pairs of the tools, which haptics finds; a tick that finds them is given too.
@@ -12,6 +12,7 @@ set-up and with the paper's, error and cost side by side, and a smaller duct in 
 
 from __future__ import annotations
 
+import argparse
 import gc
 import time
 from dataclasses import replace
@@ -37,7 +38,6 @@ from services.runtime import realtime
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml
 TICK_BUDGET_S = 250e-6
-SAMPLES = 4000
 
 
 def loaded_scene() -> SceneModel:
@@ -133,13 +133,13 @@ def peer_rows() -> tuple[list[Row], str]:
     return [Row.from_timing(name, timing, note=f"{np.median(counts):.0f} contacts")], ""
 
 
-def sample_ticks(simulation: Simulation, tools: ToolInputs) -> tuple[np.ndarray, np.ndarray]:
+def sample_ticks(simulation: Simulation, tools: ToolInputs, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Seconds of each tick and of its stages; tools' pairs are found before it, as haptics does."""
     pairs = ContactPairs.allocate(simulation.scene.contact.capacity)
-    seconds, stages = np.zeros(SAMPLES), np.zeros((SAMPLES, len(simulation.stage_cost_ns)))
+    seconds, stages = np.zeros(samples), np.zeros((samples, len(simulation.stage_cost_ns)))
     gc.collect()
     gc.disable()
-    for sample in range(SAMPLES):
+    for sample in range(samples):
         pairs.clear()
         simulation.search.tool_pairs(simulation.catheter, simulation.tools, pairs)
         started_ns = time.perf_counter_ns()
@@ -160,6 +160,11 @@ def floor() -> None:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ticks", type=int, default=4000, help="of each kind; the 99 %% is of so many")
+    parser.add_argument("--ticks-only", action="store_true", help="no insertion, no peers; nothing is written")
+    arguments = parser.parse_args()
+    samples: int = arguments.ticks
     cache = cache_directory()
     scene = loaded_scene()
     penalty = replace(scene, contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0))
@@ -170,13 +175,13 @@ def main() -> None:
     absent = ToolInputs()
     absent.present[:] = False
     facts, _ = realtime.set_up(CORE, PRIORITY)
-    seconds, stages = sample_ticks(ours, tools)
+    seconds, stages = sample_ticks(ours, tools, samples)
     # One after the other, not interleaved: each is a process of its own on the rig, and its caches are its own.
     timings = {"tick, pressed contacts": Timing.from_samples(seconds)}
-    timings |= measure({"floor: fixed arithmetic": floor}, samples=SAMPLES)
-    timings |= measure({"tick that finds the tools' pairs itself": lambda: ours.step(tools)}, samples=SAMPLES)
-    timings |= measure({"same, penalty contact": lambda: paper.step(tools)}, samples=SAMPLES)
-    timings |= measure({"tick, nothing touched": lambda: free.step(absent)}, samples=SAMPLES)
+    timings |= measure({"floor: fixed arithmetic": floor}, samples=samples)
+    timings |= measure({"tick that finds the tools' pairs itself": lambda: ours.step(tools)}, samples=samples)
+    timings |= measure({"same, penalty contact": lambda: paper.step(tools)}, samples=samples)
+    timings |= measure({"tick, nothing touched": lambda: free.step(absent)}, samples=samples)
     pressed = int((ours.contacts.force_n[: ours.contacts.n_contacts, 0] > 0.0).sum())
     note = f"{pressed} pressed of {ours.contacts.n_contacts} candidates, {ours.system.sweeps} sweeps"
     rows = [Row.from_timing(name, timing) for name, timing in timings.items()]
@@ -186,6 +191,10 @@ def main() -> None:
         rows.append(Row(f"99 % over median, {name}", timing.p99_s / timing.median_s, ""))
     for column, name in enumerate(ours.stage_cost_ns):
         rows.append(Row.from_timing(f"stage {name}", Timing.from_samples(stages[:, column])))
+    if arguments.ticks_only:
+        for row in rows:
+            print(f"{row.name:60s} {row.value:8.2f} {row.unit}")
+        return
     rows += comparison(cache)
     peers, absent = peer_rows()
     had = "; ".join(f"{fact.name}: {fact.had}" for fact in facts)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
@@ -20,6 +17,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import put_row
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
+from services.runtime.flat_view import flat_view
 
 NO_PARTICLE = -1
 # Rows of a frame that are looked at, over the pairs that there is room for.
@@ -49,14 +47,14 @@ class ContactsReader:
         n_segments = simulation.catheter.state.position_m.shape[0] - 1
         room = _ROOM * self.pairs.capacity
         self._index, self._geometry = np.zeros((room, PAIR_INDICES), np.int32), np.zeros((room, PAIR_GEOMETRY))
-        self._bytes = _flat(self._index, "B"), _flat(self._geometry, "B")
+        self._bytes = flat_view(self._index).cast("B"), flat_view(self._geometry).cast("B")
         self._weights: dict[int, tuple[Vec3, FloatArray]] = {}
         self._n_targets = np.array([n_triangles, n_segments], np.int32)
         self._most = {DUCT_TRIANGLE: n_triangles, CATHETER_SEGMENT: n_segments}
         tools = self.tools
         arrays = tools.present, simulation.tools.port_m, tools.position_m, tools.roll_rad, tools.jaw_angle_rad
         # Numbers are put into a memory view three at a time for what numpy takes to look at a tuple.
-        self._views = tuple(map(_flat, arrays, "?dddd"))
+        self._views = tuple(map(flat_view, arrays))
 
     def take(self, body: ToolContacts) -> bool:
         """Copy `body` into `tools` and `pairs`; False, and nothing copied, if it names something that is not there."""
@@ -137,12 +135,6 @@ def take_pairs(
     pairs.count = n
     pairs.dropped = n_sent - n_looked_at
     return int(n_looked_at - n)
-
-
-def _flat(array: NDArray[Any], kind: str) -> Any:
-    """Return a view of all items of a contiguous array."""
-    whole: Any = memoryview(array.data).cast("B")
-    return whole.cast(kind)
 
 
 def _weights(body: HoldBody) -> FloatArray:
