@@ -181,7 +181,9 @@ class Supervisor:
         self._standing.clear()
 
     def _judge(self) -> None:
-        if not self.crew.all_ready:  # those that follow a process that is down cannot keep their rates: not their fault
+        # Who follows a process that is down cannot keep its rate: not its fault. It counts what it lost when the first
+        # tick comes again, and says so with its next report.
+        if not self.crew.all_ready or self._now_s - self._not_ready_s < SETTLE_S:
             self._judge_anew()
         seen = []
         if self.state in (RigState.RUNNING, RigState.DEGRADED):

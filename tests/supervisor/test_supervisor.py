@@ -85,6 +85,21 @@ def test_running_again_soon_after_the_process_is_back() -> None:
     assert not bench.supervisor.body().safe_stop
 
 
+def test_what_a_loop_lost_while_another_was_away_is_not_held_against_it() -> None:
+    """It counts the ticks that it could not have had when the first one comes: after the other is back."""
+    bench = running(Bench(rig(**STRICT)))
+    bench.peers["haptics"].alive = False
+    bench.run(5.0)
+    bench.peers["haptics"].reborn(bench.now_s)
+    bench.run(5.0, lambda: bench.supervisor.crew.all_ready)
+    bench.told()
+    bench.run(0.05)
+    bench.peers["physics"].misses += 5000
+    assert bench.run(5.0, lambda: bench.supervisor.state is RigState.RUNNING) <= 3.0
+    bench.run(10.0)
+    assert not [body.reason for body in bench.told() if "lost" in body.reason]
+
+
 def test_a_brief_silence_costs_nothing_but_the_state() -> None:
     bench = running(Bench(rig()))
     bench.peers["haptics"].alive = False
