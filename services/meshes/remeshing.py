@@ -1,4 +1,4 @@
-"""Even triangles of a wanted size, and fewer triangles."""
+"""Even triangles of a wanted size."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ FEWEST_VERTICES = 32
 """Below this no tube keeps its ends."""
 SAMPLES_PER_CLUSTER = 20
 """Vertices of the subdivided surface that one vertex of the new mesh gathers, at least."""
-MOST_SAMPLES_PER_CLUSTER = 100
-"""And at most: a scan finer than that is decimated first, clustering it as it is takes time and gains nothing."""
 
 
 def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
     """Even triangles with edges of about ``edge_m``, by centroidal Voronoi clustering (pyacvd); deterministic.
+
+    A scan is clustered as fine as it is: two million triangles take some seconds. To collapse edges first would leave
+    long triangles where a wall is straight, whose clusters touch.
 
     Open rims stay open but lose up to half an edge of length.
 
@@ -35,10 +36,9 @@ def remesh(mesh: TriangleMesh, edge_m: float) -> TriangleMesh:
     if n_vertices < FEWEST_VERTICES:
         raise MeshError(f"edges of {1e3 * edge_m:.3g} mm are too long for a surface this small")
     judge_remeshing(n_vertices, edge_m)
-    source = decimate(mesh, 2 * MOST_SAMPLES_PER_CLUSTER * n_vertices)
-    growth = SAMPLES_PER_CLUSTER * n_vertices / source.n_vertices
+    growth = SAMPLES_PER_CLUSTER * n_vertices / mesh.n_vertices
     subdivisions = max(0, int(np.ceil(np.log(growth) / np.log(4.0))))
-    return _accept(mesh, _cluster(source, n_vertices, subdivisions), f"edges of {1e3 * edge_m:.3g} mm")
+    return _accept(mesh, _cluster(mesh, n_vertices, subdivisions), f"edges of {1e3 * edge_m:.3g} mm")
 
 
 def _cluster(mesh: TriangleMesh, n_vertices: int, subdivisions: int) -> TriangleMesh:
@@ -57,31 +57,14 @@ def _cluster(mesh: TriangleMesh, n_vertices: int, subdivisions: int) -> Triangle
     return TriangleMesh(result.points, result.regular_faces)
 
 
-def decimate(mesh: TriangleMesh, n_triangles: int) -> TriangleMesh:
-    """At most about ``n_triangles``, by VTK's quadric edge collapse, rims kept; for scans of millions of triangles.
-
-    Raises
-    ------
-    MeshError
-        So few triangles cannot hold the shape.
-    """
-    import pyvista
-
-    if n_triangles >= mesh.n_triangles:
-        return mesh
-    surface = pyvista.PolyData.from_regular_faces(mesh.vertices_m, mesh.triangles)
-    result = surface.decimate(1.0 - n_triangles / mesh.n_triangles)
-    return _accept(mesh, TriangleMesh(result.points, result.regular_faces), f"{n_triangles} triangles", is_used=False)
-
-
 def vertices_for_edge(mesh: TriangleMesh, edge_m: float) -> int:
     """Vertices of an equilateral mesh of the same area with the wanted edge."""
     area_per_vertex = edge_m**2 * np.sqrt(3.0) / 2.0
     return round(float(triangle_areas_m2(mesh).sum() / area_per_vertex))
 
 
-def _accept(before: TriangleMesh, after: TriangleMesh, wanted: str, is_used: bool = True) -> TriangleMesh:
-    findings = check_surface(after, is_used)
+def _accept(before: TriangleMesh, after: TriangleMesh, wanted: str) -> TriangleMesh:
+    findings = check_surface(after)
     if findings:
         raise MeshError(f"remeshing to {wanted} breaks the surface: " + "; ".join(map(str, findings)))
     rims = len(boundary_loops(before)), len(boundary_loops(after))
