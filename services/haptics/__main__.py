@@ -79,7 +79,7 @@ class Haptics:
     def _model(self, state: GatewayState, known: bool) -> ContactModel:
         models = [
             local_model(self.tools.reactions[i], each, self._forceps[i], touching=known)
-            if i < len(self.tools.reactions)
+            if i < len(self._forceps)
             else FREE
             for i, each in enumerate(state.instruments)
         ]

@@ -60,7 +60,7 @@ class ToolTracker:
     def take_hands(self, state: GatewayState) -> tuple[ToolState, ...]:
         """Move the tools to a device frame and return them as physics needs them."""
         self.present[:] = False
-        tools = tuple(self._hand(i, each) for i, each in enumerate(state.instruments[:N_TOOLS]))
+        tools = tuple(self._hand(i, each) for i, each in enumerate(state.instruments[: len(self._forceps)]))
         self._body.update_pose()
         return tools
 

@@ -12,6 +12,8 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.simulation import STAGE_NAMES
+from services.physics.duct_alone import STAGES as DUCT_STAGES
+from services.physics.duct_alone import run_duct_alone
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.physics.warm_up import warm_up
@@ -121,10 +123,15 @@ def _say_what_is_approximate(process: Process, duct: ReducedDuct) -> None:
 
 
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
-    """Step on each new tick of the rig's clock."""
+    """Step on each new tick of the rig's clock, or of its own where no tool gives one."""
+    scene, duct = prepared
+    if scene.duct_alone:
+        _say_what_is_approximate(process, duct)
+        run_duct_alone(process, LoopMeter(RATE_HZ, DUCT_STAGES), scene, duct)
+        return
     meter = LoopMeter(RATE_HZ, STAGES)
-    physics = Physics(process, meter, *prepared)
-    _say_what_is_approximate(process, prepared[1])
+    physics = Physics(process, meter, scene, duct)
+    _say_what_is_approximate(process, duct)
     clock = TickClock(meter)
     process.ready(meter)
     for frame in follow(process.bus, "haptics.contacts", meter, process.stop, physics.settle):

@@ -99,17 +99,17 @@ class Outputs:
         n, state = duct.n_loads, duct.state
         return Duct(
             basis_hash=self._basis_hash,
-            q=_wired(state.q),
-            q_rate=_wired(state.qdot),
-            load_node=_wired(duct.load_nodes[:n], "<i4"),
-            load_force_n=_wired(duct.load_force_n[:n]),
+            q=wired(state.q),
+            q_rate=wired(state.qdot),
+            load_node=wired(duct.load_nodes[:n], "<i4"),
+            load_force_n=wired(duct.load_force_n[:n]),
         )
 
     def _catheter(self) -> Catheter:
         catheter = self._simulation.catheter
         return Catheter(
-            position_m=_wired(catheter.state.position_m),
-            velocity_m_s=_wired(catheter.state.velocity_m_s),
+            position_m=wired(catheter.state.position_m),
+            velocity_m_s=wired(catheter.state.velocity_m_s),
             radius_m=catheter.radius_m,
             inserted_length_m=self._inserted_m,
         )
@@ -120,14 +120,14 @@ class Outputs:
         rows, holds = s.contacts, s.holds.rows
         n = tabulate(rows.address, self._sent.address, holds.start, holds.stop)
         return ContactForces(
-            kind=_wired(self._kinds[:n], "|i1"),
-            point_m=_wired(rows.point_m[:n]),
-            force_n=_wired(s.system.force_n[:n]),
+            kind=wired(self._kinds[:n], "|i1"),
+            point_m=wired(rows.point_m[:n]),
+            force_n=wired(s.system.force_n[:n]),
             max_penetration_m=s.max_penetration_m,
         )
 
 
-def _wired(values: NDArray[Any], dtype: str = "<f8") -> Array:
+def wired(values: NDArray[Any], dtype: str = "<f8") -> Array:
     """Return what `protocol.arrays.pack` does of an array that is contiguous and of this dtype, in half the time."""
     return Array(dtype, values.shape, values.tobytes())
 

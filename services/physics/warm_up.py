@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,6 +19,7 @@ from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.duct_alone import DuctAlone
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.runtime.log import progress
@@ -30,6 +33,11 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     The first has neither collision detection nor a rod that moves: haptics compiles these at the same time, on the
     other core, and what it has compiled is found in the cache when the second simulation asks for it.
     """
+    if scene.duct_alone:
+        alone = DuctAlone(replace(scene, sleeping=False), duct)
+        alone.step()
+        DuctAlone(scene, duct).step()
+        return
     with told(progress) as kernels:
         kernels.begin("contact")
         still = Simulation(scene, duct, _NoSearch(duct))

@@ -44,8 +44,8 @@ def _metadata(process: Process) -> dict[str, str]:
 
 
 def whole(process_config: ProcessConfig) -> tuple[str, ...]:
-    """Return the topics of which the rig file wants every frame."""
-    return process_config.rig.recorder.whole
+    """Return the topics of which the rig file wants every frame, of those that anybody publishes."""
+    return tuple(filter(process_config.called_for.speaks, process_config.rig.recorder.whole))
 
 
 class Recording:
@@ -96,8 +96,9 @@ def run(process: Process) -> None:
     bus, settings = process.bus, process.rig.recorder
     for path, found in repair_all(settings.directory).items():
         process.log.info("%s was not closed: indexed anew, %d frames", path, found.frames)
-    read = dict.fromkeys((*settings.whole, *read_by("recorder")))
-    sampled = [topic for topic in observed_by("recorder") if topic not in read]
+    speaks = process.called_for.speaks
+    read = dict.fromkeys(filter(speaks, (*settings.whole, *read_by("recorder"))))
+    sampled = [topic for topic in filter(speaks, observed_by("recorder")) if topic not in read]
     recording = Recording(process)
     meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))
     process.ready(meter)

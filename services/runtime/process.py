@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
 
-from protocol.topics import observed_by, published_by, read_by
+from protocol.topics import observed_by, published_by, read_by, topic
 from services.runtime import config, endpoints, log, realtime
+from services.runtime.called_for import EVERYTHING, CalledFor, called_for
 from services.runtime.errors import BusError, UserError
 from services.runtime.flight import SUFFIX, FlightRing, flight_directory
 from services.runtime.health import HealthReporter
@@ -42,6 +43,7 @@ class ProcessConfig:
     scene_name: str
     scene_overrides: tuple[str, ...]
     log: logging.Logger
+    called_for: CalledFor = EVERYTHING
 
 
 @dataclass(slots=True)
@@ -56,6 +58,7 @@ class Process:
     facts: list[realtime.Fact]
     bus: ZmqBus
     health: HealthReporter
+    called_for: CalledFor = EVERYTHING
     _scheduling: Scheduling | None = None
     _stopping: list[bool] = field(default_factory=lambda: [False])
 
@@ -119,16 +122,18 @@ def load_process_config(name: str, options: Options) -> ProcessConfig:
     Raises
     ------
     ConfigError
-        if the rig file cannot be used.
+        if the rig file cannot be used, or there is no such scene.
     """
     rig = config.load_rig(options.rig, options.overrides)
-    scene_overrides = config.split_overrides(options.overrides)[1]
-    return ProcessConfig(name, rig, options.scene or rig.scene, scene_overrides, log.set_up(name))
+    scene, scene_overrides = options.scene or rig.scene, config.split_overrides(options.overrides)[1]
+    wanted = called_for(scene, scene_overrides)
+    return ProcessConfig(name, wanted.fitted(rig), scene, scene_overrides, log.set_up(name), wanted)
 
 
 def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> Process:
     """Return the open process, with a socket for each topic that the table gives it and no other.
 
+    For what nobody says, as its publisher has nothing to do in the scene, there is none.
     Of topics that are named in `whole` it gets every frame.
 
     The order is the point: scheduling first, then the ZeroMQ context, whose thread inherits it. From then until `ready`
@@ -147,12 +152,14 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     for fact in facts:
         if not fact.ok:
             logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)
+    called = process_config.called_for
+    read, observed = tuple(filter(called.speaks, read_by(name))), tuple(filter(called.speaks, observed_by(name)))
     bus = ZmqBus(
         rig.transport,
-        publishes=published_by(name),
-        reads=[topic for topic in read_by(name) if topic not in whole],
-        reads_every=[topic for topic in (*read_by(name), *observed_by(name)) if topic in whole],
-        samples=[topic for topic in observed_by(name) if topic not in whole],
+        publishes=filter(called.listens, published_by(name)),
+        reads=[each for each in read if each not in whole],
+        reads_every=[each for each in (*read, *observed) if each in whole],
+        samples=[each for each in observed if each not in whole],
     )
     process = Process(
         name,
@@ -163,6 +170,7 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
         facts,
         bus,
         HealthReporter(name, bus),
+        called,
     )
     process.health.realtime = facts
     if scheduling is not None:
@@ -174,8 +182,12 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
 
 
 def listen_as(name: str, rig: Rig) -> ZmqBus:
-    """Return a bus that hears what the table gives a process to read, and its health; it says nothing: a helper's."""
-    return ZmqBus(rig.transport, reads=(*read_by(name), f"{name}.health"))
+    """Return a bus that hears what the table gives a process to read, and its health; it says nothing: a helper's.
+
+    Processes that the rig does not run say nothing.
+    """
+    said = [each for each in read_by(name) if rig.process(topic(each).publisher).enabled]
+    return ZmqBus(rig.transport, reads=(*said, f"{name}.health"))
 
 
 def _stop_on_signals(process: Process) -> None:
@@ -213,6 +225,9 @@ def main(
     try:
         options = parse(name, arguments)
         process_config = load_process_config(name, options)
+        if name in process_config.called_for.idle:
+            process_config.log.info("scene %s has nothing to do for it", process_config.scene_name)
+            return 0
         prepared = () if prepare is None else (prepare(process_config),)
         if options.prepare_only:
             return 0

@@ -41,7 +41,7 @@ def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
     """
     mouth = mouth_opening(mesh)
     makers = {"insertion": _insertion, "pinch": _pinch, "none": _nothing}
-    return makers[scene.hands](scene, mesh, mouth)
+    return makers[scene.hands if scene.forceps else "none"](scene, mesh, mouth)
 
 
 def _nothing(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
@@ -54,17 +54,24 @@ def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenari
         what="one forceps steadies the duct, the other brings the catheter before the mouth and slides it in",
         duration_s=2.2,
         scene=scene,
-        motions=(_inserting_hand(scene, mouth), _closing_hand(scene, mesh, mouth, SQUEEZE_M)),
+        motions=(_inserting_hand(scene, mouth), _steadying_hand(scene, mesh, mouth)),
     )
 
 
+def _steadying_hand(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> ToolMotion | None:
+    """Hold the duct with the second tool, if there is one."""
+    return _closing_hand(scene, 1, mesh, mouth, SQUEEZE_M) if len(scene.forceps) > 1 else None
+
+
 def _pinch(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+    tool = len(scene.forceps) - 1  # the only one, or the second
+    hand = _closing_hand(scene, tool, mesh, mouth, PINCH_M)
     return Scenario(
         name="pinch",
         what="one forceps closes round the duct and presses it together",
         duration_s=1.2,
         scene=scene,
-        motions=(None, _closing_hand(scene, mesh, mouth, PINCH_M)),
+        motions=(None, hand) if tool else (hand, None),
     )
 
 
@@ -87,9 +94,11 @@ def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
     )
 
 
-def _closing_hand(scene: SceneModel, mesh: TriangleMesh, mouth: Opening, squeeze_m: float) -> ToolMotion | None:
+def _closing_hand(
+    scene: SceneModel, tool: int, mesh: TriangleMesh, mouth: Opening, squeeze_m: float
+) -> ToolMotion | None:
     """Close round the duct behind its mouth; nobody where it is wider than the jaws open."""
-    forceps, section = scene.forceps[1], _section(mesh, mouth)
+    forceps, section = scene.forceps[tool], _section(mesh, mouth)
     half_m = section.radius_m + 0.5 * scene.duct.thickness_m + forceps.jaw_radius_m
     wide_rad, shut_rad = (
         2.0 * math.asin(min(gap / JAW_REACH_M[1], 1.0)) for gap in (half_m + 1e-3, half_m - squeeze_m)

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from services.mechanics.scene import QualityLevel, SceneModel
+from services.mechanics.scene.tools import N_TOOLS
 
 _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
@@ -44,6 +45,8 @@ def fault(scene: SceneModel) -> str:
         for name in _NOT_ABOVE_ONE.get(part, "").split():
             if getattr(holder, name) > 1.0:
                 return f"{path}.{name}: must not be above 1, is {getattr(holder, name)}"
+    if not len(scene.forceps) <= N_TOOLS:
+        return f"forceps: at most {N_TOOLS}, are {len(scene.forceps)}"
     return _ladder_fault(scene.quality)
 
 

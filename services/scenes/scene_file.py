@@ -9,14 +9,16 @@ from typing import Any, get_type_hints
 import pydantic
 from typing_extensions import TypedDict
 
-from services.mechanics.effects import EFFECTS, check_ladder
+from services.mechanics.effects import EFFECTS, check_bodies, check_ladder
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_catheter import check_catheter
 from services.runtime import config
+from services.runtime.called_for import has_duct_alone
 from services.runtime.errors import ConfigError
 from services.scenes import limits
 
 # The dataclasses inside have no configuration of their own and take this one.
+_FOLLOWS = ("duct_alone",)  # from what a file names
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -24,7 +26,8 @@ def scene_file_type() -> type[pydantic.BaseModel]:
     """Return the type that scene files are checked against, as the table of effects is now."""
     kinds = get_type_hints(SceneModel)
     kinds["effects"] = TypedDict("Effects", {name: entry.kind.Settings for name, entry in EFFECTS.items()}, total=False)  # type: ignore[operator]
-    keys: dict[str, Any] = {field.name: (kinds[field.name], _default(field)) for field in fields(SceneModel)}
+    said = [field for field in fields(SceneModel) if field.name not in _FOLLOWS]
+    keys: dict[str, Any] = {field.name: (kinds[field.name], _default(field)) for field in said}
     made: type[pydantic.BaseModel] = pydantic.create_model("Scene", __config__=_STRICT, **keys)
     return made
 
@@ -44,11 +47,17 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
         one sentence that begins with `where` and the path of the key.
     """
     checked = config.build(scene_file_type(), data, where)
-    scene = SceneModel(**{name: getattr(checked, name) for name in type(checked).model_fields})
+    said = {name: getattr(checked, name) for name in type(checked).model_fields}
+    if has_duct_alone(data):
+        if data.get("hands", "none") != "none":
+            raise ConfigError(f"{where}: hands: {data['hands']} needs a tool, and the scene names but a duct")
+        said.update(duct_alone=True, hands="none")
+    scene = SceneModel(**said)
     if wrong := limits.fault(scene):
         raise ConfigError(f"{where}: {wrong}")
     try:
         check_ladder(scene)
+        check_bodies(scene)
         check_catheter(scene)
     except ValueError as error:
         raise ConfigError(f"{where}: {error}") from None

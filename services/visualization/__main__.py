@@ -11,7 +11,7 @@ from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, main
 from services.scenes import load_duct, load_scene
-from services.visualization.composer import Composer
+from services.visualization.composer import TOPICS, Composer
 from services.visualization.hands import TOPIC as HANDS
 from services.visualization.hands import Hands
 from services.visualization.outputs import open_output
@@ -31,7 +31,8 @@ def run(process: Process) -> None:
     painted = health.path("device_pixel", PICTURE_DEADLINE_NS)
     scene = load_scene(process.scene_name, process.scene_overrides)
     duct = load_duct(scene, cache_directory(), progress)
-    composer = Composer(process.bus, scene, process.scene_name, duct)
+    topics = filter(process.called_for.speaks, TOPICS)
+    composer = Composer(process.bus, scene, process.scene_name, duct, topics)
     rig_state = RigState(process.bus)
     hands = Hands(
         followers=process.rig.page_hands(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ import protocol.bodies as bodies
 from protocol import Frame
 from protocol.topics import observed_by
 from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import ForcepsScene, SceneModel
 from services.runtime.bus import Bus
 from services.visualization import tool_pose
 from services.visualization.drawn_surface import DrawnSurface
@@ -22,6 +23,7 @@ from services.visualization.picture import Layout, Picture, ToolShape
 PATIENCE_NS = 4_000_000
 #: A picture needs one frame in sixteen of what comes a thousand times a second.
 TOPICS = observed_by("visualization")
+_USUAL = ForcepsScene()
 
 
 class Composer:
@@ -35,7 +37,10 @@ class Composer:
         Frames whose duct is of another basis, or does not fit this one.
     """
 
-    def __init__(self, bus: Bus, scene: SceneModel, scene_name: str, duct: ReducedDuct) -> None:
+    def __init__(
+        self, bus: Bus, scene: SceneModel, scene_name: str, duct: ReducedDuct, topics: Iterable[str] = TOPICS
+    ) -> None:
+        self._topics = tuple(topics)
         self._bus = bus
         self._scene = scene
         self._surface = DrawnSurface(duct)
@@ -58,7 +63,7 @@ class Composer:
 
     def compose(self) -> Picture:
         """Return the picture of now, `layout` brought up to date first."""
-        for topic, frame in self._bus.sample(TOPICS, time.monotonic_ns() + PATIENCE_NS).items():
+        for topic, frame in self._bus.sample(self._topics, time.monotonic_ns() + PATIENCE_NS).items():
             self._newest[topic] = frame
             if topic == "physics.state" and not self._surface.update(frame.body.duct):
                 self.refused += 1
@@ -113,7 +118,7 @@ class Composer:
 
     def _shape(self, index: int, instrument: bodies.InstrumentState) -> ToolShape:
         """Return how an instrument looks: the scene's forceps in the order of the rig's instruments."""
-        shape = self._scene.forceps[min(index, len(self._scene.forceps) - 1)]
+        shape = self._forceps(index)
         return ToolShape(
             instrument.name, instrument.port_m, shape.shaft_radius_m, shape.jaw_length_m, shape.jaw_radius_m
         )
@@ -137,11 +142,15 @@ class Composer:
             if reaction is not None:
                 picture.force_n[i] = reaction.force_n
 
+    def _forceps(self, index: int) -> ForcepsScene:
+        forceps = self._scene.forceps
+        return forceps[min(index, len(forceps) - 1)] if forceps else _USUAL
+
     def _jaw(self, index: int, instrument: bodies.InstrumentState, reaction: bodies.ToolReaction | None) -> float:
         """Return the opening of the jaws: where what they hold stops them, else what the handle asks for."""
         if reaction is not None and reaction.proxy_jaw_angle_rad >= 0.0:
             return reaction.proxy_jaw_angle_rad
-        shape = self._scene.forceps[min(index, len(self._scene.forceps) - 1)]
+        shape = self._forceps(index)
         return min(max(shape.jaw_ratio * instrument.handle_angle_rad, 0.0), shape.jaw_max_angle_rad)
 
 

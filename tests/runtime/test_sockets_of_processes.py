@@ -21,7 +21,7 @@ from services.runtime import endpoints, process
 from services.runtime.whole import whole
 from services.supervisor import session
 
-rig = sys.argv[1]
+rig, scene = sys.argv[1:]
 entered = {}
 
 def entry(name, run, arguments=None, *, prepare=None, whole=None):
@@ -40,7 +40,7 @@ process.main = entry
 found = {}
 import protocol
 for name in protocol.PROCESSES:
-    options = process.Options(rig, None, ())
+    options = process.Options(rig, scene, ())
     if name == "supervisor":
         opened = session.open_session(options)
     else:
@@ -59,28 +59,47 @@ print(json.dumps(found))
 """
 
 
-@pytest.fixture(scope="module")
-def sockets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[str]]]:
-    folder: Path = tmp_path_factory.mktemp("rig")
+Sockets = dict[str, dict[str, list[str]]]
+
+
+def sockets_in(folder: Path, scene: str) -> Sockets:
+    """Open each process of a rig with a scene, and return its sockets."""
     rig = folder / "rig.yaml"
     rig.write_text(f"{{name: sockets, transport: {{directory: {folder / 'bus'}}}}}\n")
     done = subprocess.run(
-        [sys.executable, "-c", OPEN, str(rig)], capture_output=True, text=True, check=False, env=os.environ
+        [sys.executable, "-c", OPEN, str(rig), scene], capture_output=True, text=True, check=False, env=os.environ
     )
     assert done.returncode == 0, done.stderr
-    found: dict[str, dict[str, list[str]]] = json.loads(done.stdout)
+    found: Sockets = json.loads(done.stdout)
     return found
 
 
+@pytest.fixture(scope="module")
+def sockets(tmp_path_factory: pytest.TempPathFactory) -> Sockets:
+    return sockets_in(tmp_path_factory.mktemp("rig"), "default")
+
+
+def test_for_a_duct_alone_there_is_no_socket_of_contact(tmp_path: Path) -> None:
+    found = sockets_in(tmp_path, "duct-only")
+    of_contact = {name for name, row in TOPICS.items() if row.publisher in ("gateway", "haptics")}
+    assert {"gateway.state", "haptics.contacts"} <= of_contact
+    for process in ("physics", "visualization", "recorder", "supervisor"):
+        assert not of_contact & set(found[process]["reads"]), process
+        assert "visualization.hands" not in found[process]["publishes"]
+        assert found[process]["n"] == [len(found[process]["publishes"]), len(found[process]["reads"])]
+    assert found["physics"]["publishes"] == sorted(published_by("physics"))
+    assert found["physics"]["reads"] == sorted({*read_by("physics"), *observed_by("physics")} - of_contact)
+
+
 @pytest.mark.parametrize("process", PROCESSES)
-def test_a_process_has_the_sockets_that_the_table_says(sockets: dict[str, dict[str, list[str]]], process: str) -> None:
+def test_a_process_has_the_sockets_that_the_table_says(sockets: Sockets, process: str) -> None:
     publishes, reads = sorted(published_by(process)), sorted((*read_by(process), *observed_by(process)))
     whole = ["gateway.state"] if process == "recorder" else []  # as the rig file has it
     counts = [len(publishes), len(reads)]
     assert sockets[process] == {"publishes": publishes, "reads": reads, "n": counts, "whole": whole}
 
 
-def test_every_declared_reader_and_observer_has_one(sockets: dict[str, dict[str, list[str]]]) -> None:
+def test_every_declared_reader_and_observer_has_one(sockets: Sockets) -> None:
     for row in TOPICS.values():
         for process in (*row.readers, *row.observers):
             assert row.name in sockets[process]["reads"], f"{process} is named by {row.name} and does not hear it"

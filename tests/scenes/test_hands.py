@@ -12,6 +12,7 @@ from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import DuctScene
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.duct_alone import DuctAlone
 from services.mechanics.simulation.scene_duct import scene_mesh
 from services.mechanics.surface.opening import mouth_opening
 from services.scenes import load_duct, load_scene
@@ -111,7 +112,27 @@ def test_the_stone_is_pushed_further_in(tmp_path):
 
 
 def test_a_duct_alone_is_left_alone(tmp_path):
-    simulation, largest_n = played(load_scene("duct-only", SMALLER), tmp_path)
-    assert largest_n == 0.0
-    assert simulation.contacts.n_contacts == 0
-    assert not simulation.effects
+    scene = load_scene("duct-only", SMALLER)
+    duct = load_duct(scene, tmp_path, lambda *_: None)
+    assert scene.duct_alone
+    assert hands_of(scene, duct.mesh).motions == (None, None)
+    alone = DuctAlone(scene, duct)
+    before = alone.duct.surface_m()
+    for _ in range(20):
+        alone.step()
+    assert (alone.duct.surface_m() == before).all()
+
+
+def test_one_hand_alone_inserts_the_catheter(tmp_path):
+    simulation, _ = played(
+        replace(load_scene("insertion", SMALLER), forceps=load_scene("insertion").forceps[:1]), tmp_path
+    )
+    assert simulation.inserted_length_m > 15e-3
+    assert not simulation.tools.present[1]
+
+
+def test_one_hand_alone_pinches(tmp_path):
+    scene = load_scene("pinch", SMALLER)
+    simulation, largest_n = played(replace(scene, forceps=scene.forceps[1:]), tmp_path)
+    assert largest_n > 0.05
+    assert not simulation.tools.present[1]

@@ -19,7 +19,7 @@ from services.mechanics.rod import (
     straight_rod,
 )
 from services.mechanics.rod.banded import RHS_BLOCK, empty_columns
-from services.mechanics.rod.free_step import FreeStep, begin_step, hangs_still
+from services.mechanics.rod.free_step import FreeStep, begin_step, hangs_still, sleep_on
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import CatheterScene
 
@@ -112,6 +112,8 @@ class CatheterBody:
         not without: a catheter pressed against a wall would spring off it first. They are taken out again afterwards.
         """
         state, step, integrator = self.state, self._step, self.integrator
+        if self.slept and self._may_sleep_now and sleep_on(step.address, state.position_m, state.velocity_m_s):
+            return  # a third of what the way through the integrator takes to find that out
         is_touched = self._was_touched and self._linearises
         plain = self.plain_integrator
         if plain is not None and plain.twist is None:

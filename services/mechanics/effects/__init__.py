@@ -78,7 +78,24 @@ def build_effects(scene: SceneModel) -> dict[str, Effect]:
             if other in scene.effects:
                 raise ValueError(f"effects.{name}: describes what effects.{other} describes as well; leave one out")
     check_ladder(scene)
+    check_bodies(scene)
     return {name: entry.kind(scene.effects[name], scene) for name, entry in EFFECTS.items() if name in scene.effects}
+
+
+def check_bodies(scene: SceneModel) -> None:
+    """Refuse an effect of bodies that the scene does not have.
+
+    Raises
+    ------
+    ValueError
+        One sentence that begins with the key.
+    """
+    for name in scene.effects if scene.duct_alone else ():
+        if not EFFECTS[name].kind.of_wall:
+            able = ", ".join(each for each, entry in EFFECTS.items() if entry.kind.of_wall)
+            raise ValueError(
+                f"effects.{name}: acts on nothing where there is but a duct; these act on its wall: {able}"
+            )
 
 
 def check_ladder(scene: SceneModel) -> None:
@@ -109,4 +126,14 @@ def _cannot_rest(name: str, scene: SceneModel) -> str:
     return ""
 
 
-__all__ = ["EFFECTS", "STAGES", "Effect", "EffectEntry", "build_effects", "by_stage", "check_ladder", "go_together"]
+__all__ = [
+    "EFFECTS",
+    "STAGES",
+    "Effect",
+    "EffectEntry",
+    "build_effects",
+    "by_stage",
+    "check_bodies",
+    "check_ladder",
+    "go_together",
+]

@@ -40,6 +40,7 @@ class Anisotropy(Effect):
     """Orthotropic membrane and bending: it acts in the assembly, costs nothing in a step, and changes the basis."""
 
     Settings = AnisotropySettings
+    of_wall = True
 
     def modify_section(self, section: ShellSection) -> ShellSection:
         """Return the section with an axis."""

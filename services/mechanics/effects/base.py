@@ -49,6 +49,8 @@ class Effect:
     """Frozen dataclass. Its types and `__post_init__` are what a scene file is checked against."""
     kicks: ClassVar[bool] = False
     """Whether it acts by kicks of the wall (`DuctBody.modal_kick`), the gradient of its potential energy."""
+    of_wall: ClassVar[bool] = False
+    """Whether it needs no body but the duct: then it also acts in a scene that has no other."""
     stands_for: ClassVar[tuple[str, ...]] = ()
     """Effects of the same phenomenon, which must not act beside it: each would count what the other counts."""
 

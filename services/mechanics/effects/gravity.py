@@ -33,6 +33,7 @@ class Gravity(Effect):
     """
 
     Settings = GravitySettings
+    of_wall = True
 
     def __init__(self, settings: GravitySettings, scene: SceneModel) -> None:
         super().__init__(settings, scene)
@@ -50,7 +51,9 @@ class Gravity(Effect):
         return self._g
 
     def prepare(self, world: World) -> None:
-        """Put the particles' weights on them."""
+        """Put the particles' weights on them, if there are any."""
+        if self.scene.duct_alone:
+            return
         self._weight_n = world.catheter.properties.particle_mass_kg()[:, None] * self._g
         world.catheter.constant_force_n += self._weight_n
 

@@ -26,6 +26,7 @@ class Insufflation(Effect):
     """
 
     Settings = InsufflationSettings
+    of_wall = True
 
     def constant_load_n(self, mesh: TriangleMesh) -> FloatArray:
         """Pressure force (n, 3) on the nodes."""

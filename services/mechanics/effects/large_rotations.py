@@ -30,6 +30,7 @@ class LargeRotations(Effect):
     """
 
     Settings = LargeRotationsSettings
+    of_wall = True
 
     def modify_duct(self, duct: ReducedDuct) -> ReducedDuct:
         """Return the duct with its warp.

@@ -29,6 +29,7 @@ class NonlinearMembrane(Effect):
     """
 
     Settings = NonlinearMembraneSettings
+    of_wall = True
     kicks = True
 
     def prepare(self, world: World) -> None:

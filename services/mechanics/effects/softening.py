@@ -33,6 +33,7 @@ class Softening(Effect):
     """
 
     Settings = SofteningSettings
+    of_wall = True
     stands_for = ("nonlinear_membrane",)
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:

@@ -32,6 +32,7 @@ class Viscoelasticity(Effect):
     """
 
     Settings = ViscoelasticitySettings
+    of_wall = True
 
     def prepare(self, world: World) -> None:
         """Start relaxed."""

@@ -68,6 +68,15 @@ def begin_step(address: Address[FreeStep], position: FloatArray, velocity: Float
 
 
 @kernel
+def sleep_on(address: Address[FreeStep], position: FloatArray, velocity: FloatArray) -> bool:
+    """Do what a step does that is left out, and return True, if this one is: see `hangs_still`; else do nothing."""
+    step = step_at(address)
+    if not _hangs_still(step, velocity):
+        return False
+    return bool(_begin(step, position, velocity, may_sleep=True))
+
+
+@kernel
 def _begin(step: FreeStep, position: FloatArray, velocity: FloatArray, may_sleep: bool) -> bool:
     is_asleep = bool(may_sleep and _hangs_still(step, velocity))
     for i in range(position.shape[0]):

@@ -151,11 +151,13 @@ class SceneModel:
     ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
     Those in ``essential`` are never given up for time: neither by `trocar tune` nor on the quality ladder.
     ``hands`` is what the scene is for: what simulated hands do in it.
+    With ``duct_alone`` there is neither catheter nor forceps, and nothing reads what is said of them. There may be
+    fewer than two forceps: the tools that have none are not there.
     """
 
     duct: DuctScene = field(default_factory=DuctScene)
     catheter: CatheterScene = field(default_factory=CatheterScene)
-    forceps: tuple[ForcepsScene, ForcepsScene] = (
+    forceps: tuple[ForcepsScene, ...] = (
         ForcepsScene(),
         ForcepsScene(port_position_m=(0.02, 0.06, 0.15)),
     )
@@ -165,3 +167,4 @@ class SceneModel:
     sleeping: bool = True
     hands: Literal["insertion", "pinch", "none"] = "insertion"
     essential: tuple[str, ...] = ()
+    duct_alone: bool = False

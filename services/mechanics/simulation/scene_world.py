@@ -31,10 +31,7 @@ def build_world(
     """Return everything at rest, the duct in equilibrium with its constant loads."""
     stages = by_stage(effects)
     capacity = scene.contact.capacity
-    duct_body = DuctBody(duct, _integrator(scene, duct), capacity)
-    load_n = constant_load_n(stages["constant_load_n"], duct.mesh)
-    if load_n is not None:
-        duct_body.set_constant_load(load_n)
+    duct_body = build_duct_body(scene, duct, stages["constant_load_n"], capacity)
     catheter = CatheterBody(
         scene.catheter,
         scene_rod(scene, stages["modify_rod"]),
@@ -56,6 +53,15 @@ def build_world(
         acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),
         effects=effects,
     )
+
+
+def build_duct_body(scene: SceneModel, duct: ReducedDuct, effects: Iterable[Effect], capacity: int) -> DuctBody:
+    """Return the duct in equilibrium with the constant loads of ``effects``, for so many contacts."""
+    body = DuctBody(duct, _integrator(scene, duct), capacity)
+    load_n = constant_load_n(effects, duct.mesh)
+    if load_n is not None:
+        body.set_constant_load(load_n)
+    return body
 
 
 def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:

@@ -89,9 +89,11 @@ class ToolBody:
     """
 
     def __init__(self, forceps: tuple[ForcepsScene, ...]) -> None:
-        if len(forceps) != N_TOOLS:
-            raise ValueError(f"a scene has {N_TOOLS} forceps, not {len(forceps)}")
-        self.forceps = forceps
+        if len(forceps) > N_TOOLS:
+            raise ValueError(f"a scene has at most {N_TOOLS} forceps, not {len(forceps)}")
+        self._missing = N_TOOLS - len(forceps)
+        self._is_named = np.arange(N_TOOLS) < len(forceps)  # others are not there, whatever an input says
+        self.forceps = forceps = (*forceps, *(ForcepsScene(),) * self._missing)
         self.radius_m = np.array([[f.shaft_radius_m, f.jaw_radius_m, f.jaw_radius_m] for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
         self.pad_m = np.zeros(N_TOOLS)
@@ -136,7 +138,8 @@ class ToolBody:
         refused stays where it was, and is absent when that has gone on for `LONGEST_UNSOUND_S`.
         """
         position, opening, roll = inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad
-        self._flags = predict_proxies(self.address, inputs.present, position, opening, roll, dt_s)
+        present = inputs.present & self._is_named if self._missing else inputs.present
+        self._flags = predict_proxies(self.address, present, position, opening, roll, dt_s)
 
     def correct(self, force: FloatArray) -> None:
         """Apply the generalised contact forces (2, 4) of the step, in N and N m."""

@@ -1,0 +1,134 @@
+"""A scene that names but a duct, one tick at a time: neither catheter, tools nor contacts are built.
+
+What acts are the effects of the wall (`Effect.of_wall`), which look at nothing else of a world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from time import perf_counter_ns
+from typing import Annotated, cast
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.duct import DuctBody, DuctMotion, motion_at
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.effects import Effect, build_effects, by_stage
+from services.mechanics.reduction import ModalState, ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.simulation.pace import steps_of
+from services.mechanics.simulation.scene_world import build_duct_body
+from services.mechanics.world import World
+
+STAGE_NAMES = ("loads", "predict", "correct")
+#: J, of all modes together: below, a duct is at rest. A piconewton moves it by a picometre.
+REST_J = 1e-24
+_CAPACITY = 1  # of contacts, of which there are none
+
+
+class Stiffness(Struct):
+    """omega^2 (r,) of the modes, in 1/s^2."""
+
+    omega_2: Annotated[FloatArray, "r"]
+
+
+stiffness_at = reader(Stiffness)
+
+
+@dataclass(frozen=True, slots=True)
+class DuctWorld:
+    """What effects of the wall see: the part of `World` that there is."""
+
+    scene: SceneModel
+    duct: DuctBody
+    effects: tuple[Effect, ...]
+
+
+class DuctAlone:
+    """A duct that nothing can touch. At rest, and with no effect that acts in steps, it sleeps: a step is a look at it.
+
+    Parameters
+    ----------
+    scene : SceneModel
+        With ``duct_alone``.
+    duct : ReducedDuct
+        From `build_scene_duct`.
+
+    Attributes
+    ----------
+    cost_ns : list of int
+        What each of `STAGE_NAMES` took in the last tick.
+    """
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
+        if not scene.duct_alone:
+            raise ValueError("the scene names more than a duct: it takes a Simulation")
+        self.scene = scene
+        effects = tuple(build_effects(scene).values())
+        self._stages = by_stage(effects)
+        self.duct = build_duct_body(scene, duct, self._stages["constant_load_n"], _CAPACITY)
+        # Effects are written for a world that has everything; those of the wall look at this part.
+        self._world = cast(World, DuctWorld(scene, self.duct, effects))
+        self._stiffness = Stiffness(omega_2=duct.basis.omega_rad_s**2)
+        self._rest = (self.duct.motion_address, self._stiffness.address)
+        self._may_sleep = scene.sleeping and not (self._stages["add_loads"] or self._stages["after_solve"])
+        self.cost_ns = [0] * len(STAGE_NAMES)
+        for effect in self._stages["prepare"]:
+            effect.prepare(self._world)
+
+    @property
+    def state(self) -> ModalState:
+        """Modal coordinates of the duct."""
+        return self.duct.state
+
+    def is_asleep(self) -> bool:
+        """Whether the next step would not move it."""
+        return self._may_sleep and bool(is_at_rest(*self._rest))
+
+    def step(self, dt_s: float = 1e-3) -> None:
+        """Advance by a tick of ``dt_s``, in s; longer than a millisecond, it is taken in parts."""
+        began_ns = perf_counter_ns()
+        self.cost_ns[:] = 0, 0, 0
+        if self.is_asleep():
+            self.cost_ns[1] = perf_counter_ns() - began_ns
+            return
+        steps = steps_of(dt_s)
+        for _ in range(steps):
+            self._step(dt_s / steps)
+
+    def _step(self, dt_s: float) -> None:
+        marks = [perf_counter_ns()]
+        begin_duct_loads(self.duct.motion_address)
+        for effect in self._stages["add_loads"]:
+            effect.add_loads(self._world, dt_s)
+        marks.append(perf_counter_ns())
+        self.duct.predict(dt_s)
+        marks.append(perf_counter_ns())
+        for effect in self._stages["after_solve"]:
+            effect.after_solve(self._world, dt_s)
+        marks.append(perf_counter_ns())
+        for stage, (start, end) in enumerate(pairwise(marks)):
+            self.cost_ns[stage] += end - start
+
+
+@kernel
+def begin_duct_loads(address: Address[DuctMotion]) -> None:
+    """Write the constant load over that of the last step, and no kick."""
+    duct = motion_at(address)
+    for mode in range(duct.force.shape[0]):
+        duct.force[mode], duct.kick[mode] = duct.constant[mode], 0.0
+
+
+@kernel
+def is_at_rest(motion_address: Address[DuctMotion], stiffness_address: Address[Stiffness]) -> bool:
+    """Return whether kinetic energy and that stored beyond the equilibrium with the constant load are below `REST_J`.
+
+    Written so that what is no number is not at rest.
+    """
+    duct, omega_2 = motion_at(motion_address), stiffness_at(stiffness_address).omega_2
+    energy = 0.0
+    for mode in range(duct.q.shape[0]):
+        out_of_balance = duct.constant[mode] - omega_2[mode] * duct.q[mode]
+        energy += 0.5 * (duct.qdot[mode] ** 2 + out_of_balance**2 / omega_2[mode])
+    return bool(energy <= REST_J)

@@ -1,0 +1,87 @@
+"""What a scene calls for: which processes, instruments and topics a rig needs to run it, and nothing else.
+
+Read off the scene file without its mechanics, so that a process which runs none of it need not load them. What the
+file says is checked by those that use it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from protocol.topics import TOPICS
+from services.runtime import config
+from services.runtime.rig import Rig
+
+#: Who is there for tools and catheter alone; physics keeps its own time without them.
+OF_CONTACT = ("gateway", "haptics")
+
+
+@dataclass(frozen=True, slots=True)
+class CalledFor:
+    """What a scene's file names.
+
+    Attributes
+    ----------
+    duct_alone
+        Whether there is nothing that could touch the duct.
+    forceps
+        How many tools are named, None where the file leaves that to the default.
+    """
+
+    duct_alone: bool = False
+    forceps: int | None = None
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """The processes that have nothing to do."""
+        return OF_CONTACT if self.duct_alone else ()
+
+    def speaks(self, topic: str) -> bool:
+        """Whether anybody publishes a topic."""
+        return TOPICS[topic].publisher not in self.idle
+
+    def listens(self, topic: str) -> bool:
+        """Whether a topic has anybody left who might read it."""
+        row = TOPICS[topic]
+        return any(process not in self.idle for process in (*row.readers, *row.observers))
+
+    def fitted(self, rig: Rig) -> Rig:
+        """Return the rig without processes, instruments and contracts that have nothing to do in the scene."""
+        if self.duct_alone:
+            return _without_contact(rig)
+        if self.forceps is None or self.forceps >= len(rig.gateway.instruments):
+            return rig
+        fewer = rig.gateway.model_copy(update={"instruments": rig.gateway.instruments[: self.forceps]})
+        return rig.model_copy(update={"gateway": fewer})
+
+
+EVERYTHING = CalledFor()
+
+
+def _without_contact(rig: Rig) -> Rig:
+    idle = {name: rig.process(name).model_copy(update={"enabled": False}) for name in OF_CONTACT}
+    loops = {name: loop for name, loop in rig.contracts.loops.items() if name not in OF_CONTACT}
+    contracts = rig.contracts.model_copy(update={"loops": loops, "paths": {}})  # every path begins at a device
+    gateway = rig.gateway.model_copy(update={"instruments": ()})
+    return rig.model_copy(update={"processes": {**rig.processes, **idle}, "contracts": contracts, "gateway": gateway})
+
+
+def has_duct_alone(data: Mapping[str, Any]) -> bool:
+    """Return whether a scene's data name a duct and nothing that could touch it."""
+    return "duct" in data and not {"catheter", "forceps", "contact"} & data.keys()
+
+
+def called_for(scene: str, overrides: Iterable[str] = ()) -> CalledFor:
+    """Return what a scene file, or one's name in configs/scenes, calls for.
+
+    Raises
+    ------
+    ConfigError
+        if there is no such scene, or the file is not YAML.
+    """
+    data = config.read_yaml(config.find("scene", scene))
+    config.apply_overrides(data, overrides, {})
+    forceps = data.get("forceps")
+    return CalledFor(has_duct_alone(data), len(forceps) if isinstance(forceps, list) else None)
