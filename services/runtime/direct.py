@@ -198,19 +198,19 @@ class DirectReader:
         return frame
 
     def wait(self, until_ns: int) -> bool:
-        """Sleep until there is a frame (True) or the monotonic clock reaches `until_ns` (False)."""
-        self._read()
+        """Sleep until there is a frame (True) or the monotonic clock reaches `until_ns` (False).
+
+        It sleeps before it looks: what lies there wakes it at once, and mostly nothing does.
+        """
         while self._frame is None:
             remaining_s = (until_ns - time.monotonic_ns()) * 1e-9
-            if remaining_s <= 0.0:
-                return False
-            if remaining_s < _ROUNDING_S:
-                time.sleep(remaining_s)
-            elif self._connection is None:
-                time.sleep(min(remaining_s, _RECONNECT_S))
-            else:
+            if remaining_s >= _ROUNDING_S and self._connection is not None:
                 select.select((self._connection,), (), (), remaining_s)
+            elif remaining_s > 0.0:
+                time.sleep(min(remaining_s, _RECONNECT_S))
             self._read()
+            if remaining_s <= 0.0:
+                return self._frame is not None
         return True
 
     def close(self) -> None:
