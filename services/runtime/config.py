@@ -117,7 +117,8 @@ def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
     try:
         return TypeAdapter(kind).validate_json(json.dumps(data, default=str))
     except ValidationError as error:
-        raise ConfigError(f"{where}: {_sentence(error, kind)}") from None
+        empty = "" if data else "; nothing is in the file"
+        raise ConfigError(f"{where}: {_sentence(error, kind)}{empty}") from None
     except (TypeError, ValueError) as error:  # a key that is a date, an anchor within itself
         raise ConfigError(f"{where}: {error}") from None
 

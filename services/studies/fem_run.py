@@ -27,6 +27,7 @@ from services.mechanics.fem import (
 )
 from services.mechanics.fem.elements import MEMBRANE_ELEMENTS
 from services.mechanics.fem.facets import drilling_excess
+from services.mechanics.fem.memory import check_memory
 from services.mechanics.fem.nonlinear import (
     CorotationalShell,
     NonlinearLoad,
@@ -188,6 +189,7 @@ def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tupl
     if source.surface_file is None:
         raise ValueError("mesh: has none of parametric, duct_file, surface_file")
     raw = read_surface(folder / source.surface_file.path, source.surface_file.units)
+    check_memory(raw.n_triangles // 2)  # so many vertices has a closed surface; a file may name each once a triangle
     merged = merge_and_drop(raw, actions)
     return face_outwards(wind_consistently(merged, actions, MOST_TURNED), actions), actions
 

@@ -205,6 +205,22 @@ def test_pressure_on_a_sheet_wound_half_one_way_is_refused_with_the_place(tmp_pa
     assert run(surface_case(tmp_path, square(0.5), loads=weight), tmp_path)["static"]["residual"] < 1e-8
 
 
+def test_a_surface_too_large_to_solve_is_refused_before_it_is_looked_at(tmp_path, monkeypatch):
+    path = surface_case(tmp_path, square(0.0), loads=[{"pressure_pa": 1.0}])
+    monkeypatch.setattr("services.mechanics.fem.memory.free_bytes", lambda: 1000.0)
+    monkeypatch.setattr(fem_run, "merge_and_drop", lambda *_: pytest.fail("it was looked at"))
+    with pytest.raises(ConfigError, match=r"vertices take about .* GB to solve, .* GB are free: use larger triangles"):
+        fem_command(path)
+
+
+@pytest.mark.parametrize("text", ["", "# only a comment\n", "---\n"])
+def test_a_file_that_says_nothing_is_told_so(tmp_path, text):
+    path = tmp_path / "empty.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=r"empty.yaml: mesh: this key is missing .*; nothing is in the file"):
+        fem_command(path)
+
+
 def test_pressure_where_three_sheets_meet_is_refused(tmp_path):
     half = mapped_patch(4, 4, lambda s, t: (0.5 + 0 * s, 0.5 * s, t)).mesh
     flat = mapped_patch(4, 4, lambda s, t: (s, np.zeros_like(s), t)).mesh
