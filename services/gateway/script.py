@@ -61,17 +61,19 @@ class Player:
         Time of the last breakpoint.
     repeats : bool
         Whether it begins again then; else it stays.
+    times, values : (k,) and (k, COLUMNS) float64
+        The breakpoints, for the point `beyond_m` beyond the junction; `port` is what the tool turns about.
     value, rate : (COLUMNS,) float64
         Junction in the world, roll, handle, and their rates, of the last `sample`.
     """
 
     def __init__(self, motion: Motion, loop: bool, port_m: Vector3, pace: float = 1.0) -> None:
         points = motion.breakpoints
-        self._offset_m = motion.beyond_hip_m
-        self._port = np.array(port_m)
-        self._times = np.array([point.time_s for point in points]) / pace
-        self._values = np.array([[*point.hip_m, point.roll_rad, point.handle_rad] for point in points])
-        self.lasts_s = float(self._times[-1])
+        self.beyond_m = motion.beyond_hip_m
+        self.port = np.array(port_m)
+        self.times = np.array([point.time_s for point in points]) / pace
+        self.values = np.array([[*point.hip_m, point.roll_rad, point.handle_rad] for point in points])
+        self.lasts_s = float(self.times[-1])
         self.repeats = loop and self.lasts_s > 0.0
         self.value = np.zeros(COLUMNS)
         self.rate = np.zeros(COLUMNS)
@@ -79,11 +81,13 @@ class Player:
 
     def sample(self, time_s: float) -> None:
         """Write position and rate at `time_s` since the script's begin into `value` and `rate`."""
-        if self.repeats:
-            time_s %= self.lasts_s
-        minimum_jerk(self._times, self._values, time_s, self.value, self.rate)
-        if self._offset_m > 0.0:
-            draw_back(self._port, self._offset_m, self.value, self.rate)
+        minimum_jerk(self.times, self.values, self.within(time_s), self.value, self.rate)
+        if self.beyond_m > 0.0:
+            draw_back(self.port, self.beyond_m, self.value, self.rate)
+
+    def within(self, time_s: float) -> float:
+        """Return `time_s` since the script's begin as a time of its breakpoints."""
+        return time_s % self.lasts_s if self.repeats else time_s
 
 
 def read_player(name: str, instrument: str, port_m: Vector3, pace: float = 1.0) -> Player:

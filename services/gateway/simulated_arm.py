@@ -46,12 +46,12 @@ class ArmState:
         measure(self.angles, self.measured)
         self.filter = np.zeros((2, 3))
         self.coefficients = butterworth(velocity_filter_hz)
-        self._work = np.zeros((4, 3))
-        self._jacobian = np.zeros((3, 3))
+        self.work = np.zeros((4, 3))
+        self.jacobian = np.zeros((3, 3))
 
     def step(self, force_n: FloatArray, hand: FloatArray) -> None:
         """Advance by one tick under a held force (3,) of the servo and the hand (HAND_SIZE,); base frame."""
-        step_links(self.angles, self.rates, self.heat, force_n, hand, self._work, self._jacobian)
+        step_links(self.angles, self.rates, self.heat, force_n, hand, self.work, self.jacobian)
 
     def read(self, centre: FloatArray, reading: FloatArray) -> None:
         """Write what encoders and temperature model say into `reading`; call once a tick."""

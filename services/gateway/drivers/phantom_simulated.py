@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from services.gateway import driver, pose, premium_model, simulated_arm
+from services.gateway.arm_tick import ArmTick, tick_arm
 from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
@@ -64,6 +65,32 @@ class Driver(Arm):
         except ValueError as error:
             raise ConfigError(f"instrument {place.instrument!r}: {error} to the script's first point") from None
         self.arm = simulated_arm.ArmState(start, file.velocity_filter_hz)
+        self._tick = None if self._player is None else self._tick_of(self._player)
+
+    def _tick_of(self, player: Player) -> ArmTick:
+        """Return what the kernel of a tick is handed: the arrays of this driver, its arm and its script."""
+        arm = self.arm
+        return ArmTick(
+            times=player.times,
+            values=player.values,
+            value=player.value,
+            rate=player.rate,
+            port=player.port,
+            beyond_m=player.beyond_m,
+            stand=self._stand,
+            hand=self._hand,
+            angles=arm.angles,
+            rates=arm.rates,
+            heat=arm.heat,
+            force=self._force,
+            work=arm.work,
+            jacobian=arm.jacobian,
+            measured=arm.measured,
+            filter=arm.filter,
+            coefficients=arm.coefficients,
+            centre=self._centre,
+            reading=self._reading,
+        )
 
     @property
     def force_n(self) -> FloatArray:
@@ -71,9 +98,13 @@ class Driver(Arm):
         return self._force
 
     def open(self) -> None:
-        """Calibrate at once. A step of a copy makes the kernels ready."""
+        """Calibrate at once. Steps of copies make the kernels ready."""
         simulated_arm.ArmState(self.arm.angles, 100.0).step(self._force, self._hand)
         self.arm.read(self._centre, self._reading)
+        if self._player is not None:
+            self._reading[READ_ROLL] = self._player.value[ROLL]
+            copy = ArmTick.zeros(k=1, angles=self.arm.angles.copy())
+            tick_arm(copy.address, 0.0)
         self.calibrated = True
 
     def enable(self) -> None:
@@ -91,11 +122,8 @@ class Driver(Arm):
         for _ in range(min(ticks, _MAX_TICKS)):
             if self._running:
                 self._script_s += simulated_arm.TICK_S
-            self._move_hand()
-            self.arm.step(self._force, self._hand)
-            self.arm.read(self._centre, self._reading)  # its velocity filter counts in ticks, those too that were lost
+            self._advance()
         reading[:] = self._reading
-        reading[READ_ROLL] = self._player.value[ROLL] if self._player else 0.0
 
     def write(self, force_n: FloatArray) -> None:
         """Hold `force_n` until the next call; nothing while the motors are off."""
@@ -105,6 +133,14 @@ class Driver(Arm):
         """Switch the motors off."""
         self._enabled = False
         self._force[:] = 0.0
+
+    def _advance(self) -> None:
+        """Take one tick and read the arm: its velocity filter counts in ticks, those too that were lost."""
+        if self._tick is not None and self._player is not None:
+            tick_arm(self._tick.address, self._player.within(self._script_s))
+        else:
+            self.arm.step(self._force, self._hand)
+            self.arm.read(self._centre, self._reading)
 
     def _move_hand(self) -> None:
         """Put where the script wants the hand into the frame of the arm's base."""

@@ -1,0 +1,58 @@
+"""All of a simulated arm's tick in one kernel: script, hand, motors, links, encoders.
+
+In a running rig a call from Python costs three times what it does in a loop (docs/decisions/cost-of-a-tick.md), and
+these were six an arm.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from services.gateway.layout import READ_ROLL, READ_SIZE, READ_TEMPERATURE
+from services.gateway.script import COLUMNS, ROLL, draw_back
+from services.gateway.simulated_arm import HAND_SIZE, filter_reading, hottest, place_hand, step_links
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.scene.minimum_jerk import minimum_jerk
+
+
+class ArmTick(Struct):
+    """What `script.Player`, `simulated_arm.ArmState` and the driver hold: the same arrays."""
+
+    times: Annotated[FloatArray, "k"]
+    values: Annotated[FloatArray, "k", COLUMNS]
+    value: Annotated[FloatArray, COLUMNS]
+    rate: Annotated[FloatArray, COLUMNS]
+    port: Annotated[FloatArray, 3]
+    beyond_m: float
+    stand: Annotated[FloatArray, 8]
+    hand: Annotated[FloatArray, HAND_SIZE]
+    angles: Annotated[FloatArray, 3]
+    rates: Annotated[FloatArray, 3]
+    heat: Annotated[FloatArray, 2, 3]
+    force: Annotated[FloatArray, 3]
+    work: Annotated[FloatArray, 4, 3]
+    jacobian: Annotated[FloatArray, 3, 3]
+    measured: Annotated[FloatArray, 3]
+    filter: Annotated[FloatArray, 2, 3]
+    coefficients: Annotated[FloatArray, 5]
+    centre: Annotated[FloatArray, 3]
+    reading: Annotated[FloatArray, READ_SIZE]
+
+
+arm_tick_at = reader(ArmTick)
+
+
+@kernel
+def tick_arm(address: Address[ArmTick], script_s: float) -> None:
+    """Put the hand where its script has it at `script_s`, let the arm follow for a tick, and read it."""
+    tick = arm_tick_at(address)
+    minimum_jerk(tick.times, tick.values, script_s, tick.value, tick.rate)
+    if tick.beyond_m > 0.0:
+        draw_back(tick.port, tick.beyond_m, tick.value, tick.rate)
+    place_hand(tick.value, tick.rate, tick.stand, tick.hand)
+    step_links(tick.angles, tick.rates, tick.heat, tick.force, tick.hand, tick.work, tick.jacobian)
+    filter_reading(tick.angles, tick.measured, tick.filter, tick.coefficients, tick.centre, tick.reading)
+    tick.reading[READ_TEMPERATURE] = hottest(tick.heat)
+    tick.reading[READ_ROLL] = tick.value[ROLL]
