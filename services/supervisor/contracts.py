@@ -99,13 +99,26 @@ def _judge_path(
 ) -> Breach | None:
     stop_us = contract.stop_p99_us
     for process, window in windows.items():
-        limit_us = contract.p99_us * _stretch(window, contracts.loops.get(process))
+        limit_us = _limit_us(contract, process, window, contracts)
         quantiles = [_p99_us(window, seconds, name) for seconds in (BUDGET_S, STILL_S)]
         if min(quantiles) > limit_us:
             text = f"path {name}: p99 {quantiles[1]:.0f} us over {STILL_S:.0f} s, limit {limit_us:.0f} us"
             severe = stop_us is not None and quantiles[1] > stop_us
             return Breach(PATH_OWNERS.get(name, process), f"path {name}", text, _over(quantiles[1], limit_us), severe)
     return None
+
+
+def path_limits_us(windows: Mapping[str, Window], contracts: Contracts) -> dict[str, float]:
+    """Return the limit, in us, against which each path is judged now: who draws sets some of them."""
+    limits = {name: contract.p99_us for name, contract in contracts.paths.items()}
+    for process, window in windows.items():
+        counted = [name for name in limits if window.path(name, STILL_S) is not None]
+        limits |= {name: _limit_us(contracts.paths[name], process, window, contracts) for name in counted}
+    return limits
+
+
+def _limit_us(contract: PathContract, process: str, window: Window, contracts: Contracts) -> float:
+    return contract.p99_us * _stretch(window, contracts.loops.get(process))
 
 
 def _stretch(window: Window, contract: LoopContract | None) -> float:

@@ -15,7 +15,7 @@ import msgspec
 import protocol.bodies as bodies
 from protocol.topics import TOPICS
 from services.runtime.histogram import Quantiles
-from services.runtime.rig import Contracts, Rig
+from services.runtime.rig import Rig
 from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic, Window
 from services.supervisor.figures import of as figures_of
 from services.supervisor.notes import MemberNote, Notes
@@ -247,7 +247,7 @@ def snapshot(
             for member in notes.members
         ),
         topics=topic_rows(windows),
-        paths=tuple(_path_row(name, path, rig.contracts, broken) for name, path in paths.items()),
+        paths=tuple(_path_row(name, path, notes.path_limits_us.get(name), broken) for name, path in paths.items()),
         answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
         heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
         floor=tuple(_floor_row(core, latencies) for core, latencies in sorted(around.floor.items())),
@@ -323,11 +323,9 @@ def topic_rows(windows: Mapping[str, Figures]) -> tuple[TopicRow, ...]:
     )
 
 
-def _path_row(name: str, path: Path, contracts: Contracts, broken: set[str]) -> PathRow:
-    contract = contracts.paths.get(name)
+def _path_row(name: str, path: Path, limit_us: float | None, broken: set[str]) -> PathRow:
     q = path.latency.quantiles()
-    limit = contract.p99_us if contract else None
-    return PathRow(name, q.p50, q.p99, q.p99_9, q.max, limit, f"path {name}" not in broken)
+    return PathRow(name, q.p50, q.p99, q.p99_9, q.max, limit_us, f"path {name}" not in broken)
 
 
 def spread(values: Quantiles | Latencies | None) -> Spread:

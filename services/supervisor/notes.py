@@ -34,7 +34,10 @@ class MemberNote(msgspec.Struct, frozen=True):
 
 
 class Notes(msgspec.Struct, frozen=True):
-    """The rig as the supervisor judges it. Times are seconds of the monotonic clock; `broken` are keys of breaches."""
+    """The rig as the supervisor judges it. Times are seconds of the monotonic clock; `broken` are keys of breaches.
+
+    `path_limits_us` are what the paths are judged against just now: no less than what the rig file says.
+    """
 
     said_s: float
     started_s: float
@@ -45,6 +48,7 @@ class Notes(msgspec.Struct, frozen=True):
     safe_stop: bool
     members: tuple[MemberNote, ...]
     broken: tuple[str, ...]
+    path_limits_us: dict[str, float]
     events: tuple[Event, ...]
 
 
@@ -72,6 +76,7 @@ def notes(supervisor: Supervisor, now_s: float) -> Notes:
         safe_stop=body.safe_stop,
         members=tuple(MemberNote(m.name, str(m.state), m.up, m.pid, m.restarts.count, m.reason) for m in members),
         broken=tuple(breach.key for breach in supervisor.breaches),
+        path_limits_us=supervisor.path_limits_us(),
         events=tuple(supervisor.events),
     )
 

@@ -195,6 +195,11 @@ class Supervisor:
         if action is not None:
             self._act(action)
 
+    def path_limits_us(self) -> dict[str, float]:
+        """Return the limit against which each path is judged now."""
+        windows = {name: member.window for name, member in self.crew.members.items()}
+        return contracts.path_limits_us(windows, self.rig.contracts)
+
     def _stalls(self) -> list[contracts.Breach]:
         """Return who keeps falling silent: of itself no reason to stop, but one to ask for less."""
         said = {name: watch.stalling(member, self._now_s) for name, member in self.crew.members.items()}

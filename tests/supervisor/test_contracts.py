@@ -7,7 +7,7 @@ import pytest
 import protocol.bodies as bodies
 from services.runtime.rig import Contracts
 from services.supervisor import figures
-from services.supervisor.contracts import Breach, Standing, judge
+from services.supervisor.contracts import Breach, Standing, judge, path_limits_us
 from tests.supervisor.made_up import health, histogram, loop_report
 
 BUDGET = Contracts.model_validate({"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.001}}})
@@ -200,3 +200,5 @@ def test_a_picture_may_come_later_where_fewer_are_asked_for(asked_hz: float, *, 
         window.add(7, figures.of(health("visualization", uptime_s=1.0 + second, loop=loop, paths=paths)))
     found = judge({"visualization": window}, contracts)
     assert (found == []) == keeps
+    shown = path_limits_us({"visualization": window}, contracts)
+    assert shown == {"device_pixel": pytest.approx(60000 * max(1.0, 30 / asked_hz))}, "it is shown what it is judged by"
