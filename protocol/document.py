@@ -22,8 +22,9 @@ bytes in C order; dtype and shape must be those that the table gives, and a name
 
 State topics are read newest-only; a reader of "every" frame counts what it lost by `sequence`. An observer subscribes
 for as long as it takes to get one frame, so between two looks nothing is sent to it. Who wants every frame of a topic
-faster than 60 Hz without acting on it subscribes at the endpoint `<topic>.whole`: there frames come as the parts of one
-message, at most 60 of these a second, so that nobody waits for such a reader. On one host the loops themselves speak
+faster than 60 Hz without acting on it subscribes at the endpoint `<topic>.whole`: there frames come in batches, at
+most 60 a second, so that nobody waits for such a reader: a message of two parts, the lengths of the frames as
+little-endian 32-bit integers, and the frames one after the other. On one host the loops themselves speak
 ZMTP 3.0 at the endpoints of the fast topics; any ZeroMQ subscriber can connect there. A publisher takes a new
 random `incarnation` at each start; frames of an older one are refused. `origin_ns` is the monotonic time of the device
 sample that a frame answers, so latency at any reader on the host is one subtraction.

@@ -59,7 +59,7 @@ class _Source:
         elif field.item is float and field.form is Form.FIXED:
             self._pack(_tag(number, _BYTES) + _varint(8 * field.count), f"{field.count}d", f"*{value}")
         elif field.item is bool and field.form is Form.ONE:
-            self._parts.append(f"{self._constant(_booleans(number))}[{value}]")
+            self._pack(_tag(number, _VARINT), "?", value)
         elif field.item is int and field.form is Form.ONE:
             self._parts += [self._constant(_tag(number, _VARINT)), f"varint({value})"]
         elif field.form is Form.ARRAY:

@@ -2,11 +2,14 @@
 
 Who acts on a topic reads it from the topic's socket, and each of its readers costs its publisher some microseconds a
 frame. Who wants every frame but waits for none (a recorder, `trocar sniff`) subscribes here: a frame is then one entry
-in a list, and at most `SENDS_PER_S` times a second the list is sent as the parts of one message, between two ticks:
-that takes 90 us. While nobody subscribes nothing is kept and nothing is sent.
+in a list, and at most `SENDS_PER_S` times a second the list is sent as one message, between two ticks. While nobody subscribes nothing is kept and nothing is sent.
 """
 
 from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
 
 import zmq
 
@@ -32,6 +35,23 @@ def has_whole_socket(row: Topic) -> bool:
 def whole(name: str) -> str:
     """Return the name of the endpoint at which every frame of topic `name` is had."""
     return f"{name}.whole" if has_whole_socket(topic(name)) else name
+
+
+def join(frames: Sequence[bytes]) -> tuple[bytes, bytes]:
+    """Return the two parts of a batch: the lengths of its frames as 32-bit integers, and the frames one after another.
+
+    Seventeen frames of physics take 34 us to send so, 55 as a part each.
+    """
+    return array("I", map(len, frames)).tobytes(), b"".join(frames)
+
+
+def split(parts: list[bytes]) -> list[bytes]:
+    """Return the frames of a batch; what is none comes back as it is, for its reader to refuse."""
+    if len(parts) != 2 or len(parts[0]) % 4 or not 0 < len(parts[0]) <= 4 * _LONGEST:
+        return parts
+    ends = list(accumulate(array("I", parts[0]), initial=0))
+    data = parts[1]
+    return [data[begin:end] for begin, end in pairwise(ends)] if ends[-1] == len(data) else parts
 
 
 def is_readable(socket: Socket) -> bool:
@@ -88,5 +108,5 @@ class BatchSender:
         self._socket.close(linger=_LINGER_MS)
 
     def _send(self) -> None:
-        self._socket.send_multipart(self._frames, zmq.NOBLOCK)
+        self._socket.send_multipart(join(self._frames), zmq.NOBLOCK)
         self._frames.clear()

@@ -20,7 +20,7 @@ from services.runtime import bus, endpoints, keys
 from services.runtime.direct import DirectReader, DirectSender
 from services.runtime.errors import BusError
 from services.runtime.rig import Transport
-from services.runtime.whole import SENDS_PER_S, BatchSender, count_readers, has_whole_socket, is_readable, whole
+from services.runtime.whole import SENDS_PER_S, BatchSender, count_readers, has_whole_socket, is_readable, split, whole
 
 #: Frames that a slow reader may fall behind before frames are lost (and counted).
 _HIGH_WATER_MARK = 1000
@@ -201,14 +201,14 @@ class ZmqBus:
         frames: list[Frame] = []
         if not is_readable(socket):  # nearly always, and asking costs a third of an exception
             return frames
-        n_parts = 0
-        while n_parts < bus.DRAIN_LIMIT:
+        n_taken = 0
+        while n_taken < bus.DRAIN_LIMIT:
             try:
-                parts = socket.recv_multipart(zmq.NOBLOCK)
+                batch = split(socket.recv_multipart(zmq.NOBLOCK))
             except zmq.Again:
                 break
-            frames += box.accept_all(parts)
-            n_parts += len(parts)
+            frames += box.accept_all(batch)
+            n_taken += len(batch)
         return frames
 
     def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:

@@ -10,7 +10,7 @@ import zmq
 
 from protocol import bodies
 from services.runtime.rig import Transport
-from services.runtime.whole import SENDS_PER_S, BatchSender
+from services.runtime.whole import SENDS_PER_S, BatchSender, join, split
 from services.runtime.zmq_bus import ZmqBus
 
 STATE = "gateway.state"
@@ -36,7 +36,7 @@ class Socket:
 
     def send_multipart(self, parts: list[bytes], _flags: int) -> None:
         self.touched += 1
-        self.sent.append(list(parts))
+        self.sent.append(split(list(parts)))
 
 
 def made(*said: bytes) -> tuple[BatchSender, Socket]:
@@ -105,6 +105,30 @@ def test_a_publisher_that_floods_keeps_a_bounded_number() -> None:
     assert len(sender._frames) == 1000
     sender.send_if_due(20 * MS)
     assert [len(parts) for parts in socket.sent] == [1000]
+
+
+@pytest.mark.parametrize("frames", [[b"one"], [b"one", b""], [b"a" * 70000, b"b", b"c" * 300]])
+def test_a_batch_comes_apart_as_it_was_joined(frames: list[bytes]) -> None:
+    assert split(list(join(frames))) == frames
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [],
+        [b""],
+        [b"\x01\0\0\0"],
+        [b"", b"x"],
+        [b"\x01\0\0", b"x"],
+        [b"\x02\0\0\0", b"x"],
+        [b"\xff" * 8, b"x"],
+        [b"\0\0\0\0" * 1001, b""],
+        [b"\x01\0\0\0", b"x", b"y"],
+    ],
+)
+def test_what_is_no_batch_stays_as_it_came(parts: list[bytes]) -> None:
+    """Its reader refuses it, and counts that."""
+    assert split(list(parts)) == parts
 
 
 def looked(sender: ZmqBus, reader: ZmqBus) -> tuple[int, int]:
