@@ -18,8 +18,11 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -123,6 +126,12 @@ class History:
         return self.change(f'trocar_loop_iterations_total{{loop="{loop}"}}', since, until)
 
 
+def _ask_first() -> None:
+    """Give this thread, and it alone, the least niceness, where that is granted."""
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), -20)
+
+
 def _edge(key: str) -> float:
     found = re.search(r'le="([^"]*)"', key)
     assert found is not None
@@ -134,6 +143,10 @@ class WatchedRig:
 
     def __init__(self, options: Sequence[str] = ()) -> None:
         self._options = list(options)
+        # It asks before all that is ordinary: what is timed is the server's answer, not how long the one who asks
+        # waits for a core. One connection is kept, as a browser does; another client each time took 20 ms of a core.
+        self._asking = ThreadPoolExecutor(1, initializer=_ask_first)
+        self._client = httpx.Client(timeout=60)
         self.answers_s: dict[str, float] = {}
 
     def __enter__(self) -> Self:
@@ -157,6 +170,8 @@ class WatchedRig:
     def __exit__(self, *_: object) -> None:
         self.process.terminate()
         self.process.wait(_END_S)
+        self._client.close()
+        self._asking.shutdown()
         self._folder.cleanup()
 
     def _await_running(self, place: Path) -> str:
@@ -196,11 +211,14 @@ class WatchedRig:
                 self._said[event["t"], event["text"]] = event["level"]
 
     def _get(self, path: str) -> httpx.Response:
-        began_s = time.monotonic()
-        answer = httpx.get(f"{self.address}{path}", timeout=60)
-        took_s = time.monotonic() - began_s
+        answer, took_s = self._asking.submit(self._timed, f"{self.address}{path}").result()
         self.answers_s[path] = max(took_s, self.answers_s.get(path, 0.0))
         return answer
+
+    def _timed(self, address: str) -> tuple[httpx.Response, float]:
+        began_s = time.monotonic()
+        answer = self._client.get(address)
+        return answer, time.monotonic() - began_s
 
     def alarms(self) -> tuple[list[str], list[str]]:
         """Return the alarms of the time that was watched, and those of them that nobody's histograms bear out."""
