@@ -2,7 +2,8 @@
 
 Who acts on a topic reads it from the topic's socket, and each of its readers costs its publisher some microseconds a
 frame. Who wants every frame but waits for none (a recorder, `trocar sniff`) subscribes here: a frame is then one entry
-in a list, and at most `SENDS_PER_S` times a second the list is sent as one message, between two ticks. While nobody subscribes nothing is kept and nothing is sent.
+in a list, and at most `SENDS_PER_S` times a second the list is sent as one message, between two ticks. While nobody
+subscribes nothing is kept and nothing is sent.
 """
 
 from __future__ import annotations
