@@ -17,6 +17,7 @@ import numpy as np
 from report import Row, write_report
 from watched_rig import WatchedRig, print_alarms
 
+from services.visualization.web import build
 from tests.chromium import Chromium
 
 ALONE_S, SETTLE_S, LOAD_S = 30.0, 10.0, 120.0
@@ -58,6 +59,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0)
     arguments, options = parser.parse_known_args()
+    if build.main():  # an older page was measured more than once
+        raise SystemExit("the page cannot be built: what lies there may be another one")
     with WatchedRig(options) as rig:
         time.sleep(SETTLE_S)
         rig.watch(min(ALONE_S, 60.0 * arguments.minutes))
