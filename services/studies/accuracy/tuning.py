@@ -21,7 +21,7 @@ LEAST_ERROR_PERCENT = 0.02
 LEAST_FREED = 0.02
 """A rung of the ladder frees at least this share of a tick, and more than the noise: less is not worth a switch."""
 _FEWEST_MODES, _FEWEST_SEGMENTS, _COARSEST = 10, 25, (12, 14)
-_SWEEPS = (10, 5)
+_SWEEPS = (10, 5, 2)
 _COARSER_IF_MORE = ("duct.mesh_edge_m",)
 
 
@@ -258,8 +258,9 @@ def _levels(scene: SceneModel) -> Iterable[QualityLevel]:
         yield replace(best, name=f"{sweeps} sweeps", iterations=sweeps)
     for name in able:
         yield replace(best, name=f"without {name}", without=(name,))
-    if able and (fewer or len(able) > 1):
-        sweeps = fewer[-1] if fewer else best.iterations
+    if len(able) > 1:
+        yield replace(best, name=f"without {' and '.join(able)}", without=able)
+    for sweeps in fewer if able else ():
         yield replace(best, name=f"{sweeps} sweeps without {' and '.join(able)}", iterations=sweeps, without=able)
 
 
