@@ -122,10 +122,36 @@ class CatheterBody:
         self.slept = begin_step(step.address, state.position_m, state.velocity_m_s, self._may_sleep_now)
         if self.slept:
             return
+        step.start_slow[:] = 0.0 if state.slow_velocity_m_s is None else state.slow_velocity_m_s
         integrator.predict(state, step.load if self._acts_in_next_step or is_touched else step.external, dt_s)
+        step.planned[:] = state.position_m
         if is_touched and not self._acts_in_next_step:
             integrator.correct(state, step.relief)
         np.subtract(state.position_m, self.start_m, out=self.motion_m)
+
+    def strays(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> float:
+        """How far contact forces (k, 3), see `correct`, take it beyond what its plan is good for, in J; or 0.0.
+
+        They are added linearly to a plan that was made with those of the last step. Where a force is let go that had
+        bent it, or a jaw catches it in full swing, that throws it along straight lines and stretches it.
+        """
+        rod = self.plain_integrator
+        if rod is None or self.slept or not (self._was_touched or len(forces)):
+            return 0.0
+        spread_rod_forces(nodes, weights, forces, self._step.solved)
+        return rod.strays(self.step_address, is_touched=self._was_touched)
+
+    def keep_plan(self) -> None:
+        """Go on from the plan that `strays` was asked about last."""
+        self._step.base[:] = self._step.contact if self._was_touched else 0.0
+        self._step.led_to[:] = self._step.solved
+
+    def plan_again(self, share: float) -> None:
+        """Plan it again: with contact forces of the plan that was kept (0), those that it led to (1), or between."""
+        rod = self.plain_integrator
+        assert rod is not None
+        rod.plan_again(self.state, self.step_address, share)
+        self._was_touched = True
 
     @property
     def plain_integrator(self) -> ImplicitIntegrator | None:

@@ -6,7 +6,8 @@ from typing import Annotated
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
-from services.mechanics.compiled.struct import Struct, reader
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 
 N_ROD_POINTS = 4  # two particles on each side, for the catheter touching itself
 NO_STONE = -1
@@ -96,3 +97,15 @@ class ContactRows(Struct):
 
 
 rows_at = reader(ContactRows)
+
+
+@kernel
+def add_rod_motion(address: Address[ContactRows], motion: FloatArray, sign: float) -> None:
+    """Add so many times the catheter's free motion (n, 3) to the slips of the rows that it has a part in."""
+    rows = rows_at(address)
+    for row in range(rows.n_contacts):
+        for point in range(N_ROD_POINTS):
+            weight = sign * rows.rod_weight[row, point]
+            if weight != 0.0:
+                for axis in range(3):
+                    rows.slip_m[row, axis] += weight * motion[rows.rod_node[row, point], axis]

@@ -13,6 +13,7 @@ from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.giving import give_forces
 from services.mechanics.contact.hold_rows import HoldArrays
+from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.strategies.strategy import AddCompliance
@@ -140,6 +141,18 @@ class ContactSystem:
     def solve(self, iterations: int, dt_s: float) -> None:
         """Find the contact forces."""
         self.sweeps = self.strategy.solve(iterations, dt_s)
+
+    def strays(self) -> float:
+        """How far the forces found move the catheter off the lines that they were found along, in J; or 0.0."""
+        k = self.rows.n_contacts
+        return self.bodies.catheter.strays(*self.rows.on_rod, self.force_n[:k])
+
+    def plan_again(self, share: float) -> None:
+        """Plan the catheter's step again, see `CatheterBody.plan_again`, and let the rows know of its motion."""
+        catheter = self.bodies.catheter
+        add_rod_motion(self.rows.address, catheter.motion_m, -1.0)
+        catheter.plan_again(share)
+        add_rod_motion(self.rows.address, catheter.motion_m, 1.0)
 
     def rest(self) -> None:
         """Forget the forces of the last tick: nothing is touched."""

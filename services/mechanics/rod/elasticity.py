@@ -23,7 +23,7 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.vectors import Vector, cross, dot, row
+from services.mechanics.compiled.vectors import Vector, cross, dot, row, scaled
 from services.mechanics.rod.model import RodModel, RodWork
 
 Scale = tuple[float, float]
@@ -236,6 +236,40 @@ def add_bending(model: RodModel, work: RodWork) -> None:
         aside = geometric_bending(theta) if has_plane else 1.0
         add_joint_force(r, k * aside * joint_strain(r, work.lead[1 if has_plane else 0], i), i, work.force)
         work.has_plane[i], work.aside[i] = has_plane, aside
+
+
+@kernel
+def bending_excess(model: RodModel, work: RodWork, scale: float) -> float:
+    """Bending energy [J] after ``scale`` times the solution moves the rod, minus its quadratic model.
+
+    The model is that of the forces and the tangent of `add_bending`, without damping.
+    """
+    total, before = 0.0, _moved_tangent(work, 0, scale)
+    for i in range(model.joint_stiffness.shape[0]):
+        after = _moved_tangent(work, i + 1, scale)
+        theta, _ = bending_angle(row(work.tangent, i), row(work.tangent, i + 1))
+        end, _ = bending_angle(before, after)
+        along, aside = 0.0, 0.0
+        for c in range(9):
+            along += scale * work.joint[i, 0, c] * work.rhs[3 * i + c]
+            aside += scale * work.joint[i, 1, c] * work.rhs[3 * i + c]
+        quadratic = theta * along + 0.5 * (along * along + work.aside[i] * aside * aside)
+        total += model.joint_stiffness[i] * (0.5 * (end * end - theta * theta) - quadratic)
+        before = after
+    return total
+
+
+@kernel
+def _moved_tangent(work: RodWork, j: int, scale: float) -> Vector:
+    """Direction of segment j after ``scale`` times the solution moves it; as it was where that is none."""
+    t, length = row(work.tangent, j), work.length[j]
+    edge = (
+        length * t[0] + scale * (work.rhs[3 * j + 3] - work.rhs[3 * j]),
+        length * t[1] + scale * (work.rhs[3 * j + 4] - work.rhs[3 * j + 1]),
+        length * t[2] + scale * (work.rhs[3 * j + 5] - work.rhs[3 * j + 2]),
+    )
+    end = math.sqrt(dot(edge, edge))
+    return scaled(edge, 1.0 / end) if end > 0.0 else t
 
 
 @kernel

@@ -8,10 +8,15 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.rod import contact_response, implicit_kernels
+from services.mechanics.rod.banded import solve_ldl
 from services.mechanics.rod.implicit_kernels import Addresses
+from services.mechanics.rod.model import model_at, work_at
+from services.mechanics.rod.step_energy import stretch_beside
 
 # A tenth of a micrometre in a second and a half: far below what is seen or felt.
 SLEEP_SPEED_M_S = 1e-7
+# A hundredth of a millimetre: what moves less than that does not turn.
+UNSEEN_M = 1e-5
 # What `step_freely` returns besides the number of iterations.
 SLEPT, NOT_DEFINITE = -1, -2
 
@@ -27,6 +32,12 @@ class FreeStep(Struct):
     contact: Annotated[FloatArray, "n", 3]  # contact forces of the last step
     load: Annotated[FloatArray, "n", 3]  # both loads
     relief: Annotated[FloatArray, "n", 3]  # what takes the contact forces out again
+    start_velocity: Annotated[FloatArray, "n", 3]
+    start_slow: Annotated[FloatArray, "n", 3]  # see `step_form`
+    planned: Annotated[FloatArray, "n", 3]  # where it ends with the contact forces that it was planned with
+    solved: Annotated[FloatArray, "n", 3]  # contact forces of this step, before they are given
+    base: Annotated[FloatArray, "n", 3]  # those that the best plan was made with
+    led_to: Annotated[FloatArray, "n", 3]  # those that it led to
 
 
 step_at = reader(FreeStep)
@@ -47,17 +58,88 @@ def step_freely(
     correction takes out again, and whether it may sleep. Return the Newton iterations taken, 0 where a number was not
     finite, `SLEPT`, or `NOT_DEFINITE` where the matrix that takes the forces out again is not.
     """
-    own, (x, v, _), (is_touched, may_sleep) = step_at(address), motion, flags
+    own, (x, v, w), (is_touched, may_sleep) = step_at(address), motion, flags
     if _begin(own, x, v, may_sleep):
         return SLEPT
+    _copy(w, own.start_slow)
     taken: int = implicit_kernels.predict(rod, motion, own.load if is_touched else own.external, target, step)
     if taken == 0:
         return taken
+    _copy(x, own.planned)
     if is_touched and not contact_response.correct(rod, (x, v), own.relief, (step[0], False)):
         return NOT_DEFINITE
+    _note_motion(own, x)
+    return taken
+
+
+@kernel
+def _copy(source: FloatArray, out: FloatArray) -> None:
+    for i in range(source.shape[0]):
+        for axis in range(3):
+            out[i, axis] = source[i, axis]
+
+
+@kernel
+def _note_motion(step: FreeStep, position: FloatArray) -> None:
+    for i in range(position.shape[0]):
+        for axis in range(3):
+            step.motion[i, axis] = position[i, axis] - step.start[i, axis]
+
+
+@kernel
+def strays(address: Address[FreeStep], rod: Addresses, is_touched: bool, step: tuple[float, bool]) -> float:
+    """How far the contact forces that were solved take the rod from its plan, for a linear correction: in J, or 0.0.
+
+    ``step`` is (dt, whether the matrix of contacts is factorised); it is then. Where not even free particles would go
+    further than is seen, it is not looked at.
+    """
+    own, model, work = step_at(address), model_at(rod[0]), work_at(rod[1])
+    n, squared, lightest = own.start.shape[0], 0.0, model.mass[0]
+    for i in range(n):
+        lightest = min(lightest, model.mass[i])
+        for axis in range(3):
+            change = own.solved[i, axis] - (own.contact[i, axis] if is_touched else 0.0)
+            work.rhs[3 * i + axis] = 0.0 if model.is_held[i] else step[0] ** 2 * change
+            squared += change * change
+    if squared * step[0] ** 4 < (UNSEEN_M * lightest) ** 2:
+        return 0.0
+    if not (step[1] or contact_response.factor_for_contacts(rod, step[0])):
+        return 0.0
+    work.rhs[3 * n :] = 0.0
+    solve_ldl(work.band, work.rhs)
+    return float(stretch_beside(model, own.planned, work.rhs, step[0]))
+
+
+@kernel
+def plan_again(
+    address: Address[FreeStep],
+    rod: Addresses,
+    motion: implicit_kernels.Moving,
+    frame_force: FloatArray,
+    target: FloatArray,
+    step: tuple[float, float, int, float],
+) -> int:
+    """Take the step once more, with a share of the way from the contact forces of the base plan to those it led to.
+
+    By implicit Euler, as contacts are: held over a midpoint rule they would throw back what they stop. ``frame_force``
+    (n, 3) is what a material frame adds; ``step`` is (dt, spectral radius, most iterations, share). Return what
+    `step_freely` does.
+    """
+    own, (x, v, w) = step_at(address), motion
     for i in range(x.shape[0]):
         for axis in range(3):
-            own.motion[i, axis] = x[i, axis] - own.start[i, axis]
+            x[i, axis], v[i, axis] = own.start[i, axis], own.start_velocity[i, axis]
+            w[i, axis] = own.start_slow[i, axis]
+            own.contact[i, axis] = own.base[i, axis] + step[3] * (own.led_to[i, axis] - own.base[i, axis])
+            own.load[i, axis] = own.external[i, axis] + own.contact[i, axis] + frame_force[i, axis]
+            own.relief[i, axis] = -own.contact[i, axis]
+    taken: int = implicit_kernels.predict(rod, motion, own.load, target, (step[0], step[1], step[2], True))
+    if taken == 0:
+        return taken
+    _copy(x, own.planned)
+    if not contact_response.correct(rod, (x, v), own.relief, (step[0], False)):
+        return NOT_DEFINITE
+    _note_motion(own, x)
     return taken
 
 
@@ -82,6 +164,7 @@ def _begin(step: FreeStep, position: FloatArray, velocity: FloatArray, may_sleep
     for i in range(position.shape[0]):
         for axis in range(3):
             step.start[i, axis] = position[i, axis]
+            step.start_velocity[i, axis] = velocity[i, axis]
             if is_asleep:
                 step.motion[i, axis] = 0.0
                 continue

@@ -8,7 +8,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
-from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, step_freely
+from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, plan_again, step_freely, strays
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.state import RodState
@@ -64,7 +64,7 @@ class ImplicitIntegrator:
         self.work = allocate_work(n)
         self.addresses = (self.model.address, self.work.address)
         self.held_target_m: FloatArray = np.full((len(self.model.held), 3), np.nan)
-        self._external = np.zeros((n, 3)) if self.twist is not None else np.zeros((0, 3))
+        self._external, self._frame_force = np.zeros((n, 3)), np.zeros((n, 3))
         self._columns = empty_columns(3 * n)
         self._dt_s = 0.0
         self.is_factored = False
@@ -100,9 +100,9 @@ class ImplicitIntegrator:
         motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
         step = (dt_s, self.spectral_radius, self.max_iterations, is_start)
         if self.twist is not None:
-            np.copyto(self._external, external_force_n)
-            add_frame_forces(self.twist, state, self._external, of_next_step=True)
-            external_force_n = self._external
+            self._frame_force[:] = 0.0
+            add_frame_forces(self.twist, state, self._frame_force, of_next_step=True)
+            external_force_n = np.add(external_force_n, self._frame_force, out=self._external)
         self.iterations = implicit_kernels.predict(self.addresses, motion, external_force_n, self.held_target_m, step)
         if self.iterations == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
@@ -133,6 +133,26 @@ class ImplicitIntegrator:
         if taken == 0:
             raise FloatingPointError("the rod's state or a force on it is not finite")
         return False
+
+    def strays(self, address: Address[FreeStep], *, is_touched: bool) -> float:
+        """How far solved contact forces bend the rod beyond what `correct` can, see `free_step.strays`."""
+        outcome: float = strays(address, self.addresses, is_touched, (self._dt_s, self.is_factored))
+        return outcome
+
+    def plan_again(self, state: RodState, address: Address[FreeStep], share: float) -> None:
+        """Take the step again with other contact forces, see `free_step.plan_again`.
+
+        Raises
+        ------
+        FloatingPointError
+            If the state or a force is not finite.
+        """
+        assert state.slow_velocity_m_s is not None
+        motion = (state.position_m, state.velocity_m_s, state.slow_velocity_m_s)
+        step = (self._dt_s, self.spectral_radius, self.max_iterations, share)
+        taken = plan_again(address, self.addresses, motion, self._frame_force, self.held_target_m, step)
+        self.iterations += max(taken, 0)
+        self.note_factors(taken not in (0, NOT_DEFINITE))
 
     def solve(self, force_n: FloatArray, out: FloatArray) -> None:
         """Fill ``out`` (n, 3, m) with the end-of-step position changes of ``force_n`` (n, 3, m), m right-hand sides."""

@@ -11,6 +11,7 @@ from services.mechanics.rod.banded import HALF_BANDWIDTH, factor_ldl, solve_ldl
 from services.mechanics.rod.forces import add_internal_forces, add_internal_tangent
 from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
 from services.mechanics.rod.newton_guard import correct_stretch, line_search, put_held, start_guarded, turns_little
+from services.mechanics.rod.step_energy import gains
 from services.mechanics.rod.step_form import (
     StepForm,
     damping_scale,
@@ -40,9 +41,9 @@ def predict(
     ``step`` is (dt, spectral radius, most iterations, whether this is the first step).
     Zero iterations, and motion as it was, mean that a number was not finite. One iteration of the second-order step is
     enough where it leaves behind unasked stretch within _TOLERANCE of the energy in motion. Else segments turn too far,
-    and implicit Euler takes the step: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y over the ways y, and a
-    Newton iteration is cut short where it would raise that. So large rotations in one step do not become stretch, and
-    stretch not motion.
+    or the step would gain energy, and implicit Euler takes it: it minimises |y - dt v|_M^2 / (2 dt^2) + V(x + y) - f.y
+    over the ways y, and a Newton iteration is cut short where it would raise that. So large rotations in one step do
+    not become stretch, and stretch not motion.
     """
     model, work, (x, v, _) = model_at(addresses[0]), work_at(addresses[1]), motion
     dt_s, rho, max_iterations, is_start = step
@@ -52,7 +53,11 @@ def predict(
         form = generalized_alpha(dt_s, rho)
         taken = _newton(model, work, motion, external, (form, energy, _PATIENCE))
         if taken > 0:
-            _finish(model, work, motion, form)
+            _take_end(model, work, motion, form)
+            if gains(model, x, v, work, external):
+                taken = -taken
+            else:
+                _finish(model, work, motion, form)
         if taken >= 0:
             return taken
     put_held(model, work, x, v, target, dt_s)
@@ -130,6 +135,15 @@ def _take_configuration(model: RodModel, work: RodWork, motion: Moving, form: St
             work.leading_velocity[i, c] = leading
             work.lead[1, i, c] = form.dt_s * (form.lead_change * dv[i, c] + form.lead_lag * (mean - w[i, c]))
             work.lead[0, i, c] = work.lead[1, i, c] + model.beta * leading
+
+
+@kernel
+def _take_end(model: RodModel, work: RodWork, motion: Moving, form: StepForm) -> None:
+    """Where the step ends, with the velocity change found."""
+    x, v, _ = motion
+    for i in range(x.shape[0]):
+        for c in range(3):
+            work.end_position[i, c] = x[i, c] + form.dt_s * _mean_velocity(model, work, v, form, i, c)
 
 
 @kernel

@@ -9,6 +9,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.rod.banded import solve_ldl
+from services.mechanics.rod.elasticity import bending_excess
 from services.mechanics.rod.introducer_forces import introducer_excess
 from services.mechanics.rod.model import RodModel, RodWork
 from services.mechanics.rod.step_form import StepForm
@@ -94,7 +95,7 @@ def _stretched(model: RodModel, work: RodWork, x: FloatArray, v: FloatArray, way
 def line_search(model: RodModel, work: RodWork, form: StepForm, energy: tuple[float, float]) -> tuple[float, float]:
     """Share of the Newton step to take, and the energy beyond the quadratic model that is left by it.
 
-    Of stretch and of the introducer: what else there is bends little in a step.
+    Of stretch, bending and the introducer: all that is not linear.
 
     ``energy`` is (decrease that the quadratic model promises for the full step, excess that does not matter).
     """
@@ -102,7 +103,7 @@ def line_search(model: RodModel, work: RodWork, form: StepForm, energy: tuple[fl
     share = 1.0
     excess = 0.0
     for _ in range(_HALVINGS):
-        excess = _excess_stretch(model, work, form, share)
+        excess = _excess_stretch(model, work, form, share) + bending_excess(model, work, share * form.mean * form.dt_s)
         if model.introducer.is_there:
             excess += introducer_excess(model, work, share * form.mean * form.dt_s)
         if excess <= slack + (0.9 * share - 0.5 * share * share) * decrease:

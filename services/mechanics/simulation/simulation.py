@@ -34,6 +34,8 @@ from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 
 LONGEST_TICK_S = 1.0
+# So often the catheter's step is planned again, at most, with contact forces that another plan has led to.
+MOST_PLANS = 4
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
 
@@ -157,6 +159,7 @@ class Simulation:
         else:
             self.system.rest()
             self._lap(3)
+        self._plan_again(dt_s)
         self._lap(4)
         self._correct(dt_s)
         self._lap(5)
@@ -318,10 +321,42 @@ class Simulation:
         self.system.complete_rows()
         for effect in self._stages["set_friction"]:
             effect.set_friction(self.world, dt_s)
+        self._assemble_and_solve(dt_s)
+
+    def _assemble_and_solve(self, dt_s: float) -> None:
         adds = self._stages["add_compliance"]
         self.system.assemble((lambda: self._add_compliance(dt_s)) if adds else None)
         self._lap(3)
         self.system.solve(self._iterations, dt_s)
+
+    def _plan_again(self, dt_s: float) -> None:
+        """Plan the catheter's step again, and solve again, while the forces found bend it far from its plan.
+
+        A plan with the forces that the last one led to need not be better: in a catheter that buckles they alternate.
+        So it is kept only if it is, and else one half as far from the last is tried.
+        """
+        least_j = self.system.strays()
+        if least_j == 0.0:
+            return
+        self.catheter.keep_plan()
+        share = 1.0
+        for _ in range(MOST_PLANS):
+            stray_j = self._try_plan(share, dt_s)
+            if stray_j == 0.0:
+                return
+            if stray_j < least_j:
+                self.catheter.keep_plan()
+                least_j, share = stray_j, 1.0
+            else:
+                share *= 0.5
+        if share < 1.0:
+            self._try_plan(0.0, dt_s)
+
+    def _try_plan(self, share: float, dt_s: float) -> float:
+        self.system.plan_again(share)
+        if self.system.rows.n_contacts:
+            self._assemble_and_solve(dt_s)
+        return self.system.strays()
 
     def _add_compliance(self, dt_s: float) -> None:
         for effect in self._stages["add_compliance"]:

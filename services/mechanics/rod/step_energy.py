@@ -1,0 +1,126 @@
+"""Whether a step has gained energy, or its contacts have moved it further than straight lines reach."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, dot, subtract
+from services.mechanics.rod.elasticity import bending_angle
+from services.mechanics.rod.introducer_forces import introducer_energy
+from services.mechanics.rod.model import RodModel, RodWork
+
+# Of a segment length (or a radian) in a step: what turns by less, and slides by less through an introducer, gains
+# nothing worth a look.
+_SLOW = 0.02
+_SLIDES = 0.05
+# What a step may gain, over the energy in motion: the second-order step swings by some of that about what it keeps.
+_GAIN = 0.01
+# Stretch that contacts have left beside straight lines: over the energy of their motion, and as a strain of a segment.
+_STRETCH = 1e-3
+_STRAIN = 1e-4
+
+
+@kernel
+def elastic_energy(model: RodModel, x: FloatArray) -> float:
+    """Energy [J] of stretch, bending, clamps and introducer of a rod at ``x`` (n, 3); no scratch is touched."""
+    total, before = 0.0, (0.0, 0.0, 0.0)
+    last = x.shape[0] - 2
+    for j in range(last + 1):
+        edge = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
+        length = math.sqrt(dot(edge, edge))
+        tangent = (edge[0] / length, edge[1] / length, edge[2] / length) if length > 0.0 else before
+        total += 0.5 * model.EA[j] / model.rest_length * (length - model.rest_length) ** 2
+        if j > 0:
+            total += 0.5 * model.joint_stiffness[j - 1] * bending_angle(before, tangent)[0] ** 2
+        for end in range(2):
+            if j == end * last and not np.isnan(model.walls[end, 0]):
+                wall = (model.walls[end, 0], model.walls[end, 1], model.walls[end, 2])
+                total += 0.5 * model.wall_stiffness[end] * bending_angle(wall, tangent)[0] ** 2
+        before = tangent
+    if model.introducer.is_there:
+        total += introducer_energy(model, x)
+    return total
+
+
+@kernel
+def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: FloatArray) -> bool:
+    """Whether the step from (x, v) to the end in ``work`` gains more than ``load`` (n, 3), held over it, puts in.
+
+    A step that turns and slides the rod by little is not looked at, nor one whose held particles move: a hand works
+    there.
+    """
+    end, dv = work.end_position, work.velocity_change
+    slides = model.introducer.is_there and _slides(model, x, end)
+    if _turns_less_than(_SLOW * model.rest_length, x, end) and not slides:
+        return False
+    for k in range(model.held.shape[0]):
+        for c in range(3):
+            if end[model.held[k], c] != x[model.held[k], c]:
+                return False
+    kinetic, change = 0.0, 0.0
+    for i in range(x.shape[0]):
+        for c in range(3):
+            kinetic += 0.5 * model.mass[i] * v[i, c] * v[i, c]
+            change += model.mass[i] * dv[i, c] * (v[i, c] + 0.5 * dv[i, c]) - load[i, c] * (end[i, c] - x[i, c])
+    change += elastic_energy(model, end) - elastic_energy(model, x)
+    return bool(change > _GAIN * (kinetic + energy_of(model, v, dv)))
+
+
+@kernel
+def energy_of(model: RodModel, v: FloatArray, dv: FloatArray) -> float:
+    """Kinetic energy [J] at the velocities v + dv (n, 3)."""
+    total = 0.0
+    for i in range(v.shape[0]):
+        for c in range(3):
+            total += 0.5 * model.mass[i] * (v[i, c] + dv[i, c]) ** 2
+    return total
+
+
+@kernel
+def _turns_less_than(most: float, x: FloatArray, end: FloatArray) -> bool:
+    """Whether the ends of no segment move further than that relative to each other."""
+    for j in range(x.shape[0] - 1):
+        squared = 0.0
+        for c in range(3):
+            squared += (end[j + 1, c] - x[j + 1, c] - end[j, c] + x[j, c]) ** 2
+        if squared > most * most:
+            return False
+    return True
+
+
+@kernel
+def _slides(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
+    """Whether the first particle, which the introducer guides, moves by so much that it is worth a look."""
+    squared = 0.0
+    for c in range(3):
+        squared += (end[0, c] - x[0, c]) ** 2
+    return bool(squared > (_SLIDES * model.rest_length) ** 2)
+
+
+@kernel
+def stretch_beside(model: RodModel, x: FloatArray, moved: FloatArray, dt_s: float) -> float:
+    """Energy [J] of stretch that a motion ``moved`` (3 n + padding,) of a rod at ``x`` brings beside its linear one.
+
+    By what the lengths of its segments differ from those that the linear step has reckoned with: a force that was let
+    go in one step throws the rod along its tangents, and what that stretches comes back as motion. Nothing, where it is
+    less than a thousandth of what is in the motion that contacts bring, or than a small strain of one segment.
+    """
+    stretch, kinetic = 0.0, 0.0
+    for j in range(x.shape[0]):
+        for c in range(3):
+            kinetic += 0.5 * model.mass[j] * (moved[3 * j + c] / dt_s) ** 2
+    for j in range(x.shape[0] - 1):
+        edge: Vector = (x[j + 1, 0] - x[j, 0], x[j + 1, 1] - x[j, 1], x[j + 1, 2] - x[j, 2])
+        way: Vector = subtract(
+            (moved[3 * j + 3], moved[3 * j + 4], moved[3 * j + 5]), (moved[3 * j], moved[3 * j + 1], moved[3 * j + 2])
+        )
+        length = math.sqrt(dot(edge, edge))
+        end = math.sqrt(length * length + 2.0 * dot(edge, way) + dot(way, way))
+        error = end - length - dot(edge, way) / length
+        stretch += 0.5 * model.EA[j] / model.rest_length * error * error
+    least = 0.5 * model.EA[0] * model.rest_length * _STRAIN**2
+    return stretch if stretch > _STRETCH * kinetic + least else 0.0
