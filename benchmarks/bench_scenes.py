@@ -1,0 +1,107 @@
+"""Each scene of configs/scenes in a running rig: what runs, and what a tick of each loop costs.
+
+    python benchmarks/bench_scenes.py [--scenes default stone] [--seconds 6] [--mesh FILE] [trocar up's options]
+
+Writes docs/scenes.md. Scenes that are named replace their own lines, so that the table can be made in parts. A scene
+that takes a surface file gets ``--mesh``, and is left out without one. The stub's hands do in all of them what they do
+in the default scene; what a scene's own hands do (`services.scenes.hands`) is tested in process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from services.mechanics.scene import SceneModel
+from services.runtime import config
+from services.runtime.machine import processor_name
+from services.scenes import load_scene
+
+ROOT = Path(__file__).resolve().parents[1]
+REPORT = ROOT / "docs" / "scenes.md"
+LOOPS = ("gateway", "haptics", "physics")
+HEAD = """# Scenes, what each runs and what that costs
+
+Made by `python benchmarks/bench_scenes.py`; not to be edited by hand. Work of a tick in us, median and 99 %, in a rig
+with the stub's hands, without a viewer, on two cores; `-` is a process that the scene does not call for, which is not
+started. Of the gateway its part between ticks is not counted.
+
+| scene | bodies | effects | gateway | haptics | physics | late or lost, physics | measured |
+| --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+
+
+def run_rig(scene: str, seconds: float, options: list[str]) -> dict[str, Any]:
+    """Return the report of one run."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.json"
+        command = [str(Path(sys.executable).with_name("trocar")), "up", "--scene", scene, "--viewer", "none"]
+        command += ["--seconds", str(seconds), "--json", str(file)]
+        command += ["--set", f"transport.directory={folder}/bus", "--set", f"recorder.directory={folder}/recordings"]
+        done = subprocess.run([*command, *options], cwd=ROOT, capture_output=True, text=True, check=False)
+        if not file.is_file():
+            raise SystemExit(f"{scene}: trocar up ended with {done.returncode}:\n{(done.stdout + done.stderr)[-2000:]}")
+        report: dict[str, Any] = json.loads(file.read_text())
+    return report
+
+
+def bodies_of(scene: SceneModel) -> str:
+    """Return in words what there is."""
+    duct = scene.duct
+    cells = "surface file" if duct.mesh_file is not None else f"{duct.n_around} x {duct.n_along} cells"
+    parts = [f"duct ({cells}, {duct.n_modes} modes)"]
+    if not scene.duct_alone:
+        parts += [f"catheter ({scene.catheter.n_segments})", f"{len(scene.forceps)} forceps"]
+    return ", ".join(parts)
+
+
+def line_of(name: str, scene: SceneModel, run: dict[str, Any]) -> str:
+    """Return the scene's line of the table."""
+    loops = run["loops"]
+    work = [_work(loops[loop]["work_us"]) if loop in loops else "-" for loop in LOOPS]
+    late = f"{100.0 * loops['physics']['miss_ratio']:.2g} %"
+    effects = ", ".join(scene.effects) or "none"
+    when = f"{datetime.now(UTC):%Y-%m-%d %H:%M}, {processor_name()}, {os.cpu_count()} cores"
+    return " | ".join((f"| `{name}`", bodies_of(scene), effects, *work, late, f"{when} |"))
+
+
+def _work(work_us: dict[str, float]) -> str:
+    return f"{work_us['p50']:.0f}, {work_us['p99']:.0f}"
+
+
+def known_lines() -> dict[str, str]:
+    """Return the lines of the table as it is, by scene."""
+    text = REPORT.read_text(encoding="utf-8") if REPORT.is_file() else ""
+    return {match[1]: match[0] for match in re.finditer(r"^\| `([^`]+)` \|.*$", text, re.MULTILINE)}
+
+
+def main() -> None:
+    """Measure, and write what was measured as it comes."""
+    every = sorted(path.stem for path in (config.config_directory() / "scenes").glob("*.yaml"))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", nargs="+", choices=every, default=every)
+    parser.add_argument("--seconds", type=float, default=6.0)
+    parser.add_argument("--mesh", type=Path, help="surface file for scenes that take one")
+    arguments, options = parser.parse_known_args()
+    lines = known_lines()
+    for name in arguments.scenes:
+        scene, more = load_scene(name), []
+        if scene.duct.mesh_file is not None:
+            if arguments.mesh is None:
+                continue
+            more = ["--set", f"duct.mesh_file={arguments.mesh.absolute()}"]
+        lines[name] = line_of(name, scene, run_rig(name, arguments.seconds, [*more, *options]))
+        print(lines[name], flush=True)
+        REPORT.write_text(HEAD + "".join(f"{lines[each]}\n" for each in every if each in lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
