@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_left
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ BUCKETS = PER_OCTAVE * (OCTAVES_BELOW + OCTAVES_ABOVE) + 2
 _OFFSET = PER_OCTAVE * OCTAVES_BELOW + 1
 
 
+@lru_cache(maxsize=64)  # of a rig a handful; what others say their deadline is must not fill the memory
 def edges_ns(deadline_ns: int) -> NDArray[np.float64]:
     """Return the upper edges of all buckets but the last, open one: ``deadline * 2**(k / PER_OCTAVE)``, exact at 0.
 
@@ -29,6 +30,7 @@ def edges_ns(deadline_ns: int) -> NDArray[np.float64]:
     """
     k = np.arange(BUCKETS - 1) - (_OFFSET - 1)
     edges: NDArray[np.float64] = deadline_ns * np.exp2(k / PER_OCTAVE)
+    edges.flags.writeable = False  # one for all who ask
     return edges
 
 
