@@ -94,6 +94,29 @@ def test_in_a_scanned_vessel_the_catheter_finds_the_mouth_and_goes_in(tmp_path):
     assert largest_n < 0.3
 
 
+def write_stl(mesh, path):
+    """Write a surface in mm, turned and moved as a scanner's axes might have it."""
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    corners = (1e3 * mesh.vertices_m @ turn.T + (120.0, -40.0, 15.0))[mesh.triangles]
+    facets = (
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*at) for at in face)
+        + "endloop\nendfacet\n"
+        for face in corners
+    )
+    path.write_text("solid duct\n" + "".join(facets) + "endsolid duct\n")
+
+
+def test_in_a_surface_from_any_file_the_catheter_finds_the_mouth_and_goes_in(tmp_path):
+    pytest.importorskip("trimesh", reason="needs the mesh packages")
+    bent = DuctScene(radius_m=6e-3, length_m=42e-3, n_around=24, n_along=34, taper=0.2, curvature_1_m=6.0)
+    write_stl(scene_mesh(bent), tmp_path / "bent.stl")
+    scene = load_scene("anatomy", [f"duct.mesh_file={tmp_path / 'bent.stl'}", "duct.n_modes=30"])
+    simulation, largest_n = played(scene, tmp_path)
+    assert simulation.inserted_length_m > 15e-3
+    assert largest_n < 0.3
+
+
 SMALLER = ["duct.n_around=16", "duct.n_along=20", "duct.n_modes=30"]
 
 
