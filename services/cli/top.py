@@ -20,6 +20,7 @@ from services.runtime.errors import BusError
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import figures
 from services.supervisor.dashboard import Spread, loop_row, spread, topic_rows
+from services.supervisor.window import Window
 
 _TURN_S = 0.1
 _STALE_S = 1.0
@@ -45,7 +46,7 @@ class Listener:
         self._bus = bus
         self._window_s = window_s
         self.health: dict[str, tuple[bodies.Health, float]] = {}
-        self.windows = {name: figures.Window(window_s) for name in protocol.PROCESSES}
+        self.windows = {name: Window(window_s) for name in protocol.PROCESSES}
         self.state: bodies.SupervisorState | None = None
 
     def hear(self, now_s: float) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from services.runtime.histogram import quantile_ns
 from services.runtime.rig import Contracts, LoopContract, PathContract
-from services.supervisor.figures import Window
+from services.supervisor.window import Window
 
 #: Whose work decides a path: the process to act on when it is too slow.
 PATH_OWNERS = {

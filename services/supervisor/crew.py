@@ -15,12 +15,13 @@ from services.runtime.bus import Bus
 from services.runtime.errors import EndOfRig
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
-from services.supervisor.figures import Window
+from services.supervisor.last_words import how_it_ended, level_of, start_sentence
 from services.supervisor.launcher import Child
 from services.supervisor.member import Member, MemberState
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.pulses import Pulses
 from services.supervisor.restarts import RestartPolicy
+from services.supervisor.window import Window
 
 #: How long a process may take to end by itself.
 END_S = 5.0
@@ -212,7 +213,7 @@ class Crew:
                 member.progress = progress
                 continue
             member.last_lines = [*member.last_lines[-19:], line]
-            self.say(_level_of(line, member.name), line)
+            self.say(level_of(line, member.name), line)
 
     def _is_hearing(self, now_s: float) -> bool:
         """Return whether silence may be judged; a bus that never rests must not hide it for ever.
@@ -298,9 +299,9 @@ class Crew:
             self.say("info", f"{member.name}: a person has ended the rig there")
             member.enter(MemberState.WAITING, now_s)
             return
-        reason = hung or f"{member.name}: {_how_it_ended(status, member.last_lines)}"
+        reason = hung or f"{member.name}: {how_it_ended(status, member.last_lines)}"
         if first_start:
-            self.fatal = FatalStart(_start_sentence(member, status, log_file), status)
+            self.fatal = FatalStart(start_sentence(member, status, log_file), status)
             member.enter(MemberState.FAILED, now_s, reason)
             return
         delay_s = member.restarts.delay_s(now_s) if member.may_restart else None
@@ -311,27 +312,6 @@ class Crew:
             member.enter(MemberState.LOST, now_s, reason)
             member.due_s = now_s + delay_s
         self.say("error", member.reason)
-
-
-def _level_of(line: str, name: str) -> str:
-    """Return how loud a line is: only warnings are. What libraries print and last words stay in the log file."""
-    loud = line.startswith((f"{name}: WARNING", f"{name}: ERROR", f"{name}: CRITICAL"))
-    return "warning" if loud else "debug"
-
-
-def _how_it_ended(status: int, lines: Sequence[str]) -> str:
-    if status < 0:
-        return f"ended by {signal.Signals(-status).name}"
-    last = f": {lines[-1]}" if status > 0 and lines else ""
-    return f"ended with exit code {status}{last}"
-
-
-def _start_sentence(member: Member, status: int, log_file: Path) -> str:
-    """Return what a person is told of a process that ended while starting: its own sentence where it had one."""
-    last = member.last_lines[-1] if member.last_lines else "it said nothing"
-    if last.startswith(f"{member.name}: ") and not any(line.startswith("Traceback") for line in member.last_lines):
-        return last
-    return f"{member.name} ended with exit code {status} while starting: {last} (see {log_file})"
 
 
 def build_members(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:

@@ -16,10 +16,11 @@ import protocol.bodies as bodies
 from protocol.topics import TOPICS
 from services.runtime.histogram import Quantiles
 from services.runtime.rig import Rig
-from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic, Window
+from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic
 from services.supervisor.figures import of as figures_of
 from services.supervisor.notes import MemberNote, Notes
 from services.supervisor.threads import Usage
+from services.supervisor.window import Window
 
 UNKNOWN = math.nan
 EVENTS_SHOWN = 50

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import chain, islice
 from typing import TypeVar
 
 import numpy as np
@@ -17,10 +15,6 @@ from services.runtime.histogram import BUCKETS, PER_OCTAVE, Quantiles, edges_ns,
 
 #: What a bucket is believed to hold at most: sums over all buckets then stay within 64 bits, whatever a peer sends.
 _COUNT_MAX = 1 << 50
-#: How long reports are kept as they came, and how far apart after that.
-_FINE_S, _COARSE_STEP_S = 6.0, 1.0
-#: Reports come a tenth of a second apart, not to the microsecond.
-_SLACK_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,112 +248,3 @@ def of(health: bodies.Health, *, stages: bool = False) -> Figures:
     loop = Loop.of(health.loop) if health.loop else None
     costs = {stage.name: Stage.of(stage) for stage in health.stages} if stages else {}
     return Figures(health.uptime_s, loop, paths, topics, costs)
-
-
-def _rate(figures: Figures) -> float | None:
-    return None if figures.loop is None else figures.loop.target_hz
-
-
-class Window:
-    """The counts of one process over the last `seconds_max`, forgotten when it is restarted, or runs at another rate.
-
-    Reports of the last seconds are kept as they came, older ones a second apart: what is asked of a minute needs no
-    more, and every report holds some ten histograms.
-    """
-
-    def __init__(self, seconds_max: float) -> None:
-        self._seconds_max = seconds_max
-        self._pid = 0
-        self._coarse: deque[Figures] = deque()
-        self._fine: deque[Figures] = deque()
-
-    def add(self, pid: int, figures: Figures) -> None:
-        """Take the cumulative `figures` of a report."""
-        last = self._fine[-1] if self._fine else None
-        if last is None or pid != self._pid or figures.seconds < last.seconds or _rate(figures) != _rate(last):
-            self._fine.clear()
-            self._coarse.clear()
-        self._pid = pid
-        self._fine.append(figures)
-        self._thin(figures.seconds)
-
-    def _thin(self, now_s: float) -> None:
-        while len(self._fine) > 2 and now_s - self._fine[1].seconds >= _FINE_S:
-            old = self._fine.popleft()
-            if not self._coarse or old.seconds - self._coarse[-1].seconds >= _COARSE_STEP_S:
-                self._coarse.append(old)
-        while len(self._coarse) > 1 and now_s - self._coarse[1].seconds >= self._seconds_max:
-            self._coarse.popleft()
-
-    def __len__(self) -> int:
-        """Return how many reports are kept."""
-        return len(self._coarse) + len(self._fine)
-
-    def forget(self) -> None:
-        """Begin anew with the newest report: what lies before it no longer counts."""
-        self._coarse.clear()
-        while len(self._fine) > 1:
-            self._fine.popleft()
-
-    def figures(self, seconds: float) -> Figures | None:
-        """Return the counts of about the last `seconds`, less where less is known; None before the second report."""
-        ends = self._ends(seconds)
-        return None if ends is None else ends[0] - ends[1]
-
-    def loop(self, seconds: float) -> tuple[Loop, float] | None:
-        """Return the loop's part of `figures` and how many seconds it is of; None where there is no loop either."""
-        ends = self._ends(seconds)
-        loop = None if ends is None else ends[0].loop
-        if ends is None or loop is None:
-            return None
-        before = ends[1].loop
-        return loop - before if before else loop, ends[0].seconds - ends[1].seconds
-
-    def path(self, name: str, seconds: float) -> Path | None:
-        """Return one path's part of `figures`; None where there is no such path either."""
-        ends = self._ends(seconds)
-        if ends is None or name not in ends[0].paths:
-            return None
-        newest, oldest = ends[0].paths[name], ends[1].paths.get(name)
-        return newest if oldest is None else newest - oldest
-
-    def _ends(self, seconds: float) -> tuple[Figures, Figures] | None:
-        """Return the newest report and the one of `seconds` before it, or the oldest there is."""
-        if len(self._fine) < 2:
-            return None
-        newest, enough_s = self._fine[-1], seconds - _SLACK_S
-        oldest = self._coarse[0] if self._coarse else self._fine[0]
-        for report in chain(islice(reversed(self._fine), 1, None), reversed(self._coarse)):
-            if newest.seconds - report.seconds >= enough_s:
-                return newest, report
-        return newest, oldest
-
-
-class Tally:
-    """What one process has counted since a moment, over its restarts; only its newest report is looked into, if asked.
-
-    Parameters
-    ----------
-    before
-        Its last report before that moment, None where it had made none.
-    """
-
-    def __init__(self, before: bodies.Health | None) -> None:
-        self._first = before
-        self._newest: bodies.Health | None = before
-        self._of_others = Figures(0.0)
-
-    def add(self, health: bodies.Health) -> None:
-        """Take a report."""
-        last = self._newest
-        if last is not None and (health.pid != last.pid or health.uptime_s < last.uptime_s):
-            self._of_others = self.counts()
-            self._first = None
-        self._newest = health
-
-    def counts(self) -> Figures:
-        """Return everything that was counted."""
-        if self._newest is None:
-            return self._of_others
-        counted = of(self._newest)
-        return self._of_others + (counted if self._first is None else counted - of(self._first))

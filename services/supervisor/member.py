@@ -11,6 +11,7 @@ from services.supervisor import figures
 from services.supervisor.launcher import Child
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.restarts import RestartPolicy
+from services.supervisor.window import Window
 
 
 class MemberState(StrEnum):
@@ -33,7 +34,7 @@ class Member:
     critical: bool
     may_restart: bool
     restarts: RestartPolicy
-    window: figures.Window
+    window: Window
     state: MemberState = MemberState.WAITING
     reason: str = ""
     child: Child | None = None

@@ -19,9 +19,10 @@ from typing import Any
 
 import protocol.bodies as bodies
 from services.runtime.machine import processor_name
-from services.supervisor.figures import Figures, Latencies, Tally, Traffic
+from services.supervisor.figures import Figures, Latencies, Traffic
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
+from services.supervisor.window import Tally
 
 #: After RUNNING: start-up tails out of queues and caches.
 SETTLE_S = 1.0

@@ -8,6 +8,7 @@ import protocol.bodies as bodies
 from services.runtime.rig import Contracts
 from services.supervisor import figures
 from services.supervisor.contracts import Breach, Standing, judge, path_limits_us
+from services.supervisor.window import Window
 from tests.supervisor.made_up import health, histogram, loop_report
 
 BUDGET = Contracts.model_validate({"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.001}}})
@@ -18,7 +19,7 @@ class Watched:
     """The window of a loop of 1 kHz that reports ten times a second."""
 
     def __init__(self) -> None:
-        self.window = figures.Window(60.0)
+        self.window = Window(60.0)
         self.seconds = 0.0
         self.ticks = self.misses = self.skipped = 0
 
@@ -101,15 +102,15 @@ def test_a_restarted_process_has_a_budget_of_its_own() -> None:
 
 def test_a_process_that_is_not_heard_is_not_judged() -> None:
     assert judge({}, BUDGET) == []
-    window = figures.Window(60.0)
+    window = Window(60.0)
     for seconds in (1.0, 1.1):
         window.add(7, figures.of(health("physics", uptime_s=seconds)))
     assert judge({"physics": window}, BUDGET) == []
 
 
-def _path(name: str, *batches: list[int]) -> dict[str, figures.Window]:
+def _path(name: str, *batches: list[int]) -> dict[str, Window]:
     """A second between batches of durations in microseconds."""
-    window, so_far = figures.Window(60.0), []
+    window, so_far = Window(60.0), []
     for k, batch in enumerate([[], *batches]):
         so_far += [d * 1000 for d in batch]
         paths = (bodies.PathLatency(name=name, latency=histogram(so_far)),)
@@ -172,7 +173,7 @@ def test_a_loop_that_follows_its_readers_owes_what_they_ask_for_and_no_other_loo
     for follows in (True, False):
         contract = {"rate_hz": 30, "miss_ratio": 0.01, "follows_readers": follows}
         contracts = Contracts.model_validate({"loops": {"visualization": contract}})
-        window, seconds, ticks, misses = figures.Window(60.0), 0.0, 0.0, 0
+        window, seconds, ticks, misses = Window(60.0), 0.0, 0.0, 0
         found: dict[str, list[Breach]] = {}
         for phase, rate_hz, late in (("all", 36, 0), ("few", 15, 0), ("all again", 36, 0), ("few, late", 15, 1)):
             for _ in range(200):
@@ -192,7 +193,7 @@ def test_a_loop_that_follows_its_readers_owes_what_they_ask_for_and_no_other_loo
 def test_a_picture_may_come_later_where_fewer_are_asked_for(asked_hz: float, *, keeps: bool) -> None:
     loops = {"visualization": {"rate_hz": 30, "miss_ratio": 0.01, "follows_readers": True}}
     contracts = Contracts.model_validate({"loops": loops, "paths": {"device_pixel": {"p99_us": 60000}}})
-    window, late_ns = figures.Window(60.0), []
+    window, late_ns = Window(60.0), []
     for second in range(8):
         late_ns += [100_000_000] * 30
         paths = (bodies.PathLatency(name="device_pixel", latency=histogram(late_ns)),)

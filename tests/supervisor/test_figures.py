@@ -10,11 +10,12 @@ import pytest
 import protocol.bodies as bodies
 from services.runtime.histogram import LatencyHistogram
 from services.supervisor import figures
+from services.supervisor.window import Tally, Window
 from tests.supervisor.made_up import MS, health, histogram, loop_report
 
 
 def test_a_window_is_newest_minus_oldest() -> None:
-    window = figures.Window(60.0)
+    window = Window(60.0)
     for k in range(31):  # 3 s of reports every 100 ms; 10 % of the ticks of the last second miss
         misses = max(0, k - 20) * 10
         body = health("physics", uptime_s=k / 10, loop=loop_report(100 * k, misses))
@@ -29,7 +30,7 @@ def test_a_window_is_newest_minus_oldest() -> None:
 
 
 def test_a_minute_is_kept_in_few_reports_and_asked_for_in_any_part() -> None:
-    window = figures.Window(60.0)
+    window = Window(60.0)
     for k in range(1201):
         window.add(7, figures.of(health("physics", uptime_s=k / 10, loop=loop_report(100 * k))))
     for seconds, off in ((0.2, 0.01), (1.0, 0.01), (5.0, 0.01), (20.0, 1.0), (60.0, 1.0)):
@@ -53,8 +54,8 @@ def test_nothing_due_is_unknown_not_zero() -> None:
 
 @pytest.mark.parametrize("first_heard_s", [0.5, 9.0])
 def test_a_restart_empties_the_window_and_a_tally_counts_what_both_did(first_heard_s: float) -> None:
-    window = figures.Window(5.0)
-    tally = figures.Tally(health("physics", uptime_s=0.5, loop=loop_report(500), pid=7))
+    window = Window(5.0)
+    tally = Tally(health("physics", uptime_s=0.5, loop=loop_report(500), pid=7))
     for k in range(5):
         body = health("physics", uptime_s=k + 1.0, loop=loop_report(1000 * (k + 1), misses=k), pid=7)
         window.add(body.pid, figures.of(body))
@@ -71,14 +72,14 @@ def test_a_restart_empties_the_window_and_a_tally_counts_what_both_did(first_hea
 
 def test_a_restart_under_the_same_pid_is_seen_by_its_age() -> None:
     """In a container every incarnation is process 1."""
-    window = figures.Window(5.0)
+    window = Window(5.0)
     for uptime_s, ticks in ((10.0, 10000), (11.0, 11000), (0.3, 300)):
         window.add(1, figures.of(health("physics", uptime_s=uptime_s, loop=loop_report(ticks), pid=1)))
     assert window.figures(5.0) is None
 
 
 def test_forgetting_begins_at_the_newest_report() -> None:
-    window = figures.Window(5.0)
+    window = Window(5.0)
     for k, misses in enumerate((0, 500, 500, 500)):
         window.add(7, figures.of(health("physics", uptime_s=float(k), loop=loop_report(1000 * (k + 1), misses))))
         if k == 1:
@@ -156,7 +157,7 @@ def test_traffic_of_all_readers_adds_up() -> None:
 
 
 def test_another_rate_begins_a_window_anew_and_loses_no_counts() -> None:
-    window, tally = figures.Window(60.0), figures.Tally(None)
+    window, tally = Window(60.0), Tally(None)
     for k in range(40):
         loop = loop_report(100 * (k + 1), rate_hz=36.0 if k < 20 else 15.0)
         body = health("visualization", uptime_s=k / 10, loop=loop)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import pytest
 
 from services.supervisor import watch
-from services.supervisor.figures import Window
 from services.supervisor.member import Member, MemberState
 from services.supervisor.processes import TABLE
 from services.supervisor.restarts import RestartPolicy
+from services.supervisor.window import Window
 from tests.supervisor.made_up import health
 
 LIMITS = watch.Limits(heartbeat_s=0.5, stream_s=0.06, ready_s=10.0)
