@@ -9,6 +9,9 @@ What may reach a hand is bounded here and nowhere else, in this order: model, pa
 * The observer of Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002) sums the energy that the hand
   puts in, exactly for a force held between two positions: :math:`E \mathrel{-}= f_{k-1} \cdot (x_k - x_{k-1})`.
   Where it is negative, more came out than went in; damping :math:`\alpha = -E / (\Delta t\, v^2)` takes that back.
+* Force and damping both come late where the rate limit holds them, and a force that is late may push. So a servo that
+  owes energy is bounded beforehand: the largest force falls with what is owed, to zero at 2 mJ. What is owed outlives
+  the contact, and is forgiven within a second or so.
 """
 
 from __future__ import annotations
@@ -65,6 +68,10 @@ MAX_STEP_S = 0.003
 STILL_M_S = 0.01
 #: Below this force the hand is free: the rate limit lets a force outlive its contact by some ticks.
 LIMP_N = 1e-3
+#: Energy that may have come out of the servo before it gives no force any more; from the first of it on it gives less.
+MOST_OWED_J = 0.002
+#: What is owed is forgiven by and by, as the arm's own friction takes more: nobody stays limp.
+FORGIVEN_S = 1.0
 #: Energy that the observer remembers: long friction must not pay for a later burst.
 MAX_STORED_J = 0.05
 
@@ -114,7 +121,7 @@ def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: 
         memory[MEMORY_REFUSED] += 1.0
         x, y, z, demand = 0.0, 0.0, 0.0, 0.0
     gain = now[NOW_GAIN]
-    alpha = _passivity_damping(motion, limits, now, memory)
+    alpha = 0.0 if _is_free(model, now, memory) else _passivity_damping(motion, limits, now, memory)
     wanted = (gain * x - alpha * motion[3], gain * y - alpha * motion[4], gain * z - alpha * motion[5])
     memory[MEMORY_DEMAND] = demand
     memory[MEMORY_SCALE] = gain * elastic
@@ -156,10 +163,12 @@ def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: Flo
     for i in range(3):
         memory[MEMORY_ENERGY] -= memory[MEMORY_FORCE + i] * (motion[i] - memory[MEMORY_POSITION + i])
         memory[MEMORY_POSITION + i] = motion[i]
-    held = abs(memory[MEMORY_FORCE]) + abs(memory[MEMORY_FORCE + 1]) + abs(memory[MEMORY_FORCE + 2])
-    free = model[MODEL_CONTACT] == 0.0 or now[NOW_GAIN] == 0.0
-    if (free and held < LIMP_N) or not math.isfinite(memory[MEMORY_ENERGY]):
-        memory[MEMORY_ENERGY] = 0.0  # a contact begins with an empty account
+    if not math.isfinite(memory[MEMORY_ENERGY]) or now[NOW_GAIN] == 0.0:
+        memory[MEMORY_ENERGY] = 0.0
+    if _is_free(model, now, memory):  # a contact begins without savings, but with what is still owed
+        memory[MEMORY_ENERGY] = min(memory[MEMORY_ENERGY], 0.0)
+    if memory[MEMORY_ENERGY] < 0.0:
+        memory[MEMORY_ENERGY] *= max(0.0, 1.0 - now[NOW_DT] / FORGIVEN_S)
     memory[MEMORY_ENERGY] = min(memory[MEMORY_ENERGY], MAX_STORED_J)
 
 
@@ -173,12 +182,21 @@ def _passivity_damping(motion: FloatArray, limits: FloatArray, now: FloatArray, 
 
 
 @kernel
+def _is_free(model: FloatArray, now: FloatArray, memory: FloatArray) -> bool:
+    """Whether nothing is touched, and no force is left of what was."""
+    held = abs(memory[MEMORY_FORCE]) + abs(memory[MEMORY_FORCE + 1]) + abs(memory[MEMORY_FORCE + 2])
+    return bool((model[MODEL_CONTACT] == 0.0 or now[NOW_GAIN] == 0.0) and held < LIMP_N)
+
+
+@kernel
 def _largest_force(limits: FloatArray, now: FloatArray, memory: FloatArray) -> float:
     if now[NOW_TEMPERATURE] > HOT:
         memory[MEMORY_HOT] = 1.0
     elif now[NOW_TEMPERATURE] < COOL:
         memory[MEMORY_HOT] = 0.0
     largest = limits[LIMIT_CONTINUOUS_FORCE] if memory[MEMORY_HOT] > 0.0 else limits[LIMIT_FORCE]
+    if limits[LIMIT_DAMPING] > 0.0:
+        largest *= min(1.0, max(0.0, 1.0 + memory[MEMORY_ENERGY] / MOST_OWED_J))
     return float(min(largest, limits[LIMIT_RATE] * max(0.0, now[NOW_TTL] - now[NOW_AGE])))
 
 

@@ -81,7 +81,9 @@ def test_a_moving_hand_meets_the_stiffness_behind_hold_and_delay(hertz: float, d
 
 def test_no_hand_gets_energy_out_and_without_controller_and_local_model_some_do() -> None:
     seeds = (10, 31, 40)
-    assert max(attack_servo(random_attack(seed)).gained_j for seed in seeds) <= 0.0
+    # Of the others each got energy out when only the damping answered for it: that comes late, as the force does.
+    late = (268, 145, 559, 678, 179)
+    assert max(attack_servo(random_attack(seed)).gained_j for seed in (*seeds, *late)) <= 0.0
     bare = [attack_servo(random_attack(seed, local=False, controller=False)).gained_j for seed in seeds]
     assert max(bare) > 0.1
 
