@@ -13,7 +13,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.blocks import BlockStore, Residual, apply, block_index, gather
+from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore, Residual, apply, block_index, gather
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,22 +68,22 @@ def gather_turned_points(
 ) -> None:
     """Weigh the turned blocks between the corners of points, (nodes (k, 3), weights (k, 3)), into ``out`` (3 k, 3 k).
 
-    ``rotations`` (3 k, 3, 3) are those of the corners; they are weighed here: Q_p (sum_r R_pr Q_r^T) takes half as
-    many products as a sum over pairs of corners.
+    ``rotations`` (3 k, 3, 3) are those of the corners.
     """
+    blocks, starts, neighbours, n_nodes = store
     nodes, weights = points
-    for corner in range(3 * nodes.shape[0]):
-        for i in range(3):
-            for j in range(3):
-                rotations[corner, i, j] *= weights[corner // 3, corner % 3]
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
             for i in range(3):
                 for j in range(3):
                     out[3 * a + i, 3 * b + j] = 0.0
-            for p in range(3 * a, 3 * a + 3):
-                if weights[a, p - 3 * a] != 0.0:
-                    _add_turned(store, (nodes[a, p - 3 * a], p), (nodes, weights, b), rotations, out[3 * a :, 3 * b :])
+            for corner in range(9):
+                p, r = 3 * a + corner // 3, 3 * b + corner % 3
+                weight = weights[a, corner // 3] * weights[b, corner % 3]
+                if weight != 0.0:
+                    place = block_index(starts, neighbours, n_nodes, nodes[a, corner // 3], nodes[b, corner % 3])
+                    if place >= 0:
+                        _add_turned(weight, blocks, place, rotations, p, r, out[3 * a :, 3 * b :])
             for i in range(3):
                 for j in range(3):
                     out[3 * b + j, 3 * a + i] = out[3 * a + i, 3 * b + j]
@@ -91,29 +91,13 @@ def gather_turned_points(
 
 @kernel
 def _add_turned(
-    store: BlockStore,
-    corner: tuple[int, int],
-    point: tuple[IntArray, FloatArray, int],
-    rotations: FloatArray,
-    out: FloatArray,
+    weight: float, blocks: BlockArray, place: int, rotations: FloatArray, p: int, r: int, out: FloatArray
 ) -> None:
-    """Add Q_p sum_r R_pr Q_r^T to the first block of ``out``: ``corner`` is (node, p), r the corners of ``point``."""
-    blocks, starts, neighbours, n_nodes = store
-    (node, p), (nodes, weights, b) = corner, point
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for c in range(3):
-        place = block_index(starts, neighbours, n_nodes, node, nodes[b, c]) if weights[b, c] != 0.0 else -1
-        if place < 0:
-            continue
-        turn = rotations[3 * b + c]
-        for k in range(3):
-            r0, r1, r2 = blocks[place, 0, k], blocks[place, 1, k], blocks[place, 2, k]
-            x, y, z = turn[0, k], turn[1, k], turn[2, k]
-            xx, xy, xz = xx + r0 * x, xy + r0 * y, xz + r0 * z
-            yx, yy, yz = yx + r1 * x, yy + r1 * y, yz + r1 * z
-            zx, zy, zz = zx + r2 * x, zy + r2 * y, zz + r2 * z
-    for i in range(3):
-        x, y, z = rotations[p, i, 0], rotations[p, i, 1], rotations[p, i, 2]
-        out[i, 0] += x * xx + y * yx + z * zx
-        out[i, 1] += x * xy + y * yy + z * zy
-        out[i, 2] += x * xz + y * yz + z * zz
+    """Add ``weight`` Q_p block Q_r^T to the first block of ``out``."""
+    for j in range(3):
+        x, y, z = weight * rotations[r, j, 0], weight * rotations[r, j, 1], weight * rotations[r, j, 2]
+        u = blocks[place, 0, 0] * x + blocks[place, 0, 1] * y + blocks[place, 0, 2] * z
+        v = blocks[place, 1, 0] * x + blocks[place, 1, 1] * y + blocks[place, 1, 2] * z
+        w = blocks[place, 2, 0] * x + blocks[place, 2, 1] * y + blocks[place, 2, 2] * z
+        for i in range(3):
+            out[i, j] += rotations[p, i, 0] * u + rotations[p, i, 1] * v + rotations[p, i, 2] * w
