@@ -5,6 +5,7 @@ import pytest
 from effect_runs import pressing_tools
 
 from services.mechanics.reduction.softened_wall.follow import CREDIT_J
+from services.mechanics.reduction.softened_wall.pattern import GAIN
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
@@ -53,14 +54,17 @@ def test_the_books_balance(scene, duct):
 
 
 def test_what_is_let_go_rests(scene, duct):
+    """What is left is what the tank owes: a wall that springs back goes further in a step than its rates foretold."""
     simulation, tools = pressed(scene, duct)
     effect = simulation.effects["softening"]
-    assert effect.potential_energy_j(simulation.world) < 0.0
+    stored_j = effect.potential_energy_j(simulation.world)
+    assert stored_j < 0.0
     tools.present[:] = False
     for _ in range(300):
         simulation.step(tools)
-    assert abs(effect.potential_energy_j(simulation.world)) <= 2.0 * CREDIT_J
+    assert abs(effect.potential_energy_j(simulation.world)) <= 1e-3 * abs(stored_j) + 2.0 * CREDIT_J
     assert not any(array.any() for array in effect.state_arrays()[:3])
+    assert effect.state_arrays()[-1][GAIN] == 0.0, "no pattern is left that each tick would have to look at"
 
 
 def test_an_absent_hand_meets_nothing(scene, duct):

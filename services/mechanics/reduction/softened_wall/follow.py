@@ -157,10 +157,10 @@ def _try_candidate(wall: SoftenedWall, q: FloatArray) -> None:
 
 @kernel
 def _try_to_forget(wall: SoftenedWall) -> None:
-    """Drop the pattern of a wall that nothing presses and that has come back."""
+    """Drop the pattern of a wall that nothing presses and that has come back; what the tank owes, it goes on owing."""
     books = wall.books
     wall.made[0] = 0
-    if books[POTENTIAL] + books[TANK] >= -2.0 * CREDIT_J:
+    if books[POTENTIAL] == 0.0 or books[POTENTIAL] + books[TANK] >= -2.0 * CREDIT_J:
         books[TANK] += books[POTENTIAL]
         books[POTENTIAL] = 0.0
         wall.pattern.numbers[GAIN] = 0.0
