@@ -71,9 +71,12 @@ def _assert_hands_are_let_go(rig: Rig) -> None:
     samples, timeout_s = rig.observer.samples, load_rig("stub").gateway.supervisor_timeout_s
     assert timeout_s is not None
     samples.clear()
-    rig.observer.until(lambda: samples[-1:] != [] and samples[-1].state == "stale", timeout_s + 3.0, "let go")
-    began = time.monotonic()
-    rig.observer.until(lambda: time.monotonic() - began > 0.5, 2.0, "the time")
+
+    def let_go() -> bool:  # for good: a stream of models that was late for a moment is engaged again after 0.1 s
+        last = samples[-500:]
+        return len(last) == 500 and all(sample.state == "stale" for sample in last)
+
+    rig.observer.until(let_go, timeout_s + 4.0, "let go")
     assert len({sample.incarnation for sample in samples}) == 1
     assert max(force_n(sample) for sample in samples[-100:]) == 0.0
     assert max(force_rates_n_s(samples)) <= rate_limit_n_s()
