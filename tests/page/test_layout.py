@@ -51,7 +51,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
         profile: Path = tmp_path_factory.mktemp("layout") / "profile"
         with Chromium(profile) as browser:
             browser.open(f"http://127.0.0.1:{server.server_port}/")
-            browser.until(lambda: browser.evaluate("globalThis.trocar !== undefined"), 120, "the page loaded")
+            browser.until(lambda: browser.evaluate("Boolean(globalThis.trocar?.hands)"), 120, "the page loaded")
             browser.evaluate(_FULL)
             yield browser
         server.shutdown()

@@ -5,12 +5,12 @@ import { Dashboard } from "./dashboard/dashboard.js";
 import { RigStream } from "./dashboard/stream.js";
 import { Hands } from "./hands/hands.js";
 import { viewAddress } from "./address.js";
+import { ViewStream } from "./view/stream.js";
 import { View } from "./view/view.js";
 
-const view = new View(() => dashboard.turn());
-const dashboard = new Dashboard({ period: () => (view.software ? (view.slow ? 3000 : 900) : 0) });
+let view = null, hands = null;
+const dashboard = new Dashboard({ period: () => (view?.software ? (view.slow ? 3000 : 900) : 0) });
 const controls = new Controls();
-const hands = view.stage ? new Hands(view, controls.token) : null;
 globalThis.trocar = { view, hands, dashboard }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");
@@ -19,19 +19,37 @@ panel.onclick = () => {
   panel.setAttribute("aria-pressed", !alone);
 };
 
+const WITHOUT_PICTURE = {
+  native: "The picture is in a window of the rig's own screen.",
+  none: "This rig draws no picture (visualization.viewer: none).",
+};
+
+function makeView() {
+  view = new View(() => dashboard.turn());
+  hands = view.stage ? new Hands(view, controls.token) : null;
+  Object.assign(globalThis.trocar, { view, hands });
+}
+
+// The connection is on its way while the stage is made, which takes a computer that draws on its processor a second or more.
+function follow(rig) {
+  const stream = rig.viewer in WITHOUT_PICTURE ? null : new ViewStream(viewAddress(rig.view_ws, location));
+  if (!view) makeView();
+  if (!stream) return view.say(WITHOUT_PICTURE[rig.viewer]);
+  if (!view.stage) return stream.end();
+  view.follow(stream);
+  hands.offer(stream.address, rig.hands ?? []);
+}
+
 new RigStream({
   onRig: (rig) => {
     document.getElementById("rig-name").textContent = [rig.name, rig.scene].filter(Boolean).join(" · ");
     document.title = rig.name ? `Trocar · ${rig.name}` : "Trocar";
     dashboard.setContracts(rig.contracts);
-    if (rig.viewer === "native") view.say("The picture is in a window of the rig's own screen.");
-    else if (rig.viewer === "none") view.say("This rig draws no picture (visualization.viewer: none).");
-    else {
-      const address = viewAddress(rig.view_ws, location);
-      view.connect(address);
-      hands?.offer(address, rig.hands ?? []);
-    }
+    if (!view?.stream) follow(rig);
   },
   onState: (state) => dashboard.update(state),
-  onLink: (text) => dashboard.link(text),
+  onLink: (text) => {
+    dashboard.link(text);
+    if (!view) makeView(); // no rig answers: the page is there all the same
+  },
 });

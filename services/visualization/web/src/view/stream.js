@@ -5,10 +5,11 @@ import { decodeFrame, decodeHello, encodeEcho } from "./protocol.js";
 const RETRY_MS = [250, 500, 1000, 2000];
 
 export class ViewStream {
-  // handlers: onLayout(layout), onFrame() when one waits to be taken, onRig(message), onLink(text or null)
-  constructor(address, handlers) {
+  // Begins to connect. `handlers`, to be set in the same turn: onLayout(layout), onFrame() when one waits to be taken,
+  // onRig(message), onLink(text or null).
+  constructor(address) {
     this.address = address;
-    this.handlers = handlers;
+    this.handlers = null;
     this.layout = null;
     this.newest = null;
     this.attempts = 0;
@@ -36,6 +37,11 @@ export class ViewStream {
       setTimeout(() => this.connect(), RETRY_MS[Math.min(this.attempts++, RETRY_MS.length - 1)]);
     };
     this.socket = socket;
+  }
+
+  end() {
+    this.socket.onclose = this.socket.onopen = this.socket.onmessage = null;
+    this.socket.close();
   }
 
   text(message) {

@@ -3,7 +3,6 @@
 import { force } from "../dashboard/format.js";
 import { Governor, ladder } from "./governor.js";
 import { canvasFor, Stage } from "./stage.js";
-import { ViewStream } from "./stream.js";
 
 const FORCE_FULL_N = 3;
 const SCALE_STEPS_MM = [1, 2, 5, 10, 20, 50, 100];
@@ -44,15 +43,16 @@ export class View {
     setInterval(() => this.request(), LOOK_MS);
   }
 
-  connect(address) {
-    if (!this.stage || this.stream) return;
-    this.stream = new ViewStream(address, {
+  // Shows what comes from a stream of this page's rig.
+  follow(stream) {
+    this.stream = stream;
+    stream.handlers = {
       onLayout: (layout) => this.setLayout(layout),
       onFrame: () => this.request(),
       onRig: (rig) => this.setRig(rig),
       onLink: (text) => this.say(text ?? ""),
-    });
-    this.stream.want(this.governor.step.hz);
+    };
+    stream.want(this.governor.step.hz);
   }
 
   say(text) {
@@ -115,7 +115,9 @@ export class View {
       this.stage.update(frame, colourOfForce);
       this.stream.painted(frame);
       this.frames++;
+      const isFirst = !this.last;
       this.last = frame;
+      if (isFirst) this.showFigures();
     }
     const moved = this.stage.moved();
     this.changed ||= moved || Boolean(frame);
@@ -156,8 +158,7 @@ export class View {
   look(now) {
     const seconds = (now - this.since) / 1000, painted = this.frames / seconds;
     $("picture-hz").textContent = this.last ? `${painted.toFixed(0)} Hz` : "–";
-    $("inserted").textContent = this.last ? `${this.last.inserted_mm.toFixed(1)} mm` : "–";
-    $("tick").textContent = this.last ? `${(this.last.tick / 1000).toFixed(1)} s` : "–";
+    this.showFigures();
     const offered = (this.stream?.countCame() ?? 0) / seconds;
     const cost = this.costs.length ? this.costs.sort((a, b) => a - b)[this.costs.length >> 1] : null;
     Object.assign(this.canvas.dataset, { hz: painted.toFixed(1), cost: cost?.toFixed(1) ?? "", step: this.governor.at });
@@ -166,6 +167,11 @@ export class View {
     if (looked && this.governor.look({ now: now / 1000, cost, offered, painted })) this.takeStep();
     this.scaleBar();
     this.beginAnew();
+  }
+
+  showFigures() {
+    $("inserted").textContent = this.last ? `${this.last.inserted_mm.toFixed(1)} mm` : "–";
+    $("tick").textContent = this.last ? `${(this.last.tick / 1000).toFixed(1)} s` : "–";
   }
 
   takeStep(at = this.governor.at) {
