@@ -81,7 +81,6 @@ def called_for(scene: str, overrides: Iterable[str] = ()) -> CalledFor:
     ConfigError
         if there is no such scene, or the file is not YAML.
     """
-    data = config.read_yaml(config.find("scene", scene))
-    config.apply_overrides(data, overrides, {})
+    data = config.read_scene(scene, overrides)
     forceps = data.get("forceps")
     return CalledFor(has_duct_alone(data), len(forceps) if isinstance(forceps, list) else None)

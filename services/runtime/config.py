@@ -104,6 +104,19 @@ def _put(data: Any, path: list[str], value: Any, override: str) -> None:
         raise ConfigError(f"--set {override}: there is nothing to set at {'.'.join(path)}") from None
 
 
+def read_scene(scene: str, overrides: Iterable[str] = ()) -> dict[str, Any]:
+    """Return what a scene file, or one's name in configs/scenes, says, unchecked: for those who run none of it.
+
+    Raises
+    ------
+    ConfigError
+        if there is no such scene, or the file is not YAML.
+    """
+    data = read_yaml(find("scene", scene))
+    apply_overrides(data, overrides, {})
+    return data
+
+
 def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
     """Return `data` as a checked `kind` (a pydantic model or a dataclass).
 

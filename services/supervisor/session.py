@@ -180,9 +180,7 @@ def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ..
     ConfigError
         if there is no such scene, or the file is not YAML.
     """
-    data = config.read_yaml(config.find("scene", scene))
-    config.apply_overrides(data, overrides, {})
-    ladder = data.get("quality")
+    ladder = config.read_scene(scene, overrides).get("quality")
     rungs = [each for each in ladder if isinstance(each, dict)] if isinstance(ladder, list) else []
     return tuple(map(_level, rungs)) or (Level(),)
 
