@@ -17,6 +17,7 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
+from services.mechanics.simulation.loads import begin_duct_loads
 from services.mechanics.simulation.pace import steps_of
 from services.mechanics.simulation.scene_world import build_duct_body
 from services.mechanics.world import World
@@ -110,14 +111,6 @@ class DuctAlone:
         marks.append(perf_counter_ns())
         for stage, (start, end) in enumerate(pairwise(marks)):
             self.cost_ns[stage] += end - start
-
-
-@kernel
-def begin_duct_loads(address: Address[DuctMotion]) -> None:
-    """Write the constant load over that of the last step, and no kick."""
-    duct = motion_at(address)
-    for mode in range(duct.force.shape[0]):
-        duct.force[mode], duct.kick[mode] = duct.constant[mode], 0.0
 
 
 @kernel
