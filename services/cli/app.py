@@ -187,6 +187,14 @@ def effects(
 
 
 @app.command()
+def tissues(json: Json = False) -> None:
+    """List the walls that a scene can name as `duct.tissue`: every value with its range and source."""
+    from services.cli.tissues import run_tissues
+
+    run_tissues(json)
+
+
+@app.command()
 def stability(
     long: Annotated[
         bool, typer.Option("--long/--quick", help="All of every family, more than 2,000 runs; or a few of each.")

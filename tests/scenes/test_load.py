@@ -28,6 +28,9 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
     [
         ("duct: {radius: 4}", r"a.yaml: duct.radius: unknown key 'radius'; known: .*radius_m"),
         ("tube: {}", r"a.yaml: tube: unknown key 'tube'; known: .*duct"),
+        ("duct: {tissue: liver}", r"a.yaml: duct.tissue: unknown tissue 'liver'; known: reference_duct, porcine"),
+        ("duct: {tissue: 3}", r"a.yaml: duct.tissue: input should be a valid string"),
+        ("{duct: {tissue: soft_cystic_duct}, effects: [gravity]}", r"a.yaml: effects: input should be an object"),
         ("duct: {radius_m: wide}", r"a.yaml: duct.radius_m: input should be a valid number"),
         ("forceps: [{jaw: 1}, {}]", r"forceps.0.jaw: unknown key 'jaw'; known: .*jaw_length_m"),
         ("effects: {magic: {}}", r"a.yaml: effects.magic: unknown key 'magic'; known: .*gravity"),

@@ -22,6 +22,7 @@ class DuctScene:
     The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``.
     Both integrators of its modes are of second order and without numerical damping (spectral radius 1); what damps each
     mode is ``damping_ratio``.
+    ``tissue`` says which preset of `scene.tissue` the numbers of the wall were taken from, by whoever took them.
     """
 
     radius_m: float = 4e-3
@@ -39,6 +40,7 @@ class DuctScene:
     mesh_mouth: str = "end_1"
     mesh_edge_m: float | None = None
     mesh_lumen_diameter_m: float | None = None
+    tissue: str | None = None
     thickness_m: float = 0.5e-3
     youngs_modulus_pa: float = 100e3
     poisson_ratio: float = 0.45

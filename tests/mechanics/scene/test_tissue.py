@@ -6,8 +6,8 @@ import pytest
 from services.mechanics.fem import ElementChoice, ShellModel, Support, clamp, pressure_load
 from services.mechanics.fem.frames import local_frames
 from services.mechanics.fem.section import plane_stress_matrices
+from services.mechanics.scene.tissue import TISSUES, Quantity, tissue
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.studies.tissue import TISSUES, Quantity, tissue
 
 
 @pytest.mark.parametrize("name", TISSUES)

@@ -62,31 +62,50 @@ class Tissue:
         The shear modulus of an orthotropic wall follows Huber's estimate
         sqrt(E1 E2) / (2 (1 + sqrt(nu12 nu21))), as nobody measured it.
         """
-        E1, E2 = self.axial_modulus_pa.value, self.circumferential_modulus_pa.value
-        ratio, major = E2 / E1, self.major_poisson_ratio.value
-        thickness, density = self.thickness_m.value, self.density_kg_m3.value
-        if ratio == 1.0:
-            return ShellSection(thickness, E1, major, density)
-        nu12 = major / ratio if ratio > 1.0 else major
-        nu21 = nu12 * ratio
-        shear = np.sqrt(E1 * E2) / (2.0 * (1.0 + np.sqrt(nu12 * nu21)))
-        return ShellSection(thickness, E1, nu12, density, Orthotropy(axis, ratio, float(shear / E1)))
+        E1, ratio, nu12 = self.axial_modulus_pa.value, self.modulus_ratio, self.axial_poisson_ratio
+        orthotropy = Orthotropy(axis, ratio, self.shear_modulus_ratio) if self.is_orthotropic else None
+        return ShellSection(self.thickness_m.value, E1, nu12, self.density_kg_m3.value, orthotropy)
+
+    @property
+    def is_orthotropic(self) -> bool:
+        """Whether the wall is stiffer one way than the other."""
+        return self.modulus_ratio != 1.0
+
+    @property
+    def modulus_ratio(self) -> float:
+        """Modulus round the duct over that along it."""
+        return self.circumferential_modulus_pa.value / self.axial_modulus_pa.value
+
+    @property
+    def axial_poisson_ratio(self) -> float:
+        """Contraction round the duct per stretch along it, nu12."""
+        return self.major_poisson_ratio.value / max(self.modulus_ratio, 1.0)
+
+    @property
+    def shear_modulus_ratio(self) -> float:
+        """Huber's shear modulus over the modulus along the duct."""
+        nu12, ratio = self.axial_poisson_ratio, self.modulus_ratio
+        return float(np.sqrt(ratio) / (2.0 * (1.0 + nu12 * np.sqrt(ratio))))
 
     def prony_series(self) -> PronySeries:
         """Return the relaxation of the instantaneous modulus."""
         shares, times = self.relaxing_shares, self.relaxation_times_s
         return PronySeries(tuple(q.value for q in shares), tuple(q.value for q in times))
 
-    def assumptions(self) -> dict[str, Quantity]:
-        """Return the quantities that are assumptions, by name."""
+    def quantities(self) -> dict[str, Quantity]:
+        """Return all quantities by name, those of the relaxation with their number."""
         named: dict[str, Quantity] = {}
         for name in self.__slots__:
             entry = getattr(self, name)
-            quantities = entry if isinstance(entry, tuple) else (entry,)
-            for index, quantity in enumerate(quantities):
-                if quantity.assumed:
-                    named[f"{name}[{index}]" if isinstance(entry, tuple) else name] = quantity
+            if isinstance(entry, tuple):
+                named |= {f"{name}[{index}]": quantity for index, quantity in enumerate(entry)}
+            else:
+                named[name] = entry
         return named
+
+    def assumptions(self) -> dict[str, Quantity]:
+        """Return the quantities that are assumptions, by name."""
+        return {name: quantity for name, quantity in self.quantities().items() if quantity.assumed}
 
 
 _WALL = Quantity(0.8e-3, 0.5e-3, 1.2e-3, "assumption; walls of about 1 mm are quoted without measurement")
