@@ -1,7 +1,7 @@
 """An emulated ODrive axis with a handle on it: pure state, told the time, fed with frames.
 
 What a gateway can get wrong is modelled: the watchdog that any frame to the axis feeds, its latched disarm, errors that
-must be cleared before the loop closes again, the e-stop, torque that acts only in closed loop.
+must be cleared before the loop closes again, the e-stop, torque that acts only in closed loop, whole counts.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from services.gateway import cansimple
 from services.gateway.cansimple import AxisError, AxisState
 
 HEARTBEAT_S, ESTIMATE_S = 0.1, 0.002
+#: Of the encoder, a turn: as many as the handle had that real grasps were recorded with.
+ENCODER_COUNTS = 8192
 #: Handle with the fingers in it: inertia kg m2, stiffness N m/rad and damping N m s/rad of the hand, friction N m.
 INERTIA, HAND_STIFFNESS, HAND_DAMPING, FRICTION = 2e-5, 2.0, 0.0126, 0.005
 _SUBSTEPS = 4
@@ -43,6 +45,15 @@ class Handle:
             friction = FRICTION * math.tanh(20.0 * self.rate_rad_s)
             self.rate_rad_s += h * (hand + torque_nm - friction) / INERTIA
             self.angle_rad += h * self.rate_rad_s
+
+
+class HeldHandle(Handle):
+    """A handle in a hand so firm that no motor moves it: it is where the hand wants it."""
+
+    def step(self, wanted_rad: float, torque_nm: float, dt_s: float) -> None:
+        """Go there."""
+        self.rate_rad_s = (wanted_rad - self.angle_rad) / dt_s
+        self.angle_rad = wanted_rad
 
 
 class EmulatedDrive:
@@ -109,7 +120,8 @@ class EmulatedDrive:
 
     def _answer(self, command: int) -> list[CanFrame]:
         if command == cansimple.GET_ENCODER_ESTIMATES:
-            data = cansimple.pack_floats(self.handle.angle_rad / _TURN, self.handle.rate_rad_s / _TURN)
+            turns = round(self.handle.angle_rad / _TURN * ENCODER_COUNTS) / ENCODER_COUNTS
+            data = cansimple.pack_floats(turns, self.handle.rate_rad_s / _TURN)
         elif command == cansimple.HEARTBEAT:
             data = cansimple.pack_heartbeat(self.errors, self.state, 0, False)
         elif command == cansimple.GET_ERROR:

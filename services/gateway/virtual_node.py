@@ -12,7 +12,7 @@ _WATCHDOG_S = 0.05
 
 
 class VirtualNode:
-    """A node whose handle wants to stay where it is.
+    """A node whose handle stays where it is unless it is told otherwise.
 
     Parameters
     ----------
@@ -20,20 +20,22 @@ class VirtualNode:
         Of the in-process bus.
     node
         Its number on the bus.
-    angle_rad
-        Of the handle.
+    handle
+        What hangs on the motor.
 
     Attributes
     ----------
     speaking
         Whether its frames reach the bus.
+    wanted_rad
+        Where the hand on the handle wants it.
     """
 
-    def __init__(self, channel: str, node: int = 1, angle_rad: float = 0.5) -> None:
-        self.drive = EmulatedDrive(node, _WATCHDOG_S, Handle(angle_rad))
+    def __init__(self, channel: str, node: int = 1, handle: Handle | None = None) -> None:
+        self.drive = EmulatedDrive(node, _WATCHDOG_S, handle or Handle(0.5))
         self.clock = SteppedClock(self._tick)
         self.speaking = True
-        self._angle_rad = angle_rad
+        self.wanted_rad = self.drive.handle.angle_rad
         self._bus = can.Bus(interface="virtual", channel=channel)
 
     def advance(self, seconds: float = TICK_S) -> None:
@@ -47,7 +49,7 @@ class VirtualNode:
     def _tick(self, now_s: float) -> None:
         for message in canbus.drain(self._bus):
             self.drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s)
-        frames = self.drive.step(self._angle_rad, now_s, TICK_S)
+        frames = self.drive.step(self.wanted_rad, now_s, TICK_S)
         if self.speaking:
             for identifier, data in frames:
                 self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))

@@ -19,6 +19,7 @@ from services.gateway import canbus, cansimple, driver, layout
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import Arm, Place
+from services.gateway.emulated_drive import ENCODER_COUNTS
 from services.gateway.virtual_node import VirtualNode
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
@@ -216,7 +217,8 @@ def test_gear_direction_and_zero_of_the_device_file_count(tmp_path: Path) -> Non
     grasp.read(0, handle)
     assert node.drive.torque_nm == pytest.approx(-0.1 / 4.0)
     turns = node.drive.handle.angle_rad / (2 * math.pi)
-    assert handle[layout.HANDLE_ANGLE] == pytest.approx(-(turns - 0.2) * 2 * math.pi / 4.0, abs=1e-6)
+    half_a_count = math.pi / ENCODER_COUNTS / 4.0 + 1e-6
+    assert handle[layout.HANDLE_ANGLE] == pytest.approx(-(turns - 0.2) * 2 * math.pi / 4.0, abs=half_a_count)
     grasp.close()
     node.close()
 

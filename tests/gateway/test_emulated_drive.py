@@ -126,7 +126,8 @@ def test_estimates_come_every_other_millisecond_and_heartbeats_ten_times_a_secon
     assert kinds.count(cansimple.GET_ENCODER_ESTIMATES) == 500
     assert 10 <= kinds.count(cansimple.HEARTBEAT) <= 11
     (_, data) = next(f for f in host.heard if f[0] & 0x1F == cansimple.GET_ENCODER_ESTIMATES)
-    assert cansimple.unpack_floats(data)[0] * 2 * math.pi == pytest.approx(0.5)
+    counts = cansimple.unpack_floats(data)[0] * emulated_drive.ENCODER_COUNTS
+    assert counts == round(0.5 / (2 * math.pi) * emulated_drive.ENCODER_COUNTS)
 
 
 @pytest.mark.parametrize("data", [b"", b"\0", bytes(3), bytes(9)])
