@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from enum import StrEnum
@@ -315,6 +316,11 @@ def main() -> None:
         sys.exit(1)
     except BrokenPipeError:  # `trocar sniff | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        print(f"trocar: {error.filename or 'a file could not be written'}: {error.strerror}", file=sys.stderr)
         sys.exit(1)
 
 

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from services.cli import targets
 from services.runtime import config
 from services.runtime.errors import ConfigError, UserError
 from services.studies.fem_case import FemCase
@@ -54,22 +55,24 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
     ------
     ConfigError
         One sentence that names the file and the key or place.
+    UserError
+        What was found is printed, but cannot be written.
     """
-    for option, target in (("--json", json_file), ("--vtu", vtu_file)):
-        if target is not None and not target.absolute().parent.is_dir():
-            raise ConfigError(f"{option} {target}: there is no folder {target.absolute().parent}")
+    targets.look_at_file("--json", json_file)
+    targets.look_at_file("--vtu", vtu_file)
     case, _ = config.load(FemCase, file)
     try:
         result = _solve_with_progress(case, file)
-        if json_file is not None:
-            json_file.write_text(json.dumps(to_json(result), indent=1))
-        if vtu_file is not None:
-            save_vtu(result, vtu_file)
     except ModuleNotFoundError as error:
         raise UserError(f"{file}: this needs the package '{error.name}', install trocar[mesh]") from error
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from error
     _print(result, Console(soft_wrap=True))
+    if json_file is not None:
+        targets.write_text("--json", json_file, json.dumps(to_json(result), indent=1))
+    if vtu_file is not None:
+        with targets.writing("--vtu", vtu_file):
+            save_vtu(result, vtu_file)
 
 
 def _solve_with_progress(case: FemCase, file: Path) -> FemResult:

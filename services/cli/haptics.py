@@ -12,11 +12,11 @@ from pathlib import Path
 from rich.console import Console
 
 import services.runtime  # noqa: F401 - keeps linear algebra to one thread before numpy is loaded
+from services.cli import targets
 from services.cli.progress import progress_line
 from services.gateway.feel.figures import draw_borders, draw_energies, draw_transparency
 from services.gateway.feel.measure import energies, passive_borders, stable_borders, transparency
 from services.gateway.feel.report import Felt, write_page
-from services.runtime.errors import ConfigError
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.study import Draw, Size
 from services.studies.provenance import code_version
@@ -37,24 +37,25 @@ def run_haptics(request: Request) -> None:
     Raises
     ------
     ConfigError
-        A page in a folder that is not there.
+        A page in a folder that is not there, or that is closed to this user.
+    UserError
+        The disk is full.
     """
-    folder = request.out.absolute().parent
-    if not folder.is_dir():
-        raise ConfigError(f"--out {request.out}: there is no folder {folder}")
+    targets.look_at_file("--out", request.out)
+    figures = request.out.absolute().parent / request.out.stem
+    targets.make_folder("--out", figures)
     with progress_line() as tell, ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as executor:
         felt = Felt(passive_borders(), stable_borders(), transparency(), energies(request.hands, executor, tell))
-    figures = folder / request.out.stem
-    figures.mkdir(exist_ok=True)
-    draw_borders(felt.passive, felt.stable, figures / "borders")
-    draw_transparency(felt.rendered, figures / "transparency")
-    draw_energies(felt.energies, figures / "energies")
     draw = Draw(Size.FULL, 0)
     facts = Facts.collect(f"trocar haptics --hands {request.hands}", code_version(Path(__file__).parents[2]), draw, {})
-    write_page(felt, facts.lines(), figures, request.out)
     if request.json:
         print(json.dumps({"page": str(request.out), **_data(felt)}))
-    else:
+    with targets.writing("--out", request.out):
+        draw_borders(felt.passive, felt.stable, figures / "borders")
+        draw_transparency(felt.rendered, figures / "transparency")
+        draw_energies(felt.energies, figures / "energies")
+        write_page(felt, facts.lines(), figures, request.out)
+    if not request.json:
         Console().print(f"written to {request.out}, figures in {figures}", soft_wrap=True)
 
 

@@ -14,8 +14,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from services.cli import targets
 from services.cli.incidents import FLOOR_LATE_NS, UNKNOWN, BadTick, incidents, is_floor, worst_ticks
-from services.cli.trace import write_trace
+from services.cli.trace import trace
 from services.runtime import config, endpoints
 from services.runtime.errors import UserError
 from services.runtime.flight import flight_directory
@@ -53,14 +54,12 @@ def run_latency(request: Request) -> None:
     UserError
         if there is nothing to look at, or a file cannot be read or written.
     """
+    targets.look_at_file("--trace", request.trace)
     taken = [read_file(path) for path in request.files] or [_now(request)]
     if request.trace is not None:
         if len(taken) > 1:
             raise UserError(f"--trace: a trace is of one file, and {len(taken)} were given")
-        try:
-            write_trace(request.trace, taken[0])
-        except OSError as error:
-            raise UserError(f"--trace: cannot write {request.trace}: {error.strerror}") from None
+        targets.write_text("--trace", request.trace, json.dumps(trace(taken[0]), allow_nan=False))
         print(f"wrote {request.trace}: open it at https://ui.perfetto.dev", file=sys.stderr)
     if request.json:
         print(json.dumps([_plain(each, request.worst) for each in taken]))

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from services.cli import targets
 from services.runtime.errors import ConfigError, UserError
 from services.studies.provenance import code_version
 from services.studies.stability.families import FAMILIES
@@ -46,8 +47,9 @@ def run_stability(request: Request) -> None:
     for name in request.families:
         if name not in FAMILIES:
             raise ConfigError(f"--family {name}: there is no such family; known: {', '.join(FAMILIES)}")
-    if request.report is not None and not request.report.absolute().parent.is_dir():
-        raise ConfigError(f"--report {request.report}: there is no folder {request.report.absolute().parent}")
+    targets.look_at_file("--report", request.report)
+    if request.out is not None:
+        targets.make_folder("--out", request.out)
     reach = Reach.LONG if request.long else Reach.QUICK
     order = Order(reach, request.seed, request.families or tuple(FAMILIES))
     code = code_version(Path(__file__).parents[2])
@@ -57,12 +59,12 @@ def run_stability(request: Request) -> None:
         except ValueError as error:
             raise ConfigError(f"--out {error}") from None
         results = _run(order, request.jobs or os.cpu_count() or 1, log, 60.0 * (request.minutes or math.inf))
-    if request.report is not None:
-        request.report.write_text(page(order, results, code))
     if request.json:
         print(json.dumps({"code": code, "seed": order.seed, "results": [asdict(result) for result in results]}))
     else:
         _print(order, results)
+    if request.report is not None:
+        targets.write_text("--report", request.report, page(order, results, code))
     failed = sum(bool(result.failed) for result in results)
     if failed:
         raise UserError(f"{failed} of {len(results)} hard cases failed")

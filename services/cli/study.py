@@ -13,6 +13,7 @@ from rich.table import Table
 
 # Keeps linear algebra to one thread before numpy is loaded, here and in the workers: sums are taken in one order.
 import services.runtime  # noqa: F401
+from services.cli import targets
 from services.cli.progress import progress_line
 from services.runtime.errors import ConfigError
 from services.studies.accuracy.facts import Facts
@@ -58,8 +59,8 @@ def run_study(request: Request) -> None:
         An unknown study, a folder with results of something else, or a scheduler that does not answer.
     """
     names = _chosen(request.names)
-    if request.report is not None and not request.report.absolute().parent.is_dir():
-        raise ConfigError(f"--report {request.report}: there is no folder {request.report.absolute().parent}")
+    targets.look_at_file("--report", request.report)
+    targets.make_folder("--out", request.out)
     draw, code = Draw(request.size, request.seed), code_version(Path(__file__).parents[2])
     try:
         log = Log(request.out, draw, code)
@@ -74,13 +75,17 @@ def run_study(request: Request) -> None:
         fill_costs(names, draw, log, tell)
     rows = table(names, draw, log)
     facts = Facts.collect(request.command, code, draw, floors(names, log))
-    write_results(rows, names, facts, request.out)
-    if request.report is not None:
-        write_report(rows, names, facts, request.out, request.report)
     if request.json:
         print(json.dumps({"folder": str(request.out), **facts.as_data()}, default=str))
     else:
-        _print(rows, request.out)
+        _print(rows)
+    with targets.writing("--out", request.out):
+        write_results(rows, names, facts, request.out)
+    if request.report is not None:
+        with targets.writing("--report", request.report):
+            write_report(rows, names, facts, request.out, request.report)
+    if not request.json:
+        print(f"Table, figures and page: {request.out / 'index.html'}")
 
 
 def write_results(rows: list[Row], names: list[str], facts: Facts, out: Path) -> None:
@@ -103,7 +108,7 @@ def _chosen(wanted: tuple[str, ...]) -> list[str]:
     return known if EVERY in wanted else list(dict.fromkeys(wanted))
 
 
-def _print(rows: list[Row], out: Path) -> None:
+def _print(rows: list[Row]) -> None:
     best = frontier_rows(rows)
     table = Table(box=None, pad_edge=False)
     for title in ("study", "on the frontier of", "setting", "error", "us a millisecond", "99 %", "noise"):
@@ -112,6 +117,4 @@ def _print(rows: list[Row], out: Path) -> None:
         if id(row) in best and row.cost is not None:
             cost = (f"{row.cost.median_us:.0f}", f"{row.cost.p99_us:.0f}", f"{row.cost.noise_us:.0f}")
             table.add_row(row.study, row.quantity, row.setting, f"{row.error:.3g} {row.unit}", *cost)
-    console = Console(highlight=False)
-    console.print(table)
-    console.print(f"Table, figures and page: {out / 'index.html'}")
+    Console(highlight=False).print(table)

@@ -5,9 +5,7 @@ https://docs.google.com/document/d/1CvAClvFfyA5R-PhYUmn5OOQtYMH4h6I0nSsKchNAySU
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from services.cli.incidents import FLOOR, is_floor
@@ -70,8 +68,3 @@ def _span(pid: int, tid: int, name: str, at_ns: int, length_ns: int, args: dict[
 
 def _named(pid: int, tid: int, what: str, name: str) -> dict[str, Any]:
     return {"ph": "M", "name": what, "pid": pid, "tid": tid, "args": {"name": name}}
-
-
-def write_trace(path: Path, flights: Flights) -> None:
-    """Write the trace."""
-    path.write_text(json.dumps(trace(flights), allow_nan=False), encoding="utf-8")

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from services.cache_directory import cache_directory
+from services.cli import targets
 from services.cli.progress import progress_line
 from services.mechanics.scene import SceneModel
 from services.runtime import config
@@ -42,25 +43,25 @@ def run_tune(request: Request) -> None:
     Raises
     ------
     ConfigError
-        The scene or the budget cannot be used, or the file not be written.
+        The scene, the budget or the name of the file cannot be used.
+    UserError
+        What was found is printed, but cannot be written.
     """
     scene = _checked(request)
     tuned = _tuned(scene, request.budget_us)
-    try:
-        request.out.write_text(tuned_text(request, tuned), encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"--out {request.out}: {error.strerror}") from None
     if request.json:
         print(json.dumps(_as_data(tuned)))
     else:
         _print(request, tuned)
+    targets.write_text("--out", request.out, tuned_text(request, tuned))
+    if not request.json:
+        Console(soft_wrap=True).print(f"Written: {request.out}", markup=False, highlight=False)
 
 
 def _checked(request: Request) -> SceneModel:
     if request.budget_us is not None and not (math.isfinite(request.budget_us) and request.budget_us > 0.0):
         raise ConfigError(f"--budget-us must be a positive number of microseconds, is {request.budget_us:g}")
-    if not request.out.absolute().parent.is_dir():
-        raise ConfigError(f"--out {request.out}: there is no folder {request.out.absolute().parent}")
+    targets.look_at_file("--out", request.out)
     if request.out.suffix not in (".yaml", ".yml"):
         raise ConfigError(f"--out {request.out}: a scene file ends in .yaml")
     scene = load_scene(request.scene, request.overrides)
@@ -125,7 +126,6 @@ def _print(request: Request, tuned: Tuned) -> None:
         console.print(f"  {level.name}: {level.cost_us:g} us, {off}")
     if not tuned.fits:
         console.print(f"[bold]Nothing that may be given up brings a tick to {request.budget_us:g} us.[/]")
-    console.print(f"Written: {request.out}")
 
 
 def _rungs_table(tuned: Tuned) -> Table:

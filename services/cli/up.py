@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from services.cli import targets
 from services.cli.status_display import StatusDisplay
-from services.runtime.errors import ConfigError, DeviceError
+from services.runtime.errors import DeviceError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
 from services.supervisor.supervisor import Supervisor
@@ -44,8 +45,7 @@ class Run:
 
 def run_up(request: Request) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it."""
-    if request.json_file is not None and not request.json_file.absolute().parent.is_dir():
-        raise ConfigError(f"--json {request.json_file}: there is no folder {request.json_file.absolute().parent}")
+    targets.look_at_file("--json", request.json_file)
     options = Options(request.rig, request.scene, (*request.overrides, *_viewer(request.viewer)))
     process = session.open_session(options)
     display = StatusDisplay()
@@ -56,7 +56,7 @@ def run_up(request: Request) -> None:
     finally:
         process.bus.close()
         if request.json_file is not None and run.report is not None:
-            run_report.write(request.json_file, run.report.result())
+            targets.write_text("--json", request.json_file, run_report.as_text(run.report.result()))
 
 
 def _viewer(viewer: str | None) -> tuple[str, ...]:

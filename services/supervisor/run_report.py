@@ -14,7 +14,6 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib import metadata
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import protocol.bodies as bodies
@@ -185,8 +184,6 @@ def _installed(name: str) -> bool:
     return True
 
 
-def write(path: Path, result: Mapping[str, Any]) -> None:
-    """Write `result` so that a reader sees all of it or nothing."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    temporary.replace(path)
+def as_text(result: Mapping[str, Any]) -> str:
+    """Return `result` as the JSON of a file."""
+    return json.dumps(result, indent=1, allow_nan=False) + "\n"

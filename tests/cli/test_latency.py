@@ -173,7 +173,7 @@ def test_a_running_rig_is_looked_at_and_of_an_ended_one_its_last_file(tmp_path: 
 
 
 def test_what_cannot_be_written_or_read_is_one_sentence(kept: Path, tmp_path: Path) -> None:
-    assert "cannot write" in str(_run(str(kept), "--trace", str(tmp_path / "no" / "t.json")).exception)
+    assert "there is no folder" in str(_run(str(kept), "--trace", str(tmp_path / "no" / "t.json")).exception)
     assert "No such file" in str(_run(str(tmp_path / "no.npz")).exception)
     assert "a trace is of one file" in str(_run(str(kept), str(kept), "--trace", "x").exception)
 

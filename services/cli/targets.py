@@ -1,0 +1,83 @@
+"""Where a verb writes what it found: looked at before it begins, and what cannot be written is one sentence."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.runtime.errors import ConfigError, UserError
+
+
+def look_at_file(option: str, path: Path | None) -> None:
+    """Refuse a file that could not be written in the end.
+
+    Raises
+    ------
+    ConfigError
+        naming the option: the path is a folder, its folder is not there, or one of them is closed to this user.
+    """
+    if path is None:
+        return
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise ConfigError(f"{option} {path}: there is no folder {folder}")
+    if path.is_dir():
+        raise ConfigError(f"{option} {path}: is a folder, not a file")
+    closed = path if path.exists() else folder
+    if not os.access(closed, os.W_OK):
+        raise ConfigError(f"{option} {path}: this user may not write {closed}")
+
+
+def make_folder(option: str, path: Path) -> None:
+    """Make a folder for results, with those above it, unless it is there.
+
+    Raises
+    ------
+    ConfigError
+        naming the option: a file is in its place, or it cannot be made or written to.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise ConfigError(f"{option} {path}: is a file, not a folder") from None
+    except OSError as error:
+        raise ConfigError(f"{option} {path}: the folder cannot be made: {error.strerror}") from None
+    if not os.access(path, os.W_OK):
+        raise ConfigError(f"{option} {path}: this user may not write there")
+
+
+@contextmanager
+def writing(option: str, path: Path) -> Iterator[None]:
+    """Turn what the system refuses meanwhile (a full disk) into one sentence.
+
+    Raises
+    ------
+    UserError
+        naming the option and the reason.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"{option} {path}: cannot be written: {error.strerror or error}") from None
+
+
+def write_text(option: str, path: Path, text: str) -> None:
+    """Write a file so that a reader sees all of it or what was there before; a device or a pipe is written to as it is.
+
+    Raises
+    ------
+    UserError
+        naming the option and the reason.
+    """
+    with writing(option, path):
+        if path.exists() and not path.is_file():
+            path.write_text(text, encoding="utf-8")
+            return
+        half = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            half.write_text(text, encoding="utf-8")
+            half.replace(path)
+        finally:
+            half.unlink(missing_ok=True)
