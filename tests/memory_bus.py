@@ -11,6 +11,7 @@ import msgspec
 import protocol.bodies as bodies
 from protocol import Frame, topic
 from services.runtime import bus
+from services.runtime.whole import join
 
 
 class MemoryHub:
@@ -68,6 +69,11 @@ class MemoryBus:
         queue, box = self._queues[name], self._in[name]
         frames = [box.accept(queue.popleft()) for _ in range(min(len(queue), bus.DRAIN_LIMIT))]
         return [frame for frame in frames if frame is not None]
+
+    def batch(self, name: str) -> bus.Batch | None:
+        """Return the next unread frame of `name`, as a batch of one."""
+        queue = self._queues[name]
+        return bus.Batch(*join([queue.popleft()]), self._in[name]) if queue else None
 
     def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:
         """Return the newest unread frames of `names`."""

@@ -18,7 +18,7 @@ from services.cli.raw_frames import unpack
 from services.runtime import config, endpoints, keys
 from services.runtime.errors import BusError, ConfigError
 from services.runtime.rig import Transport
-from services.runtime.whole import split, whole
+from services.runtime.whole import lengths_and_frames, split, whole
 
 #: Printed per second unless every frame is asked for: a 1 kHz topic scrolls faster than anyone reads.
 _PRINTED_HZ = 5.0
@@ -118,7 +118,7 @@ def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Itera
             names[socket] = topic
         while (left_s := until_s - time.monotonic()) > 0:
             for socket, _event in poller.poll(round(min(left_s, 0.1) * 1e3)):
-                for data in split(socket.recv_multipart()):
+                for data in split(*lengths_and_frames(socket.recv_multipart())):
                     yield names[socket], data, time.monotonic()
     finally:
         context.destroy(linger=0)

@@ -18,7 +18,7 @@ ENVELOPE_FIELD = 1000
 
 _Field = descriptor_pb2.FieldDescriptorProto
 _SCALARS = {int: _Field.TYPE_INT64, float: _Field.TYPE_DOUBLE, str: _Field.TYPE_STRING, bool: _Field.TYPE_BOOL}
-#: Of arrays: what they hold is copied as it is. Numbers of one byte are not negative, so each is its own varint.
+#: Of arrays: what they hold is copied as it is. A number of one byte is its own varint unless it is negative.
 _ITEMS = {
     "<f8": _Field.TYPE_DOUBLE,
     "<i4": _Field.TYPE_SFIXED32,

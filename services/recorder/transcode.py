@@ -62,6 +62,9 @@ class _Source:
             self._pack(_tag(number, _VARINT), "?", value)
         elif field.item is int and field.form is Form.ONE:
             self._parts += [self._constant(_tag(number, _VARINT)), f"varint({value})"]
+        elif field.form is Form.ARRAY and field.spec is not None and field.spec.dtype == "|i1":
+            write = self._constant(_small_integers(_tag(number, _BYTES)))
+            self._parts.append(f"{write}({value}.data)")
         elif field.form is Form.ARRAY:
             data = f"{value}.data"
             self._parts += [self._constant(_tag(number, _BYTES)), f"varint(len({data}))", data]
@@ -121,6 +124,13 @@ def _one(number: int, item: Any) -> Write:
         return lru_cache(64)(lambda value: _delimited(tag, value.encode()))
     write = _writer(item)
     return lambda value: _delimited(tag, write(value))
+
+
+def _small_integers(tag: bytes) -> Write:
+    """Return what writes integers of one byte: each is its own varint, but for negative ones."""
+    return lambda data: _delimited(
+        tag, data if data.isascii() else b"".join([_varint(value) for value in memoryview(data).cast("b")])
+    )
 
 
 def _booleans(number: int) -> tuple[bytes, bytes]:

@@ -46,13 +46,18 @@ def join(frames: Sequence[bytes]) -> tuple[bytes, bytes]:
     return array("I", map(len, frames)).tobytes(), b"".join(frames)
 
 
-def split(parts: list[bytes]) -> list[bytes]:
-    """Return the frames of a batch; what is none comes back as it is, for its reader to refuse."""
-    if len(parts) != 2 or len(parts[0]) % 4 or not 0 < len(parts[0]) <= 4 * _LONGEST:
-        return parts
-    ends = list(accumulate(array("I", parts[0]), initial=0))
-    data = parts[1]
-    return [data[begin:end] for begin, end in pairwise(ends)] if ends[-1] == len(data) else parts
+def split(lengths: bytes, data: bytes) -> list[bytes]:
+    """Return the frames of a batch."""
+    return [data[begin:end] for begin, end in pairwise(accumulate(array("I", lengths), initial=0))]
+
+
+def lengths_and_frames(parts: list[bytes]) -> tuple[bytes, bytes]:
+    """Return the two parts of a batch as `join` makes them; what is none is a batch of what came, to be refused."""
+    if len(parts) == 2 and len(parts[0]) % 4 == 0 and 0 < len(parts[0]) <= 4 * _LONGEST:
+        lengths, data = parts
+        if sum(array("I", lengths)) == len(data):
+            return lengths, data
+    return join(parts)
 
 
 def is_readable(socket: Socket) -> bool:

@@ -20,7 +20,15 @@ from services.runtime import bus, endpoints, keys
 from services.runtime.direct import DirectReader, DirectSender
 from services.runtime.errors import BusError
 from services.runtime.rig import Transport
-from services.runtime.whole import SENDS_PER_S, BatchSender, count_readers, has_whole_socket, is_readable, split, whole
+from services.runtime.whole import (
+    SENDS_PER_S,
+    BatchSender,
+    count_readers,
+    has_whole_socket,
+    is_readable,
+    lengths_and_frames,
+    whole,
+)
 
 #: Frames that a slow reader may fall behind before frames are lost (and counted).
 _HIGH_WATER_MARK = 1000
@@ -197,19 +205,22 @@ class ZmqBus:
 
     def drain(self, name: str) -> list[Frame]:
         """Return the unread frames of `name`, oldest first, at most `bus.DRAIN_LIMIT`."""
-        socket, box = self._receivers[name], self._in[name]
         frames: list[Frame] = []
-        if not is_readable(socket):  # nearly always, and asking costs a third of an exception
-            return frames
         n_taken = 0
-        while n_taken < bus.DRAIN_LIMIT:
-            try:
-                batch = split(socket.recv_multipart(zmq.NOBLOCK))
-            except zmq.Again:
-                break
-            frames += box.accept_all(batch)
-            n_taken += len(batch)
+        while n_taken < bus.DRAIN_LIMIT and (batch := self.batch(name)) is not None:
+            frames += batch.frames()
+            n_taken += len(batch.lengths) // 4
         return frames
+
+    def batch(self, name: str) -> bus.Batch | None:
+        """Return the next unread message of `name`, whose frames nobody has looked at; a frame alone is one of one."""
+        socket = self._receivers[name]
+        if not is_readable(socket):  # nearly always, and asking costs a third of an exception
+            return None
+        try:
+            return bus.Batch(*lengths_and_frames(socket.recv_multipart(zmq.NOBLOCK)), self._in[name])
+        except zmq.Again:
+            return None
 
     def sample(self, names: Iterable[str], until_ns: int) -> dict[str, Frame]:
         """Subscribe, take the next frame of each of `names`, unsubscribe; what has not come in time is left out."""

@@ -47,13 +47,14 @@ def test_who_catches_up_is_heard_meanwhile() -> None:
     class Backlog:
         left = 3
 
-        def drain(self, topic: str) -> list[str]:
+        def batch(self, topic: str) -> str | None:
             self.left -= 1
-            return [topic] if self.left >= 0 else []
+            return topic if self.left >= 0 else None
 
     class Kept:
-        def take(self, frames: list[str]) -> None:
-            told.extend(frames)
+        def take_batch(self, topic: str, batch: str) -> None:
+            assert topic == batch
+            told.append(batch)
 
     take_all(Backlog(), [STATE], Kept(), lambda: told.append("beat"))  # type: ignore[arg-type]
     assert told == [STATE, "beat"] * 3
@@ -120,8 +121,7 @@ def test_file_dashboard_and_last_words_say_what_is_missing(
         data = outbox.seal(state(tick).body, 0, True)
         if not 100 <= tick < 130:
             stub.hub.send(STATE, data)
-    while frames := stub.bus.drain(STATE):
-        recording.take(frames)
+    take_all(stub.bus, [STATE], recording, lambda: None)
     now_ns = recording._due_ns
     recording.turn(now_ns)
     recording.turn(now_ns + 2_000_000_000)

@@ -12,7 +12,7 @@ from google.protobuf import descriptor_pool, message_factory
 from mcap.reader import make_reader
 
 from protocol import TOPICS, bodies
-from protocol.arrays import Array
+from protocol.arrays import Array, pack
 from services.recorder.recording import RecordingWriter, read
 from services.recorder.schema import PACKAGE, file_descriptor
 from services.recorder.transcode import to_protobuf
@@ -85,6 +85,16 @@ def test_negative_and_large_integers_survive() -> None:
     body = bodies.GatewayState(tick=(1 << 62) + 5, instruments=(state,))
     message = message_class(bodies.GatewayState)()
     message.ParseFromString(to_protobuf(msgspec.structs.replace(samples.frame("gateway.state"), body=body)))
+    _assert_same(message, body)
+
+
+def test_negative_numbers_of_one_byte_survive() -> None:
+    contacts = bodies.ContactForces(kind=pack([0, -1, -128, 127], "|i1"), point_m=pack(np.zeros((4, 3))),
+                                    force_n=pack(np.zeros((4, 3))))  # fmt: skip
+    frame = samples.frame("physics.state")
+    body = msgspec.structs.replace(frame.body, contacts=contacts)
+    message = message_class(bodies.PhysicsState)()
+    message.ParseFromString(to_protobuf(msgspec.structs.replace(frame, body=body)))
     _assert_same(message, body)
 
 

@@ -10,7 +10,7 @@ import zmq
 
 from protocol import bodies
 from services.runtime.rig import Transport
-from services.runtime.whole import SENDS_PER_S, BatchSender, join, split
+from services.runtime.whole import SENDS_PER_S, BatchSender, join, lengths_and_frames, split
 from services.runtime.zmq_bus import ZmqBus
 
 STATE = "gateway.state"
@@ -34,9 +34,9 @@ class Socket:
     def recv(self, _flags: int) -> bytes:
         return self.said.pop(0)
 
-    def send_multipart(self, parts: list[bytes], _flags: int) -> None:
+    def send_multipart(self, parts: tuple[bytes, bytes], _flags: int) -> None:
         self.touched += 1
-        self.sent.append(split(list(parts)))
+        self.sent.append(split(*parts))
 
 
 def made(*said: bytes) -> tuple[BatchSender, Socket]:
@@ -109,7 +109,7 @@ def test_a_publisher_that_floods_keeps_a_bounded_number() -> None:
 
 @pytest.mark.parametrize("frames", [[b"one"], [b"one", b""], [b"a" * 70000, b"b", b"c" * 300]])
 def test_a_batch_comes_apart_as_it_was_joined(frames: list[bytes]) -> None:
-    assert split(list(join(frames))) == frames
+    assert split(*lengths_and_frames(list(join(frames)))) == frames
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_a_batch_comes_apart_as_it_was_joined(frames: list[bytes]) -> None:
 )
 def test_what_is_no_batch_stays_as_it_came(parts: list[bytes]) -> None:
     """Its reader refuses it, and counts that."""
-    assert split(list(parts)) == parts
+    assert split(*lengths_and_frames(list(parts))) == parts
 
 
 def looked(sender: ZmqBus, reader: ZmqBus) -> tuple[int, int]:
