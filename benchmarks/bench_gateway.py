@@ -15,6 +15,7 @@ from report import Row, measure, write_report
 from protocol import Frame, encode
 from protocol.bodies import GatewayState, LocalModel
 from services.gateway.instrument import Instrument, build_instruments
+from services.gateway.scene_hands import find_scene_hands
 from services.runtime import config
 
 SERVO_S, TICK_S = 100e-6, 1e-3
@@ -56,7 +57,7 @@ class Tick:
 
 
 def main() -> None:
-    instruments = build_instruments(config.load_rig("stub").gateway)
+    instruments = build_instruments(config.load_rig("stub").gateway, hands=find_scene_hands("default").hands)
     try:
         for instrument in instruments:
             instrument.open()

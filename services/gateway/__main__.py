@@ -13,16 +13,18 @@ import sys
 import time
 
 from protocol.bodies import GatewayState
+from services.gateway import scene_hands
 from services.gateway.answers import Answers
 from services.gateway.heard import Heard
 from services.gateway.instrument import Instrument, build_instruments
 from services.gateway.orders import Orders
+from services.gateway.scene_hands import SceneHands
 from services.gateway.turns import Turns
 from services.runtime.bus import Bus
 from services.runtime.health import LatencyPath
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
-from services.runtime.process import Process, main
+from services.runtime.process import Process, ProcessConfig, main
 
 MODEL = "haptics.contact_model"
 RATE_HZ = 1000.0
@@ -48,11 +50,11 @@ _LOOKS = 4
 class Gateway:
     """The instruments of a rig and what they say to the others."""
 
-    def __init__(self, process: Process) -> None:
+    def __init__(self, process: Process, hands: SceneHands) -> None:
         self._process = process
         self._bus, self._health = process.bus, process.health
         self.meter = LoopMeter(RATE_HZ, STAGES)
-        self.instruments = build_instruments(process.rig.gateway, Heard(self._bus))
+        self.instruments = build_instruments(process.rig.gateway, Heard(self._bus), hands.hands)
         self._servo = self._path("servo", 100.0)
         self._grasp = self._path("grasp", 300.0)
         self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))
@@ -177,9 +179,16 @@ def let_go(instruments: list[Instrument]) -> bool:
     return all(instrument.servo.limp for instrument in instruments)
 
 
-def run(process: Process) -> None:
+def prepare(process_config: ProcessConfig) -> SceneHands:
+    """Find out what the scene is for, where a device follows that."""
+    if not scene_hands.are_called_for(process_config.rig.gateway):
+        return SceneHands()
+    return scene_hands.find_scene_hands(process_config.scene_name, process_config.scene_overrides)
+
+
+def run(process: Process, hands: SceneHands) -> None:
     """Tick until asked to end."""
-    gateway = Gateway(process)
+    gateway = Gateway(process, hands)
     try:
         gateway.open()
         process.ready(gateway.meter)
@@ -190,4 +199,4 @@ def run(process: Process) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main("gateway", run))
+    sys.exit(main("gateway", run, prepare=prepare))

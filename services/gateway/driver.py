@@ -21,6 +21,7 @@ from protocol import Frame
 from services.gateway import drivers
 from services.gateway.bench import REAL_TIME, Bench, Clock
 from services.gateway.host_check import HostCheck
+from services.gateway.script import Motion
 from services.gateway.servo_law import servo_force
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
@@ -50,6 +51,7 @@ class Place:
 
     `force_rate_n_s` is the rig's rate limit, for a driver that has to take force back by itself. `newest` returns the
     last frame of a topic that the table lets the gateway read, for a driver whose device is another process.
+    `motion` is what a hand does here in the rig's scene, for a simulated device; None where nobody has found it out.
     """
 
     instrument: str
@@ -59,6 +61,7 @@ class Place:
     clock: Clock = REAL_TIME
     force_rate_n_s: float = 200.0
     newest: Callable[[str], Frame | None] = _nothing
+    motion: Motion | None = None
 
 
 class Device(ABC):

@@ -9,7 +9,7 @@ import numpy as np
 
 from services.gateway.recording import read_table
 from services.gateway.scenario_script import scenario_player
-from services.gateway.script import HANDLE, Player, read_player
+from services.gateway.script import HANDLE, Motion, Player, read_player
 from services.mechanics.arrays import FloatArray
 
 RATE_HZ = 1000.0
@@ -40,6 +40,11 @@ def scripted(name: str, instrument: str, pace: float = 1.0) -> HandMotion:
 def of_scenario(name: str, index: int, pace: float = 1.0) -> HandMotion:
     """Return the handle angles of a scenario of the mechanics."""
     return _sampled(scenario_player(name, index, _NO_PORT, pace))
+
+
+def of_motion(motion: Motion, pace: float = 1.0) -> HandMotion:
+    """Return the handle angles of a motion that is made once."""
+    return _sampled(Player(motion, False, _NO_PORT, pace))
 
 
 def _sampled(player: Player) -> HandMotion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from protocol import Frame
 from services.gateway import layout, pose
 from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
 from services.gateway.engagement import State
+from services.gateway.scene_hands import SceneHand, fitted
 from services.gateway.servo import Servo, ServoLimits
 from services.runtime.rig import GatewaySettings, InstrumentSettings
 
@@ -145,16 +146,35 @@ class Instrument:
 
 
 def build_instruments(
-    settings: GatewaySettings, newest: Callable[[str], Frame | None] = lambda _topic: None
+    settings: GatewaySettings,
+    newest: Callable[[str], Frame | None] = lambda _topic: None,
+    hands: Sequence[SceneHand] = (),
 ) -> list[Instrument]:
-    """Return the instruments of a rig file, their devices not yet open; `newest` as in `Place`."""
-    return [_build(settings, row, index, newest) for index, row in enumerate(settings.instruments)]
+    """Return the instruments of a rig file, their devices not yet open.
+
+    `newest` is as in `Place`; `hands` is what the hands of the scene's tools do.
+    """
+    held = [*hands, *(None for _ in settings.instruments)]
+    return [_build(settings, row, index, newest, held[index]) for index, row in enumerate(settings.instruments)]
 
 
 def _build(
-    settings: GatewaySettings, row: InstrumentSettings, index: int, newest: Callable[[str], Frame | None]
+    settings: GatewaySettings,
+    row: InstrumentSettings,
+    index: int,
+    newest: Callable[[str], Frame | None],
+    hand: SceneHand | None,
 ) -> Instrument:
-    place = Place(row.name, row.mount, row.port_m, index, force_rate_n_s=settings.force_rate_limit_n_s, newest=newest)
+    row = fitted(row, hand)
+    place = Place(
+        row.name,
+        row.mount,
+        row.port_m,
+        index,
+        force_rate_n_s=settings.force_rate_limit_n_s,
+        newest=newest,
+        motion=None if hand is None else hand.motion,
+    )
     arm = load_arm(row.arm, place)
     grasp = load_grasp(row.grasp, place) if row.grasp is not None else None
     torque_nm = settings.grasp_torque_limit_nm

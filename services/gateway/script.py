@@ -18,6 +18,8 @@ from services.runtime.rig import Settings, Vector3
 
 # Columns of a sampled script.
 HIP, ROLL, HANDLE, COLUMNS = 0, 3, 4, 5
+#: Instead of a script's name: what the scene is for, see `scene_hands`.
+SCENE = "scene"
 
 
 class Breakpoint(Settings):

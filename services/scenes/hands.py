@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,9 +24,14 @@ JAW_REACH_M = 10e-3, 12e-3
 SQUEEZE_M = 0.8e-3
 """By how much jaws that close round the duct press into it, from either side."""
 PINCH_M = 2.5e-3
+AWAY_M = 50e-3
+"""From the mouth, where a tool that has nothing to do waits."""
+STROKE_M = 4e-3
 _OPEN_RAD, _HELD_RAD = 0.7, 0.25
 _INSERTION_S = 0.0, 0.25, 0.5, 0.8, 1.0, 1.9
 _CLOSING_S = 0.0, 0.3, 0.6
+_STROKE_S = 0.3, 0.5, 0.16, 0.56
+"""Rest, back, rest, forth."""
 
 
 def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
@@ -114,6 +119,43 @@ def _closing_hand(
         roll_rad=tuple(roll_across(forceps, point, mouth.inward) for point in points),
         grip_offset_m=JAW_REACH_M[1],
     )
+
+
+def with_strokes(scenario: Scenario, n: int) -> Scenario:
+    """Return a scenario whose last motion is taken back and made again, ``n`` times.
+
+    Of the hand that comes to rest last, as that is the one which does what the scene is for; a hand that has been
+    moving goes back by `STROKE_M`, one that only closed its jaws opens them again.
+    """
+    ends = [motion.time_s[-1] if motion is not None else -1.0 for motion in scenario.motions]
+    hand = int(np.argmax(ends))
+    motions = [_with_strokes(motion, n) if motion is not None and k == hand else motion
+               for k, motion in enumerate(scenario.motions)]  # fmt: skip
+    return replace(scenario, motions=(motions[0], motions[1]), duration_s=scenario.duration_s + n * sum(_STROKE_S))
+
+
+def _with_strokes(motion: ToolMotion, n: int) -> ToolMotion:
+    table = np.column_stack([np.array(motion.grip_point_m), motion.jaw_angle_rad, motion.roll_rad])
+    last = table[-1]
+    moved_m = float(np.linalg.norm((last - table[-2])[:3]))
+    back = last + min(1.0, STROKE_M / moved_m if moved_m > 0.0 else 1.0) * (table[-2] - last)
+    rows = np.vstack([table, np.tile([last, back, back, last], (n, 1))])
+    times = (*motion.time_s, *(motion.time_s[-1] + np.cumsum(np.tile(_STROKE_S, n))).tolist())
+    return replace(
+        motion,
+        time_s=times,
+        grip_point_m=tuple(_tuple(row) for row in rows[:, :3]),
+        jaw_angle_rad=tuple(rows[:, 3].tolist()),
+        roll_rad=tuple(rows[:, 4].tolist()),
+    )
+
+
+def out_of_the_way(scene: SceneModel, tool: int, mesh: TriangleMesh) -> ToolMotion:
+    """Return what a tool that has nothing to do does where it cannot be absent: it waits shut, near its port."""
+    mouth = mouth_opening(mesh)
+    forceps = scene.forceps[tool]
+    waits = mouth.centre_m + AWAY_M * _towards_port(forceps, mouth.centre_m)
+    return ToolMotion((0.0,), (_tuple(waits),), (0.0,), (0.0,))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import DuctScene, SceneModel
-from services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct
+from services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
 from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime.errors import ConfigError
 
@@ -23,7 +23,7 @@ def check_duct(scene: SceneModel, cache: Path) -> None:
         if the mesh or the settings of the duct cannot be used.
     """
     with _one_sentence():
-        check_scene_duct(scene, _mesh(scene.duct, cache, ignore_progress))
+        check_scene_duct(scene, _file_mesh(scene.duct, cache, ignore_progress))
 
 
 def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct:
@@ -35,7 +35,20 @@ def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct
         if the mesh or the settings of the duct cannot be used.
     """
     with _one_sentence():
-        return build_scene_duct(scene, cache / "bases", progress, mesh=_mesh(scene.duct, cache, progress))
+        return build_scene_duct(scene, cache / "bases", progress, mesh=_file_mesh(scene.duct, cache, progress))
+
+
+def load_surface(scene: SceneModel, cache: Path) -> TriangleMesh:
+    """Return the surface of the duct as it is meshed, before any constant load; no modes are computed.
+
+    Raises
+    ------
+    ConfigError
+        if the mesh cannot be used.
+    """
+    with _one_sentence():
+        mesh = _file_mesh(scene.duct, cache, ignore_progress)
+        return scene_mesh(scene.duct) if mesh is None else mesh
 
 
 @contextmanager
@@ -48,7 +61,7 @@ def _one_sentence() -> Iterator[None]:
         raise ConfigError(f"scene: {error}") from None
 
 
-def _mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh | None:
+def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh | None:
     if duct.mesh_file is None:
         return None
     progress("surface file", 0.0)

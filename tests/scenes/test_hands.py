@@ -16,7 +16,7 @@ from services.mechanics.simulation.duct_alone import DuctAlone
 from services.mechanics.simulation.scene_duct import scene_mesh
 from services.mechanics.surface.opening import mouth_opening
 from services.scenes import load_duct, load_scene
-from services.scenes.hands import hands_of, roll_across
+from services.scenes.hands import STROKE_M, hands_of, roll_across, with_strokes
 
 ANATOMY = Path(__file__).parents[2].parent / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
 
@@ -120,7 +120,7 @@ def test_in_a_surface_from_any_file_the_catheter_finds_the_mouth_and_goes_in(tmp
 SMALLER = ["duct.n_around=16", "duct.n_along=20", "duct.n_modes=30"]
 
 
-@pytest.mark.parametrize("name", ["insertion", "narrow", "stone", "stiff-wall", "everything", "paper"])
+@pytest.mark.parametrize("name", ["default", "insertion", "narrow", "stone", "stiff-wall", "everything", "paper"])
 def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, tmp_path):
     simulation, largest_n = played(load_scene(name, SMALLER), tmp_path)
     assert simulation.inserted_length_m > 15e-3
@@ -132,6 +132,26 @@ def test_the_stone_is_pushed_further_in(tmp_path):
     simulation, _ = played(scene, tmp_path)
     (start,) = scene.effects["gallstones"].position_m
     assert simulation.effects["gallstones"].position_m[0, 0] < start[0] - 3e-3
+
+
+def test_the_catheter_is_drawn_back_and_pushed_in_again(tmp_path):
+    scene = load_scene("insertion", SMALLER)
+    duct = load_duct(scene, tmp_path, lambda *_: None)
+    simulation, tools, depths_m = Simulation(scene, duct), ToolInputs(), []
+    hands = with_strokes(hands_of(simulation.scene, duct.mesh), 1)
+    for tick in range(round(1000 * hands.duration_s)):
+        hands.write_inputs(1e-3 * tick, tools)
+        simulation.step(tools)
+        depths_m.append(simulation.inserted_length_m)
+    pushed, drawn, again = depths_m[1900], depths_m[2750], depths_m[-1]
+    assert pushed - drawn == pytest.approx(STROKE_M, rel=0.2)
+    assert again == pytest.approx(pushed, abs=0.5e-3)
+
+
+def test_a_pinch_is_let_go_and_made_again():
+    scene = load_scene("pinch", SMALLER)
+    hand = with_strokes(hands_of(scene, scene_mesh(scene.duct)), 1).motions[1]
+    assert hand.jaw_angle_rad[-4:] == pytest.approx(np.take(hand.jaw_angle_rad, [2, 1, 1, 2]))
 
 
 def test_a_duct_alone_is_left_alone(tmp_path):

@@ -17,6 +17,7 @@ from services.gateway.device_files import GraspFile
 from services.gateway.driver import Place
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from services.gateway.hand_motion import HandMotion
+from services.gateway.script import SCENE
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 
@@ -29,7 +30,9 @@ class SimulatedGraspSettings(Settings):
     recording: str = Field(
         "auto", description="a 1 kHz csv, auto or none; auto: one that is there where nothing else is named"
     )
-    script: str | None = Field(None, description="a file of configs/scripts: its handle angles")
+    script: str | None = Field(
+        None, description="a file of configs/scripts, or `scene`: the handle angles of what the scene is for"
+    )
     scenario: str | None = Field(None, description="a scenario of the mechanics: its handle angles")
     pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="of script or scenario; 0.5 takes twice as long")
     range_rad: tuple[float, float] | None = Field(
@@ -111,7 +114,9 @@ def _choose(settings: SimulatedGraspSettings, place: Place) -> HandMotion:
         return hand_motion.recorded(Path(recording))
     if settings.scenario is not None:
         return hand_motion.of_scenario(settings.scenario, place.index, settings.pace)
-    if settings.script is not None:
+    if settings.script == SCENE and place.motion is not None:
+        return hand_motion.of_motion(place.motion, settings.pace)
+    if settings.script not in (None, SCENE):
         return hand_motion.scripted(settings.script, place.instrument, settings.pace)
     return hand_motion.squeeze()
 

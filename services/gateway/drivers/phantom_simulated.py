@@ -16,7 +16,7 @@ from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.layout import READ_ROLL, READ_SIZE
-from services.gateway.script import ROLL, Player, read_player
+from services.gateway.script import ROLL, SCENE, Player, read_player
 from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from services.mechanics.arrays import FloatArray
 from services.runtime.errors import ConfigError
@@ -30,7 +30,9 @@ _MAX_TICKS = 20
 class ArmSettings(Settings):
     """Of the rig file: who holds the simulated arm, and how firmly."""
 
-    script: str | None = Field(None, description="a file of configs/scripts; none: the hand holds still")
+    script: str | None = Field(
+        None, description="a file of configs/scripts, or `scene`: what the scene is for; none: the hand holds still"
+    )
     scenario: str | None = Field(None, description="instead of a script, a scenario of the mechanics")
     pace: Annotated[float, Field(gt=0.0)] = Field(1.0, description="of script or scenario; 0.5 takes twice as long")
     hand_stiffness_n_m: Annotated[float, Field(ge=0.0, le=2000.0)] = 300.0
@@ -164,6 +166,9 @@ def choose_player(settings: ArmSettings, place: Place) -> Player | None:
         from services.gateway.scenario_script import scenario_player  # only here: it imports the mechanics
 
         return scenario_player(settings.scenario, place.index, place.port_m, settings.pace)
+    if settings.script == SCENE:
+        motion = place.motion
+        return None if motion is None else Player(motion, False, place.port_m, settings.pace)
     if settings.script is not None:
         return read_player(settings.script, place.instrument, place.port_m, settings.pace)
     return None

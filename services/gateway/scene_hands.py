@@ -1,0 +1,104 @@
+"""What simulated hands do in the rig's scene: found from its geometry by a process of its own, and kept.
+
+A device whose script is called `SCENE` follows it. Where the scene has its port, there this instrument has it, and the
+arm stands so that all of the motion lies in the middle of its workspace: a simulated arm can stand anywhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.gateway.script import SCENE, Motion, draw_back
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.runtime.rig import GatewaySettings, InstrumentSettings, Settings, Vector3
+from services.source_closure import Sources
+
+_MODULE = "services.scenes.hand_motions"
+
+
+class SceneHand(Settings):
+    """Of one tool of the scene."""
+
+    port_m: Vector3
+    motion: Motion
+
+
+class SceneHands(Settings):
+    """Of all tools of the scene, in their order."""
+
+    hands: tuple[SceneHand, ...] = ()
+
+
+def are_called_for(gateway: GatewaySettings) -> bool:
+    """Return whether a device of the rig follows what the scene is for."""
+    return any(_follows(row) for row in gateway.instruments)
+
+
+def find_scene_hands(scene: str, overrides: tuple[str, ...] = ()) -> SceneHands:
+    """Return what the hands of a scene do.
+
+    It is kept by what the scene says and by the code that finds it; not where the scene names a surface file, whose
+    content nobody here has read.
+
+    Raises
+    ------
+    ConfigError
+        one sentence, if the scene cannot be used.
+    """
+    data = config.read_scene(scene, overrides)
+    if "mesh_file" in (data.get("duct") or {}):
+        return _read(_found(scene, overrides))
+    code = Sources(Path(__file__).parents[2]).digest(_MODULE)
+    name = hashlib.sha256(f"{code} {json.dumps(data, sort_keys=True, default=str)}".encode()).hexdigest()[:32]
+    file = cache_directory() / "hands" / f"{name}.json"
+    if not file.is_file():
+        _keep(file, _found(scene, overrides))
+    return _read(file.read_text(encoding="utf-8"))
+
+
+def fitted(row: InstrumentSettings, hand: SceneHand | None) -> InstrumentSettings:
+    """Return the instrument with port and mount where its hand in the scene wants them, if it follows the scene."""
+    if hand is None or not _follows(row):
+        return row
+    reached = np.array([_junction_m(point.hip_m, hand) for point in hand.motion.breakpoints])
+    x, y, z = (0.5 * (reached.min(axis=0) + reached.max(axis=0))).tolist()
+    return row.model_copy(update={"port_m": hand.port_m, "mount": row.mount.model_copy(update={"centre_m": (x, y, z)})})
+
+
+def _follows(row: InstrumentSettings) -> bool:
+    devices = (row.arm, row.grasp) if row.grasp is not None else (row.arm,)
+    return any(device.settings.get("script") == SCENE for device in devices)
+
+
+def _junction_m(point_m: Vector3, hand: SceneHand) -> list[float]:
+    value, rate = np.array(point_m), np.zeros(3)
+    draw_back(np.array(hand.port_m), hand.motion.beyond_hip_m, value, rate)
+    return value.tolist()  # type: ignore[no-any-return]
+
+
+def _found(scene: str, overrides: tuple[str, ...]) -> str:
+    command = [sys.executable, "-m", _MODULE, scene, *overrides]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ConfigError((done.stderr.strip().splitlines() or ["the scene's hands were not found"])[-1])
+    return done.stdout
+
+
+def _keep(file: Path, text: str) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = file.with_suffix(f".{os.getpid()}")
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(file)
+
+
+def _read(text: str) -> SceneHands:
+    return config.build(SceneHands, {"hands": json.loads(text)}, "hands of the scene")

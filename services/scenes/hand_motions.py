@@ -1,0 +1,59 @@
+"""What a scene's hands do, as text, for who moves the devices and runs none of the mechanics: the simulated ones.
+
+``python -m services.scenes.hand_motions SCENE [KEY=VALUE ...]`` prints it as JSON: importing what it takes needs two
+seconds and a hundred megabytes, which a process that runs at 1 kHz had better not have.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from services.cache_directory import cache_directory
+from services.mechanics.scenarios import ToolMotion
+from services.mechanics.scene import ForcepsScene
+from services.mechanics.simulation.scene_catheter import place_catheter
+from services.runtime.errors import UserError
+from services.scenes.hands import hands_of, out_of_the_way, with_strokes
+from services.scenes.load import load_scene
+from services.scenes.ready import load_surface
+
+STROKES = 8
+"""A minute of them at the pace of the stub."""
+
+
+def hand_motions(scene_name: str, overrides: Iterable[str] = ()) -> list[dict[str, Any]]:
+    """Return for each tool of a scene its port and its motion, by the names of `services.gateway.script`.
+
+    Raises
+    ------
+    ConfigError
+        one sentence, if scene or surface cannot be used.
+    """
+    scene = load_scene(scene_name, overrides)
+    mesh = load_surface(scene, cache_directory())
+    scene = place_catheter(scene, mesh)
+    scenario = with_strokes(hands_of(scene, mesh), STROKES)
+    return [
+        _written(forceps, scenario.motions[tool] or out_of_the_way(scene, tool, mesh))
+        for tool, forceps in enumerate(scene.forceps)
+    ]
+
+
+def _written(forceps: ForcepsScene, motion: ToolMotion) -> dict[str, Any]:
+    rows = zip(motion.time_s, motion.grip_point_m, motion.roll_rad, motion.jaw_angle_rad, strict=True)
+    breakpoints = [
+        {"time_s": time_s, "hip_m": point, "roll_rad": roll, "handle_rad": jaw / forceps.jaw_ratio}
+        for time_s, point, roll, jaw in rows
+    ]
+    script = {"beyond_hip_m": motion.grip_offset_m, "breakpoints": breakpoints}
+    return {"port_m": forceps.port_position_m, "motion": script}
+
+
+if __name__ == "__main__":
+    try:
+        print(json.dumps(hand_motions(sys.argv[1], sys.argv[2:])))  # noqa: T201
+    except UserError as error:
+        sys.exit(str(error))
