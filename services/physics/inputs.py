@@ -67,10 +67,12 @@ class ContactsReader:
 
     def _take_pairs(self, index: bytes, geometry: bytes) -> bool:
         """Copy the tables' bytes to where numpy knows them: to make arrays of them would take four times as long."""
-        n_sent = len(index) // _ROW_BYTES[0]
-        n = min(n_sent, len(self._index))
-        for view, data, width in zip(self._bytes, (index, geometry), _ROW_BYTES, strict=True):
-            view[: n * width] = data[: n * width] if n < n_sent else data
+        n_sent, room = len(index) // _ROW_BYTES[0], len(self._index)
+        if n_sent > room:
+            index, geometry = index[: room * _ROW_BYTES[0]], geometry[: room * _ROW_BYTES[1]]
+        indices, numbers = self._bytes
+        indices[: len(index)] = index
+        numbers[: len(geometry)] = geometry
         left_out = take_pairs(self._index, self._geometry, n_sent, self._n_targets, self.pairs.address)
         self.refused_pairs += max(left_out, 0)
         return bool(left_out >= 0)

@@ -157,14 +157,17 @@ def _number(label: str, field: ScalarField) -> property:
 
     def get(struct: Any) -> float:
         value: float = struct.__dict__[store][word]
-        return bool(value) if field.kind == "bool" else value
+        return value
+
+    def get_bool(struct: Any) -> bool:
+        return bool(struct.__dict__[store][word])
 
     def put(struct: Any, value: float) -> None:
         # Asking an abstract class takes longer than a small kernel.
         number = value if type(value) is plain else _checked_number(label, field, value)
         struct.__dict__[store][word] = number
 
-    return property(get, put)
+    return property(get_bool if field.kind == "bool" else get, put)
 
 
 def _checked_number(label: str, field: ScalarField, value: object) -> float:

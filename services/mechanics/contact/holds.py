@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
@@ -88,6 +86,7 @@ class HoldRegistry:
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
         self._stops: list[tuple[int, int, float]] = []
+        self._held: set[tuple[int, int]] = set()
         geometry = system.geometry
         self._n_targets = {
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
@@ -102,7 +101,8 @@ class HoldRegistry:
         self.took_up = False
         if not requests and not self.active:
             return
-        requests = [request for request in requests if self._is_sound(request) and self._tool_is_present(request)]
+        present = self._system.geometry.tools.present.tolist()
+        requests = [request for request in requests if self._is_sound(request) and present[request.tool]]
         asked = {request.hold_id for request in requests}
         if asked != self.active.keys():
             for gone in [hold_id for hold_id in self.active if hold_id not in asked]:
@@ -131,16 +131,16 @@ class HoldRegistry:
         self._stops = stops
         tools.held[:] = False
         tools.jaw_stop_rad[:] = -math.inf
+        self._held = {(tool, target_kind) for tool, target_kind, _ in stops}
         for tool, target_kind, jaw_angle_rad in stops:
             tools.held[tool, target_kind] = True
             tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], jaw_angle_rad)
 
     def _free_jaws(self) -> None:
         """Let jaws collide at once with what they held until now: it may spring back against them in this step."""
-        held = self._system.geometry.tools.held
         kept = {(hold.request.tool, hold.request.target_kind) for hold in self.active.values()}
-        for tool, kind in np.argwhere(held).tolist():
-            held[tool, kind] = (tool, kind) in kept
+        for tool, kind in self._held - kept:
+            self._system.geometry.tools.held[tool, kind] = False
 
     def append_rows(self) -> None:
         """Append one bilateral row per hold, as far as there is room."""
@@ -195,9 +195,6 @@ class HoldRegistry:
         )
         self.refused += not is_sound
         return is_sound
-
-    def _tool_is_present(self, request: GraspHold) -> bool:
-        return bool(self._system.geometry.tools.present[request.tool])
 
     def _held_point(self, request: GraspHold) -> FloatArray:
         if request.target_kind == CATHETER_SEGMENT:

@@ -7,6 +7,8 @@ every call. Numbers of a tool that no hand can have are no mistake of the caller
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, IntArray
@@ -22,6 +24,8 @@ SHAPES: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
 }
 _WHOLE = "hold_id", "tool", "target_kind", "target"
 _REAL = "limit_n", "jaw_angle_rad"
+_numbers_of = attrgetter(*_WHOLE, *_REAL)
+_PLAIN = (int,) * len(_WHOLE) + (float,) * len(_REAL)
 
 
 class CallCheck:
@@ -91,18 +95,22 @@ def check_holds(holds: list[GraspHold]) -> None:
     if not isinstance(holds, list | tuple):
         raise TypeError(f"tools.holds must be a list of GraspHold or None, is {_kind(holds)}")
     for index, hold in enumerate(holds):
-        place = f"tools.holds[{index}]"
-        if not isinstance(hold, GraspHold):
-            raise TypeError(f"{place} must be a GraspHold, is {_kind(hold)}")
+        if type(hold) is not GraspHold or tuple(map(type, _numbers_of(hold))) != _PLAIN:  # nearly none
+            _check_hold(hold, f"tools.holds[{index}]")
         weights = hold.target_weights
         if not isinstance(weights, np.ndarray) or weights.shape != (3,) or weights.dtype != np.float64:
-            raise ValueError(f"{place}.target_weights must be an array (3,) of float64")
-        for name in _WHOLE:
-            if not isinstance(getattr(hold, name), int | np.integer):
-                raise TypeError(f"{place}.{name} must be a whole number, is {getattr(hold, name)!r}")
-        for name in _REAL:
-            if not isinstance(getattr(hold, name), float | int | np.number):
-                raise TypeError(f"{place}.{name} must be a number, is {getattr(hold, name)!r}")
+            raise ValueError(f"tools.holds[{index}].target_weights must be an array (3,) of float64")
+
+
+def _check_hold(hold: GraspHold, place: str) -> None:
+    if not isinstance(hold, GraspHold):
+        raise TypeError(f"{place} must be a GraspHold, is {_kind(hold)}")
+    for name in _WHOLE:
+        if not isinstance(getattr(hold, name), int | np.integer):
+            raise TypeError(f"{place}.{name} must be a whole number, is {getattr(hold, name)!r}")
+    for name in _REAL:
+        if not isinstance(getattr(hold, name), float | int | np.number):
+            raise TypeError(f"{place}.{name} must be a number, is {getattr(hold, name)!r}")
 
 
 def _kind(value: object) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import add, sub
 from time import perf_counter_ns
 from typing import Protocol
 
@@ -87,7 +88,7 @@ class Simulation:
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self.cost_ns = [0] * len(STAGE_NAMES)
-        self._mark_ns = 0
+        self._marks_ns = [0] * (len(STAGE_NAMES) + 1)
         self._pace = Pace(world)
         self._healer = Healer(world)
         self._calls = CallCheck(duct.mesh.triangles.shape[0], self.catheter.properties.n_segments)
@@ -119,7 +120,6 @@ class Simulation:
             raise ValueError(f"dt_s must be at most {LONGEST_TICK_S:g} s, is {dt_s:g}")
         self._calls.check(tools, pairs)
         self._healer.begin()
-        self._mark_ns = perf_counter_ns()
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         if self._healer.rest():
             return
@@ -146,25 +146,31 @@ class Simulation:
 
     def _step(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> None:
         """Advance everything by a step that nothing crosses unseen."""
+        marks = self._marks_ns
+        marks[0] = perf_counter_ns()
         self._add_loads(dt_s)
-        self._lap(0)
+        marks[1] = perf_counter_ns()
         self.duct.predict(dt_s)
         self.catheter.predict(dt_s)
         self._predict_tools(tools, dt_s)
-        self._lap(1)
+        marks[2] = perf_counter_ns()
         self._collect(tools, pairs, dt_s)
-        self._lap(2)
-        if self.system.rows.n_contacts:
-            self._solve_contacts(dt_s)
+        marks[3] = perf_counter_ns()
+        touches = self.system.rows.n_contacts > 0
+        if touches:
+            self._prepare_contacts(dt_s)
+        marks[4] = perf_counter_ns()
+        if touches:
+            self.system.solve(self._iterations, dt_s)
         else:
             self.system.rest()
-            self._lap(3)
         self._plan_again(dt_s)
-        self._lap(4)
+        marks[5] = perf_counter_ns()
         self._correct(dt_s)
-        self._lap(5)
+        marks[6] = perf_counter_ns()
         self._report(dt_s)
-        self._lap(6)
+        marks[7] = perf_counter_ns()
+        self.cost_ns[:] = map(add, self.cost_ns, map(sub, marks[1:], marks))
 
     def _heal(self, dt_s: float) -> None:
         """Go back to the last sound state; in this tick nothing acts on a tool."""
@@ -259,11 +265,6 @@ class Simulation:
     def _iterations(self) -> int:
         return self.scene.quality[self.quality_level].iterations
 
-    def _lap(self, stage: int) -> None:
-        now = perf_counter_ns()
-        self.cost_ns[stage] += now - self._mark_ns
-        self._mark_ns = now
-
     def _add_loads(self, dt_s: float) -> None:
         begin_loads(self.duct.motion_address, self.catheter.step_address)
         for effect in self._stages["add_loads"]:
@@ -317,17 +318,15 @@ class Simulation:
                 grasp.let_go()
         return held
 
-    def _solve_contacts(self, dt_s: float) -> None:
+    def _prepare_contacts(self, dt_s: float) -> None:
         self.system.complete_rows()
         for effect in self._stages["set_friction"]:
             effect.set_friction(self.world, dt_s)
-        self._assemble_and_solve(dt_s)
+        self._assemble(dt_s)
 
-    def _assemble_and_solve(self, dt_s: float) -> None:
+    def _assemble(self, dt_s: float) -> None:
         adds = self._stages["add_compliance"]
         self.system.assemble((lambda: self._add_compliance(dt_s)) if adds else None)
-        self._lap(3)
-        self.system.solve(self._iterations, dt_s)
 
     def _plan_again(self, dt_s: float) -> None:
         """Plan the catheter's step again, and solve again, while the forces found bend it far from its plan.
@@ -355,7 +354,8 @@ class Simulation:
     def _try_plan(self, share: float, dt_s: float) -> float:
         self.system.plan_again(share)
         if self.system.rows.n_contacts:
-            self._assemble_and_solve(dt_s)
+            self._assemble(dt_s)
+            self.system.solve(self._iterations, dt_s)
         return self.system.strays()
 
     def _add_compliance(self, dt_s: float) -> None:
