@@ -39,7 +39,7 @@ def with_browser(rig: WatchedRig, seconds: float) -> list[Row]:
     pictures: list[float] = []
     with Chromium(rig.directory / "profile") as browser:
         loaded_s = load(browser, rig.address, rig.directory / "blank.png")
-        time.sleep(SETTLE_S)
+        rig.settle(SETTLE_S)
 
         def look() -> None:
             if found := re.match(r"[\d.]+", browser.text("#picture-hz")):
@@ -64,7 +64,7 @@ def main() -> None:
     if build.main():  # an older page was measured more than once
         raise SystemExit("the page cannot be built: what lies there may be another one")
     with WatchedRig(options) as rig:
-        time.sleep(SETTLE_S)
+        rig.settle(SETTLE_S)
         rig.watch(min(ALONE_S, 60.0 * arguments.minutes))
         print_alarms(rig, "no browser")
         rows = rig.rows("no browser")

@@ -151,7 +151,7 @@ def record_rig(minutes: float) -> None:
 
     names = ",".join((*TOPICS, "supervisor.state"))
     with WatchedRig(["--set", f"recorder.whole=[{names}]"]) as rig:
-        time.sleep(_SETTLE_S)
+        rig.settle(_SETTLE_S)
         stress = subprocess.Popen(STRESS, stderr=subprocess.DEVNULL)
         try:
             rig.watch(60.0 * minutes)

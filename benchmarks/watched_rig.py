@@ -65,24 +65,32 @@ class Sample:
 
 
 class History:
-    """Samples of a rig, one a second."""
+    """Samples of a rig, one a second: those of a watch, and what was seen before it began."""
 
-    def __init__(self) -> None:
+    def __init__(self, earlier: Sequence[Sample] = ()) -> None:
         self.samples: list[Sample] = []
+        self._earlier = list(earlier)
 
-    def change(self, key: str, since: float = -1.0, until: float = float("inf")) -> float:
+    @property
+    def all(self) -> list[Sample]:
+        """Every sample since the rig ran."""
+        return self._earlier + self.samples
+
+    def change(self, key: str, since: float | None = None, until: float = float("inf")) -> float:
         """Return by how much a count rose between the last sample before `since` and the first after `until`.
 
-        Without `since` that is from the first sample on; where there is none so early, since its process began. A
+        Without `since` that is from the watch's first sample on; where there is none so early, since the rig ran. A
         process that was started anew counts from 0.
         """
-        before = [s for s in self.samples if s.t <= since]
-        first = before[-1] if before else self.samples[0] if since < 0.0 else Sample(0.0, {}, 0)
-        after = next((s.t for s in self.samples if s.t >= until), until)
-        values = [s.counts.get(key, 0.0) for s in (first, *(s for s in self.samples if first.t < s.t <= after))]
+        known = self.samples if since is None else self.all
+        first = known[0] if since is None else next((s for s in reversed(known) if s.t <= since), known[0])
+        after = next((s.t for s in known if s.t >= until), until)
+        values = [s.counts.get(key, 0.0) for s in known if first.t <= s.t <= after]
         return sum(new - old if new >= old else new for old, new in itertools.pairwise(values))
 
-    def over(self, family: str, label: str, seconds: float, since: float = -1.0, until: float = float("inf")) -> float:
+    def over(
+        self, family: str, label: str, seconds: float, since: float | None = None, until: float = float("inf")
+    ) -> float:
         """Return how many durations lay above the last bucket edge that is not above `seconds`."""
         edges = [key for key in self.samples[-1].counts if key.startswith(f"{family}_bucket{{") and label in key]
         below = [key for key in edges if _edge(key) <= seconds]
@@ -148,6 +156,7 @@ class WatchedRig:
         self._asking = ThreadPoolExecutor(1, initializer=_ask_first)
         self._client = httpx.Client(timeout=60)
         self.answers_s: dict[str, float] = {}
+        self.history = History()
 
     def __enter__(self) -> Self:
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # what was started is ended then, too
@@ -188,15 +197,21 @@ class WatchedRig:
                 continue
         raise SystemExit(f"the rig does not run:\n{(self.directory / 'log').read_text()[-2000:]}")
 
+    def settle(self, seconds: float) -> None:
+        """Let it run so long; what is told afterwards of the last minute is judged by what was counted here, too."""
+        self.watch(seconds)
+
     def watch(self, seconds: float, look: Callable[[], object] = lambda: None) -> None:
         """Take a sample each second, and call `look` beside it."""
-        self.history, self.answers_s, self._said = History(), {}, {}
+        self.history, self.answers_s, self._said = History(self.history.all), {}, {}
         self._began_s = time.monotonic()
         known = {(event["t"], event["text"]) for event in self._get("api/state").json()["events"]}
         while time.monotonic() - self._began_s < seconds:
             self._take(known)
             look()
             time.sleep(1.0)
+        self._take(known)
+        time.sleep(_AFTER_S)  # what was told last is in the counts by then
         self._take(known)
         self.seconds = self.history.samples[-1].t - self.history.samples[0].t
 
@@ -222,11 +237,12 @@ class WatchedRig:
 
     def alarms(self) -> tuple[list[str], list[str]]:
         """Return the alarms of the time that was watched, and those of them that nobody's histograms bear out."""
-        first_s = self.history.samples[0].t + _BEFORE_S  # what is told of before cannot be judged
+        # What is told of before, or is not in the counts yet, cannot be judged.
+        first_s, last_s = self.history.all[0].t + _BEFORE_S, self.history.samples[-1].t - _AFTER_S
         told = [
             (t, text)
             for (t, text), level in self._said.items()
-            if t > first_s and (level != "info" or _MARK.search(text))
+            if first_s < t <= last_s and (level != "info" or _MARK.search(text))
         ]
         return [text for _, text in told], [text for t, text in told if not self.history.is_true(text, t)]
 
@@ -245,6 +261,8 @@ class WatchedRig:
             total = history.change(f"trocar_machine_lateness_seconds_count{{{label}}}")
             late = history.over("trocar_machine_lateness_seconds", label, 1e-3)
             rows.append(Row(f"machine floor, core {core}: late wake-ups", 100.0 * late / max(1.0, total), "%"))
+            worst_s = history.largest("trocar_machine_lateness_seconds", label)
+            rows.append(Row(f"machine floor, core {core}: largest, upper edge of its bucket", 1e3 * worst_s, "ms"))
         told, untrue = self.alarms()
         restarts = history.samples[-1].restarts - history.samples[0].restarts
         rows += [
