@@ -20,7 +20,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -147,10 +147,16 @@ def _edge(key: str) -> float:
 
 
 class WatchedRig:
-    """A stub rig while a ``with`` block lasts, with its own directory and ports."""
+    """A stub rig while a ``with`` block lasts, with its own directory and ports.
 
-    def __init__(self, options: Sequence[str] = ()) -> None:
-        self._options = list(options)
+    `options` are those of `trocar up`, and `environment` is added to that of this process.
+    """
+
+    def __init__(
+        self, options: Sequence[str] = (), viewer: str = "web", environment: Mapping[str, str] | None = None
+    ) -> None:
+        self._options = ["--viewer", viewer, *options]
+        self._environment = {**os.environ, **(environment or {})}
         # It asks before all that is ordinary: what is timed is the server's answer, not how long the one who asks
         # waits for a core. One connection is kept, as a browser does; another client each time took 20 ms of a core.
         self._asking = ThreadPoolExecutor(1, initializer=_ask_first)
@@ -167,8 +173,10 @@ class WatchedRig:
                     "visualization.port=0")  # fmt: skip
         overrides = [word for setting in settings for word in ("--set", setting)]
         with (self.directory / "log").open("wb") as log:
-            command = [trocar, "up", "--viewer", "web", *overrides, *self._options]
-            self.process = subprocess.Popen(command, cwd=ROOT, stdout=log, stderr=subprocess.STDOUT)
+            command = [trocar, "up", *overrides, *self._options]
+            self.process = subprocess.Popen(
+                command, cwd=ROOT, env=self._environment, stdout=log, stderr=subprocess.STDOUT
+            )
         try:
             self.address = self._await_running(page_file(Transport(directory=bus)))
         except BaseException:
@@ -274,6 +282,11 @@ class WatchedRig:
             *(Row(f"/{path} answered, slowest", 1e3 * s, "ms", 1000.0) for path, s in self.answers_s.items()),
         ]  # fmt: skip
         return [Row(f"{where}: {row.name}", **{k: v for k, v in vars(row).items() if k != "name"}) for row in rows]
+
+    def ready_s(self, process: str) -> float:
+        """Return how long after the supervisor's start a process was ready for the first time."""
+        events = self._get("api/state").json()["events"]
+        return min(float(event["t"]) for event in events if event["text"].startswith(f"{process}: ready"))
 
     def gauge(self, service: str, name: str) -> float:
         """Return a gauge of a process as it was last."""
