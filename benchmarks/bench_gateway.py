@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import time
 
+import numpy as np
 from report import Row, measure, write_report
 
 from protocol import Frame, encode
@@ -25,6 +26,7 @@ MODEL = LocalModel(
     damping_n_s_m=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
     in_contact=True,
 )
+MODEL_ROW = np.array(MODEL.row())
 
 
 class Tick:
@@ -43,7 +45,7 @@ class Tick:
 
     def accept(self) -> None:
         for instrument in self.instruments:
-            instrument.servo.accept(MODEL, 0.02, 1, 1)
+            instrument.servo.accept(MODEL_ROW, 0.02, 1, 1)
 
     def state(self) -> GatewayState:
         return GatewayState(tick=1, instruments=tuple(each.state() for each in self.instruments))

@@ -41,7 +41,7 @@ def tick(instruments: list[Instrument]) -> float:
     for instrument in instruments:
         at = instrument.state().position_m
         model = LocalModel(stiffness_n_m=STIFFNESS, reference_position_m=at, in_contact=True)
-        instrument.servo.accept(model, 0.02, sampled_ns, 1)
+        instrument.servo.accept(np.array(model.row()), 0.02, sampled_ns, 1)
     began = time.perf_counter()
     for instrument in instruments:
         instrument.read(sampled_ns)

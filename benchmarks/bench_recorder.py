@@ -27,6 +27,7 @@ from report import Row, write_report
 
 from protocol import bodies
 from protocol.arrays import pack
+from protocol.bodies.haptics import MODEL_COLUMNS
 from protocol.bodies.physics import Catheter, ContactForces, Duct
 from services.recorder.recording import read
 from services.runtime.rig import Transport
@@ -68,11 +69,7 @@ def frames(numbers: Numbers, tick: int) -> dict[str, object]:
                 for name in ("left", "right")
             ),
         ),
-        "haptics.contact_model": bodies.ContactModel(
-            tick=tick,
-            ttl_s=0.02,
-            instruments=(bodies.LocalModel(force_n=v(3), stiffness_n_m=v(9), damping_n_s_m=v(9), in_contact=True),) * 2,
-        ),
+        "haptics.contact_model": bodies.ContactModel(tick=tick, ttl_s=0.02, models=pack(a(2, MODEL_COLUMNS))),
         "haptics.contacts": bodies.ToolContacts(
             tick=tick,
             tools=(bodies.ToolState(position_m=v(3), port_m=v(3)),) * 2,

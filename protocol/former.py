@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from protocol.arrays import Array, pack, spec
-from protocol.bodies.haptics import GraspHold, ToolContacts, ToolState
+from protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
@@ -36,6 +36,18 @@ class ContactModel1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     tick: Annotated[int, Meta(ge=0)]
     ttl_s: Annotated[float, Meta(gt=0.0, le=0.1)]
     instruments: Annotated[tuple[LocalModel1, ...], Meta(max_length=8)] = ()
+
+
+class ContactModel2(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 2 of ``haptics.contact_model`` had a body a model."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    ttl_s: Annotated[float, Meta(gt=0.0, le=0.1)]
+    instruments: Annotated[tuple[LocalModel, ...], Meta(max_length=8)] = ()
+
+    def lift(self) -> ContactModel:
+        """Return the body of version 3: its table has a row a model."""
+        return ContactModel.of(self.tick, self.ttl_s, self.instruments)
 
 
 class ToolState1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from protocol import bodies, former
+from protocol import former
 from protocol.topics import Topic
 
 Upgrade = tuple[type[msgspec.Struct], Callable[[Any], Any]]
@@ -25,7 +25,8 @@ def by_name(old: type[msgspec.Struct], new: type[msgspec.Struct]) -> Upgrade:
 
 
 UPGRADES: dict[tuple[str, int], Upgrade] = {
-    ("haptics.contact_model", 1): by_name(former.ContactModel1, bodies.ContactModel),
+    ("haptics.contact_model", 1): by_name(former.ContactModel1, former.ContactModel2),
+    ("haptics.contact_model", 2): (former.ContactModel2, former.ContactModel2.lift),
     ("haptics.contacts", 1): by_name(former.ToolContacts1, former.ToolContacts2),
     ("haptics.contacts", 2): (former.ToolContacts2, former.ToolContacts2.lift),
 }

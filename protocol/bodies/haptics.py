@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Self
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-from protocol.arrays import Array, spec
+from protocol.arrays import Array, pack, spec
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
+
+#: Columns of the table of local models.
+MODEL_COLUMNS = 33
 
 
 class LocalModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Force on one instrument near a state: ``f = f0 - K (x - x0) - B (v - v0)``; the same for the grasp torque."""
+    """Force on one instrument near a state: ``f = f0 - K (x - x0) - B (v - v0)``; the same for the grasp torque.
+
+    A row of `ContactModel.models` by its names, for whoever does not mind an object: servo and haptics take rows.
+    """
 
     force_n: Annotated[Vec3, Meta(description="f0")] = ZERO3
     stiffness_n_m: Annotated[Mat3, Meta(description="K, positive semi-definite")] = ZERO9
@@ -26,13 +34,47 @@ class LocalModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     reference_rate_rad_s: float = 0.0
     in_contact: Annotated[bool, Meta(description="false: free space, every force above is zero")] = False
 
+    def row(self) -> tuple[float, ...]:
+        """Return it as it travels, (MODEL_COLUMNS,)."""
+        return (
+            *self.force_n, *self.stiffness_n_m, *self.damping_n_s_m, *self.reference_position_m,
+            *self.reference_velocity_m_s, self.grasp_torque_nm, self.grasp_stiffness_nm_rad,
+            self.grasp_damping_nm_s_rad, self.reference_angle_rad, self.reference_rate_rad_s, float(self.in_contact),
+        )  # fmt: skip
+
+    @classmethod
+    def from_row(cls, row: Sequence[float]) -> Self:
+        """Return the model that travels as ``row`` (MODEL_COLUMNS,)."""
+        n = [float(number) for number in row]
+        return msgspec.convert((n[0:3], n[3:12], n[12:21], n[21:24], n[24:27], *n[27:32], bool(n[32])), cls)
+
 
 class ContactModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """A fresh local model per instrument, in the order of the device frame that it answers."""
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered")]
     ttl_s: Annotated[float, Meta(gt=0.0, le=0.1, description="force is zero once the model is older than this")]
-    instruments: Annotated[tuple[LocalModel, ...], Meta(max_length=8)] = ()
+    models: Annotated[
+        Array,
+        spec(
+            "<f8",
+            ("instruments", MODEL_COLUMNS),
+            "3 f0 in N; 9 K in N/m and 9 B in N s/m, by rows, positive semi-definite; 3 x0 in m and 3 v0 in m/s, which "
+            "the model was made for; grasp: torque on the handle in N m, its stiffness in N m/rad and damping in "
+            "N m s/rad, both ge 0, the angle in rad and rate in rad/s that it was solved for; 1 in contact, or 0: free "
+            "space, every force is zero",
+        ),
+    ]
+
+    @classmethod
+    def of(cls, tick: int, ttl_s: float, models: Sequence[LocalModel]) -> Self:
+        """Return a frame's body of such models."""
+        rows = [model.row() for model in models]
+        return cls(tick=tick, ttl_s=ttl_s, models=pack(np.array(rows).reshape(len(rows), MODEL_COLUMNS)))
+
+    def local_models(self) -> tuple[LocalModel, ...]:
+        """Return the models by their names, of a checked body."""
+        return tuple(map(LocalModel.from_row, self.models.view().tolist()))
 
 
 class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

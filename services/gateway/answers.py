@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from protocol import Frame
 from services.gateway.instrument import Instrument
+from services.gateway.layout import MODEL_SIZE, are_models
+from services.runtime.flat_view import flat_view
 from services.runtime.health import LatencyPath
 
 #: Samples that a model may still answer: older ones are beyond every time to live.
@@ -30,8 +34,12 @@ class Answers:
     """
 
     def __init__(self, instruments: list[Instrument], arrival: LatencyPath, force: LatencyPath) -> None:
-        self.refused = {"invalid": 0, "not_asked": 0, "instruments": 0}
+        self.refused = {"invalid": 0, "not_asked": 0, "instruments": 0, "numbers": 0}
         self._instruments = instruments
+        self._models = np.zeros((len(instruments), MODEL_SIZE))
+        self._rows = list(self._models)
+        self._bytes = flat_view(self._models).cast("B")
+        are_models(self._models)  # compiled here, and not in a tick
         self._arrival = arrival
         self._force = force
         self._sampled_ns = [0] * _REMEMBERED
@@ -67,8 +75,10 @@ class Answers:
             self.refused["invalid"] += 1
         elif self._asked[slot] != body.tick:
             self.refused["not_asked"] += 1
-        elif len(body.instruments) != len(self._instruments):
+        elif len(body.models.data) != len(self._bytes):
             self.refused["instruments"] += 1
+        elif not self._take(body.models.data):
+            self.refused["numbers"] += 1
         else:
             sampled_ns = self._sampled_ns[slot]
             if body.tick > self._newest_answered:
@@ -76,9 +86,14 @@ class Answers:
                 self._unapplied_ns = sampled_ns
                 if body.tick == self._timed:
                     self._arrival.latency.record(now_ns - sampled_ns)
-            for instrument, model in zip(self._instruments, body.instruments, strict=True):
+            for instrument, model in zip(self._instruments, self._rows, strict=True):
                 instrument.servo.accept(model, body.ttl_s, sampled_ns, frame.incarnation)
                 instrument.model_sequence = frame.sequence
+
+    def _take(self, rows: bytes) -> bool:
+        """Copy the table's bytes to where numpy knows them; False if they are no models."""
+        self._bytes[:] = rows
+        return bool(are_models(self._models))
 
     def applied(self, now_ns: int) -> None:
         """Count, right after the forces were written: was the sample before this one answered in time."""

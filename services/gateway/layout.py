@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocol.bodies import LocalModel
 from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
 
 # What an arm reads, in its own frame: z up, origin at the middle of its workspace.
 READ_POSITION, READ_VELOCITY, READ_TEMPERATURE, READ_ROLL, READ_SIZE = 0, 3, 6, 7, 8
@@ -11,7 +11,7 @@ READ_POSITION, READ_VELOCITY, READ_TEMPERATURE, READ_ROLL, READ_SIZE = 0, 3, 6, 
 # What a handle reads.
 HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 
-# A local model: f = f0 - K (x - x0) - B (v - v0), the same for the grasp torque.
+# A local model, a row of `protocol.bodies.ContactModel.models`: f = f0 - K (x - x0) - B (v - v0), and of the grasp.
 MODEL_F0, MODEL_K, MODEL_B, MODEL_X0, MODEL_V0 = 0, 3, 12, 21, 24
 MODEL_TORQUE, MODEL_GRASP_K, MODEL_GRASP_B, MODEL_ANGLE0, MODEL_RATE0, MODEL_CONTACT, MODEL_SIZE = range(27, 34)
 
@@ -28,18 +28,12 @@ MEMORY_FORCE, MEMORY_POSITION = 0, 3
 MEMORY_ENERGY, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_TORQUE, MEMORY_SIZE = range(6, 13)
 
 
-def pack_model(model: LocalModel, out: FloatArray) -> None:
-    """Write a wire model into `out` (MODEL_SIZE,)."""
-    out[:] = (
-        *model.force_n,
-        *model.stiffness_n_m,
-        *model.damping_n_s_m,
-        *model.reference_position_m,
-        *model.reference_velocity_m_s,
-        model.grasp_torque_nm,
-        model.grasp_stiffness_nm_rad,
-        model.grasp_damping_nm_s_rad,
-        model.reference_angle_rad,
-        model.reference_rate_rad_s,
-        1.0 if model.in_contact else 0.0,
-    )
+@kernel
+def are_models(models: FloatArray) -> bool:
+    """Return whether rows (n, MODEL_SIZE) of finite numbers are models: no grasp pushes away, contact is 0 or 1."""
+    for row in range(models.shape[0]):
+        contact = models[row, MODEL_CONTACT]
+        gains_energy = models[row, MODEL_GRASP_K] < 0.0 or models[row, MODEL_GRASP_B] < 0.0
+        if gains_energy or not (contact == 0.0 or contact == 1.0):
+            return False
+    return True

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.bodies import LocalModel
 from services.gateway import layout, servo_law
 from services.gateway.engagement import Engagement, State
 from services.mechanics.arrays import FloatArray
@@ -100,14 +99,17 @@ class Servo:
         """Energy that the hand has put into the present contact; negative: more came out."""
         return float(self._memory[layout.MEMORY_ENERGY])
 
-    def accept(self, model: LocalModel, ttl_s: float, answers_ns: int, incarnation: int) -> None:
-        """Take a model that answers the device sample of `answers_ns`. A new incarnation means re-engagement."""
+    def accept(self, model: FloatArray, ttl_s: float, answers_ns: int, incarnation: int) -> None:
+        """Take a model (MODEL_SIZE,) that answers the device sample of `answers_ns`.
+
+        A new incarnation means re-engagement.
+        """
         if incarnation != self._incarnation:
             self._incarnation = incarnation
             self.engagement.let_go()
         self._answers_ns = answers_ns
         self._now[layout.NOW_TTL] = self._ttl_s = ttl_s
-        layout.pack_model(model, self._model)
+        self._model[:] = model
 
     def step(
         self,

@@ -6,7 +6,9 @@ import sys
 import time
 
 from protocol import Frame
+from protocol.arrays import Array
 from protocol.bodies import ContactModel, GatewayState, PhysicsState
+from protocol.bodies.haptics import MODEL_COLUMNS
 from services.cache_directory import cache_directory
 from services.haptics.deformed_scene import DeformedScene
 from services.haptics.local_model import FREE, local_model
@@ -77,13 +79,14 @@ class Haptics:
         self.scene.take_catheter(state.catheter)
 
     def _model(self, state: GatewayState, known: bool) -> ContactModel:
-        models = [
+        rows = [
             local_model(self.tools.reactions[i], each, self._forceps[i], touching=known)
             if i < len(self._forceps)
             else FREE
             for i, each in enumerate(state.instruments)
         ]
-        return ContactModel(tick=state.tick, ttl_s=self._ttl_s, instruments=tuple(models))
+        models = Array("<f8", (len(rows), MODEL_COLUMNS), b"".join(rows))
+        return ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
 
     def _detect(self) -> None:
         self._pairs.clear()

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from protocol.bodies import InstrumentState, LocalModel, ToolReaction
+import struct
+
+from protocol.bodies import InstrumentState, ToolReaction
+from protocol.bodies.haptics import MODEL_COLUMNS
 from services.mechanics.scene import ForcepsScene
 
-FREE = LocalModel()
+_pack = struct.Struct(f"<{MODEL_COLUMNS}d").pack
+FREE = bytes(8 * MODEL_COLUMNS)
 
 
-def local_model(
-    reaction: ToolReaction, instrument: InstrumentState, forceps: ForcepsScene, *, touching: bool
-) -> LocalModel:
+def local_model(reaction: ToolReaction, instrument: InstrumentState, forceps: ForcepsScene, *, touching: bool) -> bytes:
     """Return ``f = f0 - K (x - x0) - B (v - v0)`` about the hand that the reaction was solved for; for the jaws too.
+
+    What is returned are the bytes of a row of `ContactModel.models`.
 
     K is the local stiffness that physics found at the tool, virtual coupling included, so the hand meets the right
     wall although the force is a tick or two old. B is the coupling's damping and resists the present velocity. A tool
@@ -23,16 +27,16 @@ def local_model(
         return FREE
     b, ratio = forceps.coupling_damping_n_s_m, forceps.jaw_ratio
     moves_jaws = ratio if 0.0 < reaction.jaw_angle_rad < forceps.jaw_max_angle_rad else 0.0
-    return LocalModel(
-        force_n=reaction.force_n,
-        stiffness_n_m=reaction.stiffness_n_m,
-        damping_n_s_m=(b, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, b),
-        reference_position_m=reaction.position_m,
-        reference_velocity_m_s=instrument.velocity_m_s,
-        grasp_torque_nm=reaction.grasp_torque_nm * ratio,
-        grasp_stiffness_nm_rad=max(0.0, reaction.grasp_stiffness_nm_rad) * moves_jaws**2,
-        grasp_damping_nm_s_rad=forceps.jaw_damping_nm_s_rad * moves_jaws**2,
-        reference_angle_rad=reaction.jaw_angle_rad / ratio,
-        reference_rate_rad_s=instrument.handle_rate_rad_s,
-        in_contact=True,
+    return _pack(
+        *reaction.force_n,
+        *reaction.stiffness_n_m,
+        *(b, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, b),
+        *reaction.position_m,
+        *instrument.velocity_m_s,
+        reaction.grasp_torque_nm * ratio,
+        max(0.0, reaction.grasp_stiffness_nm_rad) * moves_jaws**2,
+        forceps.jaw_damping_nm_s_rad * moves_jaws**2,
+        reaction.jaw_angle_rad / ratio,
+        instrument.handle_rate_rad_s,
+        1.0,
     )

@@ -30,7 +30,7 @@ def main(rig_file: str, force_n: float) -> None:
         active_s = active_s + 1e-3 if frame.body.instruments[0].state == "active" else 0.0
         force = force_n * min(1.0, active_s / RAMP_S)
         model = LocalModel(force_n=(0.0, 0.0, force), in_contact=force > 0.0, grasp_torque_nm=0.05 * force / force_n)
-        body = ContactModel(tick=frame.body.tick, ttl_s=TTL_S, instruments=(model,) * len(frame.body.instruments))
+        body = ContactModel.of(frame.body.tick, TTL_S, (model,) * len(frame.body.instruments))
         bus.publish("haptics.contact_model", body, origin_ns=frame.origin_ns)
 
 

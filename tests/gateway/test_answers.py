@@ -1,12 +1,18 @@
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from protocol import Frame
 from protocol.bodies import ContactModel, LocalModel
 from services.gateway.answers import Answers
+from services.mechanics.arrays import FloatArray
 from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
+
+FREE = LocalModel()
+PUSH = LocalModel(force_n=(0.1, 0.2, 0.3), reference_velocity_m_s=(4.0, 5.0, 6.0), in_contact=True)
 
 
 class Stub:
@@ -17,7 +23,8 @@ class Stub:
         self.model_sequence = -1
         self.accepted: list[tuple[float, int, int]] = []
 
-    def accept(self, model: LocalModel, ttl_s: float, answers_ns: int, incarnation: int) -> None:
+    def accept(self, model: FloatArray, ttl_s: float, answers_ns: int, incarnation: int) -> None:
+        self.model = LocalModel.from_row(model)
         self.accepted.append((ttl_s, answers_ns, incarnation))
 
 
@@ -29,15 +36,18 @@ class Chain:
         self.instruments = [Stub(), Stub()]
         self.answers = Answers(self.instruments, self.arrival, self.force)  # type: ignore[arg-type]
 
-    def come(self, tick: int, now_ns: int = 0, *, valid: bool = True, instruments: int = 2) -> None:
-        body = ContactModel(tick=tick, ttl_s=0.02, instruments=(LocalModel(),) * instruments)
+    def come(
+        self, tick: int, now_ns: int = 0, *, valid: bool = True, instruments: int = 2, model: LocalModel = FREE
+    ) -> None:
+        body = ContactModel.of(tick, 0.02, (model,) * instruments)
         self.answers.accept(Frame(1, "haptics.contact_model", 1, 7, tick, 0, 0, valid, body), now_ns)
 
 
 def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
     chain = Chain()
     chain.answers.ask(4, 1_000, timed=True)
-    chain.come(4, 301_000)
+    chain.come(4, 301_000, model=PUSH)
+    assert [stub.model for stub in chain.instruments] == [PUSH, PUSH]
     assert [stub.accepted for stub in chain.instruments] == [[(0.02, 1_000, 7)]] * 2
     assert [stub.model_sequence for stub in chain.instruments] == [4, 4]
     assert (chain.arrival.latency.total, chain.arrival.latency.max_ns) == (1, 300_000)
@@ -52,12 +62,14 @@ def test_a_model_is_dated_by_the_sample_that_it_answers() -> None:
         ({"tick": 4, "valid": False}, "invalid"),
         ({"tick": 4, "instruments": 1}, "instruments"),
         ({"tick": 4 + 128}, "not_asked"),
+        ({"tick": 4, "model": LocalModel(grasp_stiffness_nm_rad=-1.0)}, "numbers"),
+        ({"tick": 4, "model": LocalModel(grasp_damping_nm_s_rad=-1e-9)}, "numbers"),
     ],
 )
-def test_what_answers_nothing_that_was_asked_is_not_used(frame: dict[str, int], reason: str) -> None:
+def test_what_answers_nothing_that_was_asked_is_not_used(frame: dict[str, Any], reason: str) -> None:
     chain = Chain()
     chain.answers.ask(4, 1_000, timed=True)
-    chain.come(**frame)  # type: ignore[arg-type]
+    chain.come(**frame)
     assert chain.answers.refused[reason] == 1
     assert chain.instruments[0].accepted == []
     assert chain.answers.outstanding

@@ -77,9 +77,9 @@ def play(angles: np.ndarray, channel: str, monkeypatch: pytest.MonkeyPatch) -> C
         tool.answer(now_ns)
         heard = over_the_wire(GatewayState(tick=k, instruments=(tool.state(),)), "gateway.state").instruments[0]
         # Force begins where little is asked for: the thing is there once the servo is engaged.
-        model = render(heard) if k >= SETTLING_TICKS else local_model(ToolReaction(), heard, FORCEPS, touching=False)
-        answer = over_the_wire(ContactModel(tick=k, ttl_s=TTL_S, instruments=(model,)), "haptics.contact_model")
-        servo.accept(answer.instruments[0], TTL_S, now_ns, 1)
+        model = render(heard) if k >= SETTLING_TICKS else _model(ToolReaction(), heard, touching=False)
+        answer = over_the_wire(ContactModel.of(k, TTL_S, (model,)), "haptics.contact_model")
+        servo.accept(answer.models.view()[0], TTL_S, now_ns, 1)
         tool.exchange_handle()
         said[k] = tool.state().handle_angle_rad
         torques[k] = node.drive.torque_nm
@@ -92,6 +92,10 @@ def over_the_wire(body: Any, name: str) -> Any:
     return decode(encode(Frame(1, name, topic(name).version, 1, 1, 1, 1, True, body))).body
 
 
+def _model(reaction: ToolReaction, state: InstrumentState, *, touching: bool) -> LocalModel:
+    return LocalModel.from_row(np.frombuffer(local_model(reaction, state, FORCEPS, touching=touching)))
+
+
 def render(state: InstrumentState) -> LocalModel:
     """Return the model of an elastic thing, as haptics makes it of what physics solved for this opening."""
     opening = jaw_angle_from_handle(state.handle_angle_rad, FORCEPS.jaw_ratio, FORCEPS.jaw_max_angle_rad)
@@ -102,7 +106,7 @@ def render(state: InstrumentState) -> LocalModel:
         jaw_angle_rad=opening,
         contacts=int(squeezed > 0.0),
     )
-    return local_model(reaction, state, FORCEPS, touching=True)
+    return _model(reaction, state, touching=True)
 
 
 @pytest.mark.parametrize("name", NAMES)

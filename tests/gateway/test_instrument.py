@@ -85,7 +85,7 @@ class Bench:
 
     def run(self, ticks: int, model: LocalModel) -> None:
         for _ in range(ticks):
-            self.servo.accept(model, 0.02, self.now_ns, 1)
+            self.servo.accept(np.array(model.row()), 0.02, self.now_ns, 1)
             self.now_ns += TICK_NS
             self.instrument.read(self.now_ns)
             self.instrument.answer(self.now_ns)

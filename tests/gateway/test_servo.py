@@ -29,7 +29,7 @@ class Bench:
         for _ in range(ticks):
             sampled_ns, self.now_ns = self.now_ns, self.now_ns + tick_ns
             if self.model is not None:
-                self.servo.accept(self.model, TTL_S, sampled_ns, self.incarnation)
+                self.servo.accept(np.array(self.model.row()), TTL_S, sampled_ns, self.incarnation)
             self.servo.step(self.now_ns, self.motion, 0.0, calibrated=True)
             self.forces.append(self.servo.force_n.copy())
         return self.forces[-1]
@@ -60,9 +60,10 @@ def test_a_haptics_that_keeps_answering_the_same_sample_is_as_good_as_silent() -
     bench = Bench()
     bench.engage()
     frozen_ns, model = bench.now_ns, bench.model
+    assert model is not None
     bench.model = None
     for _ in range(20):
-        bench.servo.accept(model, TTL_S, frozen_ns, 1)  # type: ignore[arg-type]
+        bench.servo.accept(np.array(model.row()), TTL_S, frozen_ns, 1)
         force = bench.run(1)
     assert np.linalg.norm(force) == 0.0
 

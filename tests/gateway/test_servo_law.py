@@ -32,7 +32,7 @@ class Law:
         self.handle = np.zeros(2)
 
     def load(self, **fields: object) -> None:
-        layout.pack_model(LocalModel(**fields), self.model)  # type: ignore[arg-type]
+        self.model[:] = LocalModel(**fields).row()  # type: ignore[arg-type]
 
     def force(self, age_s: float = 1e-3) -> FloatArray:
         self.now[layout.NOW_AGE] = age_s

@@ -74,7 +74,8 @@ class Rig:
         """Return the newest contact model of every instrument."""
         frame = self.gateway.latest("haptics.contact_model")
         assert frame is not None
-        return tuple(frame.body.instruments)
+        models: tuple[LocalModel, ...] = frame.body.local_models()
+        return models
 
     def model(self) -> LocalModel:
         """Return the newest contact model of the first instrument."""

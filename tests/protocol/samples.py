@@ -87,10 +87,10 @@ _BODIES: dict[str, msgspec.Struct] = {
             ),
         ),
     ),
-    "haptics.contact_model": bodies.ContactModel(
-        tick=5,
-        ttl_s=0.02,
-        instruments=(
+    "haptics.contact_model": bodies.ContactModel.of(
+        5,
+        0.02,
+        (
             bodies.LocalModel(
                 force_n=(0.0, 0.0, 1.0), stiffness_n_m=(1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0),
                 reference_position_m=(0.1, 0.2, 0.3), grasp_torque_nm=0.05, in_contact=True,

@@ -120,14 +120,23 @@ def test_arrays_that_lie_are_refused() -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_command_with_a_number_that_is_none_is_refused(bad: float) -> None:
     model = bodies.LocalModel(force_n=(0.0, bad, 0.0))
-    assert _reason(_changed("haptics.contact_model", instruments=(model,))) is Reason.NOT_FINITE
+    assert (
+        _reason(_changed("haptics.contact_model", models=bodies.ContactModel.of(5, 0.02, (model,)).models))
+        is Reason.NOT_FINITE
+    )
     model = bodies.LocalModel(grasp_torque_nm=bad)
-    assert _reason(_changed("haptics.contact_model", instruments=(model,))) is Reason.NOT_FINITE
+    assert (
+        _reason(_changed("haptics.contact_model", models=bodies.ContactModel.of(5, 0.02, (model,)).models))
+        is Reason.NOT_FINITE
+    )
 
 
 def test_opposite_infinities_do_not_cancel() -> None:
     model = bodies.LocalModel(force_n=(math.inf, -math.inf, 0.0))
-    assert _reason(_changed("haptics.contact_model", instruments=(model,))) is Reason.NOT_FINITE
+    assert (
+        _reason(_changed("haptics.contact_model", models=bodies.ContactModel.of(5, 0.02, (model,)).models))
+        is Reason.NOT_FINITE
+    )
 
 
 def test_a_header_can_be_read_alone() -> None:

@@ -75,7 +75,7 @@ def health(
 
 STREAMS: dict[str, Callable[[int], object]] = {
     "gateway.state": lambda tick: bodies.GatewayState(tick=tick),
-    "haptics.contact_model": lambda tick: bodies.ContactModel(tick=tick, ttl_s=0.02),
+    "haptics.contact_model": lambda tick: bodies.ContactModel.of(tick, 0.02, ()),
     "physics.state": samples.physics_state,
 }
 
