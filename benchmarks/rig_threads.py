@@ -2,71 +2,47 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from services.supervisor.threads import Counts, threads_of
+
 _GONE = (FileNotFoundError, ProcessLookupError)
-_PARENT, _PRIORITY = 1, 37  # places in /proc/PID/stat after the name
+_ORDINARY = (os.SCHED_OTHER, os.SCHED_BATCH, os.SCHED_IDLE)
 
 
 @dataclass(frozen=True)
-class ThreadCounts:
-    """Of one thread since it began; `name` is that of its process in the rig, and what it does there."""
+class Thread:
+    """`name` is that of its process in the rig, and what it does there."""
 
     name: str
-    switches: int
-    busy_ns: int
     realtime: bool
+    counts: Counts
+
+    @property
+    def switches(self) -> int:
+        """Since it began."""
+        return self.counts.woken + self.counts.preempted
 
 
-def _stat(folder: Path) -> list[str]:
-    return (folder / "stat").read_text().rpartition(")")[2].split()
-
-
-def _name(task: Path) -> str:
+def _name(tid: int, comm: str) -> str:
     """Return the process of the rig that a thread belongs to, and whether it is its loop or ZeroMQ's thread."""
-    process = task.parents[1]
-    words = (process / "cmdline").read_bytes().decode().split("\0")
+    words = Path(f"/proc/{tid}/cmdline").read_bytes().decode().split("\0")
     module = next((word.removeprefix("services.") for word in words if word.startswith("services.")), "supervisor")
-    comm = (task / "comm").read_text().strip()
-    kind = "loop" if task.name == process.name else "bus" if comm.startswith("ZMQbg/IO") else "other"
-    return f"{module}, {kind}"
+    leads = f"Tgid:\t{tid}\n" in Path(f"/proc/{tid}/status").read_text()
+    return f"{module}, {'loop' if leads else 'bus' if comm.startswith('ZMQbg/IO') else 'other'}"
 
 
-def _counts(task: Path) -> ThreadCounts:
-    status = (task / "status").read_text()
-    switches = sum(int(line.split()[1]) for line in status.splitlines() if "ctxt_switches" in line)
-    return ThreadCounts(
-        _name(task), switches, int((task / "schedstat").read_text().split()[0]), int(_stat(task)[_PRIORITY]) > 0
-    )
-
-
-def _family(root: int) -> Iterator[int]:
-    """Yield process `root` and all that it has started, and they."""
-    children: dict[int, list[int]] = {}
-    for folder in Path("/proc").iterdir():
-        if folder.name.isdigit():
-            try:
-                children.setdefault(int(_stat(folder)[_PARENT]), []).append(int(folder.name))
-            except _GONE:
-                continue
-    waiting = [root]
-    while waiting:
-        pid = waiting.pop()
-        yield pid
-        waiting += children.get(pid, [])
-
-
-def _all(root: int) -> dict[Path, ThreadCounts]:
+def _all(root: int) -> dict[int, Thread]:
     found = {}
-    for pid in _family(root):
+    for tid, counts in threads_of("rig", root, ()):
         try:
-            for task in Path(f"/proc/{pid}/task").iterdir():
-                found[task] = _counts(task)
+            realtime = os.sched_getscheduler(tid) & ~os.SCHED_RESET_ON_FORK not in _ORDINARY
+            found[tid] = Thread(_name(tid, counts.thread), realtime, counts)
         except _GONE:
             continue
     return found
@@ -80,15 +56,18 @@ def watch(root: int, seconds: float) -> dict[str, Any]:
     before, began_s = _all(root), time.monotonic()
     time.sleep(seconds)
     after, elapsed_s = _all(root), time.monotonic() - began_s
-    both = [(before[task], after[task]) for task in before.keys() & after.keys()]
-    busy = [(b.busy_ns - a.busy_ns, b.realtime) for a, b in both]
+    both = [(before[tid], after[tid]) for tid in before.keys() & after.keys()]
     threads: defaultdict[str, dict[str, float]] = defaultdict(lambda: {"switches_per_s": 0.0, "percent": 0.0})
+    switches = realtime = ordinary = 0.0
     for a, b in both:
+        percent = 1e-7 * (b.counts.ran_ns - a.counts.ran_ns) / elapsed_s
         threads[a.name]["switches_per_s"] += (b.switches - a.switches) / elapsed_s
-        threads[a.name]["percent"] += 1e-7 * (b.busy_ns - a.busy_ns) / elapsed_s
+        threads[a.name]["percent"] += percent
+        switches += (b.switches - a.switches) / elapsed_s
+        realtime, ordinary = realtime + percent * b.realtime, ordinary + percent * (not b.realtime)
     return {
         "threads": dict(threads),
-        "switches_per_s": sum(b.switches - a.switches for a, b in both) / elapsed_s,
-        "realtime_percent": 1e-7 * sum(ns for ns, realtime in busy if realtime) / elapsed_s,
-        "all_percent": 1e-7 * sum(ns for ns, _ in busy) / elapsed_s,
+        "switches_per_s": switches,
+        "realtime_percent": realtime,
+        "all_percent": realtime + ordinary,
     }

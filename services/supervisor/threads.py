@@ -53,7 +53,7 @@ class ThreadWatch:
         if self._samples and now_s - self._samples[-1].at_s < _PERIOD_S:
             return
         known = set(pids.values())
-        found = {tid: counts for name, pid in pids.items() if pid for tid, counts in _threads(name, pid, known)}
+        found = {tid: counts for name, pid in pids.items() if pid for tid, counts in threads_of(name, pid, known)}
         self._samples.append(_Sample(now_s, found))
 
     def totals(self) -> dict[str, Counts]:
@@ -103,7 +103,7 @@ def _both(older: _Sample, newer: _Sample) -> Iterator[tuple[Counts, Counts]]:
     return ((older.threads[tid], now) for tid, now in newer.threads.items() if tid in older.threads)
 
 
-def _threads(name: str, pid: int, known: Collection[int]) -> Iterator[tuple[int, Counts]]:
+def threads_of(name: str, pid: int, known: Collection[int]) -> Iterator[tuple[int, Counts]]:
     """Yield the threads of a process and of what it has started, as far as that has no name of its own."""
     try:
         tasks = list(Path(f"/proc/{pid}/task").iterdir())
@@ -117,7 +117,7 @@ def _threads(name: str, pid: int, known: Collection[int]) -> Iterator[tuple[int,
             continue
         for child in map(int, children):
             if child not in known:
-                yield from _threads(name, child, known)
+                yield from threads_of(name, child, known)
 
 
 def _counts(name: str, task: Path) -> Counts:
