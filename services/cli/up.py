@@ -11,6 +11,7 @@ from services.runtime.errors import DeviceError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
 from services.supervisor.supervisor import Supervisor
+from services.visualization.web import build
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +51,13 @@ def run_up(request: Request) -> None:
     process = session.open_session(options)
     display = StatusDisplay()
     run = Run(request, display)
+    reproach = build.reproach()
+    asked = session.SessionOptions(
+        options, on_event=display.event, on_turn=run.turn, remarks=(reproach,) if reproach else ()
+    )
     try:
         with display:
-            session.run_session(process, session.SessionOptions(options, on_event=display.event, on_turn=run.turn))
+            session.run_session(process, asked)
     finally:
         process.bus.close()
         if request.json_file is not None and run.report is not None:

@@ -59,12 +59,15 @@ class SessionOptions:
         Called with every event.
     on_turn
         Called after every turn, fifty times a second; True ends the session.
+    remarks
+        Warnings that are events from the beginning: for whoever looks at the page, too.
     """
 
     options: Options
     table: tuple[ProcessSpec, ...] = TABLE
     on_event: Callable[[Event], None] | None = None
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
+    remarks: tuple[str, ...] = ()
 
 
 def open_session(options: Options) -> Process:
@@ -102,6 +105,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
     setup = _setup(process, session)
     sock = listen(process.rig.supervisor.web)  # before anything is started: a taken port is told at once
     supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
+    for remark in session.remarks:
+        supervisor.say("warning", remark)
     threads = BusThreads()
     supervisor.crew.has_heard_all = threads.are_idle
     pulses = supervisor.crew.pulses = Pulses(_rings(process.rig))

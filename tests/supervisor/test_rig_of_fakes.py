@@ -276,11 +276,13 @@ from tests.supervisor.test_rig_of_fakes import Fakes
 from services.runtime.process import Options
 from services.supervisor import session
 from services.cli import up
+from services.visualization.web import build
 
 fakes = Fakes(Options({rig!r}, None, ()))
 real = session.SessionOptions
 session.TABLE = fakes.table()
 session.SessionOptions = lambda options, **rest: real(options, fakes.table(), **rest)
+build.reproach = lambda: "page: not the one of here"
 sys.argv = ["trocar", "up", "--rig", {rig!r}, *sys.argv[1:]]
 from services.cli.app import main
 main()
@@ -301,10 +303,11 @@ def test_up_announces_the_page_and_ctrl_c_still_writes_the_report(fakes: Fakes, 
     file = tmp_path / "run.json"
     up = subprocess.Popen(_command(fakes, "--json", str(file)), stderr=subprocess.PIPE, text=True)
     assert up.stderr is not None
-    line = up.stderr.readline()
-    while "is running: open http://127.0.0.1:" not in line:
-        assert line, "it ended"
-        line = up.stderr.readline()
+    lines = [up.stderr.readline()]
+    while "is running: open http://127.0.0.1:" not in lines[-1]:
+        assert lines[-1], "it ended"
+        lines.append(up.stderr.readline())
+    assert sum("page: not the one of here" in line for line in lines) == 1
     time.sleep(2.0)
     up.send_signal(signal.SIGINT)
     assert up.wait(20) == 0

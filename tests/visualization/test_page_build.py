@@ -65,6 +65,23 @@ def test_what_was_built_is_known_by_its_content(tmp_path, monkeypatch):
     assert not build.is_current()
 
 
+def test_what_is_wrong_with_the_page_that_is_served_is_a_sentence(tmp_path, monkeypatch):
+    (tmp_path / "dist").mkdir()
+    for name, value in (("WEB", tmp_path), ("DIST", tmp_path / "dist"), ("_STAMP", tmp_path / "dist" / "stamp")):
+        monkeypatch.setattr(build, name, value)
+    assert build.reproach() == "", "installed without sources"
+    (tmp_path / "src").mkdir()
+    for name in ("package.json", "package-lock.json", "build.mjs", "src/main.js"):
+        (tmp_path / name).write_text(name)
+    assert "it is not built" in build.reproach()
+    (tmp_path / "dist" / "index.html").write_text("page")
+    assert "built from other sources" in build.reproach(), "by a build that left no mark"
+    (tmp_path / "dist" / "stamp").write_text(build.fingerprint())
+    assert build.reproach() == ""
+    (tmp_path / "src" / "main.js").write_text("changed")
+    assert "python -m services.visualization.web.build" in build.reproach()
+
+
 def test_without_node_the_build_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setattr(build, "is_current", lambda: False)
     monkeypatch.setattr(build, "find_spec", lambda _name: None)

@@ -16,6 +16,7 @@ from pathlib import Path
 WEB = Path(__file__).resolve().parent
 DIST = WEB / "dist"
 _STAMP = DIST / "built-from.sha256"
+_COMMAND = "python -m services.visualization.web.build"
 _INPUTS = ("package.json", "package-lock.json", "build.mjs")
 
 
@@ -34,6 +35,17 @@ def fingerprint() -> str:
 def is_current() -> bool:
     """Return whether what lies in dist was built from what lies in src."""
     return _STAMP.is_file() and _STAMP.read_text() == fingerprint()
+
+
+def reproach() -> str:
+    """Return what is wrong with the page that lies in dist, in a sentence; empty for nothing."""
+    if not (WEB / "src").is_dir():  # installed without its sources: there is nothing to be older than
+        return ""
+    if not (DIST / "index.html").is_file():
+        return f"page: it is not built; `{_COMMAND}` builds it"
+    if not is_current():
+        return f"page: it was built from other sources than those that are here now; `{_COMMAND}` builds it anew"
+    return ""
 
 
 def build() -> None:
