@@ -11,7 +11,7 @@ import can
 from services.runtime.errors import DeviceError
 
 #: Frames taken by one `drain`: what a stall of half a second leaves behind, and a bound on a tick's time.
-_DRAIN_LIMIT = 512
+DRAIN_LIMIT = 512
 #: Errors in a row, of frames that cannot be read or of a bus that is gone, passed over by one `drain`.
 _STRANGE_LIMIT = 16
 
@@ -41,7 +41,7 @@ def drain(bus: can.BusABC) -> Iterator[can.Message]:
     A bus that has failed yields nothing: whoever listens judges by the age of what it heard last.
     """
     strange = 0
-    for _ in range(_DRAIN_LIMIT):
+    for _ in range(DRAIN_LIMIT):
         try:
             message = bus.recv(0.0)
         except can.CanOperationError:

@@ -56,6 +56,11 @@ def identifier(node: int, command: int) -> int:
     return node << 5 | command
 
 
+def command(arbitration_id: int) -> int:
+    """Return the command of an arbitration id."""
+    return arbitration_id & 0x1F
+
+
 def pack_heartbeat(errors: int, state: int, procedure_result: int, trajectory_done: bool) -> bytes:
     """Return the payload of a heartbeat."""
     return _HEARTBEAT.pack(errors, state, procedure_result, trajectory_done)

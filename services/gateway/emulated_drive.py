@@ -92,7 +92,7 @@ class EmulatedDrive:
         """Act on a frame of the host; one for another node, or of a wrong length, is ignored. Return the answers."""
         if identifier >> 5 != self.node:
             return []
-        command = identifier & 0x1F
+        command = cansimple.command(identifier)
         if command in _SAID_BY_DRIVE and not remote:
             return []  # an own frame that the bus gave back
         self._fed_s = now_s  # firmware feeds the watchdog from any frame to the axis, polls included

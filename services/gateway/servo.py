@@ -73,6 +73,8 @@ class Servo:
         self._overruns = 0
         self._last_ns = 0
         self._last_grasp_ns = 0
+        self._ramp_s = ramp_s
+        self._grasp_gain = 0.0
 
     @property
     def torque_nm(self) -> float:
@@ -154,12 +156,17 @@ class Servo:
         return begins
 
     def step_grasp(self, now_ns: int, handle: FloatArray) -> None:
-        """Compute `torque_nm` for the handle (2,), angle and rate, read at `now_ns`; may follow a newer model."""
+        """Compute `torque_nm` for the handle (2,), angle and rate, read at `now_ns`; may follow a newer model.
+
+        The torque of a drive that has come back is ramped up as force is when it begins.
+        """
         now = self._now
-        now[layout.NOW_DT] = (now_ns - self._last_grasp_ns) * 1e-9 if self._last_grasp_ns else 1e-3
+        now[layout.NOW_DT] = dt_s = (now_ns - self._last_grasp_ns) * 1e-9 if self._last_grasp_ns else 1e-3
         self._last_grasp_ns = now_ns
         now[layout.NOW_AGE] = self._age_s(now_ns)
-        now[layout.NOW_GRASP_GAIN] = self.engagement.gain if self.grasp_on else 0.0
+        rise = dt_s / self._ramp_s if self._ramp_s > 0.0 else 1.0
+        self._grasp_gain = min(self._grasp_gain + rise, self.engagement.gain) if self.grasp_on else 0.0
+        now[layout.NOW_GRASP_GAIN] = self._grasp_gain
         servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
 
     def reset_clock(self) -> None:

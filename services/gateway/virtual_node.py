@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import can
 
-from services.gateway import canbus
+from services.gateway import canbus, cansimple
 from services.gateway.bench import TICK_S, SteppedClock
 from services.gateway.emulated_drive import EmulatedDrive, Handle
 
@@ -25,8 +25,10 @@ class VirtualNode:
 
     Attributes
     ----------
-    speaking
-        Whether its frames reach the bus.
+    hearing, speaking
+        Whether frames of the bus reach it, and its own the bus.
+    unsaid
+        Commands of which it says nothing all the same.
     wanted_rad
         Where the hand on the handle wants it.
     """
@@ -34,7 +36,8 @@ class VirtualNode:
     def __init__(self, channel: str, node: int = 1, handle: Handle | None = None) -> None:
         self.drive = EmulatedDrive(node, _WATCHDOG_S, handle or Handle(0.5))
         self.clock = SteppedClock(self._tick)
-        self.speaking = True
+        self.hearing = self.speaking = True
+        self.unsaid: set[int] = set()
         self.wanted_rad = self.drive.handle.angle_rad
         self._bus = can.Bus(interface="virtual", channel=channel)
 
@@ -48,8 +51,8 @@ class VirtualNode:
 
     def _tick(self, now_s: float) -> None:
         for message in canbus.drain(self._bus):
-            self.drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s)
-        frames = self.drive.step(self.wanted_rad, now_s, TICK_S)
-        if self.speaking:
-            for identifier, data in frames:
+            if self.hearing:
+                self.drive.receive(message.arbitration_id, bytes(message.data), message.is_remote_frame, now_s)
+        for identifier, data in self.drive.step(self.wanted_rad, now_s, TICK_S):
+            if self.speaking and cansimple.command(identifier) not in self.unsaid:
                 self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))

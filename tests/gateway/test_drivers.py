@@ -213,6 +213,7 @@ def test_gear_direction_and_zero_of_the_device_file_count(tmp_path: Path) -> Non
     handle = np.zeros(2)
     node.advance(0.2)
     grasp.write(0.1)
+    grasp.read(0, handle)  # passes over what has piled up
     node.advance()
     grasp.read(0, handle)
     assert node.drive.torque_nm == pytest.approx(-0.1 / 4.0)

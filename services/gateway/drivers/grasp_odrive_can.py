@@ -36,6 +36,12 @@ class OdriveSettings(Settings):
 class OdriveLink:
     """Frames to and from one node.
 
+    Parameters
+    ----------
+    patience_s
+        What has piled up while nobody listened for longer is passed over: how old it is cannot be known, since a queue
+        that is full keeps the oldest frames.
+
     Attributes
     ----------
     angle_turns, rate_turns_s : float
@@ -46,9 +52,11 @@ class OdriveLink:
         When those came, by this host's monotonic clock.
     """
 
-    def __init__(self, bus: can.BusABC, node: int, clock: Clock) -> None:
+    def __init__(self, bus: can.BusABC, node: int, clock: Clock, patience_s: float) -> None:
         self.bus = bus
         self._clock = clock
+        self._patience_ns = round(patience_s * 1e9)
+        self._listened_ns = 0
         self.angle_turns = self.rate_turns_s = 0.0
         self.errors = 0
         self.state: int | None = None
@@ -60,18 +68,25 @@ class OdriveLink:
 
     def receive(self) -> None:
         """Take what has come. Own frames come back on some interfaces; their identifiers are none of the drive's."""
+        now_ns = self._clock.monotonic_ns()
+        piled_up = now_ns - self._listened_ns > self._patience_ns
+        count = 0
         for message in canbus.drain(self.bus):
+            count += 1
             identifier = message.arbitration_id
             if message.is_remote_frame or message.is_extended_id:
                 continue
             try:
                 if identifier == self._estimates_id:
-                    self._take_estimates(bytes(message.data))
+                    if not piled_up:
+                        self._take_estimates(bytes(message.data))
                 elif identifier == self._heartbeat_id:
                     self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
                     self.heartbeat_ns = self._clock.monotonic_ns()
             except struct.error:
                 continue  # of a wrong length: somebody else's
+        if count < canbus.DRAIN_LIMIT:  # else there is more of the same pile
+            self._listened_ns = now_ns
 
     def send(self, command: int, data: bytes = b"") -> None:
         """Send a command."""
@@ -117,7 +132,7 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def open(self) -> None:
         """Find the drive and set it up; it stays idle."""
-        link = OdriveLink(self.open_bus(), self.node, self._clock)
+        link = OdriveLink(self.open_bus(), self.node, self._clock, self.file.watchdog_s)
         self._link = link
         if not self._find(link):
             raise DeviceError(f"{self.where}: no heartbeat of node {self.node} within {self.found_timeout_s:g} s")
@@ -176,7 +191,6 @@ class OdriveGrasp(GraspHandle, ABC):
     def _judge(self, link: OdriveLink, now_ns: int) -> None:
         young = now_ns - link.estimated_ns < self.file.feedback_timeout_s * 1e9
         closed = link.state == AxisState.CLOSED_LOOP
-        self.ready = self._wanted and closed and young
         if now_ns - link.heartbeat_ns > self.file.heartbeat_timeout_s * 1e9:
             self.fault = f"the grasp drive (node {self.node}) has been silent for {self.file.heartbeat_timeout_s} s"
         elif link.errors:
@@ -185,6 +199,7 @@ class OdriveGrasp(GraspHandle, ABC):
             self.fault = f"the grasp drive (node {self.node}) did not close its loop"
         else:
             self.fault = ""
+        self.ready = self._wanted and closed and young and not self.fault
 
     def write(self, torque_nm: float) -> None:
         """Send a torque: also what feeds the drive's watchdog."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -121,6 +123,29 @@ class Book:
     moved_j: float
 
 
+class Books:
+    """What the motors of a simulated arm gave, and what the friction of its joints took, tick by tick, in J."""
+
+    def __init__(self) -> None:
+        self.given_j = self.lost_j = self.moved_j = 0.0
+        self._jacobian = np.zeros((3, 3))
+
+    def step(self, arm: ArmState, force_n: FloatArray, advance: Callable[[], None]) -> None:
+        """Let the arm `advance` by a tick under a held force (3,) in the frame of its base, and account for it."""
+        premium_model.jacobian(arm.angles, self._jacobian)
+        torque = np.clip((force_n @ self._jacobian) / GEARS, -STALL_NM, STALL_NM) * GEARS
+        angles, rates = arm.angles.copy(), arm.rates.copy()
+        advance()
+        given_j = float(torque @ (arm.angles - angles))
+        self.given_j += given_j
+        self.moved_j += abs(given_j)
+        self.lost_j += _friction_j(angles, arm.angles, rates, arm.rates)
+
+    def close(self) -> Book:
+        """Return the sums."""
+        return Book(self.given_j, self.given_j - self.lost_j, self.moved_j)
+
+
 class _Wall:
     """A wall across z that answers poses late: what haptics and physics are to the servo."""
 
@@ -157,9 +182,8 @@ def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
     centre = premium_model.centre()
     wall = _Wall(attack, 0.0, random)
     reading, motion, memory = np.zeros(READ_SIZE), np.zeros(6), np.zeros(MEMORY_SIZE)
-    limits, now, hand, jacobian = _limits(attack), np.zeros(NOW_SIZE), np.zeros(HAND_SIZE), np.zeros((3, 3))
+    limits, now, hand, books = _limits(attack), np.zeros(NOW_SIZE), np.zeros(HAND_SIZE), Books()
     now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
-    out = lost = moved = 0.0
     for k in range(ticks + 400):
         arm.read(centre, reading)
         motion[:3], motion[3:] = reading[READ_POSITION:][:3], reading[READ_VELOCITY:][:3]
@@ -168,14 +192,8 @@ def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
         servo_law.servo_force(wall.model, motion, limits, now, memory)
         _move_hand(attack, hand, centre, motion, k, ticks, random)
         force = memory[MEMORY_FORCE : MEMORY_FORCE + 3]
-        premium_model.jacobian(arm.angles, jacobian)
-        torque = np.clip((force @ jacobian) / GEARS, -STALL_NM, STALL_NM) * GEARS
-        angles, rates = arm.angles.copy(), arm.rates.copy()
-        arm.step(force, hand)
-        given = float(torque @ (arm.angles - angles))
-        out, moved = out + given, moved + abs(given)
-        lost += _friction_j(angles, arm.angles, rates, arm.rates)
-    return Book(out, out - lost, moved)
+        books.step(arm, force, partial(arm.step, force, hand))
+    return books.close()
 
 
 def _friction_j(angles: FloatArray, then: FloatArray, rates: FloatArray, rates_then: FloatArray) -> float:
