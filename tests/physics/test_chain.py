@@ -100,7 +100,7 @@ def test_when_physics_falls_silent_no_force_is_known(rig: Rig) -> None:
     answer = rig.gateway.latest("haptics.contact_model")
     assert answer is not None
     assert not answer.valid
-    assert not answer.body.instruments[0].in_contact
+    assert not answer.body.local_models()[0].in_contact
 
 
 def test_indices_that_point_nowhere_are_refused_whole(rig: Rig) -> None:
