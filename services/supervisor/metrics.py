@@ -60,9 +60,9 @@ class RigCollector:
         yield _paths(heard)
         yield from _topics(heard)
         yield from _gauges(heard)
-        yield _stages(heard)
+        yield from _stages(heard)
         yield from _threads(rig.threads)
-        yield _floor(rig.floor)
+        yield from _floor(rig.floor)
 
 
 def registry(source: Callable[[], RigSource]) -> prometheus_client.CollectorRegistry:
@@ -119,6 +119,7 @@ def _loops(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
     lateness = _histogram("trocar_loop_lateness_seconds", "Start of a tick after its deadline", "loop")
     period = _histogram("trocar_loop_period_seconds", "Time from tick to tick", "loop")
     work = _histogram("trocar_loop_work_seconds", "Work of a tick", "loop")
+    longest = [_longest(f"trocar_loop_{what}", "loop") for what in ("lateness", "period", "work")]
     ticks = CounterMetricFamily("trocar_loop_iterations", "Ticks that ran", labels=["loop"])
     misses = CounterMetricFamily("trocar_deadline_misses", "Ticks that finished late or never ran", labels=["loop"])
     for health in heard:
@@ -127,9 +128,11 @@ def _loops(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
         _add(lateness, health.process, Latencies.of(health.loop.lateness))
         _add(period, health.process, Latencies.of(health.loop.period))
         _add(work, health.process, Latencies.of(health.loop.work))
+        for family, counted in zip(longest, (health.loop.lateness, health.loop.period, health.loop.work), strict=True):
+            family.add_metric([health.process], counted.max_ns / 1e9)
         ticks.add_metric([health.process], health.loop.ticks)
         misses.add_metric([health.process], health.loop.misses)
-    yield from (lateness, period, work, ticks, misses)
+    yield from (lateness, period, work, *longest, ticks, misses)
 
 
 def _paths(heard: Iterable[bodies.Health]) -> Metric:
@@ -168,7 +171,8 @@ def _gauges(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
     yield from (link, other)
 
 
-def _stages(heard: Iterable[bodies.Health]) -> Metric:
+def _stages(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
+    longest = _longest("trocar_stage", "loop", "stage")
     family = HistogramMetricFamily("trocar_stage_seconds", "One stage of a tick", labels=["loop", "stage"])
     bounds = [*(f"{edge / 1e9:.9g}" for edge in stage_times.edges_ns()[_EVERY - 1 :: _EVERY]), "+Inf"]
     for health in heard:
@@ -178,7 +182,9 @@ def _stages(heard: Iterable[bodies.Health]) -> Metric:
             counts = [*cumulative[_EVERY - 1 : -1 : _EVERY], cumulative[-1]]
             buckets = [(bound, int(count)) for bound, count in zip(bounds, counts, strict=True)]
             family.add_metric([health.process, body.name], buckets, stage.sum_us / 1e6)
-    return family
+            if cumulative[-1]:  # to the edge of its bucket: the exact one is known of the last report's time only
+                longest.add_metric([health.process, body.name], stage.quantiles().max / 1e6)
+    yield from (family, longest)
 
 
 def _threads(threads: Mapping[str, Counts]) -> Iterator[Metric]:
@@ -197,12 +203,18 @@ def _threads(threads: Mapping[str, Counts]) -> Iterator[Metric]:
     yield from (switches, ran, waited)
 
 
-def _floor(floor: Mapping[int, Latencies]) -> Metric:
+def _floor(floor: Mapping[int, Latencies]) -> Iterator[Metric]:
     text = "Wake-ups after their time of a thread above everybody: what the machine costs"
     family = _histogram("trocar_machine_lateness_seconds", text, "core")
+    longest = _longest("trocar_machine_lateness", "core")
     for core, latencies in floor.items():
         _add(family, str(core), latencies)
-    return family
+        longest.add_metric([str(core)], latencies.max_ns / 1e9)
+    yield from (family, longest)
+
+
+def _longest(name: str, *labels: str) -> GaugeMetricFamily:
+    return GaugeMetricFamily(f"{name}_max_seconds", f"The longest of {name}_seconds since its start", labels=labels)
 
 
 def _histogram(name: str, text: str, label: str) -> HistogramMetricFamily:

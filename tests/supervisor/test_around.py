@@ -262,6 +262,11 @@ def test_metrics_and_dashboard_tell_the_same_of_stages_threads_and_floor() -> No
     assert below[min(edge for edge in below if edge > 2.0e-4)] == 2970
     assert below[max(edge for edge in below if edge < 2.0e-4)] == 0
     assert below[float("inf")] == 3000
+    assert 7e-4 <= float(values['trocar_stage_max_seconds{loop="physics",stage="solve"}']) <= 1.25 * 7e-4
+    assert float(values['trocar_machine_lateness_max_seconds{core="1"}']) == 2e-3
+    worst_ns = {what: getattr(heard.health.loop, what).max_ns for what in ("lateness", "period", "work")}
+    for what, ns in worst_ns.items():
+        assert float(values[f'trocar_loop_{what}_max_seconds{{loop="physics"}}']) == ns / 1e9
     assert float(values['trocar_context_switches_total{kind="wanted",service="physics"}']) == 500
     assert float(values['trocar_context_switches_total{kind="preempted",service="physics"}']) == 20
     assert float(values['trocar_processor_seconds_total{service="physics"}']) == 3.0
