@@ -27,7 +27,7 @@ from services.mechanics.collision.search import (
     walk,
 )
 from services.mechanics.collision.shell import Body, Patch
-from services.mechanics.collision.sides import UNKNOWN, Contact, contact_of
+from services.mechanics.collision.sides import UNKNOWN, Contact, Past, contact_followed
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import (
@@ -152,7 +152,7 @@ def _update(
     body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], reach_and_hint: tuple[float, int]
 ) -> None:
     reach = reach_and_hint[0]
-    triangle, side = probes.triangle, probes.side
+    triangle = probes.triangle
     first = _follow(body, wall, triangle[i, 0], ends, reach)
     second = _follow(body, wall, triangle[i, 1], ends, reach)
     is_lost = first[0] == NOT_FOUND and triangle[i, 0] != NOT_FOUND
@@ -160,9 +160,9 @@ def _update(
         _search(body, wall, probes, i, ends, (first, second), reach_and_hint)
         return
     if first[0] != NOT_FOUND:
-        _store(probes, i, 0, contact_of(body, wall, first, ends[0], ends[1], index(side[i, 0])))
+        _store(probes, i, 0, contact_followed(body, wall, first, ends, _past(probes, i, 0)))
     if second[0] != NOT_FOUND and _is_opposite(body, wall, first, second, ends):
-        _store(probes, i, 1, contact_of(body, wall, second, ends[0], ends[1], index(side[i, 1])))
+        _store(probes, i, 1, contact_followed(body, wall, second, ends, _past(probes, i, 1)))
     else:
         triangle[i, 1] = NOT_FOUND
 
@@ -206,26 +206,27 @@ def _search(
     body.searches += 1
     a, b = ends
     reach, hint = reach_and_hint
-    triangle, side = probes.triangle, probes.side
-    sides = (index(side[i, 0]), index(side[i, 1]))
-    first, first_side = followed[0], sides[0]
-    if first[0] == NOT_FOUND or contact_of(body, wall, first, a, b, first_side)[2] >= 0.0:
+    triangle = probes.triangle
+    pasts = (_past(probes, i, 0), _past(probes, i, 1))
+    first = followed[0]
+    if first[0] == NOT_FOUND or contact_followed(body, wall, first, ends, pasts[0])[2] >= 0.0:
         first = closest(body, wall, a, b, reach + SKIN_M, first[0])
-        first_side = _remembered_side(first, followed, sides, hint)
     _note_seen(body, wall, probes, i, ends, first, reach)
     triangle[i, 0] = triangle[i, 1] = NOT_FOUND
     if first[0] == NOT_FOUND:
         return
-    _store(probes, i, 0, contact_of(body, wall, first, a, b, first_side))
+    _store(probes, i, 0, contact_followed(body, wall, first, ends, _past_of(first, followed, pasts, hint)))
     away = offset(body, wall, first, a, b)
     if dot(away, away) == 0.0:
         return
     second = closest_opposite(body, wall, a, b, reach + SKIN_M, scaled(unit(away), -1.0))
     if second[0] == NOT_FOUND:
         return
-    contact = contact_of(body, wall, second, a, b, _remembered_side(second, followed, sides, hint))
+    past = _past_of(second, followed, pasts, index(_NEW))
+    is_new = past[0] == _NEW
+    contact = contact_followed(body, wall, second, ends, (hint if is_new else past[0], past[1], past[2]))
     # Through a wall one sees the back of the opposite one, which nobody has been pushed through.
-    if contact[2] >= 0.0 or hint == UNKNOWN or _remembered_side(second, followed, sides, index(_NEW)) != _NEW:
+    if contact[2] >= 0.0 or hint == UNKNOWN or not is_new:
         _store(probes, i, 1, contact)
 
 
@@ -244,13 +245,20 @@ def _note_seen(
 
 
 @kernel
-def _remembered_side(found: Touch, followed: tuple[Touch, Touch], sides: tuple[int, int], hint: int) -> int:
+def _past_of(found: Touch, followed: tuple[Touch, Touch], pasts: tuple[Past, Past], hint: int) -> Past:
+    """Return the past of the minimum that was found again, or one without a distance and with ``hint`` as its side."""
     for k in range(MINIMA):
         if followed[k][0] != NOT_FOUND and (
             found[0] == followed[k][0] or abs(found[1] - followed[k][1]) <= 1e-9 * found[1]
         ):
-            return sides[k]
-    return hint
+            return pasts[k]
+    return (hint, pasts[0][1], 0.0)
+
+
+@kernel
+def _past(probes: Probes, i: int, k: int) -> Past:
+    distance = probes.distance[i, k] if probes.triangle[i, k] != NOT_FOUND else 0.0
+    return (index(probes.side[i, k]), row_of(probes.normal, i, k), distance)
 
 
 @kernel

@@ -3,6 +3,11 @@
 The side is remembered, not computed: a probe that has been pushed through the middle of the wall is still on
 the side it came from, its distance is negative and its normal points back. At an open rim there are no sides:
 the wall ends in a round edge, and a probe may pass around it.
+
+Which side of the surface a point is on is read off the pseudo-normal, and that is right while the surface does not
+cross itself. Jaws turn a fold inside out: at its edge the two normals then point inwards, and a probe two millimetres
+off would be told to be as deep in the wall. Nobody passes a wall without its offset from it turning round, so a
+minimum that is followed is beyond the wall only if its offset points against the normal that it had.
 """
 
 from __future__ import annotations
@@ -20,9 +25,14 @@ from services.mechanics.compiled.vectors import Vector, along, combine, cross, d
 INSIDE, UNKNOWN, OUTSIDE = -1, 0, 1
 # Below this distance from an edge or corner its direction is rounding; the surface normal stands in.
 TOUCHING_M = 1e-9
+# An offset less than 60 degrees off the normal of the last tick is still on the same side.
+STILL = 0.5
 
 Contact = tuple[Touch, Vector, float, int]
 """(touch, unit normal towards the probe, signed distance from the mid-surface to the probe's axis, side)."""
+
+Past = tuple[int, Vector, float]
+"""(side, normal, distance) of the contact that a minimum was in the last tick; without one the distance is 0."""
 
 
 @kernel
@@ -103,6 +113,19 @@ def contact_of(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, sid
     if a != b and (touch[1] == 0.0 or side * height < 0.0):
         return _contact_at_deepest_end(body, patch, touch, a, b, side)
     return _contact_on_side(touch, away, distance, normal, side)
+
+
+@kernel
+def contact_followed(body: Body, patch: Patch, touch: Touch, ends: tuple[Vector, Vector], past: Past) -> Contact:
+    """Turn a touch into a contact as `contact_of`, of a probe with this past at the minimum that it touches."""
+    side, normal, distance = past
+    contact = contact_of(body, patch, touch, ends[0], ends[1], side)
+    if contact[2] >= 0.0 or distance <= 0.0 or touch[1] < TOUCHING_M * TOUCHING_M:
+        return contact
+    away = offset(body, patch, touch, ends[0], ends[1])
+    if dot(away, normal) > STILL * math.sqrt(touch[1]):
+        return contact_of(body, patch, touch, ends[0], ends[1], UNKNOWN)
+    return contact
 
 
 @kernel

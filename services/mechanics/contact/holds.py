@@ -85,7 +85,7 @@ class HoldRegistry:
         self._lost: set[int] = set()
         self._arrays = HoldArrays.zeros(h=CAPACITY)
         self._free = list(range(CAPACITY))
-        self._stops: list[tuple[int, int, float]] = []
+        self._stops: list[tuple[int, int, float, bool]] = []
         self._held: set[tuple[int, int]] = set()
         geometry = system.geometry
         self._n_targets = {
@@ -125,20 +125,22 @@ class HoldRegistry:
     def stop_jaws(self, tools: ToolBody) -> None:
         """Write into the tools what they hold and where that stops their jaws."""
         requests = [hold.request for hold in self.active.values()]
-        stops = [(request.tool, request.target_kind, request.jaw_angle_rad) for request in requests]
+        stops = [(each.tool, each.target_kind, each.jaw_angle_rad, _carries(each)) for each in requests]
         if stops == self._stops:
             return
         self._stops = stops
         tools.held[:] = False
         tools.jaw_stop_rad[:] = -math.inf
-        self._held = {(tool, target_kind) for tool, target_kind, _ in stops}
-        for tool, target_kind, jaw_angle_rad in stops:
+        self._held = {(tool, target_kind) for tool, target_kind, _, carries in stops if carries}
+        for tool, target_kind in self._held:
             tools.held[tool, target_kind] = True
+        for tool, _, jaw_angle_rad, _ in stops:
             tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], jaw_angle_rad)
 
     def _free_jaws(self) -> None:
         """Let jaws collide at once with what they held until now: it may spring back against them in this step."""
-        kept = {(hold.request.tool, hold.request.target_kind) for hold in self.active.values()}
+        requests = [hold.request for hold in self.active.values()]
+        kept = {(request.tool, request.target_kind) for request in requests if _carries(request)}
         for tool, kind in self._held - kept:
             self._system.geometry.tools.held[tool, kind] = False
 
@@ -209,6 +211,14 @@ class HoldRegistry:
 
     def _list_slots(self) -> None:
         self._arrays.order[: len(self.active)] = [hold.slot for hold in self.active.values()]
+
+
+def _carries(request: GraspHold) -> bool:
+    """Whether a hold stands for the jaws' contacts: jaws that open, and squeeze no more, hold no catheter back.
+
+    They must meet it then, or it goes through them. A wall's contacts stay beside its hold anyhow.
+    """
+    return request.limit_n > 0.0 or request.target_kind != CATHETER_SEGMENT
 
 
 def _are_weights(u: float, v: float, w: float) -> bool:

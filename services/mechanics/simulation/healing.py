@@ -2,7 +2,8 @@
 
 What is sound is judged by what bodies can do at all, not by what is likely: numbers that are finite, a catheter that is
 neither torn nor shot, no particle of it beyond the middle of the wall, and none in the lumen that did not come by an
-opening. A state that is taken up again is at rest, so that nothing is gained by it.
+opening. A state that is taken up again is at rest, and the hands follow anew from where the tools are: what their
+couplings held then they have lost since, and it would be theirs again for nothing.
 
 What made a state unsound may do so again at once, and for ever. So heals that follow each other go further: from the
 second on the tools touch nothing until they have been withdrawn, at the third the first state of all is taken up, and
@@ -127,7 +128,7 @@ class Healer:
         self._steps = 1
         world.duct.halt()
         world.catheter.halt()
-        world.tools.update_pose()
+        world.tools.halt()
         if self._in_a_row >= LIMP:
             world.tools.present[:] = False  # whoever comes back inside something touches nothing, see `engagement`
         world.holds.lose()

@@ -19,8 +19,9 @@ from collision_cases import (
     wavy_surface,
 )
 
-from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
+from services.mechanics.collision import CatheterContactDetector, CollisionSurface, ToolContactDetector
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
+from services.mechanics.surface.mesh import TriangleMesh
 
 SHAFT_M, JAW_M = 2.5e-3, 1e-3
 RADII = np.array([[SHAFT_M, JAW_M, JAW_M]])
@@ -90,6 +91,27 @@ def test_pairs_agree_with_brute_force_while_everything_moves():
             s = row["tool_parameter"]
             assert abs(beyond) < 1e-12 or (s == 0.0 and beyond < 0.0) or (s == 1.0 and beyond > 0.0), "of the whole jaw"
     assert seen > 25
+
+
+@pytest.mark.parametrize("squeezed", [1.0, 1.1, 2.0])
+def test_a_jaw_off_a_fold_stays_there_when_the_fold_turns_inside_out(squeezed):
+    """Jaws squeeze a fold until its flanks pass each other: the normals at its edge then point inwards.
+
+    Before, a jaw two millimetres off was told to be as deep in the wall.
+    """
+    wide, high, long = 3e-3, 4e-3, 20e-3
+    vertices = np.array([[x, y, z] for x, z in ((-wide, 0.0), (0.0, high), (wide, 0.0)) for y in (-long, long)])
+    mesh = TriangleMesh(vertices, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]], np.int32))
+    to_the_middle = np.zeros((len(vertices), 3, 1))
+    to_the_middle[:, 0, 0] = -vertices[:, 0]
+    surface = CollisionSurface(mesh, to_the_middle, np.ones(1), HALF_M)
+    detector, above = tool_detector(surface), high + JAW_M + HALF_M + 0.2e-3
+    jaw = one_jaw([-1e-3, -4e-3, above], [1e-3, 5e-3, above])
+    for share in np.linspace(0.0, squeezed, 40):
+        surface.update(np.array([share]))
+        found = detect(detector, jaw)
+        assert min(pair["gap_m"] for pair in found) == pytest.approx(0.2e-3, abs=1e-6)
+        assert min(pair["normal"][2] for pair in found) > 0.7
 
 
 @pytest.mark.parametrize("speed_m_s", [0.05, 1.0, 5.0, 15.0])

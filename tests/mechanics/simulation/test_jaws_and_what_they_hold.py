@@ -55,3 +55,12 @@ def test_what_jaws_hold_is_in_reach_of_them_in_the_step_in_which_they_let_go(hol
     tools.holds = []
     simulation.step(tools)
     assert not simulation.tools.held.any()
+
+
+def test_jaws_that_open_and_squeeze_no_more_meet_the_catheter_that_they_held(holding):
+    """Before, it sprang through them until the hold was over, and was then 4 mm inside one of them."""
+    simulation, tools = holding
+    tools.holds[0].limit_n = 0.0
+    simulation.step(tools)
+    assert list(simulation.holds.active) == [3]
+    assert not simulation.tools.held.any()

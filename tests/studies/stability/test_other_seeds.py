@@ -24,3 +24,20 @@ def test_it_gains_nothing(seed, family, case, before):
     result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
     assert not {"gain", "imbalance", "speed", "stretch", "rest", "force_step"} & set(result.failed), result.figures
     assert result.figures["gain"] < 0.5 * min(before, 0.01)
+
+
+# Where collision told wrong sides: jaws off a fold that they had turned inside out, catheters that had slipped through
+# jaws. And a heal that stretched couplings again.
+WRONG_SIDES = [
+    (1, "abuse", "jaws shut on the wall, number 1", 0.049, 6.3e-3),
+    (12, "grasping", "number 6", 0.123, 3.8e-3),
+    (1, "jumps", "holding, tool 0 by 50 mm along -x", 0.307, 1.3e-3),
+]
+
+
+@pytest.mark.parametrize(("seed", "family", "case", "gained", "deep_m"), WRONG_SIDES)
+def test_it_is_on_the_right_side(seed, family, case, gained, deep_m):
+    result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
+    assert "gain" not in result.failed, result.figures
+    assert result.figures["tool_penetration_any"] * 1e-3 < deep_m, result.figures
+    assert result.figures["gain"] < 0.2 * gained

@@ -149,6 +149,12 @@ class ToolBody:
         """Return the live arrays of the state."""
         return self.proxy, self.hand, self.stretch, self.roll_rad
 
+    def halt(self) -> None:
+        """Follow the hands anew from where the proxies are: nothing is stretched, and nothing has moved."""
+        self.hand[:] = self.proxy
+        self.stretch[:] = 0.0
+        self.update_pose()
+
     def update_pose(self) -> None:
         """Recompute frames and segments from the proxies."""
         update_poses(self.address)
