@@ -146,6 +146,7 @@ class ContactTick:
         self.modes, self.scratch = np.zeros((3 * k, r)), np.zeros(3 * k * r)
         self.moved = np.zeros((2, k, 3))
         self.W = np.zeros((3 * k, 3 * k))
+        self.each = np.arange(k, dtype=np.int32)  # no point stands there twice
         self.contact_forces = np.ones(3 * k)
         self.loads, self.out = np.ones((self.loaded.size, 3)), np.zeros((self.loaded.size, 3))
 
@@ -155,8 +156,8 @@ class ContactTick:
     def contacts(self) -> None:
         rows = (self.modes, *self.moved)
         gather_modes((self.triangles, self.weights), self.basis.Phi, (self.state.q, self.state.qdot), rows)
-        self.residual.gather_points(self.triangles, self.weights, self.W)
-        add_modal_compliance(self.modes, self.gain, self.scratch, self.W)
+        self.residual.gather_points(self.triangles, self.weights, self.W, self.each)
+        add_modal_compliance(self.modes, self.gain, self.scratch, self.W, self.each)
         np.dot(self.contact_forces, self.modes, out=self.force)
         self.out[:] = 0.0
         self.residual.apply(self.loaded, self.loads, self.loaded, self.out)

@@ -151,12 +151,13 @@ def sample_ticks(simulation: Simulation, tools: ToolInputs, samples: int) -> tup
 
 
 _MODES, _GAIN, _SCRATCH, _W = np.ones((111, 100)), np.ones(100), np.zeros(111 * 100), np.zeros((111, 111))
+_EACH = np.arange(37, dtype=np.int32)
 
 
 def floor() -> None:
     """Sums of products that never leave the first two caches."""
     for _ in range(8):
-        add_modal_compliance(_MODES, _GAIN, _SCRATCH, _W)
+        add_modal_compliance(_MODES, _GAIN, _SCRATCH, _W, _EACH)
 
 
 def main() -> None:

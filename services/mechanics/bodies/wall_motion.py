@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.contact_corners import ContactCorners, list_corners, take_corners
+from services.mechanics.bodies.contact_corners import ContactCorners, list_corners, take_corners, weigh_corners
 from services.mechanics.compiled import summing_kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.reduction.doubles import copy_doubles, find_sources
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
@@ -38,6 +39,7 @@ class PointCompliance:
         self._corners = ContactCorners.allocate(n_points)
         self._slot = np.full(reduced.mesh.n_vertices, -1, np.int32)
         self._scaled_modes = np.zeros(3 * n_points * reduced.basis.n_modes)
+        self._source = np.zeros(n_points, np.int32)
 
     def displace(self, points: Points, loads: Loads, out: tuple[FloatArray, FloatArray]) -> None:
         """Do as `add_residual`."""
@@ -56,8 +58,11 @@ class PointCompliance:
 
     def compliance_anew(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
         """Do as `compliance`, of nothing that is kept."""
-        self.reduced.residual.gather_points(points[0], points[1], out)
-        add_modal_compliance(rows, gain, self._scaled_modes, out)
+        source = self._source[: len(points[0])]
+        find_sources(points, source)
+        self.reduced.residual.gather_points(points[0], points[1], out, source)
+        add_modal_compliance(rows, gain, self._scaled_modes, out, source)
+        copy_doubles(source, out)
 
 
 class StraightMotion(PointCompliance):
@@ -104,6 +109,7 @@ class TurnedMotion(PointCompliance):
         super().__init__(replace(reduced, residual=turned), n_points)
         self._corners_m = np.zeros((3 * n_points, 3))
         self._no_residual_m = np.zeros((3 * n_points, 3))
+        self._corner_rows = np.zeros((3 * n_points, 3, reduced.basis.n_modes))
 
     def update(self, q: FloatArray) -> None:
         """String the sections together at q."""
@@ -111,8 +117,10 @@ class TurnedMotion(PointCompliance):
 
     def gather(self, points: Points, motion: tuple[FloatArray, FloatArray], loads: Loads, out: PointRows) -> None:
         """Write what `StraightMotion.gather` does; ``motion`` is q of `update` and its change."""
-        nodes, weights = points
-        self._frame.gather_rows(nodes, weights, out[0])
+        (nodes, weights), touched = points, self._corners
+        u = list_corners(nodes, weights, self._slot, touched.address)
+        self._frame.node_rows(touched.node[:u], self._corner_rows[:u])
+        weigh_corners(weights, touched.address, self._corner_rows, out[0])
         corners, flat = self._corners_m[: nodes.size], nodes.reshape(-1)
         self._frame.node_positions(flat, self._no_residual_m[: nodes.size], corners)
         move_points((flat, weights), self.reduced.mesh.vertices_m, corners, motion[1], out)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.reduction.doubles import is_copied
 
 Row = tuple[float, float, float]
 Block = tuple[Row, Row, Row]
 
 
 @summing_kernel
-def add_modal_compliance(modes: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray) -> None:
+def add_modal_compliance(
+    modes: FloatArray, gain: FloatArray, scratch: FloatArray, out: FloatArray, source: IntArray
+) -> None:
     """Add modes diag(gain) modes^T to the lower blocks of ``out`` (m, m), with the first modes of ``modes`` (m, r).
 
-    As many modes as ``gain`` (s,) has count; ``scratch`` holds at least m s items. Twice as fast as a product of the
+    As many modes as ``gain`` (s,) has count; ``scratch`` holds at least m s items; blocks that ``source`` (m / 3,) says
+    are copies are left out, see `doubles`. Twice as fast as a product of the
     BLAS, because only the lower half is formed and nine sums at a time stay in registers.
     """
     n_modes, n_rows = gain.shape[0], out.shape[0]
@@ -22,6 +26,8 @@ def add_modal_compliance(modes: FloatArray, gain: FloatArray, scratch: FloatArra
             scratch[row * n_modes + mode] = modes[row, mode] * gain[mode]
     for a in range(0, n_rows, 3):
         for b in range(0, a + 1, 3):
+            if is_copied(source, a // 3, b // 3):
+                continue
             xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for mode in range(n_modes):
                 x, y, z = modes[b, mode], modes[b + 1, mode], modes[b + 2, mode]

@@ -58,9 +58,10 @@ def _cost(times_us: FloatArray) -> Cost:
 def _floor_tick() -> Tick:
     """Sums of products that never leave the first two caches, about as long as a tick."""
     modes, gain, scratch, out = np.ones((111, 100)), np.ones(100), np.zeros(111 * 100), np.zeros((111, 111))
+    each = np.arange(37, dtype=np.int32)
 
     def tick() -> None:
         for _ in range(4):
-            add_modal_compliance(modes, gain, scratch, out)
+            add_modal_compliance(modes, gain, scratch, out, each)
 
     return tick

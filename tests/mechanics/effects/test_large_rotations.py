@@ -129,7 +129,7 @@ def test_turned_compliance_is_what_a_unit_force_does(duct, bent):
     n = rows.n_contacts
     nodes, weights = rows.duct_node[:n].copy(), rows.duct_weight[:n].copy()
     gathered = np.empty((3 * n, 3 * n))
-    body.reduced.residual.gather_points(nodes, weights, gathered)
+    body.reduced.residual.gather_points(nodes, weights, gathered, np.arange(n, dtype=np.int32))
     touched = np.unique(nodes)
     for column in (0, 3 * n - 2):
         point, axis = divmod(column, 3)

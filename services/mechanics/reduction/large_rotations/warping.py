@@ -25,7 +25,6 @@ from services.mechanics.reduction.large_rotations.warping_kernels import (
     node_positions,
     node_rotations,
     node_rows,
-    point_rows,
     string_axis,
     string_rates,
     turn_blocks,
@@ -139,15 +138,6 @@ class SectionFrame:
         """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi."""
         self._refresh_rates()
         node_rows(self._tube.address, nodes, out)
-
-    def gather_rows(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
-        """Write d position / d q at points of triangles into ``out`` (3 k, r), as `gather_modes` does for Phi.
-
-        ``nodes`` (k, 3) are the corners, ``weights`` (k, 3) the barycentric coordinates. Loads act on the modes
-        through these rows too: then their power is that of the warped points.
-        """
-        self._refresh_rates()
-        point_rows(self._tube.address, (nodes, weights), out)
 
     def turn_blocks(self, nodes: IntArray, out: FloatArray) -> None:
         """Turn a compliance ``out`` (3 k, 3 k) between ``nodes`` (k,), in place, from undeformed into world axes.

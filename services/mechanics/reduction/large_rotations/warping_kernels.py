@@ -26,7 +26,6 @@ class WarpedTube(Struct):
     rate: Annotated[FloatArray, "s", 3, "r"]  # derivatives of the centres
     small: Annotated[FloatArray, 9, 3]  # scratch: a few vectors, rows at a section, rows at a node
     between: Annotated[FloatArray, 3, "r"]
-    row: Annotated[FloatArray, 1, 3, "r"]
 
 
 tube_at = reader(WarpedTube)
@@ -215,26 +214,6 @@ def _node_rows(tube: WarpedTube, nodes: IntArray, out: FloatArray) -> None:
         _rotate(R, carried, vector)
         _add_turned_rates(A, between, vector, out[index])
         _add_rotated(R, local[node], out[index])
-
-
-@kernel
-def weigh_rows(weights: FloatArray, point: int, corner: int, row: FloatArray, out: FloatArray) -> None:
-    """Add the rows (3, r) of one corner of a point to ``out`` (3 k, r); the first corner overwrites."""
-    weight = weights[point, corner]
-    for i in range(3):
-        for mode in range(out.shape[1]):
-            before = 0.0 if corner == 0 else out[3 * point + i, mode]
-            out[3 * point + i, mode] = before + weight * row[i, mode]
-
-
-@kernel
-def point_rows(address: Address[WarpedTube], points: tuple[IntArray, FloatArray], out: FloatArray) -> None:
-    """Weigh the rows at the corners of points, (nodes (k, 3), weights (k, 3)), into ``out`` (3 k, r)."""
-    tube, (nodes, weights) = tube_at(address), points
-    for point in range(nodes.shape[0]):
-        for corner in range(3):
-            _node_rows(tube, nodes[point, corner : corner + 1], tube.row)
-            weigh_rows(weights, point, corner, tube.row[0], out)
 
 
 @kernel

@@ -14,6 +14,7 @@ import numpy as np
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.compiled import kernel
+from services.mechanics.reduction.doubles import is_copied
 
 BlockArray = Float32Array | FloatArray
 BlockStore = tuple[BlockArray, IntArray, IntArray, int]
@@ -79,12 +80,13 @@ class Residual:
         """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
         gather(self.store, nodes, out)
 
-    def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+    def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
         """Write R between points of triangles into ``out`` (3 k, 3 k).
 
-        ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point.
+        ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point. Blocks
+        that ``source`` (k,) says are copies are left out, see `doubles`.
         """
-        gather_points(self.store, nodes, weights, out)
+        gather_points(self.store, nodes, weights, out, source)
 
     def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
         """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``."""
@@ -131,11 +133,13 @@ def gather(store: BlockStore, nodes: IntArray, out: FloatArray) -> None:
 
 
 @kernel
-def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
+def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
     """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
     blocks, starts, neighbours, n_nodes = store
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
+            if is_copied(source, a, b):
+                continue
             xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for corner in range(3):
                 for other in range(3):

@@ -12,6 +12,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
+from services.mechanics.reduction.doubles import is_copied
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
 from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore, Residual, apply, block_index, gather
 
@@ -44,11 +45,14 @@ class TurnedResidual(Residual):
         gather(self.store, nodes, out)
         self.frame.turn_blocks(nodes, out)
 
-    def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray) -> None:
-        """Write R between points of triangles into ``out`` (3 k, 3 k); ``nodes`` and ``weights`` are (k, 3)."""
+    def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
+        """Write R between points of triangles into ``out`` (3 k, 3 k); ``nodes`` and ``weights`` are (k, 3).
+
+        Blocks that ``source`` (k,) says are copies are left out, see `doubles`.
+        """
         rotations = self.corner_rotation[: nodes.size]
         self.frame.node_rotations(nodes.reshape(-1), rotations)
-        gather_turned_points(self.store, (nodes, weights), rotations, out)
+        gather_turned_points(self.store, (nodes, weights), rotations, out, source)
 
     def apply(self, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
         """Add to ``out`` (k, 3), in m, what ``load_forces`` (l, 3) in N on ``load_nodes`` (l,) do to ``nodes``.
@@ -64,7 +68,7 @@ class TurnedResidual(Residual):
 
 @kernel
 def gather_turned_points(
-    store: BlockStore, points: tuple[IntArray, FloatArray], rotations: FloatArray, out: FloatArray
+    store: BlockStore, points: tuple[IntArray, FloatArray], rotations: FloatArray, out: FloatArray, source: IntArray
 ) -> None:
     """Weigh the turned blocks between the corners of points, (nodes (k, 3), weights (k, 3)), into ``out`` (3 k, 3 k).
 
@@ -74,6 +78,8 @@ def gather_turned_points(
     nodes, weights = points
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
+            if is_copied(source, a, b):
+                continue
             for i in range(3):
                 for j in range(3):
                     out[3 * a + i, 3 * b + j] = 0.0

@@ -181,17 +181,6 @@ def test_what_rides_along_is_turned_with_its_section(basis, tube_warp):
     assert (carried - plain)[0] == pytest.approx(rotation @ extra[0], abs=1e-15)
 
 
-def test_rows_at_points_weigh_those_of_the_corners(model, basis, tube_warp):
-    frame, weights = SectionFrame(tube_warp), np.array([[0.2, 0.3, 0.5], [1.0, 0.0, 0.0]])
-    frame.update(some_coordinates(basis, 20e-3))
-    triangles = model.mesh.triangles[[100, 900]]
-    rows, out = np.empty((6, 3, basis.n_modes)), np.empty((6, basis.n_modes))
-    frame.node_rows(triangles.ravel(), rows)
-    frame.gather_rows(triangles, weights, out)
-    expected = np.einsum("pc,pcir->pir", weights, rows.reshape(2, 3, 3, -1)).reshape(6, -1)
-    assert out == pytest.approx(expected, abs=1e-12)
-
-
 def test_a_turned_compliance_gives_turned_displacements_under_turned_forces(basis, tube_warp):
     frame, nodes = SectionFrame(tube_warp), np.array([400, 610], np.int32)
     frame.update(some_coordinates(basis, 20e-3))
