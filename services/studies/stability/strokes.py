@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
@@ -9,6 +11,8 @@ from services.studies.stability.hands import Hands, least_jerk
 from services.studies.stability.situations import LEAD_STEPS, Situation
 
 SPEEDS_M_S = 0.1, 0.3
+ROUNDING = 1e-6
+"""Of a row: times that are multiples of both steps are not quite."""
 
 
 def stroking(start: Situation, random: np.random.Generator, steps: int) -> Hands:
@@ -27,7 +31,23 @@ def repeated(offset_m: FloatArray, steps: int) -> FloatArray:
 
 
 def at_step(hands: Hands, dt_s: float) -> Hands:
-    """The same motion, given in steps of 1 ms, in steps of another length."""
-    wanted_s = np.arange(0.0, 1e-3 * len(hands), dt_s)
-    index: IntArray = np.minimum(np.rint(wanted_s / 1e-3), len(hands) - 1).astype(np.int32)
-    return hands.sampled(index)
+    """The same motion, given in steps of 1 ms, in steps of another length.
+
+    Between two rows hands go straight: held at the last row they would jerk a thousand times a second, which a finer
+    step resolves.
+    """
+    at = np.minimum(np.arange(0.0, 1e-3 * len(hands), dt_s) / 1e-3, len(hands) - 1.0)
+    before: IntArray = np.floor(at + ROUNDING).astype(np.int32)
+    after = np.minimum(before + 1, len(hands) - 1)
+    part = np.maximum(at - before, 0.0)
+    first, second = hands.sampled(before), hands.sampled(after)
+    return replace(
+        first,
+        position_m=_between(first.position_m, second.position_m, part[:, None, None]),
+        jaw_angle_rad=_between(first.jaw_angle_rad, second.jaw_angle_rad, part[:, None]),
+        roll_rad=_between(first.roll_rad, second.roll_rad, part[:, None]),
+    )
+
+
+def _between(first: FloatArray, second: FloatArray, part: FloatArray) -> FloatArray:
+    return first + part * (second - first)

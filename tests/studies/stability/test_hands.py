@@ -45,3 +45,13 @@ def test_another_step_takes_as_long(dt_s):
     other = at_step(hands, dt_s)
     assert len(other) * dt_s == pytest.approx(0.1)
     assert other.position_m[-1, 0, 0] == pytest.approx(100.0, abs=6.0)
+
+
+def test_hands_go_straight_between_their_rows():
+    hands = still(HERE, (0.1, 0.2), 5).moved(0, np.outer(np.arange(5), [1.0, 0.0, 0.0]), 0)
+    hands = hands.with_jaws(1, np.array([0.2, 0.4]), 1)
+    finer = at_step(hands, 0.25e-3)
+    np.testing.assert_allclose(finer.position_m[:17, 0, 0], 1.0 + 0.25 * np.arange(17))
+    assert finer.jaw_angle_rad[6, 1] == pytest.approx(0.3)
+    np.testing.assert_array_equal(at_step(hands, 1e-3).position_m, hands.position_m)
+    np.testing.assert_array_equal(at_step(hands, 2e-3).position_m, hands.position_m[::2])
