@@ -12,6 +12,7 @@ from services.runtime.errors import DeviceError
 
 #: Frames taken by one `drain`: what a stall of half a second leaves behind, and a bound on a tick's time.
 DRAIN_LIMIT = 512
+DEFAULT_BITRATE = 1e6
 #: Errors in a row, of frames that cannot be read or of a bus that is gone, passed over by one `drain`.
 _STRANGE_LIMIT = 16
 
@@ -30,9 +31,26 @@ def open_bus(settings: dict[str, Any], where: str) -> can.BusABC:
         one sentence, whatever python-can or the system says.
     """
     try:
+        if settings.get("interface") == "slcan":
+            return _open_slcan({name: value for name, value in settings.items() if name != "interface"})
         return can.Bus(**settings)
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise DeviceError(f"{where}: CAN bus {_name(settings)} cannot be opened: {error}") from None
+
+
+def _open_slcan(settings: dict[str, Any]) -> can.BusABC:
+    try:
+        import serial  # noqa: F401
+    except ImportError:
+        raise ImportError("slcan needs pyserial, which is not installed") from None
+    from services.gateway.slcan import SlcanBus  # only here: python-can complains of a missing pyserial by itself
+
+    return SlcanBus(**settings)
+
+
+def bitrate(settings: dict[str, Any]) -> float:
+    """Return the bit rate of a bus in bit/s: 1 Mbit/s where its settings do not say."""
+    return float(settings.get("bitrate", DEFAULT_BITRATE))
 
 
 def drain(bus: can.BusABC) -> Iterator[can.Message]:

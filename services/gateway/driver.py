@@ -101,6 +101,10 @@ class Device(ABC):
         A person who feels nothing moves on, or opens the jaws; so does a simulated one.
         """
 
+    def gauges(self) -> dict[str, float]:
+        """Return figures for the dashboard, by name: asked twenty times a second at most."""
+        return {}
+
     def clear_fault(self) -> None:
         """Try again after a fault: a person has armed the rig."""
         self.fault = ""

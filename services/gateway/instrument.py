@@ -110,10 +110,12 @@ class Instrument:
         return own if own or self.grasp is None else self.grasp.fault
 
     def links(self) -> dict[str, float]:
-        """Return by device whether it answers, as health reports it."""
-        found = {f"device_link_up.{self.name}.arm": float(not self.arm.fault)}
-        if self.grasp is not None:
-            found[f"device_link_up.{self.name}.grasp"] = float(not self.grasp.fault)
+        """Return by device whether it answers and what else it tells, as health reports it."""
+        found: dict[str, float] = {}
+        for kind, device in (("arm", self.arm), ("grasp", self.grasp)):
+            if device is not None:
+                found[f"device_link_up.{self.name}.{kind}"] = float(not device.fault)
+                found.update({f"{name}.{self.name}.{kind}": value for name, value in device.gauges().items()})
         return found
 
     def state(self) -> bodies.InstrumentState:

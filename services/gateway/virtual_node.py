@@ -1,4 +1,4 @@
-"""An emulated drive on python-can's in-process bus, and the only time that it and its driver know: exact and quick."""
+"""An emulated drive on a bus of python-can, and the only time that it and its driver know: exact and quick."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class VirtualNode:
 
     Parameters
     ----------
-    channel
-        Of the in-process bus.
+    bus
+        What the drive is on, given up with it; a name is that of a channel of the in-process bus.
     node
         Its number on the bus.
     handle
@@ -33,13 +33,13 @@ class VirtualNode:
         Where the hand on the handle wants it.
     """
 
-    def __init__(self, channel: str, node: int = 1, handle: Handle | None = None) -> None:
+    def __init__(self, bus: str | can.BusABC, node: int = 1, handle: Handle | None = None) -> None:
         self.drive = EmulatedDrive(node, _WATCHDOG_S, handle or Handle(0.5))
         self.clock = SteppedClock(self._tick)
         self.hearing = self.speaking = True
         self.unsaid: set[int] = set()
         self.wanted_rad = self.drive.handle.angle_rad
-        self._bus = can.Bus(interface="virtual", channel=channel)
+        self._bus = can.Bus(interface="virtual", channel=bus) if isinstance(bus, str) else bus
 
     def advance(self, seconds: float = TICK_S) -> None:
         """Let time pass."""

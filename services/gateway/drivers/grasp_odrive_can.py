@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import struct
 from abc import ABC, abstractmethod
@@ -15,6 +16,7 @@ from pydantic import Field
 
 from services.gateway import canbus, cansimple, driver
 from services.gateway.bench import Bench, Clock
+from services.gateway.bus_load import BusLoad
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import GraspHandle, Place
@@ -24,6 +26,7 @@ from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
 
 _ARM_TIMEOUT_S = 0.5
+_TORQUE_BYTES = 4
 
 
 class OdriveSettings(Settings):
@@ -52,8 +55,9 @@ class OdriveLink:
         When those came, by this host's monotonic clock.
     """
 
-    def __init__(self, bus: can.BusABC, node: int, clock: Clock, patience_s: float) -> None:
+    def __init__(self, bus: can.BusABC, node: int, clock: Clock, patience_s: float, bitrate: float) -> None:
         self.bus = bus
+        self.load = BusLoad(bitrate, clock)
         self._clock = clock
         self._patience_ns = round(patience_s * 1e9)
         self._listened_ns = 0
@@ -64,7 +68,8 @@ class OdriveLink:
         self._heartbeat_id = cansimple.identifier(node, cansimple.HEARTBEAT)
         self._estimates_id = cansimple.identifier(node, cansimple.GET_ENCODER_ESTIMATES)
         self._base = cansimple.identifier(node, 0)
-        self._torque = can.Message(arbitration_id=self._base | cansimple.SET_INPUT_TORQUE, is_extended_id=False, dlc=4)
+        self._torque_id = self._base | cansimple.SET_INPUT_TORQUE
+        self._torque = can.Message(arbitration_id=self._torque_id, is_extended_id=False, dlc=_TORQUE_BYTES)
 
     def receive(self) -> None:
         """Take what has come. Own frames come back on some interfaces; their identifiers are none of the drive's."""
@@ -74,6 +79,8 @@ class OdriveLink:
         for message in canbus.drain(self.bus):
             count += 1
             identifier = message.arbitration_id
+            if identifier != self._torque_id:
+                self.load.count(message.dlc, is_extended=message.is_extended_id)
             if message.is_remote_frame or message.is_extended_id:
                 continue
             try:
@@ -90,10 +97,12 @@ class OdriveLink:
 
     def send(self, command: int, data: bytes = b"") -> None:
         """Send a command."""
+        self.load.count(len(data))
         self.bus.send(can.Message(arbitration_id=self._base | command, data=data, is_extended_id=False))
 
     def send_torque(self, torque_nm: float) -> None:
         """Send a torque on the motor; called every tick, so the message is reused."""
+        self.load.count(_TORQUE_BYTES)
         self._torque.data = bytearray(cansimple.pack_float(torque_nm))
         self.bus.send(self._torque)
 
@@ -111,6 +120,7 @@ class OdriveGrasp(GraspHandle, ABC):
     any other stays until a person has armed the rig.
     """
 
+    bitrate = canbus.DEFAULT_BITRATE
     #: A drive says that it is there every 0.1 s.
     found_timeout_s = 3.0
 
@@ -132,7 +142,7 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def open(self) -> None:
         """Find the drive and set it up; it stays idle."""
-        link = OdriveLink(self.open_bus(), self.node, self._clock, self.file.watchdog_s)
+        link = OdriveLink(self.open_bus(), self.node, self._clock, self.file.watchdog_s, self.bitrate)
         self._link = link
         if not self._find(link):
             raise DeviceError(f"{self.where}: no heartbeat of node {self.node} within {self.found_timeout_s:g} s")
@@ -201,6 +211,10 @@ class OdriveGrasp(GraspHandle, ABC):
             self.fault = ""
         self.ready = self._wanted and closed and young and not self.fault
 
+    def gauges(self) -> dict[str, float]:
+        """Return how busy the bus is, 0 to 1, of all frames that are seen on it."""
+        return {"bus_load": self._link.load.share()} if self._link is not None else {}
+
     def write(self, torque_nm: float) -> None:
         """Send a torque: also what feeds the drive's watchdog."""
         if self._link is None:
@@ -223,7 +237,8 @@ class OdriveGrasp(GraspHandle, ABC):
         except can.CanError as error:
             self.fault = f"CAN: {error}"  # its watchdog lets the drive go
         finally:
-            link.bus.shutdown()
+            with contextlib.suppress(can.CanError):  # an adapter that was pulled out cannot even be closed
+                link.bus.shutdown()
 
 
 class Driver(OdriveGrasp):
@@ -233,6 +248,7 @@ class Driver(OdriveGrasp):
         own = driver.read_settings(OdriveSettings, settings, place)
         super().__init__(driver.read_device_file(GraspFile, settings, place), own.node, place)
         self._bus_settings = own.bus
+        self.bitrate = canbus.bitrate(own.bus)
 
     def open_bus(self) -> can.BusABC:
         """Return the bus that the rig file names."""

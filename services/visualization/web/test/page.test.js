@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { viewAddress } from "../src/address.js";
-import { duration, force, givenUp, hz, losses, percent, share, us } from "../src/dashboard/format.js";
+import { busLoad, duration, force, givenUp, hz, losses, percent, share, us } from "../src/dashboard/format.js";
 
 const page = (href) => new URL(href);
 
@@ -21,6 +21,8 @@ test("unknown figures are dashes, never NaN", () => {
 test("what was dropped or refused is told, and nothing else", () => {
   assert.equal(losses({ dropped_contacts: 3, refused_basis: 1, dropped_holds: 0, temperature: 4 }), "dropped contacts 3, refused basis 1");
   assert.equal(losses(undefined), "");
+  assert.equal(busLoad({ "bus_load.left.grasp": 0.231, "bus_load.right.grasp": 0.463, late: 1 }), "CAN 46 % full");
+  assert.equal(busLoad({ late: 1 }), "");
 });
 
 test("figures are short and keep their meaning", () => {

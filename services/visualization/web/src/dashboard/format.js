@@ -31,6 +31,12 @@ export function losses(gauges) {
     .map(([name, n]) => `${name.replaceAll("_", " ")} ${count(n)}`).join(", ");
 }
 
+// How busy the busiest of the CAN buses is, of the gauges of the gateway.
+export function busLoad(gauges) {
+  const loads = Object.entries(gauges ?? {}).filter(([name, x]) => name.startsWith("bus_load.") && known(x)).map(([, x]) => x);
+  return loads.length ? `CAN ${share(Math.max(...loads))} full` : "";
+}
+
 export function duration(s) {
   if (!known(s)) return "–";
   if (s < 100) return `${s.toFixed(0)} s`;

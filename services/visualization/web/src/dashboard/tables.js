@@ -1,6 +1,6 @@
 // The parts of the dashboard that are text: processes, work, topics, stages, real-time facts, events.
 
-import { count, duration, hz, known, losses, share, us } from "./format.js";
+import { busLoad, count, duration, hz, known, losses, share, us } from "./format.js";
 import { element, Rows, tableRow, text } from "./rows.js";
 
 const $ = (id) => document.getElementById(id);
@@ -28,7 +28,7 @@ export class Processes {
     text(head.lastChild, process.state);
     text(rate, loop ? `${hz(loop.rate_hz)} of ${hz(loop.target_hz)} Hz` : "no loop");
     text(late, loop ? `late ${share(loop.miss_ratio)}` : "");
-    text(rest, `up ${duration(process.uptime_s)}, restarts ${count(process.restarts)}`);
+    text(rest, [`up ${duration(process.uptime_s)}`, `restarts ${count(process.restarts)}`, busLoad(process.gauges)].filter(Boolean).join(", "));
     text(missed, losses(process.gauges));
     missed.title = missed.textContent;
   }

@@ -1,0 +1,170 @@
+"""The ODrive handle on other buses: an slcan adapter on a serial line, UDP multicast, and how busy they are."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from services.gateway import canbus, driver, layout
+from services.gateway.bench import SteppedClock
+from services.gateway.bus_load import BusLoad, frame_bits
+from services.gateway.cansimple import AxisState
+from services.gateway.driver import Place
+from services.gateway.virtual_node import VirtualNode
+from services.runtime.errors import DeviceError
+from services.runtime.rig import DriverSettings, Mount
+from tests.gateway.slcan_adapter import Adapter
+
+TORQUE_NM = 0.1
+
+
+class OnSlcan:
+    """A drive behind an adapter behind a pseudo terminal."""
+
+    def __init__(self) -> None:
+        self.adapter = Adapter()
+        self.node = VirtualNode(self.adapter)
+        settings = {"interface": "slcan", "channel": self.adapter.port_name, "bitrate": 1_000_000}
+        self.grasp = load(settings | {"sleep_after_open": 0.0}, self.node)
+        self.handle = np.zeros(2)
+
+    def run(self, ticks: int, torque_nm: float) -> None:
+        for _ in range(ticks):
+            self.node.advance()
+            self.grasp.read(0, self.handle)
+            self.grasp.write(torque_nm)
+            self.adapter.hear()
+
+    def close(self) -> None:
+        self.grasp.close()
+        self.node.close()
+
+
+def load(bus: dict[str, Any], node: VirtualNode) -> Any:
+    settings = DriverSettings(driver="grasp_odrive_can", device="grasp_odrive", settings={"bus": bus})
+    return driver.load_grasp(settings, replace(Place("left", Mount()), clock=node.clock))
+
+
+@pytest.fixture
+def slcan() -> Iterator[OnSlcan]:
+    bench = OnSlcan()
+    bench.grasp.open()
+    bench.adapter.hear()
+    yield bench
+    bench.close()
+
+
+def test_a_drive_behind_an_slcan_adapter_is_measured_and_loaded(slcan: OnSlcan) -> None:
+    slcan.run(50, 0.0)
+    assert slcan.adapter.commands[:2] == ["C", "S"]  # closed, told the bit rate, then opened
+    assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(0.5, abs=1e-3)
+    slcan.grasp.enable()
+    slcan.run(300, TORQUE_NM)
+    assert slcan.grasp.ready
+    assert slcan.node.drive.applied_nm == pytest.approx(TORQUE_NM)
+    assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(0.55, abs=0.01)
+
+
+def test_what_the_adapter_answers_to_frames_does_not_hide_estimates(slcan: OnSlcan) -> None:
+    """A "z" comes for each frame that was sent: an angle is as new as on any other bus all the same."""
+    slcan.run(200, 0.0)
+    for wanted_rad in np.linspace(0.5, 0.8, 100):
+        slcan.node.wanted_rad = float(wanted_rad)
+        slcan.run(1, 0.0)
+        assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(slcan.node.drive.handle.angle_rad, abs=1e-3)
+
+
+def test_noise_on_the_serial_line_is_passed_over(slcan: OnSlcan) -> None:
+    for line in (b"\a", b"t0", b"t12Z8\r", b"hello\r\r", b"\xff\xfe\r", b"T\r", b"t1239AABB\r"):
+        slcan.adapter.say(line)
+        slcan.run(1, 0.0)
+    slcan.run(5, 0.0)
+    assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_an_adapter_that_is_pulled_out_takes_the_torque(slcan: OnSlcan) -> None:
+    slcan.grasp.enable()
+    slcan.run(300, TORQUE_NM)
+    slcan.adapter.shutdown()
+    for _ in range(10):
+        slcan.node.advance()
+        slcan.grasp.read(0, slcan.handle)
+        slcan.grasp.write(0.0)
+    assert not slcan.grasp.ready
+    assert "CAN: the adapter does not listen" in slcan.grasp.fault
+
+
+def test_a_serial_port_that_is_not_there_is_one_sentence() -> None:
+    with pytest.raises(DeviceError, match="CAN bus slcan /dev/nosuch cannot be opened") as caught:
+        canbus.open_bus({"interface": "slcan", "channel": "/dev/nosuch"}, "instrument 'left'")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_drive_on_udp_multicast_is_measured_and_loaded() -> None:
+    """Frames are given back to who sent them there."""
+    bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "hop_limit": 0, "fd": False, "port": _free_port()}
+    try:
+        node = VirtualNode(can.Bus(**bus))
+    except (can.CanError, OSError) as error:
+        pytest.skip(f"this host has no multicast: {error}")
+    grasp, handle = load(bus, node), np.zeros(2)
+    grasp.open()
+    grasp.enable()
+    for _ in range(300):
+        node.advance()
+        grasp.read(0, handle)
+        grasp.write(TORQUE_NM)
+    assert node.drive.state is AxisState.CLOSED_LOOP
+    assert handle[layout.HANDLE_ANGLE] == pytest.approx(0.55, abs=0.01)
+    grasp.close()
+    node.close()
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    ("n_bytes", "is_extended", "bits"),
+    [(0, False, 55), (4, False, 95), (8, False, 135), (4, True, 120), (8, True, 160)],
+)
+def test_a_frame_takes_as_many_bits_as_the_standard_says_at_worst(n_bytes: int, is_extended: bool, bits: int) -> None:
+    assert frame_bits(n_bytes, is_extended=is_extended) == bits
+
+
+def test_two_drives_at_1_khz_take_46_percent_of_a_bus_of_1_mbit() -> None:
+    clock = SteppedClock()
+    load = BusLoad(1e6, clock)
+    for tick in range(1000):
+        clock.sleep(1e-3)
+        for _ in range(2):
+            load.count(4)
+            load.count(8)
+            if tick % 100 == 0:
+                load.count(8)
+    assert load.share() == pytest.approx(0.463, abs=0.001)
+
+
+def test_a_handle_tells_how_busy_its_bus_is_with_the_frames_of_others(tmp_path: Any) -> None:
+    node, other = VirtualNode(str(tmp_path)), VirtualNode(str(tmp_path), node=2)
+    grasp, handle = load({"interface": "virtual", "channel": str(tmp_path), "bitrate": 500_000}, node), np.zeros(2)
+    grasp.open()
+    grasp.gauges()
+    for _ in range(600):
+        node.advance()
+        other.advance()
+        grasp.read(0, handle)
+        grasp.write(0.0)
+    bits_s = 1e3 * (frame_bits(4) + 2 * frame_bits(8)) + 2 * 10 * frame_bits(8)
+    assert grasp.gauges()["bus_load"] == pytest.approx(bits_s / 500_000, rel=0.02)
+    grasp.close()
+    node.close()
+    other.close()
