@@ -61,9 +61,10 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         try:
-            return super()._recv_internal(timeout)
+            message, is_filtered = super()._recv_internal(timeout)
         except (ValueError, IndexError, KeyError):
             raise can.CanOperationError("the adapter says what is no frame") from None
+        return message, is_filtered
 
     def shutdown(self) -> None:
         """Close the bus and give the port up, also where the adapter has gone."""

@@ -21,6 +21,7 @@ from services.gateway import instrument
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
 from services.gateway.feel.hands import Books
+from services.gateway.scene_hands import SceneHands
 from services.gateway.virtual_node import VirtualNode
 from services.runtime import bus, config, health
 from services.runtime.health import HealthReporter
@@ -80,7 +81,7 @@ class Haptics:
         frame = self.bus.latest("gateway.state")
         assert frame is not None
         models = tuple(map(model_of, frame.body.instruments))
-        return ContactModel(tick=frame.body.tick, ttl_s=TTL_S, instruments=models), frame.origin_ns
+        return ContactModel.of(frame.body.tick, TTL_S, models), frame.origin_ns
 
 
 def model_of(state: InstrumentState) -> LocalModel:
@@ -137,7 +138,7 @@ class Drill:
         publishes, reads = published_by("gateway"), [each for each in read_by("gateway") if each != "supervisor.state"]
         own = MemoryBus(hub, publishes=publishes, reads=reads, reads_every=["supervisor.state"])
         process = FakeProcess(config.load_rig(_rig_file(folder)), own, HealthReporter("gateway", own))
-        self.gateway = gateway_process.Gateway(cast(Any, process))
+        self.gateway = gateway_process.Gateway(cast(Any, process), SceneHands())
         self.haptics = Haptics(hub)
         self.gateway.open()
         (self.tool,) = self.gateway.instruments

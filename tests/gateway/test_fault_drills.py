@@ -55,8 +55,8 @@ def changed(**fields: Any) -> Stream:
     """Return a stream whose models differ in some fields."""
 
     def stream(haptics: Haptics, body: ContactModel, origin_ns: int) -> list[Message]:
-        models = tuple(_with(model, fields) for model in body.instruments)
-        return at_once(haptics, _with(body, {"instruments": models}), origin_ns)
+        models = [_with(model, fields) for model in body.local_models()]
+        return at_once(haptics, ContactModel.of(body.tick, body.ttl_s, models), origin_ns)
 
     return stream
 
@@ -107,7 +107,7 @@ def answers_what_nobody_asked(haptics: Haptics, body: ContactModel, origin_ns: i
 
 
 def for_another_rig(haptics: Haptics, body: ContactModel, origin_ns: int) -> list[Message]:
-    return at_once(haptics, _with(body, {"instruments": 2 * body.instruments}), origin_ns)
+    return at_once(haptics, ContactModel.of(body.tick, body.ttl_s, 2 * body.local_models()), origin_ns)
 
 
 NAN, INFINITE = (0.0, 0.0, math.nan), (0.0, math.inf, 0.0)
