@@ -3,9 +3,9 @@
     python benchmarks/bench_faults.py [--faults 200] [--seed 14] [--minutes 5]
 
 A rig whose left hand presses on the duct, SIGKILL or SIGSTOP of one of the three at a random moment, then: how long
-until forces are on again (the rig is RUNNING or DEGRADED), whether it was RUNNING within the seven seconds after that
-(DEGRADED is not), whether a force ever stepped by more than the rate limit, and how fast each loop runs between the
-fifth and the seventh second. Exit status 1 if any of it fails.
+until the supervisor says so, how long until forces are on again (the rig is RUNNING or DEGRADED), whether it was
+RUNNING within the seven seconds after that (DEGRADED is not), whether a force ever stepped by more than the rate
+limit, and how fast each loop runs between the fifth and the seventh second. Exit status 1 if any of it fails.
 
 Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped.
 """
@@ -28,12 +28,14 @@ from report import RESULTS, Row, write_report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' rig is launched as a user would
 
+from protocol.bodies import SupervisorState
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_rates_n_s, rate_limit_n_s
 
 LOOPS = ("gateway", "haptics", "physics")
 SIGNALS = (signal.SIGKILL, signal.SIGSTOP)
 BACK_S, SETTLED_S, MEASURED_S, SLOWEST_HZ = 60.0, 5.0, 2.0, 990.0
+NOTICE_S, LATEST_NOTICE_S = 0.05, 0.1
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,13 @@ class Outcome:
     state: str  # of the rig at the end, and why
     fastest_n_s: float
     rates_hz: dict[str, float]
+    noticed_s: float | None = None  # until the supervisor said that the process is not ready
 
     def failures(self) -> list[str]:
         """Return what went wrong, a sentence each."""
         found = [] if self.forces_on_s < BACK_S else [f"no forces within {BACK_S:g} s"]
+        if self.noticed_s is None or self.noticed_s > LATEST_NOTICE_S:
+            found.append(f"noticed after {self.noticed_s} s")
         if self.running_s is None:
             found.append(f"not RUNNING: {self.state}")
         if self.fastest_n_s > rate_limit_n_s():
@@ -83,15 +88,17 @@ def strike(rig: Rig, process: str, number: signal.Signals, after_s: float) -> Ou
     observer = rig.observer
     engage(rig)
     _ticks(rig, after_s)
-    struck, pid = time.monotonic(), observer.pids()[process]
+    observer.look()
+    said, pid = len(observer.states), observer.pids()[process]
+    struck = time.monotonic()
     os.kill(pid, number)
-    said = len(observer.states)
     try:
         observer.until(lambda: observer.pids()[process] not in (0, pid), BACK_S, f"{process} replaced")
         observer.until(lambda: _has_forces(rig, said), BACK_S, "forces on again")
     except AssertionError as error:
         print(error, file=sys.stderr)
-    again_s, said = time.monotonic() - struck, len(observer.states)
+    again_s, noticed_s = time.monotonic() - struck, _noticed_s(observer.states[said:], process, pid, struck)
+    said = len(observer.states)
     _ticks(rig, SETTLED_S)
     seen = _ticks(rig, MEASURED_S)
     running_ns = next((sent_ns for sent_ns, body in observer.states[said:] if body.state == "running"), None)
@@ -99,7 +106,16 @@ def strike(rig: Rig, process: str, number: signal.Signals, after_s: float) -> Ou
     state = f"{observer.rig_state} {observer.states[-1][1].reason}".strip()
     fastest_n_s = max(force_rates_n_s(observer.samples), default=0.0)
     rates_hz = {name: _rate_hz(seen[name]) for name in LOOPS}
-    return Outcome(process, number.name, again_s, running_s, state, fastest_n_s, rates_hz)
+    return Outcome(process, number.name, again_s, running_s, state, fastest_n_s, rates_hz, noticed_s)
+
+
+def _noticed_s(states: list[tuple[int, SupervisorState]], process: str, pid: int, struck_s: float) -> float | None:
+    """Return how long after `struck_s` the supervisor said that `process` is not what it was; None for never."""
+    for sent_ns, body in states:
+        report = next(each for each in body.processes if each.name == process)
+        if sent_ns * 1e-9 >= struck_s and (report.state != "ready" or report.pid != pid):
+            return sent_ns * 1e-9 - struck_s
+    return None
 
 
 def _has_forces(rig: Rig, said: int) -> bool:
@@ -114,6 +130,14 @@ def _rows(outcomes: list[Outcome]) -> list[Row]:
     rows = [
         Row("fastest change of force from tick to tick", max(o.fastest_n_s for o in outcomes), "N/s", rate_limit_n_s())
     ]
+    noticed = [o.noticed_s for o in outcomes if o.noticed_s is not None]
+    for number in SIGNALS:
+        some_ms = [1e3 * o.noticed_s for o in outcomes if o.noticed_s is not None and o.signal == number.name]
+        if some_ms:
+            median_ms = float(np.median(some_ms))
+            rows.append(Row(f"{number.name}: noticed after", median_ms, "ms", 1e3 * NOTICE_S, p99=max(some_ms)))
+    if noticed:
+        rows.append(Row("longest until one was noticed", 1e3 * max(noticed), "ms", 1e3 * LATEST_NOTICE_S))
     for process in LOOPS:
         for number in SIGNALS:
             some = [o for o in outcomes if (o.process, o.signal) == (process, number.name)]
