@@ -121,23 +121,26 @@ def _print_path(points: list[dict[str, Any]], console: Console) -> None:
     last = points[-1]
     force = " ".join(f"{x:.6g}" for x in last["reaction_force_n"])
     console.print(f"at the full load: reaction force {force} N, residual {last['residual']:.1e}")
-    for k, support in enumerate(last["support_force_n"]):
-        console.print(f"supports.{k}: force {' '.join(f'{x:.6g}' for x in support)} N", markup=False)
+    _print_supports(last["support_force_n"], console)
 
 
-def _print_static(static: dict[str, object], console: Console) -> None:
+def _print_supports(forces_n: list[list[float]], console: Console) -> None:
+    for k, force_n in enumerate(forces_n):
+        console.print(f"supports.{k}: force {' '.join(f'{x:.6g}' for x in force_n)} N", markup=False)
+
+
+def _print_static(static: dict[str, Any], console: Console) -> None:
     table = Table("static solution", "x", "y", "z")
     rows = {"reaction force N": static["reaction_force_n"]}
     rows["reaction moment about origin N m"] = static["reaction_moment_about_origin_n_m"]
-    probes = static["probes"]
-    if isinstance(probes, dict):
-        rows |= {f"displacement at {name} m": value for name, value in probes.items()}
+    rows |= {f"displacement at {name} m": value for name, value in static["probes"].items()}
     for name, vector in rows.items():
-        if isinstance(vector, list):
-            table.add_row(name, *(f"{component:.6g}" for component in vector))
+        table.add_row(name, *(f"{component:.6g}" for component in vector))
     console.print(table)
     console.print(
         f"largest displacement {static['largest_displacement_m']:.6g} m at vertex "
         f"{static['largest_displacement_vertex']}, residual {static['residual']:.1e}, condition "
         f"{static['condition']:.1e}"
     )
+    if len(static["support_force_n"]) > 1:  # a single one's is the sum above
+        _print_supports(static["support_force_n"], console)

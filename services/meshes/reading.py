@@ -12,6 +12,8 @@ from services.mechanics.surface.units import METRES_PER_UNIT
 from services.meshes.announced import judge_file
 from services.meshes.errors import MeshError
 
+FURTHEST_M = 1e9
+"""Of a coordinate: beyond, the file is broken, and squares of lengths soon are not numbers."""
 READABLE = (".stl", ".obj", ".ply", ".vtp")
 
 
@@ -28,7 +30,7 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
     Raises
     ------
     MeshError
-        The file is missing, unreadable, cut off, of another kind, too large, or holds no triangles.
+        The file is missing, unreadable, cut off, of another kind, too large or too far away, or holds no triangles.
     """
     if units not in METRES_PER_UNIT:
         raise MeshError(f"{path}: unknown units '{units}'; known: {', '.join(METRES_PER_UNIT)}")
@@ -40,13 +42,18 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
     read = _read_vtp if path.suffix.lower() == ".vtp" else _read_with_trimesh
     try:
         vertices, triangles = read(path)
-        if len(triangles):
-            return TriangleMesh(vertices * METRES_PER_UNIT[units], triangles)
+        mesh = TriangleMesh(vertices * METRES_PER_UNIT[units], triangles) if len(triangles) else None
     except ModuleNotFoundError as error:
         raise MeshError(f"{path}: reading it needs the package '{error.name}', install trocar[mesh]") from error
     except Exception as error:  # The readers raise whatever a broken file trips them over.
         raise MeshError(f"{path}: not a readable triangle surface ({error})") from error
-    raise MeshError(f"{path}: the file holds no triangles")
+    if mesh is None:
+        raise MeshError(f"{path}: the file holds no triangles")
+    furthest = int(np.abs(mesh.vertices_m).max(axis=1).argmax())
+    distance_m = float(np.abs(mesh.vertices_m[furthest]).max())
+    if distance_m > FURTHEST_M:
+        raise MeshError(f"{path}: vertex {furthest} is {distance_m:.3g} m from the origin, no shell lies so far")
+    return mesh
 
 
 def _read_with_trimesh(path: Path) -> tuple[FloatArray, IntArray]:

@@ -5,13 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from services.mechanics.fem.elements import BendingName, MembraneName
 from services.mechanics.surface.units import LengthUnit
 
-Vector = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+LARGEST = 1e30
+"""Of any number in a file: the solution multiplies several, and beyond 1e308 a product is infinite."""
+
+
+def _not_too_large(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise ValueError(f"must not be larger than {LARGEST:g}, is {value:g}")
+    return value
+
+
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_not_too_large)]
+Positive = Annotated[Number, Field(gt=0.0)]
+Vector = tuple[Number, Number, Number]
 Dof = Literal["ux", "uy", "uz", "rx", "ry", "rz"]
 
 
@@ -39,11 +50,11 @@ class ParametricMesh(Part):
     length_m: Positive
     n_around: int = 24
     n_along: int = 36
-    taper: float = 0.0
-    curvature_1_m: float = 0.0
-    cut_angle_rad: float = 0.0
-    slit_length_m: float = 0.0
-    slit_width_m: float = 0.0
+    taper: Number = 0.0
+    curvature_1_m: Number = 0.0
+    cut_angle_rad: Number = 0.0
+    slit_length_m: Number = 0.0
+    slit_width_m: Number = 0.0
 
 
 class DuctFile(Part):
@@ -89,7 +100,7 @@ class Material(Part):
     """Elastic constants and density; with ``orthotropy`` they are those along the axis."""
 
     youngs_modulus_pa: Positive
-    poisson_ratio: float
+    poisson_ratio: Number
     density_kg_m3: Positive
     orthotropy: Orthotropic | None = None
 
@@ -131,7 +142,7 @@ class Load(Part):
     force_n: Vector | None = None
     moment_n_m: Vector | None = None
     where: Where | None = None
-    pressure_pa: float | None = None
+    pressure_pa: Number | None = None
     traction_pa: Vector | None = None
     acceleration_m_s2: Vector | None = None
 

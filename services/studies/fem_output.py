@@ -12,6 +12,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import StaticSolution
 from services.mechanics.fem.nonlinear import PathPoint
 from services.mechanics.fem.nonlinear.rotations import logarithm
+from services.mechanics.fem.supports import DOF_NAMES
 from services.meshes.writing import write_vtu
 from services.studies.fem_run import FemResult, select
 
@@ -50,9 +51,7 @@ def _path_json(result: FemResult) -> dict[str, Any]:
             "iterations": point.iterations,
             "residual": point.residual,
             **_equilibrium_json(result, point.at.position_m - start_m, point.reaction, point.at.position_m),
-            "support_force_n": [
-                _support_force(result, k, point.reaction[:, :3]) for k in range(len(result.case.supports))
-            ],
+            "support_force_n": _support_forces(result, point.reaction),
         }
         for point in result.path
     ]
@@ -79,17 +78,21 @@ def _equilibrium_json(
     }
 
 
-def _support_force(result: FemResult, k: int, force: FloatArray) -> list[float]:
-    """(3,) force of one support, of the vertices that it names."""
-    vertices = select(result.model.mesh, result.case.supports[k].where, f"supports.{k}.where")
-    total: list[float] = force[vertices].sum(axis=0).tolist()
-    return total
+def _support_forces(result: FemResult, reaction: FloatArray) -> list[list[float]]:
+    """(3,) force of each support, out of the (n, 6) reactions: of the vertices that it names, along what it holds."""
+    forces = []
+    for k, support in enumerate(result.case.supports):
+        vertices = select(result.model.mesh, support.where, f"supports.{k}.where")
+        holds = [name in support.dofs for name in DOF_NAMES[:3]]
+        forces.append(np.where(holds, reaction[vertices, :3].sum(axis=0), 0.0).tolist())
+    return forces
 
 
 def _static_json(result: FemResult, static: StaticSolution) -> dict[str, Any]:
     return {
         "residual": static.residual,
         "condition": result.model.condition,
+        "support_force_n": _support_forces(result, static.reaction),
         **_equilibrium_json(result, static.displacement_m, static.reaction, result.model.mesh.vertices_m),
         "displacement_m": static.displacement_m.tolist(),
     }

@@ -87,6 +87,30 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
     ValueError
         One sentence that names the key, the mesh file or the place that is wrong.
     """
+    try:
+        return _solve(case, folder, on_stage)
+    except ValueError as error:
+        raise ValueError(_in_keys_of_the_file(str(error))) from error
+
+
+_KEYS_OF_THE_FILE = (
+    ("duct: ", "mesh.parametric: "),
+    ("wall_thickness_m", "thickness_m"),
+    ("section: thickness_m", "thickness_m:"),
+    ("section: ", "material: "),
+    ("n_modes", "modes:"),
+    ("control: arc_length", "path: arc_length"),
+)
+"""What the solver calls what a file says, and what the file calls it."""
+
+
+def _in_keys_of_the_file(sentence: str) -> str:
+    for ours, theirs in _KEYS_OF_THE_FILE:
+        sentence = sentence.replace(ours, theirs)
+    return sentence
+
+
+def _solve(case: FemCase, folder: Path, on_stage: OnStage) -> FemResult:
     on_stage("mesh", 1)
     mesh, actions = build_mesh(case, folder, on_stage)
     on_stage("assembly", 1)

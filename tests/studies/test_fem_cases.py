@@ -289,11 +289,23 @@ def test_stages_are_reported_in_order(tmp_path):
     [
         ({"thicknes_m": 1}, r"case.yaml: thicknes_m: unknown key 'thicknes_m'; known: .*thickness_m"),
         ({"thickness_m": -1}, "case.yaml: thickness_m: .* greater than 0"),
+        (
+            {"loads": [{"pressure_pa": -1e300}]},
+            r"case.yaml: loads.0.pressure_pa: must not be larger than 1e\+30, is -1e\+300",
+        ),
+        (
+            {"mesh": {"parametric": {"radius_m": 1e300, "length_m": 0.04}}},
+            r"case.yaml: mesh.parametric.radius_m: must not be larger than 1e\+30",
+        ),
+        (
+            {"loads": [{"pressure_pa": 1e9}], "analysis": "nonlinear", "load_steps": 1},
+            "where a shell snaps, path: arc_length follows it",
+        ),
         ({"mesh": {}}, "case.yaml: mesh: give exactly one of parametric, duct_file, surface_file, not none"),
         ({"mesh": {"parametric": {"radius_m": 1e-3}}}, "mesh.parametric.length_m: this key is missing"),
         (
             {"mesh": {"parametric": {"radius_m": 1e-3, "length_m": 1, "taper": 0.9}}},
-            "case.yaml: duct: wall_thickness_m leaves no lumen",
+            "case.yaml: mesh.parametric: thickness_m leaves no lumen",
         ),
         ({"mesh": {"duct_file": {"path": "no.stl", "units": "mm"}}}, "no.stl: no such file"),
         (
@@ -302,7 +314,7 @@ def test_stages_are_reported_in_order(tmp_path):
         ),
         (
             {"mesh": {"parametric": {"radius_m": 0.004, "length_m": 0.04, "n_around": 9999, "n_along": 9999}}},
-            r"case.yaml: duct: n_around times n_along make 2e\+08 triangles",
+            r"case.yaml: mesh.parametric: n_around times n_along make 2e\+08 triangles",
         ),
         ({"supports": []}, "case.yaml: supports: .* at least 1"),
         ({"supports": [{"where": {"vertex": 3}}]}, None),
@@ -322,12 +334,12 @@ def test_stages_are_reported_in_order(tmp_path):
             {"loads": [{"force_n": [1e-3, 0, 0], "where": {"vertex_set": "mouth"}}], "buckling": 1},
             "case.yaml: buckling: no multiple of the loads buckles this shell",
         ),
-        ({"modes": 100000}, "n_modes must lie between 1 and"),
+        ({"modes": 100000}, "case.yaml: modes: must lie between 1 and"),
         ({"regions": [{"centre_m": [9, 9, 9], "radius_m": 1e-3}]}, "regions.0: no triangle"),
         ({"elements": {"bending": "mitc"}}, "elements.bending: .*'dkt' or 'tocher'"),
         (
             {"material": {"youngs_modulus_pa": 1e5, "poisson_ratio": 0.7, "density_kg_m3": 1.0}},
-            "poisson_ratio of an isotropic material must not exceed 0.5",
+            "case.yaml: material: poisson_ratio of an isotropic material must not exceed 0.5",
         ),
         (
             {"supports": [clamped(), held([0, 1e-3, 0]), held([0, 0, 0], "ux", "uz", "uy")]},
@@ -347,7 +359,7 @@ def test_stages_are_reported_in_order(tmp_path):
         ),
         (
             {"thickness_m": 0.5e-3, "regions": [{"centre_m": [0, 0, 0], "radius_m": 1, "thickness_factor": 40}]},
-            r"thickness_m is 2.5\d? times the width of the piece round \[20.0, .*\] mm, that is no shell",
+            r"case.yaml: thickness_m: is 2.5\d? times the width of the piece round \[20.0, .*\] mm, that is no shell",
         ),
         ({"probes": {"p": {"vertex": 5000}}, "loads": [{"pressure_pa": 1.0}]}, "probes.p.vertex: 5000 does not exist"),
     ],
@@ -360,6 +372,29 @@ def test_a_wrong_file_is_one_sentence_with_its_key(tmp_path, change, message):
     with pytest.raises(ConfigError, match=message) as caught:
         run(path, tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_each_support_says_its_force(tmp_path, capsys):
+    """A tube pulled by 1 % between ends that may narrow: E A of its cross-section's polygon times the strain."""
+    ends = [
+        {"where": {"vertex_set": "clamped"}, "dofs": ["ux"]},
+        {"where": {"vertex_set": "mouth"}, "dofs": ["ux"], "displacement_m": [4e-4, 0, 0]},
+        {"where": {"vertex": 0}, "dofs": ["uy", "uz"]},
+        {"where": {"vertex": 3}, "dofs": ["uy"]},
+    ]
+    result = run(write(tmp_path, changed(supports=ends, modes=0)), tmp_path)
+    girth_m = 12 * 2 * 0.004 * np.sin(np.pi / 12)
+    pull_n = 1e5 * 0.5e-3 * girth_m * 0.01
+    forces = np.array(result["static"]["support_force_n"])
+    np.testing.assert_allclose(forces, np.outer([-pull_n, pull_n, 0, 0], [1, 0, 0]), atol=1e-9 * pull_n)
+    assert "supports.1: force 0.0124233 0 0 N" in capsys.readouterr().out
+
+
+def test_a_surface_at_infinity_is_one_sentence(tmp_path):
+    (tmp_path / "far.obj").write_text("v 0 0 1e300\nv 10 0 0\nv 0 10 0\nf 1 2 3\n")
+    mesh = {"surface_file": {"path": "far.obj", "units": "mm"}}
+    with pytest.raises(ConfigError, match=r"far.obj: vertex 0 is 1e\+297 m from the origin"):
+        fem_command(write(tmp_path, changed(mesh=mesh)))
 
 
 def test_output_into_a_missing_folder_is_refused_before_solving(tmp_path):
