@@ -13,6 +13,7 @@ from types import FrameType
 from typing import Any
 
 from protocol.topics import observed_by, published_by, read_by, topic
+from services import start_up
 from services.runtime import config, endpoints, log, realtime
 from services.runtime.called_for import EVERYTHING, CalledFor, called_for
 from services.runtime.errors import BusError, UserError
@@ -221,6 +222,7 @@ def main(
     whole
         Returns the topics of which the process gets every frame, whatever the table says.
     """
+    start_up.end()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is a loop to end in good order, just end
     try:
         options = parse(name, arguments)

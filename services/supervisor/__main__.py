@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from services import start_up
 from services.runtime.errors import UserError
 from services.runtime.process import parse
 from services.supervisor.session import SessionOptions, open_session, run_session
@@ -14,6 +15,7 @@ from services.supervisor.supervisor import Event, Supervisor
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the supervisor from its command line; return the exit code."""
+    start_up.end()
     try:
         options = parse("supervisor", arguments)
         process = open_session(options)

@@ -31,7 +31,7 @@ def stream_body(name: str, tick: int) -> msgspec.Struct | None:
         case "gateway":
             return bodies.GatewayState(tick=tick)
         case "haptics":
-            return bodies.ContactModel(tick=tick, ttl_s=0.02)
+            return bodies.ContactModel.of(tick, 0.02, ())
         case "physics":
             return samples.physics_state(tick)
     return None

@@ -1,17 +1,22 @@
-"""Softening: a wall that gives way where it is squeezed, as a thin wall does whose section folds."""
+"""Softening: a wall that gives way where it is squeezed, as a thin wall does whose section folds.
+
+What it needs is imported when a scene has it: the shell of large displacements, with scipy's trees and rotations,
+is a tenth of what a process of the rig imports.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from services.mechanics.arrays import AnyArray
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.softened_wall.follow import follow_loads
-from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
-from services.mechanics.reduction.softening.training import WallSoftening, fetch_softening
 from services.mechanics.world import World
+
+if TYPE_CHECKING:
+    from services.mechanics.reduction.softening.training import WallSoftening
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +53,15 @@ class Softening(Effect):
 
     def prepare(self, world: World) -> None:
         """Take the wall's softening on."""
+        from services.mechanics.reduction.softened_wall.follow import follow_loads
+        from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
+
         duct = world.duct
         # Read by name: no effect needs another's file.
         lasting = 1.0 - sum(getattr(self.scene.effects.get("viscoelasticity"), "g", ()))
         softening, load = self._fetch(duct.reduced), duct.constant_modal_force
         self._wall = SoftenedWall.of(duct.reduced, softening, load, duct.integrator, lasting)
+        self._follow, self._spent, self._stored = follow_loads, SPENT, STORED
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Push the modes."""
@@ -63,8 +72,8 @@ class Softening(Effect):
         duct, n = world.duct, world.duct.n_loads
         loads = duct.load_nodes[:n], duct.load_force_n[:n]
         motion = duct.state.q, duct.q_start, duct.state.qdot, duct.state.qddot
-        follow_loads(self._wall.address, loads, duct.contact_impulse, motion, dt_s)
-        self.dissipated_j = float(self._wall.books[SPENT])
+        self._follow(self._wall.address, loads, duct.contact_impulse, motion, dt_s)
+        self.dissipated_j = float(self._wall.books[self._spent])
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return forces followed, force on the modes, and the books."""
@@ -72,9 +81,11 @@ class Softening(Effect):
 
     def potential_energy_j(self, world: World) -> float:
         """Return what the wall stores less than a linear one that is displaced as far."""
-        return float(self._wall.books[STORED])
+        return float(self._wall.books[self._stored])
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:
+        from services.mechanics.reduction.softening.training import fetch_softening
+
         if duct.recipe is None:
             raise ValueError("effects.softening: the duct has no recipe, use build_scene_duct")
         try:

@@ -1,0 +1,77 @@
+"""What a process of the rig does while it imports, and what it does not import."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from services import start_up
+
+SERVICES = Path(start_up.__file__).parent
+PROCESSES = sorted(path.parent.name for path in SERVICES.glob("*/__main__.py"))
+
+
+@pytest.fixture(autouse=True)
+def collector() -> Iterator[None]:
+    yield
+    gc.unfreeze()
+    gc.enable()
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_a_process_imports_without_looking_for_garbage(process: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["-m", "--rig", "stub"])
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", f"services.{process}", "--rig", "stub"])
+    start_up.begin()
+    assert not gc.isenabled()
+    start_up.end()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() > 0
+
+
+@pytest.mark.parametrize(
+    ("argv", "asked"),
+    [
+        (["-m"], ["python", "-m", "services.gateway.drive_process"]),
+        (["-m"], ["python", "-m", "services.cli.app"]),
+        (["-m"], ["python", "-m"]),
+        (["-c"], ["python", "-c", "import services"]),
+        (["/usr/bin/pytest"], ["python", "-m", "services.physics"]),
+    ],
+)
+def test_nobody_else_does_who_would_not_switch_it_on_again(
+    argv: list[str], asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", argv)
+    monkeypatch.setattr(sys, "orig_argv", asked)
+    start_up.begin()
+    assert gc.isenabled()
+
+
+@pytest.mark.parametrize("process", PROCESSES)
+def test_a_process_collects_garbage_again_before_it_begins(process: str) -> None:
+    """Each file of a process reaches `end`: a command line that is refused tells that it came so far."""
+    script = (
+        "import gc, runpy, sys\n"
+        f"sys.orig_argv[:] = ['python', '-m', 'services.{process}']; sys.argv[:] = ['-m']\n"
+        "import services; assert not gc.isenabled()\n"
+        f"sys.argv[:] = ['{process}', '--no-such-option']\n"
+        "try:\n"
+        f"    runpy.run_module('services.{process}', run_name='__main__')\n"
+        "except SystemExit:\n"
+        "    print('on' if gc.isenabled() else 'off')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["on"]
+
+
+def test_what_a_scene_does_not_name_is_not_imported() -> None:
+    heavy = "services.mechanics.fem.nonlinear", "scipy.spatial", "services.mechanics.reduction.softening.training"
+    script = f"import sys, services.physics.__main__; print(*set({heavy!r}) & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
