@@ -102,6 +102,7 @@ class DuctBody:
         self.motion_m = np.zeros((capacity, 3))
         self.load_nodes = np.zeros(3 * capacity, np.int32)
         self.load_force_n = np.zeros((3 * capacity, 3))
+        self._let_go = np.zeros((capacity, 3))
         self._n_loads = np.zeros(1, np.int64)
         self._gains = np.zeros((3, n_modes))
         self._gains_dt_s = 0.0
@@ -168,6 +169,19 @@ class DuctBody:
         n, count = len(nodes), self.n_loads
         loads = self.load_nodes[:count], self.load_force_n[:count]
         self._motion.displace((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
+
+    def add_lasting_motion(
+        self, nodes: IntArray, weights: FloatArray, loads: tuple[IntArray, FloatArray], out: FloatArray
+    ) -> None:
+        """Add to ``out`` (k, 3) what ``loads``, nodes (l,) and forces (l, 3) in N, move points by beyond the modes.
+
+        Points are those of the last `gather`, which let go of all loads: these go on acting through the step.
+        """
+        self._motion.add_residual((nodes, weights), loads, (out, self._let_go[: len(nodes)]))
+
+    def replace_loads(self, count: int) -> None:
+        """Take on that the first ``count`` of ``load_nodes`` and ``load_force_n`` were written anew."""
+        self._n_loads[0] = count
 
     def compliance(self, nodes: IntArray, weights: FloatArray, out: FloatArray, *, anew: bool = False) -> None:
         """Write the compliance between the points of the last `gather` into the lower blocks of ``out`` (3 k, 3 k).

@@ -35,6 +35,15 @@ def complete_rows(state_address: Address[ContactState], displacement: FloatArray
 
 
 @kernel
+def subtract_motion(state_address: Address[ContactState], motion: FloatArray) -> None:
+    """Take more of the duct's free motion (k, 3) over the step out of the slips of complete rows."""
+    rows = state_at(state_address).rows
+    for row in range(rows.n_contacts):
+        for axis in range(3):
+            rows.slip_m[row, axis] -= motion[row, axis]
+
+
+@kernel
 def collect(
     state_address: Address[ContactState],
     pairs_addresses: tuple[Address[ContactPairs], Address[ContactPairs]],

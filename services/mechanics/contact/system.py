@@ -134,6 +134,10 @@ class ContactSystem:
             duct.displace(*self.rows.on_duct)
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
+    def add_duct_motion(self, motion_m: FloatArray) -> None:
+        """Let the duct's points of the complete rows move by ``motion_m`` (k, 3) more over the step."""
+        stages.subtract_motion(self.address, motion_m)
+
     def assemble(self, add_compliance: AddCompliance | None) -> None:
         """Gather what the solve needs, of the bodies here and, if there are others, what they add."""
         self.strategy.assemble(add_compliance)

@@ -45,7 +45,9 @@ EFFECTS: dict[str, EffectEntry] = {
     "twist": EffectEntry(Twist, "torsion of the catheter; rest curvature turns with it"),
     "nonlinear_membrane": EffectEntry(NonlinearMembrane, "a wall that stiffens as it stretches"),
     "softening": EffectEntry(Softening, "a wall that gives way where it is squeezed"),
-    "viscoelasticity": EffectEntry(Viscoelasticity, "a wall that relaxes: Prony terms on every mode"),
+    "viscoelasticity": EffectEntry(
+        Viscoelasticity, "a wall that relaxes: Prony terms on modes and what they leave out"
+    ),
     "gallstones": EffectEntry(Gallstones, "rigid spheres that catheter and wall push about"),
     "self_contact": EffectEntry(SelfContact, "the catheter touching itself"),
     "mucus_drag": EffectEntry(MucusDrag, "viscous film between catheter and wall"),

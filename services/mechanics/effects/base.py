@@ -115,6 +115,10 @@ class Effect:
         """Append contact rows of the effect's own bodies or laws to ``world.system.rows``."""
         raise NotImplementedError
 
+    def add_motion(self, world: World, dt_s: float) -> None:
+        """Add to the free motion of the contact points, once their rows are complete."""
+        raise NotImplementedError
+
     def set_friction(self, world: World, dt_s: float) -> None:
         """Set the contacts' coefficients of friction and the largest forces of holds."""
         raise NotImplementedError
@@ -139,6 +143,7 @@ STAGES = (
     "add_loads",
     "add_pairs",
     "add_rows",
+    "add_motion",
     "set_friction",
     "add_compliance",
     "after_solve",

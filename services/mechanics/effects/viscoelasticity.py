@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.mechanics.arrays import FloatArray
+import numpy as np
+
+from services.mechanics.arrays import AnyArray
 from services.mechanics.effects.base import Effect
 from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes
+from services.mechanics.reduction.viscous_loads import ViscousLoads
 from services.mechanics.world import World
 
 
@@ -26,9 +29,10 @@ class ViscoelasticitySettings:
 
 
 class Viscoelasticity(Effect):
-    """The duct's modulus is the instantaneous one and relaxes by sum(g); what the modes leave out stays elastic.
+    """The duct's modulus is the instantaneous one and relaxes by sum(g), in the modes and in what they leave out.
 
-    Dissipative at any step. The lagging coordinates are the effect's own state.
+    Dissipative at any step. The lagging coordinates and loads are the effect's own state. Loads that lag keep their
+    direction where large rotations turn the wall under them.
     """
 
     Settings = ViscoelasticitySettings
@@ -36,23 +40,47 @@ class Viscoelasticity(Effect):
 
     def prepare(self, world: World) -> None:
         """Start relaxed."""
-        self._modes = ViscousModes(world.duct.reduced.basis.omega_rad_s, self.settings.series())
+        duct, series = world.duct, self.settings.series()
+        self._modes = ViscousModes(duct.reduced.basis.omega_rad_s, series)
+        self._loads = ViscousLoads(series, duct.reduced.mesh.n_vertices, len(duct.load_nodes))
+        self._motion_m = np.zeros_like(duct.motion_m)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Drive the modes with what the wall has relaxed."""
         self._modes.add_force(world.duct.modal_force)
 
+    def add_motion(self, world: World, dt_s: float) -> None:
+        """Keep the dents that lag: contacts ask where the wall is without their forces."""
+        nodes, weights = world.system.rows.on_duct
+        lasting, motion_m = self._loads.lasting, self._motion_m[: len(nodes)]
+        if len(nodes) and len(lasting[0]):
+            motion_m[:] = 0.0
+            world.duct.add_lasting_motion(nodes, weights, lasting, motion_m)
+            world.system.add_duct_motion(motion_m)
+
     def after_solve(self, world: World, dt_s: float) -> None:
         """Let the wall relax towards where it is."""
-        self._modes.relax(world.duct.state.q, dt_s)
-        self.dissipated_j = self._modes.dissipated_j
+        duct = world.duct
+        self._modes.relax(duct.state.q, dt_s)
+        # Without contact rows the loads are those that were left here.
+        n_loads = duct.n_loads if _has_contacts(world) else 0
+        loads = duct.load_nodes, duct.load_force_n, n_loads
+        duct.replace_loads(self._loads.relax(loads, duct.reduced.residual.store, dt_s))
+        self.dissipated_j = self._modes.dissipated_j + self._loads.dissipated_j
 
-    def state_arrays(self) -> tuple[FloatArray, ...]:
-        """The lagging coordinates."""
-        return (self._modes.d,)
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """The lagging coordinates and loads."""
+        return self._modes.d, *self._loads.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
         """Energy in the springs of the Prony terms less that of the instantaneous modulus, which the duct reports."""
         duct = world.duct
         unrelaxed_j = duct.state.strain_energy_j(duct.reduced.basis.omega_rad_s)
-        return self._modes.stored_energy_j(duct.state.q) - unrelaxed_j
+        lagging_j = self._loads.extra_energy_j(duct.reduced.residual.store)
+        return self._modes.stored_energy_j(duct.state.q) - unrelaxed_j + lagging_j
+
+
+def _has_contacts(world: World) -> bool:
+    """Whether this step has contacts; a duct alone has no system of them."""
+    system = getattr(world, "system", None)
+    return system is not None and system.rows.n_contacts > 0

@@ -320,6 +320,8 @@ class Simulation:
 
     def _prepare_contacts(self, dt_s: float) -> None:
         self.system.complete_rows()
+        for effect in self._stages["add_motion"]:
+            effect.add_motion(self.world, dt_s)
         for effect in self._stages["set_friction"]:
             effect.set_friction(self.world, dt_s)
         self._assemble(dt_s)

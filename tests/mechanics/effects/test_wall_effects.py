@@ -8,6 +8,7 @@ from effect_runs import pressing_tools, run
 
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import vertex_areas_m2
 
@@ -39,6 +40,39 @@ def test_viscoelastic_wall_relaxes_under_a_held_tool(with_effects, small_duct):
             forces.append(simulation.tool_results.force_n[0, 2])
         fall[len(effects)] = np.mean(forces[60:80]) / np.mean(forces[-20:])
     assert fall[1] > 1.1 * fall[0]
+
+
+def test_a_dent_relaxes_as_the_whole_wall_does(with_effects, cache_dir):
+    """Few modes leave most of a poke to the residual: held, the wall's stiffness still falls to the lasting modulus."""
+    stiffness = []
+    for effects in ({"viscoelasticity": {"g": (0.4,), "tau_s": (0.05,)}}, {}):
+        scene = with_effects(**effects)
+        scene = replace(scene, duct=replace(scene.duct, n_modes=4))
+        simulation, tools = Simulation(scene, build_scene_duct(scene, cache_dir)), pressing_tools(None)
+        tools.position_m[0] += -13e-3, 0.0, 0.9e-3  # near the clamp: a small dent, with the same contacts both times
+        wall = simulation.duct.surface_m()
+        for _ in range(900):
+            simulation.step(tools)
+        dent_m = np.linalg.norm(simulation.duct.surface_m() - wall, axis=1)[wall[:, 0] < 12e-3].max()
+        stiffness.append(simulation.tool_results.force_n[0, 2] / dent_m)
+    assert stiffness[0] == pytest.approx(0.6 * stiffness[1], rel=0.01)
+
+
+def test_the_books_balance_over_a_poke_that_relaxes(with_effects, cache_dir):
+    scene = with_effects(viscoelasticity={})
+    scene = replace(scene, duct=replace(scene.duct, n_modes=12))
+    simulation, tools = Simulation(scene, build_scene_duct(scene, cache_dir)), pressing_tools(None)
+    top_m = tools.position_m[0, 2]
+    tools.position_m[0, 2] = top_m + 1e-3
+    simulation.step(tools)
+    book, most_j = EnergyBook(simulation), 0.0
+    for tick in range(900):
+        tools.position_m[0, 2] = top_m + 1e-3 - 2e-3 * max(0.0, 1.0 - abs(tick / 400.0 - 1.0))
+        book.step(tools)
+        most_j = max(most_j, book.flow.input_j)
+    effect = simulation.effects["viscoelasticity"]
+    assert effect.dissipated_j > 0.05 * most_j
+    assert abs(book.flow.imbalance_j) < 0.01 * most_j
 
 
 def test_anisotropic_wall_has_other_modes(with_effects, cache_dir, small_duct):

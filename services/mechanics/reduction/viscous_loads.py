@@ -1,0 +1,210 @@
+"""What a viscoelastic wall keeps of a dent: the residual displacement under contact loads relaxes as the modes do.
+
+The residual is elastic at once: u = R p. In a wall whose stiffnesses all relax as one Prony series it is the force
+p - sum_k g_k h_k that acts, with h_k' = (p - h_k) / tau_k: u is that of the loads f and of what lags behind them,
+p = f + sum_k g_k h_k, node by node. A dent under a force that lasts grows to R f / (1 - sum g).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.reduction.residual.blocks import BlockStore, block_index
+from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
+from services.mechanics.reduction.viscoelastic import PronySeries
+
+LEAST_N = 1e-6
+"""What lags by less is forgotten where nothing presses."""
+MOST_LEFT = 32
+"""Nodes that nothing presses any more and that still lag; of more, those that lag least are forgotten."""
+BOOKED_EVERY = 0.08
+"""Of the shortest relaxation time: what is dissipated is a sum over all pairs of nodes, and changes slowly."""
+
+
+class LaggingLoads(Struct):
+    """The nodes that lag, each once; the first ``count`` mean something."""
+
+    g: Annotated[FloatArray, "t"]
+    decay: Annotated[FloatArray, "t"]
+    node: Annotated[IntArray, "m"]
+    lag: Annotated[FloatArray, "t", "m", 3]  # h
+    total: Annotated[FloatArray, "m", 3]  # sum of g h
+    load: Annotated[FloatArray, "m", 3]  # p of the last tick
+    pressed: Annotated[LongArray, "m"]  # scratch
+    slot: Annotated[IntArray, "n"]  # scratch, all -1
+    count: Annotated[LongArray, 1]
+
+
+lagging_at = reader(LaggingLoads)
+
+
+class ViscousLoads:
+    """Lagging loads of up to ``capacity`` nodes of a wall of ``n_nodes``.
+
+    After each step `relax` takes the loads of the step and leaves in their place what acts through the residual, p.
+    A step that follows asks where the wall is without its contacts: R times ``lasting``.
+
+    Attributes
+    ----------
+    dissipated_j : float
+        Energy lost to relaxation so far.
+    """
+
+    def __init__(self, series: PronySeries, n_nodes: int, capacity: int) -> None:
+        self._tau_s, self._dt_s = np.array(series.tau_s), float("nan")
+        slot, g = np.full(n_nodes, -1, np.int32), np.array(series.g)
+        # Places for those that were pressed in the last tick, and as many others in this one.
+        self._arrays = LaggingLoads.zeros(g=g, slot=slot, t=len(g), m=2 * capacity, n=n_nodes)
+        self._since_s = 0.0
+        self.dissipated_j = 0.0
+
+    @property
+    def lasting(self) -> tuple[IntArray, FloatArray]:
+        """Nodes (c,) and the loads (c, 3) in N that lag behind what pressed there."""
+        count = int(self._arrays.count[0])
+        return self._arrays.node[:count], self._arrays.total[:count]
+
+    def relax(self, loads: tuple[IntArray, FloatArray, int], store: BlockStore, dt_s: float) -> int:
+        """Let the lag follow for ``dt_s``, and write p over the loads; returns how many there are.
+
+        Parameters
+        ----------
+        loads : (nodes (l,) int32, forces (l, 3) float64, number of them)
+            Contact forces on the wall in N, each node once, in place.
+        store : BlockStore
+            Blocks of the residual.
+        dt_s : float
+        """
+        arrays = self._arrays
+        if loads[2] == 0 and arrays.count[0] == 0:
+            return 0
+        if dt_s != self._dt_s:
+            arrays.decay[:] = np.exp(-dt_s / self._tau_s)
+            self._dt_s = dt_s
+        count = int(relax_loads(arrays.address, loads[0], loads[1], loads[2]))
+        self._since_s += dt_s
+        if self._since_s >= BOOKED_EVERY * self._tau_s.min():
+            lost = arrays.g * np.expm1(2.0 * self._since_s / self._tau_s)
+            self.dissipated_j += 0.5 * spread_energy(arrays.address, store, lost, 0.0)
+            self._since_s = 0.0
+        return count
+
+    def extra_energy_j(self, store: BlockStore) -> float:
+        """Return what the springs of all terms store less p R p / 2, which the duct reports."""
+        arrays = self._arrays
+        return 0.5 * float(spread_energy(arrays.address, store, arrays.g, -float(arrays.g.sum())))
+
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays of the state."""
+        arrays = self._arrays
+        return arrays.node, arrays.lag, arrays.total, arrays.load, arrays.count
+
+
+@kernel
+def relax_loads(address: Address[LaggingLoads], nodes: IntArray, forces: FloatArray, n_loads: int) -> int:
+    """Take loads on, write p over them, let the lag follow p, and forget what is too small; returns how many p."""
+    lagging = lagging_at(address)
+    count = _take_loads(lagging, nodes, forces, n_loads)
+    listed: int = min(count, nodes.shape[0])
+    for place in range(listed):
+        nodes[place] = lagging.node[place]
+        for axis in range(3):
+            forces[place, axis] = lagging.load[place, axis]
+    for place in range(count):
+        for axis in range(3):
+            lagging.total[place, axis] = 0.0
+            for term in range(lagging.g.shape[0]):
+                gap = lagging.load[place, axis] - lagging.lag[term, place, axis]
+                lagging.lag[term, place, axis] = lagging.load[place, axis] - lagging.decay[term] * gap
+                lagging.total[place, axis] += lagging.g[term] * lagging.lag[term, place, axis]
+    lagging.count[0] = _forget(lagging, count)
+    return listed
+
+
+@kernel
+def _take_loads(lagging: LaggingLoads, nodes: IntArray, forces: FloatArray, n_loads: int) -> int:
+    """Write p of the nodes that lag or are loaded, and return how many."""
+    count = lagging.count[0]
+    for place in range(count):
+        lagging.slot[lagging.node[place]] = place
+        lagging.pressed[place] = 0
+        for axis in range(3):
+            lagging.load[place, axis] = lagging.total[place, axis]
+    for load in range(n_loads):
+        place = number_node(nodes[load], lagging.slot, lagging.node, count)
+        if place == count:
+            count += 1
+            for axis in range(3):
+                lagging.load[place, axis] = 0.0
+                for term in range(lagging.g.shape[0]):
+                    lagging.lag[term, place, axis] = 0.0
+        lagging.pressed[place] = 1
+        for axis in range(3):
+            lagging.load[place, axis] += forces[load, axis]
+    forget_numbers(lagging.slot, lagging.node, count)
+    return int(count)
+
+
+@kernel
+def _forget(lagging: LaggingLoads, count: int) -> int:
+    """Drop nodes that nothing presses and that hardly lag, then the least of too many, and return how many are left."""
+    left, place = 0, 0
+    while place < count:
+        if lagging.pressed[place] == 0 and _lag_of(lagging, place) < LEAST_N:
+            count -= 1
+            _move(lagging, count, place)
+        else:
+            left += 1 - lagging.pressed[place]
+            place += 1
+    while left > MOST_LEFT:
+        least, least_n = 0, np.inf
+        for place in range(count):
+            if lagging.pressed[place] == 0 and _lag_of(lagging, place) < least_n:
+                least, least_n = place, _lag_of(lagging, place)
+        count, left = count - 1, left - 1
+        _move(lagging, count, least)
+    return count
+
+
+@kernel
+def _lag_of(lagging: LaggingLoads, place: int) -> float:
+    """Return the largest component of all terms of a node."""
+    largest = 0.0
+    for term in range(lagging.g.shape[0]):
+        for axis in range(3):
+            largest = max(largest, abs(lagging.lag[term, place, axis]))
+    return largest
+
+
+@kernel
+def _move(lagging: LaggingLoads, here: int, there: int) -> None:
+    lagging.node[there], lagging.pressed[there] = lagging.node[here], lagging.pressed[here]
+    for axis in range(3):
+        lagging.load[there, axis], lagging.total[there, axis] = lagging.load[here, axis], lagging.total[here, axis]
+        for term in range(lagging.g.shape[0]):
+            lagging.lag[term, there, axis] = lagging.lag[term, here, axis]
+
+
+@kernel
+def spread_energy(address: Address[LaggingLoads], store: BlockStore, weights: FloatArray, own: float) -> float:
+    """Return ``own`` p R p and the sum over terms of ``weights`` times (p - h) R (p - h)."""
+    lagging, total = lagging_at(address), 0.0
+    for a in range(lagging.count[0]):
+        for b in range(a + 1):
+            place = block_index(store[1], store[2], store[3], lagging.node[a], lagging.node[b])
+            if place < 0:
+                continue
+            twice = 1.0 if a == b else 2.0
+            for i in range(3):
+                for j in range(3):
+                    product = own * lagging.load[a, i] * lagging.load[b, j]
+                    for term in range(weights.shape[0]):
+                        left = lagging.load[a, i] - lagging.lag[term, a, i]
+                        product += weights[term] * left * (lagging.load[b, j] - lagging.lag[term, b, j])
+                    total += twice * store[0][place, i, j] * product
+    return total
