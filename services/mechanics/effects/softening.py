@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class SofteningSettings:
     """Number of pinches, pokes and pulls of the nonlinear shell from which it is learned how far the wall gives way."""
 
-    n_squeezes: int = 30
+    n_squeezes: int = 48
 
     def __post_init__(self) -> None:
         require_positive(self, "n_squeezes")

@@ -8,7 +8,7 @@ from conftest import SMALLEST
 from services.studies.accuracy.study import load_study, study_names
 from services.studies.accuracy.sweeps import paper
 
-WANTED = {"modes", "mesh", "element", "integrator", "timestep", "catheter", "contact", "effects", "paper"}
+WANTED = {"modes", "mesh", "element", "integrator", "timestep", "catheter", "contact", "effects", "paper", "softening"}
 
 
 def errors_of(rows, quantity):
@@ -44,6 +44,13 @@ def test_frequencies_converge_with_the_mesh(run_smallest):
     rows, _ = run_smallest("mesh", costs=False)
     frequency = list(errors_of(rows, "frequency").values())
     assert frequency[0] > 1.5 * frequency[1] > 0.0
+
+
+def test_a_wall_that_gives_way_is_nearer_to_the_shell_than_a_linear_one(run_smallest):
+    rows, _ = run_smallest("softening", costs=False)
+    median = errors_of(rows, "force, median load")
+    assert median["linear"] > 15.0
+    assert median["4 squeezes"] < 0.5 * median["linear"]
 
 
 def test_the_papers_triangle_is_stiffer_in_bending_than_ours(run_smallest):

@@ -57,12 +57,12 @@ class SqueezedState:
     work_j: float
 
 
-def draw_squeezes(recipe: DuctRecipe, lumen: Lumen, candidates: IntArray, n: int) -> list[Squeeze]:
+def draw_squeezes(recipe: DuctRecipe, lumen: Lumen, candidates: IntArray, n: int, seed: int = SEED) -> list[Squeeze]:
     """Five of eight are pinches, two pokes inward, one outward; everywhere on the free wall, a third on open rims.
 
     A rim has wall on one side only and folds in its own way, and it is where instruments are.
     """
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(seed)
     edges, n_triangles = unique_edges(recipe.mesh)
     rim = np.setdiff1d(np.unique(edges[n_triangles == 1]), _held(recipe))
     squeezes = []
@@ -89,7 +89,7 @@ def follow(recipe: DuctRecipe, lumen: Lumen, squeeze: Squeeze) -> list[SqueezedS
     if any(set(support.dofs) != set(DOF_NAMES) for support in recipe.supports):
         raise ValueError("squeezes of a wall need supports that hold all axes")
     turn = _frame_with_y(lumen.inward[squeeze.node])
-    mesh = TriangleMesh(recipe.mesh.vertices_m @ turn.T, recipe.mesh.triangles, recipe.mesh.vertex_sets)
+    mesh = _turned_mesh(recipe, turn)
     pressed, imposed = _pressed(mesh, recipe, lumen, squeeze)
     supports = [*recipe.supports, *(Support(patch, ("uy",)) for patch in pressed)]
     model = ShellModel(mesh, _turned(recipe.section, turn), supports, recipe.elements)
@@ -109,6 +109,18 @@ def follow(recipe: DuctRecipe, lumen: Lumen, squeeze: Squeeze) -> list[SqueezedS
         if not states:
             raise
     return states
+
+
+def pressed_nodes(recipe: DuctRecipe, lumen: Lumen, squeeze: Squeeze) -> tuple[IntArray, FloatArray]:
+    """Return the nodes (k,) that a squeeze presses, and the direction (k, 3) in which each is moved."""
+    mesh = _turned_mesh(recipe, _frame_with_y(lumen.inward[squeeze.node]))
+    patches, _ = _pressed(mesh, recipe, lumen, squeeze)
+    way = np.repeat((1.0, -1.0)[: len(patches)], [len(patch) for patch in patches])
+    return np.concatenate(patches), way[:, None] * lumen.inward[squeeze.node]
+
+
+def _turned_mesh(recipe: DuctRecipe, turn: FloatArray) -> TriangleMesh:
+    return TriangleMesh(recipe.mesh.vertices_m @ turn.T, recipe.mesh.triangles, recipe.mesh.vertex_sets)
 
 
 def _pressed(

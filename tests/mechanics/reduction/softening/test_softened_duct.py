@@ -1,25 +1,23 @@
 """A softened wall against the nonlinear shell it was not shown, at small loads, round a cycle, and in time."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
-from services.mechanics.reduction import DuctRecipe, Newmark, reduce_duct
-from services.mechanics.reduction.softened_wall.follow import follow_loads
-from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
+from services.mechanics.reduction import DuctRecipe, reduce_duct
+from services.mechanics.reduction.softened_wall.wall import SPENT, STORED
 from services.mechanics.reduction.softening.law import parts
 from services.mechanics.reduction.softening.sites import Lumen
 from services.mechanics.reduction.softening.squeezes import Squeeze, follow
 from services.mechanics.reduction.softening.training import fetch_softening, own_compliance_m_n
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from services.studies.accuracy.squeezed_wall import DT_S, SqueezedWall
 
 # Training on a busy machine.
 pytestmark = pytest.mark.timeout(600)
 
-DT_S = 1e-3
 LENGTH_M, WIDTH_M = 30e-3, 8e-3
 
 
@@ -48,57 +46,6 @@ def softening(duct, folder):
     assert told[0][0] == "cubic energy"
     assert [part for stage, part in told if stage == "squeezes of the wall"] == pytest.approx(np.linspace(0, 1, 17))
     return made
-
-
-@dataclass
-class Squeezed:
-    """A wall pressed by rigid jaws that are glued to nodes, each along its own line."""
-
-    duct: object
-    softening: object
-    nodes: np.ndarray
-    lines: np.ndarray
-
-    def __post_init__(self):
-        basis = self.duct.basis
-        integrator = Newmark(basis.omega_rad_s, self.duct.damping_ratio)
-        self.body = DuctBody(self.duct, integrator, len(self.nodes))
-        self.wall = SoftenedWall.of(self.duct, self.softening, np.zeros(basis.n_modes), integrator)
-        self.corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
-        self.weights = np.tile([1.0, 0.0, 0.0], (len(self.nodes), 1))
-
-    def step(self, wanted_m=None, force_n=None):
-        """Take a step to displacements (k,) along the lines, or under forces (k,); returns the forces."""
-        body, k = self.body, len(self.nodes)
-        body.modal_force[:] = self.wall.force
-        body.predict(DT_S)
-        body.gather(self.corners, self.weights)
-        if force_n is None:
-            W = np.zeros((3 * k, 3 * k))
-            body.compliance(self.corners, self.weights, W)
-            W = np.tril(W) + np.tril(W, -1).T
-            along = np.einsum("ka,kalb,lb->kl", self.lines, W.reshape(k, 3, k, 3), self.lines)
-            moved = np.sum(self.lines * (body.displacement_m + body.motion_m)[:k], axis=1)
-            force_n = np.linalg.solve(along, wanted_m - moved)
-        body.correct(self.corners, self.weights, -force_n[:, None] * self.lines)
-        loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
-        motion = body.state.q, body.q_start, body.state.qdot, body.state.qddot
-        follow_loads(self.wall.address, loads, body.contact_impulse, motion, DT_S)
-        return force_n
-
-    def displacement_m(self):
-        moved = self.body.surface_m()[self.nodes] - self.duct.mesh.vertices_m[self.nodes]
-        return np.sum(self.lines * moved, axis=1)
-
-    def squeeze(self, wanted_m, ticks=250, start_m=None):
-        """Move to displacements evenly and stay there; returns the forces at the end and the work of the way (J)."""
-        start_m = np.zeros(len(self.nodes)) if start_m is None else start_m
-        work_j, at = 0.0, start_m
-        for tick in range(ticks):
-            after = start_m + (wanted_m - start_m) * min(1.0, tick / (0.6 * ticks))
-            force = self.step(after)
-            work_j, at = work_j + float(force @ (after - at)), after
-        return force, work_j
 
 
 def jaws(lumen, mesh, squeeze):
@@ -130,7 +77,7 @@ def test_force_is_that_of_the_nonlinear_shell(duct, lumen, softening, name, x_m,
     """At every part of the way; a linear wall is up to twice as stiff."""
     squeeze = Squeeze(node_at(duct.mesh, x_m, angle_rad), depth * WIDTH_M, 0.0, is_pinch)
     nodes, lines = jaws(lumen, duct.mesh, squeeze)
-    pressed, before = Squeezed(duct, softening, nodes, lines), np.zeros(len(nodes))
+    pressed, before = SqueezedWall(duct, softening, nodes, lines), np.zeros(len(nodes))
     for part, state in enumerate(follow(duct.recipe, lumen, squeeze), 1):
         wanted = np.full(len(nodes), part / 5.0 * squeeze.depth_m / len(nodes))
         force, _ = pressed.squeeze(wanted, start_m=before)
@@ -146,7 +93,7 @@ def test_a_small_load_meets_the_linear_wall(duct, lumen, softening):
     missing = []
     for closure in (1e-3, 1e-4):
         wanted = np.full(2, 0.5 * closure * WIDTH_M)
-        force, _ = Squeezed(duct, softening, nodes, lines).squeeze(wanted, 600)
+        force, _ = SqueezedWall(duct, softening, nodes, lines).squeeze(wanted, 600)
         compliance = sum(own_compliance_between(duct, nodes, lines))
         missing.append(1.0 - force.sum() / (2.0 * wanted.sum() / compliance))
     assert 0.0 < missing[0] < 5e-3
@@ -166,7 +113,7 @@ def test_a_slow_cycle_gives_next_to_nothing_back_that_was_not_put_in(duct, lumen
     """Closed in 1.4 s and opened again: the force on the modes has done no work, but for what it lags behind them."""
     squeeze = Squeeze(node_at(duct.mesh, 15e-3, 1.0), 0.5 * WIDTH_M, 0.0, True)
     nodes, lines = jaws(lumen, duct.mesh, squeeze)
-    pressed, closed = Squeezed(duct, softening, nodes, lines), np.array(parts_of_width) * WIDTH_M
+    pressed, closed = SqueezedWall(duct, softening, nodes, lines), np.array(parts_of_width) * WIDTH_M
     _, closing = pressed.squeeze(closed, 2400)
     _, opening = pressed.squeeze(np.zeros(2), 2400, closed)
     books = pressed.wall.books
@@ -179,7 +126,7 @@ def test_a_dead_load_comes_to_rest_where_the_shell_does(duct, lumen, softening):
     squeeze = Squeeze(node_at(duct.mesh, 15e-3, 1.0), 0.4 * WIDTH_M, 0.0, True)
     nodes, lines = jaws(lumen, duct.mesh, squeeze)
     state = follow(duct.recipe, lumen, squeeze)[-1]
-    force, pressed = np.sum(state.force_n * lines, axis=1), Squeezed(duct, softening, nodes, lines)
+    force, pressed = np.sum(state.force_n * lines, axis=1), SqueezedWall(duct, softening, nodes, lines)
     for tick in range(1500):
         pressed.step(force_n=force * min(1.0, tick / 500))
     assert np.abs(pressed.body.rate()).max() < 1e-5 * np.abs(pressed.body.state.q).max() / DT_S
@@ -188,7 +135,7 @@ def test_a_dead_load_comes_to_rest_where_the_shell_does(duct, lumen, softening):
 
 def test_what_is_let_go_is_forgotten(duct, lumen, softening):
     nodes, lines = jaws(lumen, duct.mesh, Squeeze(node_at(duct.mesh, 15e-3, 1.0), 1e-3, 0.0, True))
-    pressed = Squeezed(duct, softening, nodes, lines)
+    pressed = SqueezedWall(duct, softening, nodes, lines)
     pressed.squeeze(np.full(2, 1e-3))
     for _ in range(300):
         pressed.step(force_n=np.zeros(2))

@@ -1,0 +1,137 @@
+"""How well a wall that softens has the force of the nonlinear shell, under loads that it was not trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import FloatArray
+from services.mechanics.effects.softening import SofteningSettings
+from services.mechanics.reduction.recipe import DuctRecipe
+from services.mechanics.reduction.softening.sites import Lumen
+from services.mechanics.reduction.softening.squeezes import N_STEPS, Squeeze, draw_squeezes, follow, pressed_nodes
+from services.mechanics.reduction.softening.training import fetch_softening
+from services.mechanics.scenarios import insertion_scene
+from services.mechanics.scene import DuctScene, SceneModel
+from services.mechanics.scene.duct_recipe import duct_recipe
+from services.mechanics.simulation.scene_duct import scene_mesh
+from services.studies.accuracy import insertions, pinches
+from services.studies.accuracy.report import costs_us, number, values
+from services.studies.accuracy.squeezed_wall import SqueezedWall
+from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+
+TITLE = "A wall that gives way, under loads that it was not trained on"
+WHAT = (
+    "Random pinches of up to 60 % of the lumen's width, pokes of up to 50 % and pulls, by straight jaws of random "
+    "width, a third of them on the open rim, five points on the way of each; another seed draws others. The reference "
+    "is the corotational shell on the same mesh, the error that of the force which the same displacement of the jaws "
+    "takes. The number of squeezes is what the softening was trained on, none is the linear wall. The tick is the "
+    "insertion's."
+)
+MEDIAN, WORST, WAY = "force, median load", "force, worst load", "force, worst point of the way"
+SEED_OF_LOADS = 1000
+"""Added to the study's seed: training has a seed of its own."""
+TICKS = 300
+DAMPING_RATIO = 0.7
+"""The wall comes to rest at each point; statics do not depend on it."""
+
+
+def settings(draw: Draw) -> Sequence[Setting]:
+    """The linear wall, and softening by the number of squeezes that it was trained on."""
+    counts = draw.pick((0, 4), (0, 16, SofteningSettings().n_squeezes), (0, 8, 16, 30, 48, 80))
+    return [Setting(_word(n), {"effects.softening.n_squeezes": n}, "softening") for n in counts]
+
+
+def reference(draw: Draw) -> Reference:
+    """Follow all loads with the nonlinear shell: forces (loads, points) in N and displacements of the jaws in m."""
+    recipe = _recipe(draw)
+    lumen, loads = Lumen.of(recipe.mesh), _loads(draw, recipe)
+    force, moved = np.full((2, len(loads), N_STEPS), np.nan)
+    for k, load in enumerate(loads):
+        _, lines = pressed_nodes(recipe, lumen, load)
+        for point, state in enumerate(follow(recipe, lumen, load)[:N_STEPS]):
+            force[k, point] = float(np.sum(state.force_n * lines))
+            moved[k, point] = state.work_j / force[k, point]  # the jaws move all their nodes as far
+    return {"force_n": force, "moved_m": moved}
+
+
+def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
+    """Squeeze the reduced wall as far, and compare the forces."""
+    recipe, n_squeezes = _recipe(draw), _n_squeezes(setting)
+    duct = pinches.reduced(replace(_duct(draw), damping_ratio=DAMPING_RATIO))
+    directory = cache_directory() / "bases"
+    softening = fetch_softening(recipe, duct, n_squeezes, directory) if n_squeezes else None
+    lumen, worst, last = Lumen.of(recipe.mesh), [], []
+    for k, load in enumerate(_loads(draw, recipe)):
+        wall = SqueezedWall(duct, softening, *pressed_nodes(recipe, lumen, load))
+        wrong = _wrong(wall, reference["moved_m"][k], reference["force_n"][k])
+        worst.append(float(wrong.max()))
+        last.append(float(wrong[-1]))
+    return {
+        MEDIAN: Error(float(np.median(last)), "%"),
+        WORST: Error(max(last), "%"),
+        WAY: Error(max(worst), "%"),
+    }
+
+
+def tick(setting: Setting, draw: Draw) -> Tick:
+    """A tick of the insertion with the wall that gives way, or without."""
+    return insertions.insertion_tick(_scene(draw, _n_squeezes(setting)), draw)
+
+
+def _wrong(wall: SqueezedWall, moved_m: FloatArray, force_n: FloatArray) -> FloatArray:
+    """Return the errors in per cent at the points to which the reference came."""
+    before, wrong = np.zeros(len(wall.nodes)), []
+    for to, true in zip(moved_m[np.isfinite(moved_m)], force_n[np.isfinite(force_n)], strict=True):
+        wanted = np.full(len(wall.nodes), to)
+        force, _ = wall.squeeze(wanted, TICKS, before)
+        before = wanted
+        wrong.append(100.0 * abs(force.sum() / true - 1.0))
+    return np.array(wrong)
+
+
+def _loads(draw: Draw, recipe: DuctRecipe) -> list[Squeeze]:
+    held = np.unique(np.concatenate([support.vertices for support in recipe.supports]))
+    free = np.setdiff1d(np.arange(recipe.mesh.n_vertices), held).astype(np.int32)
+    return draw_squeezes(recipe, Lumen.of(recipe.mesh), free, draw.pick(3, 30, 30), SEED_OF_LOADS + draw.seed)
+
+
+def _duct(draw: Draw) -> DuctScene:
+    duct = insertion_scene().duct
+    around, along = draw.pick((12, 16), (duct.n_around, duct.n_along), (duct.n_around, duct.n_along))
+    return replace(duct, n_around=around, n_along=along, n_modes=draw.pick(20, duct.n_modes, duct.n_modes))
+
+
+def _recipe(draw: Draw) -> DuctRecipe:
+    duct = _duct(draw)
+    return duct_recipe(duct, scene_mesh(duct))
+
+
+def _scene(draw: Draw, n_squeezes: int) -> SceneModel:
+    scene = replace(insertion_scene(), duct=_duct(draw))
+    softening = {"softening": SofteningSettings(n_squeezes)} if n_squeezes else {}
+    return replace(scene, effects={**scene.effects, **softening})
+
+
+def _n_squeezes(setting: Setting) -> int:
+    return int(setting.choices["effects.softening.n_squeezes"])
+
+
+def _word(n_squeezes: int) -> str:
+    return f"{n_squeezes} squeezes" if n_squeezes else "linear"
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say what softening buys."""
+    median, worst, cost = values(rows, MEDIAN), values(rows, WORST), costs_us(rows)
+    linear, own = _word(0), _word(SofteningSettings().n_squeezes)
+    if own not in median:
+        return []
+    line = (
+        f"The linear wall's force is {number(median[linear])} % wrong at the median and {number(worst[linear])} % at "
+        f"worst; that of the default {number(median[own])} % and {number(worst[own])} %."
+    )
+    return [line + (f" It costs {cost[own] - cost[linear]:+.0f} us a tick." if own in cost else "")]
