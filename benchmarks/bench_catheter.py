@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 from catheter_peers import PEERS
-from report import Row, Timing, measure, write_report
+from report import Row, Timing, measure, parse, write_report
 
 from services.mechanics.rod import (
     ImplicitIntegrator,
@@ -139,10 +139,14 @@ def limited(timings: dict[str, Timing]) -> list[Row]:
 
 
 def main() -> None:
-    rows = limited(measure(step_calls(), samples=4000))
-    worst = measure({"worst step": worst_step()}, samples=1000)["worst step"]
+    arguments = parse(__doc__, samples=(4000, "steps of each kind"))
+    rows = limited(measure(step_calls(), samples=arguments.samples))
+    worst = measure({"worst step": worst_step()}, samples=max(arguments.samples // 4, 1))["worst step"]
     rows.append(Row.from_timing("worst step: random 10 m/s, EA 1e5 N, most iterations", worst))
-    rows += [Row.from_timing(name, timing) for name, timing in measure(contact_calls(), samples=2000).items()]
+    rows += [
+        Row.from_timing(name, timing)
+        for name, timing in measure(contact_calls(), samples=max(arguments.samples // 2, 1)).items()
+    ]
     call, substeps = semi_implicit()
     timing = measure({"semi-implicit": call}, samples=500)["semi-implicit"]
     rows.append(Row.from_timing("semi-implicit (eq. 27-28), a step of 1 ms", timing, note=f"{substeps} substeps"))

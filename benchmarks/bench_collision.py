@@ -8,7 +8,7 @@ pinched by 1 mm and breathes at 3 Hz.
 """
 
 import numpy as np
-from report import Row, measure, write_report
+from report import Row, measure, parse, write_report
 
 from services.mechanics.collision import CatheterContactDetector, CollisionSurface, ToolContactDetector
 from services.mechanics.collision.pairs import ContactPairs
@@ -93,14 +93,14 @@ def per_tick(tick: Tick, n: int = 1000) -> dict[str, float]:
     return {"pairs": pairs / n, **{k: (getattr(after, k) - getattr(before, k)) / n for k in names}}
 
 
-def rows_of(tick: Tick, limit_s: float | None) -> list[Row]:
+def rows_of(tick: Tick, limit_s: float | None, samples: int) -> list[Row]:
     """Time one duct by itself, as in the rig: another one's modes would only push it out of the cache."""
 
     def whole() -> None:
         tick.move()
         tick.detect()
 
-    timing = measure({"whole": whole, "move": tick.move}, samples=5000)
+    timing = measure({"whole": whole, "move": tick.move}, samples=samples)
     move_s = timing["move"].median_s
     note = ", ".join(f"{value:.0f} {name.replace('_', ' ')}" for name, value in per_tick(tick).items())
     name = f"moving the scene and detecting, {tick.surface.mesh.n_vertices:,} nodes"
@@ -112,9 +112,10 @@ def rows_of(tick: Tick, limit_s: float | None) -> list[Row]:
 
 
 def main() -> None:
+    arguments = parse(__doc__, samples=(5000, "ticks of each mesh"))
     rows = []
     for n, shape in MESHES.items():
-        rows += rows_of(Tick(*shape), LIMIT_S if n == min(MESHES) else None)
+        rows += rows_of(Tick(*shape), LIMIT_S if n == min(MESHES) else None, arguments.samples)
     write_report(
         "collision",
         "Collision detection: both forceps and 51 particles against a duct with r = 100",

@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from report import Row, write_report
+from report import Row, parse, write_report
 
 from services.mechanics.rod.implicit import SPECTRAL_RADIUS
 from services.studies.insertion_steps import insert, rms
@@ -51,6 +51,7 @@ def insertion_rows() -> list[Row]:
 
 
 def main() -> None:
+    parse(__doc__)
     tip = [1e3 * float(error) for error in tip_errors_m(STEPS_S, SPECTRAL_RADIUS)]
     rows = errors("released cantilever, tip", tip, "mm")
     for rate in (20.0, 100.0):

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import can
 import numpy as np
-from report import Row, measure, write_report
+from report import Row, measure, parse, write_report
 
 from services.gateway.instrument import Instrument, build_instruments
 from services.gateway.layout import HANDLE_SIZE
@@ -122,6 +122,7 @@ def processes() -> list[Row]:
 
 
 def main() -> None:
+    parse(__doc__)
     notes = (
         "Frames are interleaved. The drives run as the stub rig has them, under torque in closed loop at 500 Hz, on a "
         "core that is kept awake. The floor is a Python process that only wakes 500 times a second."

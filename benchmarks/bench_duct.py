@@ -246,7 +246,7 @@ of their own; the time includes meshing and assembly, memory is the process's pe
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--large", action="store_true", help="also build the basis of 250,000 dofs")
     parser.add_argument("--build", choices=list(MESHES), help=argparse.SUPPRESS)
     arguments = parser.parse_args()

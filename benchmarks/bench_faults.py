@@ -7,7 +7,8 @@ until the supervisor says so, how long until forces are on again (the rig is RUN
 RUNNING within the seven seconds after that (DEGRADED is not), whether a force ever stepped by more than the rate
 limit, and how fast each loop runs between the fifth and the seventh second. Exit status 1 if any of it fails.
 
-Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped.
+Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped; one
+that is ended by SIGTERM takes its rig with it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from report import RESULTS, Row, write_report
+from report import RESULTS, Row, end_in_good_order, write_report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' rig is launched as a user would
 
@@ -180,6 +181,7 @@ def main() -> int:
     parser.add_argument("--anew", action="store_true", help="forget the outcomes of earlier runs")
     parser.add_argument("--name", default="faults", help="of the table in benchmarks/results")
     arguments = parser.parse_args()
+    end_in_good_order()
     file = RESULTS / f"{arguments.name}-outcomes.json"
     outcomes = [] if arguments.anew else _kept(file, arguments.seed)
     script = HERE / "press.yaml"

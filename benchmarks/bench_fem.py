@@ -11,7 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from functools import partial
 
-from report import Row, measure, write_report
+from report import Row, measure, parse, write_report
 
 from services.mechanics.fem import ElementChoice, ShellModel, clamp
 from services.mechanics.fem.assembly import assemble_stiffness
@@ -29,12 +29,13 @@ def factorise(model: ShellModel) -> None:
 
 def main() -> None:
     """Measure and write benchmarks/results/fem.*."""
+    arguments = parse(__doc__, samples=(7, "assemblies with each element"))
     model = reference_duct(100, 100, CHOICES[0])
     calls = {
         f"assembly, {c.membrane} + {c.bending}": partial(assemble_stiffness, model.mesh, REFERENCE_SECTION, c)
         for c in CHOICES
     }
-    timings = measure(calls, samples=7, warmup=1)
+    timings = measure(calls, samples=arguments.samples, warmup=1)
     rows = [Row.from_timing(name, timing, limit_s=2.0) for name, timing in timings.items()]
     whole = measure({"model and sparse factors, cst + dkt": partial(factorise, model)}, samples=3, warmup=1)
     rows += [Row.from_timing(name, timing) for name, timing in whole.items()]

@@ -11,7 +11,7 @@ import itertools
 import time
 
 import numpy as np
-from report import Row, measure, write_report
+from report import Row, measure, parse, write_report
 
 from protocol import Frame, encode
 from protocol.bodies import GatewayState, LocalModel
@@ -59,6 +59,7 @@ class Tick:
 
 
 def main() -> None:
+    arguments = parse(__doc__, samples=(5000, "ticks"))
     instruments = build_instruments(config.load_rig("stub").gateway, hands=find_scene_hands("default").hands)
     try:
         for instrument in instruments:
@@ -72,7 +73,7 @@ def main() -> None:
                 "the device frame made and encoded": tick.frame,
                 "two handles on their buses": tick.handles,
             },
-            samples=5000,
+            samples=arguments.samples,
         )
     finally:
         for instrument in instruments:

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from report import Row, Timing, write_report
+from report import Row, Timing, parse, write_report
 
 from protocol.bodies import LocalModel
 from services.gateway.hdapi.standin import StandIn
@@ -51,6 +51,7 @@ def tick(instruments: list[Instrument]) -> float:
 
 
 def main() -> None:
+    arguments = parse(__doc__, ticks=(TICKS, f"at 1 kHz; the first {SETTLE_TICKS} do not count"))
     realtime.set_up(0, PRIORITY)
     with tempfile.TemporaryDirectory() as folder, StandIn.compiled(Path(folder), threaded=True) as standin:
         instruments = hardware(standin.path)
@@ -60,7 +61,7 @@ def main() -> None:
         realtime.freeze_garbage_collector()
         seconds = []
         due = time.monotonic()
-        for k in range(TICKS):
+        for k in range(arguments.ticks):
             seconds.append(tick(instruments))
             if k == SETTLE_TICKS:
                 standin.durations_ns()

@@ -19,7 +19,7 @@ from collections.abc import Callable
 
 import numpy as np
 from catheter_peers import PEERS, Peer
-from report import Row, write_report
+from report import Row, parse, write_report
 
 from services.mechanics.rod import ImplicitIntegrator, clamped, straight_rod
 from services.studies.rod_problems import X, example_rod
@@ -65,6 +65,7 @@ def measured(build: Callable[[], Peer], wanted_m: np.ndarray) -> tuple[str, floa
 
 def main() -> None:
     """Measure and write the table."""
+    parse(__doc__)
     fall(ours(10))  # compile
     wanted_m, _ = fall(ours(*_REFERENCE))
     builds: list[Callable[..., Peer]] = [ours, lambda n: ours(n, 5e-4), *PEERS]

@@ -1,6 +1,8 @@
 """The whole rig for a minute: loops, paths, answered samples, context switches, processor time, beside the floor.
 
-    python benchmarks/bench_rig.py [--seconds 60] [--runs 5] [--beside alone observers stress] [trocar up's options]
+    python benchmarks/bench_rig.py [--seconds 60] [--runs 5] [trocar up's options]
+    python benchmarks/bench_rig.py --beside alone observers --name rig-observers
+    python benchmarks/bench_rig.py --beside alone stress --name rig-stress
 
 Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians over the runs. ``--beside`` names what
 runs beside it, interleaved: ``observers`` are four readers of every frame of every topic and a fifth that never takes
@@ -24,7 +26,7 @@ from typing import Any
 
 import numpy as np
 from machine_floor import Floor
-from report import RESULTS, Row, write_report
+from report import RESULTS, Row, end_in_good_order, write_report
 from rig_threads import watch
 from watched_rig import STRESS
 
@@ -66,11 +68,14 @@ def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
         process = subprocess.Popen(
             command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
         )
-        assert process.stdout is not None
-        said = "".join(iter(lambda: _until_running(process), None))
-        with _beside(load, bus), Floor(seconds) as floor:
-            threads = watch(process.pid, seconds - 2.0)
-        said += process.communicate()[0]
+        try:
+            said = "".join(iter(lambda: _until_running(process), None))
+            with _beside(load, bus), Floor(seconds) as floor:
+                threads = watch(process.pid, seconds - 2.0)
+            said += process.communicate()[0]
+        finally:
+            process.terminate()  # where it has not ended by itself
+            process.wait()
         if process.returncode != 0:
             raise SystemExit(f"trocar up ended with {process.returncode}:\n{said[-2000:]}")
         report: dict[str, Any] = json.loads(file.read_text())
@@ -171,6 +176,7 @@ def main() -> None:
     parser.add_argument("--beside", nargs="+", choices=LOADS, default=["alone"])
     parser.add_argument("--name", default="rig", help="of the table in benchmarks/results")
     arguments, options = parser.parse_known_args()
+    end_in_good_order()
     runs = [run_rig(arguments.seconds, options, load) for _ in range(arguments.runs) for load in arguments.beside]
     rows = [row for load in arguments.beside for row in rows_of([run for run in runs if run["load"] == load], load)]
     notes = (

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import cast
 
 import numpy as np
-from report import Row, measure, write_report
+from report import Row, measure, parse, write_report
 
 from protocol import Frame, bodies, topic
 from protocol.arrays import pack
@@ -108,10 +108,11 @@ def render_cpu_s(bench: Bench, width: int, height: int) -> float:
 
 
 def main() -> None:
+    arguments = parse(__doc__, samples=(500, "pictures"))
     benches = {n_modes: Bench(n_modes) for n_modes in (60, 100)}
     jobs = {f"compose, {n} modes, {len(b.picture.points_m)} nodes": b.compose for n, b in benches.items()}
     jobs["pack a frame"] = benches[100].pack
-    timings = measure(jobs, samples=500)
+    timings = measure(jobs, samples=arguments.samples)
     rows = [Row.from_timing(name, timing) for name, timing in timings.items()]
     rows.append(Row("frame on the wire", len(benches[100].pack()) / 1e3, "kB"))
     for width, height in ((800, 600), (1280, 720)):

@@ -9,6 +9,7 @@ time it counts to a few hundred: how long that takes says how fast the core is j
 
 from __future__ import annotations
 
+import argparse
 import gc
 import json
 import os
@@ -83,4 +84,7 @@ class Floor:
 
 
 if __name__ == "__main__":
-    print(json.dumps(watch(int(sys.argv[1]), float(sys.argv[2]))))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("core", type=int)
+    parser.add_argument("seconds", type=float)
+    print(json.dumps(watch(**vars(parser.parse_args()))))

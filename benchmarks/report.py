@@ -1,8 +1,9 @@
-"""What every benchmark shares: interleaved timing and a committed table.
+"""What every benchmark shares: its options, interleaved timing and a committed table.
 
-    from report import Row, measure, write_report
+    from report import Row, measure, parse, write_report
 
-    timings = measure({"r = 60": step_60, "r = 100": step_100}, samples=2000)
+    arguments = parse(__doc__, samples=(2000, "steps of each"))
+    timings = measure({"r = 60": step_60, "r = 100": step_100}, samples=arguments.samples)
     rows = [Row.from_timing(name, timing, limit_s=5e-6) for name, timing in timings.items()]
     write_report("duct", "Reduced duct", rows)
 
@@ -13,12 +14,14 @@ them alike and ratios between them stay meaningful. The median is what budgets a
 
 from __future__ import annotations
 
+import argparse
 import gc
 import json
 import math
 import os
 import platform
 import shlex
+import signal
 import subprocess
 import sys
 import time
@@ -27,6 +30,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 
@@ -34,6 +38,31 @@ from services.runtime.machine import processor_name
 
 RESULTS = Path(__file__).resolve().parent / "results"
 PACKAGES = ("numpy", "scipy", "numba", "msgspec", "msgpack", "pyzmq", "pyvista")
+
+
+def parse(document: str | None, /, **options: tuple[int | float | str, str]) -> argparse.Namespace:
+    """Return the options of a benchmark's command line; ``--help`` shows its module's text and each of them.
+
+    Parameters
+    ----------
+    document
+        The module's docstring.
+    options
+        By name: what holds where an option is not given, whose type it has, and what it is.
+    """
+    parser = argparse.ArgumentParser(description=document, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, (default, what) in options.items():
+        parser.add_argument(f"--{name}", type=type(default), default=default, help=f"{what} (default {default})")
+    return parser.parse_args()
+
+
+def end_in_good_order() -> None:
+    """Let SIGTERM end a benchmark as Ctrl-C does: what it has started is ended with it."""
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    signal.signal(signal.SIGTERM, end)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ and never takes one.
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from pathlib import Path
 
@@ -26,4 +26,7 @@ def main(directory: str, what: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("directory", help="the rig's: transport.directory")
+    parser.add_argument("what", choices=("reads", "stops"))
+    main(**vars(parser.parse_args()))

@@ -7,9 +7,9 @@ threads would not notice. Says on standard output when it has begun.
 
 from __future__ import annotations
 
+import argparse
 import gc
 import os
-import sys
 import time
 
 PERIOD_NS = 500_000
@@ -38,7 +38,10 @@ def burn(core: int, seconds: float, share: float) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, kind in (("core", int), ("seconds", float), ("share", float)):
+        parser.add_argument(name, type=kind)
     try:
-        burn(int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3]))
+        burn(**vars(parser.parse_args()))
     except PermissionError as error:
         raise SystemExit(f"slow_core: {error.strerror}: a real-time priority is needed") from None

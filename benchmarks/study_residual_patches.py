@@ -14,7 +14,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from report import Row, write_report
+from report import Row, parse, write_report
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction.build import build_basis, fill_full_residual
@@ -74,6 +74,7 @@ apart, so the loaded node has an error too."""
 
 
 def main() -> None:
+    parse(__doc__)
     rows = [row for shape in SHAPES for row in study(*shape)]
     write_report("residual_patches", "Residual compliance in patches", rows, NOTES)
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
+from report import parse
+
 HERE = Path(__file__).resolve().parent
 TARGET = HERE.parent / "docs" / "verification.md"
 HEADER = """# Verification
@@ -21,6 +23,7 @@ literature value that was not checked against the printed source. The tests hold
 
 
 def main() -> None:
+    parse(__doc__)
     modules = sorted(p.stem for p in HERE.glob("verification_*.py") if p.stem != "verification_table")
     sections = [table.to_markdown() for name in modules for table in importlib.import_module(name).tables()]
     TARGET.write_text("\n".join([HEADER, *sections]))
