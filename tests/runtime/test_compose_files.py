@@ -1,0 +1,29 @@
+"""What the compose files say of the loops, without an engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from services.runtime.realtime import DMA_LATENCY
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _services(file: str) -> dict[str, dict[str, Any]]:
+    services: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / file).read_text("utf-8"))["services"]
+    return services
+
+
+def test_the_rig_starts_on_a_host_without_the_device() -> None:
+    devices = [device for each in _services("docker-compose.yml").values() for device in each.get("devices", [])]
+    assert not any(str(DMA_LATENCY) in device for device in devices)
+
+
+def test_beside_the_other_file_each_loop_gets_the_device_and_nothing_else() -> None:
+    rig, awake = _services("docker-compose.yml"), _services("deploy/compose.awake.yml")
+    loops = {name for name in rig if name.partition("-")[0] in ("physics", "haptics", "gateway")}
+    assert awake.keys() == loops
+    assert all(each == {"devices": [str(DMA_LATENCY)]} for each in awake.values())
