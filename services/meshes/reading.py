@@ -11,6 +11,7 @@ from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.units import METRES_PER_UNIT
 from services.meshes.announced import judge_file
 from services.meshes.errors import MeshError
+from services.meshes.obj_faces import judge_faces
 
 FURTHEST_M = 1e9
 """Of a coordinate: beyond, the file is broken, and squares of lengths soon are not numbers."""
@@ -30,7 +31,8 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
     Raises
     ------
     MeshError
-        The file is missing, unreadable, cut off, of another kind, too large or too far away, or holds no triangles.
+        The file is missing, unreadable, cut off, of another kind, too large or too far away, holds no triangles, or
+        has faces that name vertices that are not there.
     """
     if units not in METRES_PER_UNIT:
         raise MeshError(f"{path}: unknown units '{units}'; known: {', '.join(METRES_PER_UNIT)}")
@@ -39,6 +41,8 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
     if not path.is_file():
         raise MeshError(f"{path}: no such file")
     judge_file(path)
+    if path.suffix.lower() == ".obj":
+        judge_faces(path)
     read = _read_vtp if path.suffix.lower() == ".vtp" else _read_with_trimesh
     try:
         vertices, triangles = read(path)

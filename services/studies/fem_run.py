@@ -37,7 +37,7 @@ from services.mechanics.fem.nonlinear import (
     trace_path,
 )
 from services.mechanics.fem.supports import DOF_NAMES
-from services.mechanics.fem.thinness import DOUBTFUL_RATIO, thickness_over_width
+from services.mechanics.fem.thinness import DOUBTFUL_RATIO, THINNEST_RATIO, thickness_over_width
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.loading import SurfaceSettings, load_duct_surface
@@ -178,6 +178,11 @@ def _cautions(model: ShellModel, static: StaticSolution | None, path: list[PathP
         cautions.append(
             f"the wall's thickness is {ratio:.2g} of the width of the piece round {place_mm} mm: transverse shear, "
             "which a Kirchhoff shell lacks, counts there"
+        )
+    if ratio < THINNEST_RATIO:
+        cautions.append(
+            f"the wall's thickness is {ratio:.2g} of the width of every piece: is the mesh, or section.thickness_m, in "
+            f"another unit? {THINNEST_RATIO:g} is the thinnest that makes sense here"
         )
     excess = drilling_excess(model.mesh, model.section)
     name = model.elements.membrane

@@ -1,5 +1,6 @@
 """Surface files to ducts: what is read, what is repaired and said, what is refused with its place."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -225,6 +226,25 @@ def test_broken_files_are_refused_by_name(tmp_path, suffix, content, capfd):
     path.write_bytes(content)
     with pytest.raises(MeshError, match=f"broken{suffix}"):
         read_surface(path, "mm")
+
+
+@pytest.mark.parametrize(
+    ("face", "vertex"),
+    [("1 2 7", "7"), ("0 1 2", "0"), ("-4 -2 -3", "-4"), ("1//1 2//1 9//1", "9"), ("1 2 x", "x"), ("1 2 2.5", "2.5")],
+)
+def test_an_obj_whose_face_names_no_vertex_is_refused_with_its_line(tmp_path, face, vertex):
+    """Zero was taken for another vertex, and answered; the others were told in the words of an array."""
+    path = tmp_path / "named.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/2 3/3\nf {face}\n")
+    with pytest.raises(MeshError, match=re.escape(f"line 5: a face names vertex '{vertex}', the file has 3")):
+        read_surface(path, "mm")
+
+
+@pytest.mark.parametrize("face", ["1 2 3", "-3 -2 -1", "1//1 2//1 3//1", "1/1/1 2/2/1 3/3/1", "1 2 \\\n3"])
+def test_an_obj_may_name_its_vertices_in_every_way_there_is(tmp_path, face):
+    path = tmp_path / "named.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf {face}\n")
+    assert len(read_surface(path, "mm").triangles) == 1
 
 
 @pytest.mark.parametrize(

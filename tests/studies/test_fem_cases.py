@@ -117,6 +117,20 @@ def test_vtk_opens_the_output(plate_file, tmp_path):
     assert set(grid.cell_data) == {"thickness_m", "youngs_modulus_pa"}
 
 
+@pytest.mark.parametrize(("units", "is_doubted"), [("mm", False), ("cm", False), ("m", True)])
+def test_a_surface_file_in_a_unit_that_makes_it_a_foil_is_solved_with_a_caution(
+    plate_file, tmp_path, units, is_doubted
+):
+    case = yaml.safe_load(plate_file.read_text())
+    case["mesh"]["surface_file"]["units"] = units
+    side_m = {"mm": 0.1, "cm": 1.0, "m": 100.0}[units]
+    edges = [[[-1e-6 * side_m, -1.0, -1.0], [1e-6 * side_m, 2.0 * side_m, 1.0]]]
+    case["supports"] = [{"where": {"box_m": box}} for box in edges]
+    case["modes"], case["probes"] = 0, {}
+    cautions = run(write(tmp_path, case), tmp_path)["cautions"]
+    assert any("in another unit?" in caution for caution in cautions) == is_doubted
+
+
 def test_imposed_displacement_is_a_load(tmp_path):
     """Both rims moved alike: the duct moves rigidly and the supports feel nothing."""
     held = [{"where": {"vertex_set": s}, "displacement_m": [0, 1e-3, 0]} for s in ("clamped", "mouth")]
