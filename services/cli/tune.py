@@ -15,7 +15,7 @@ from rich.table import Table
 from services.cache_directory import cache_directory
 from services.cli import targets
 from services.cli.progress import progress_line
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import QualityLevel, SceneModel
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
@@ -24,6 +24,7 @@ from services.studies.accuracy.tuning import Rung, Tuned, measure_ladder, tune, 
 
 _CHOSEN = ("duct.n_modes", "duct.integrator", "catheter.n_segments")
 _CELLS = ("duct.n_around", "duct.n_along")
+_AS_EVER = asdict(QualityLevel())
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,8 @@ def tuned_text(request: Request, tuned: Tuned) -> str:
 
 
 def _level(level: dict[str, Any]) -> dict[str, Any]:
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in level.items() if value != ()}
+    told = {key: value for key, value in level.items() if key == "name" or value != _AS_EVER[key]}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in told.items()}
 
 
 def _as_data(tuned: Tuned) -> dict[str, Any]:

@@ -48,6 +48,9 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         tools = _touch_everything(simulation)
         for _ in range(_STEPS):
             simulation.step(tools)
+        for level in range(len(scene.quality)):
+            simulation.set_quality(level)
+            simulation.step(tools)
         simulation.system.strategy.compile_kernels()
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, ())

@@ -19,7 +19,7 @@ _POSITIVE = {
     "forceps": "shaft_radius_m jaw_radius_m jaw_length_m jaw_ratio jaw_max_angle_rad coupling_stiffness_n_m "
     "jaw_stiffness_nm_rad grasp_torque_nm",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
-    "quality": "iterations cost_us",
+    "quality": "iterations touch_every cost_us",
 }
 _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",

@@ -9,7 +9,7 @@ import pytest
 
 from services.mechanics.bodies.forceps.kinematics import tool_frame
 from services.mechanics.scenarios import insertion_scene
-from services.mechanics.scene import DuctScene
+from services.mechanics.scene import DuctScene, QualityLevel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.duct_alone import DuctAlone
@@ -125,6 +125,23 @@ def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, tmp_pat
     simulation, largest_n = played(load_scene(name, SMALLER), tmp_path)
     assert simulation.inserted_length_m > 15e-3
     assert largest_n < (0.3 if name != "paper" else 2.0)
+
+
+def test_a_rung_of_fewer_particles_that_touch_kicks_no_hand_and_inserts_as_far(tmp_path):
+    levels = QualityLevel(), QualityLevel(name="half", touch_every=2)
+    scene = replace(load_scene("narrow", SMALLER), quality=levels)
+    duct = load_duct(scene, tmp_path, lambda *_: None)
+    simulation, tools, steps_n = Simulation(scene, duct), ToolInputs(), []
+    hands, before_n = hands_of(simulation.scene, duct.mesh), np.zeros((2, 3))
+    for tick in range(round(1000 * hands.duration_s)):
+        if tick % 50 == 0:
+            simulation.set_quality(tick // 50 % 2)
+        hands.write_inputs(1e-3 * tick, tools)
+        simulation.step(tools)
+        steps_n.append(np.linalg.norm(simulation.tool_results.force_n - before_n, axis=1).max())
+        before_n = simulation.tool_results.force_n.copy()
+    assert max(steps_n[50::50]) < 0.2  # what the rig lets the force at a hand change in a millisecond
+    assert simulation.inserted_length_m > 15e-3
 
 
 def test_the_stone_is_pushed_further_in(tmp_path):

@@ -22,6 +22,7 @@ from services.mechanics.contact.pads import take_pads
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
+from services.mechanics.contact.thinning import thin_pairs
 from services.mechanics.contact.tool_loads import ReportArrays, report
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
@@ -82,6 +83,7 @@ class Simulation:
         self.tool_results = ToolResults()
         self.max_penetration_m = 0.0
         self.quality_level = 0
+        self._touch_every = scene.quality[0].touch_every
         self._mouth = Mouth(duct)
         self._manifold = ContactManifold(self.system.geometry.wall, scene.contact.margin_m)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
@@ -256,6 +258,7 @@ class Simulation:
             self.effects[name].wake()
         self.quality_level = level
         self._stages = self._rungs[level]
+        self._touch_every = self.scene.quality[level].touch_every
 
     @property
     def _resting(self) -> tuple[str, ...]:
@@ -294,6 +297,8 @@ class Simulation:
         catheter_pairs = self.world.pairs
         catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, catheter_pairs)
+        if self._touch_every > 1:
+            thin_pairs(catheter_pairs.address, self._touch_every, self.catheter.properties.n_segments)
         if not (self._stages["add_pairs"] or self._stages["add_rows"]):
             rows = system.collect(pairs, catheter_pairs, self.holds.in_use)
             if rows is not None:

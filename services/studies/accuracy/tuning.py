@@ -6,7 +6,8 @@ costs and how far it is off is measured, until a tick fits the budget.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,6 +23,7 @@ LEAST_FREED = 0.02
 """A rung of the ladder frees at least this share of a tick, and more than the noise: less is not worth a switch."""
 _FEWEST_MODES, _FEWEST_SEGMENTS, _COARSEST = 10, 25, (12, 14)
 _SWEEPS = (10, 5, 2)
+_TOUCH_EVERY = (2, 3)
 _COARSER_IF_MORE = ("duct.mesh_edge_m",)
 
 
@@ -248,20 +250,22 @@ def _error_percent(level: QualityLevel) -> float:
     return max(level.force_error_percent or 0.0, level.motion_error_percent or 0.0)
 
 
-def _levels(scene: SceneModel) -> Iterable[QualityLevel]:
-    """Yield what may be tried: fewer sweeps, each effect resting that may, and all of it."""
-    best = replace(scene.quality[0], name="full", without=())
+def _levels(scene: SceneModel) -> Iterator[QualityLevel]:
+    """Yield what may be tried: fewer sweeps, effects that may rest, fewer particles that touch, and these together."""
+    best = replace(scene.quality[0], name="full", without=(), touch_every=1)
     yield best
-    fewer = [sweeps for sweeps in _SWEEPS if sweeps < best.iterations]
     able = tuple(name for name in scene.effects if EFFECTS[name].kind.can_rest and name not in scene.essential)
-    for sweeps in fewer:
+    resting = [(), *((name,) for name in able), *([able] if len(able) > 1 else [])]
+    for sweeps in [sweeps for sweeps in _SWEEPS if sweeps < best.iterations]:
         yield replace(best, name=f"{sweeps} sweeps", iterations=sweeps)
-    for name in able:
-        yield replace(best, name=f"without {name}", without=(name,))
-    if len(able) > 1:
-        yield replace(best, name=f"without {' and '.join(able)}", without=able)
-    for sweeps in fewer if able else ():
-        yield replace(best, name=f"{sweeps} sweeps without {' and '.join(able)}", iterations=sweeps, without=able)
+    for touch_every, without in itertools.product((1, *_TOUCH_EVERY), resting):
+        if touch_every > 1 or without:
+            yield replace(best, name=_name(touch_every, without), touch_every=touch_every, without=without)
+
+
+def _name(touch_every: int, without: Sequence[str]) -> str:
+    touching = f"one particle in {touch_every} touches" if touch_every > 1 else ""
+    return " ".join(filter(None, (touching, f"without {' and '.join(without)}" if without else "")))
 
 
 def _even(value: float) -> int:

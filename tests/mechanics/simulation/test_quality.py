@@ -107,6 +107,43 @@ def test_strands_that_crossed_while_self_contact_rested_are_told_apart_anew(rest
     assert not memory.active.any()
 
 
+@pytest.fixture
+def lying(with_effects, small_duct):
+    """A piece of catheter that lies in the lumen, of which every second or third particle touches on lower rungs."""
+    scene = with_effects(gravity={}, friction={})
+    piece = replace(scene.catheter, anchor="free", length_m=30e-3, n_segments=15, tip_position_m=(5e-3, 0.0, -2.6e-3))
+    levels = tuple(QualityLevel(name=f"one in {n}", touch_every=n) for n in (1, 2, 3))
+    simulation = Simulation(replace(scene, catheter=piece, forceps=(), quality=levels), small_duct)
+    _falls(simulation, 400)
+    return simulation
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_fewer_particles_touch_on_a_lower_rung_and_bear_the_same_weight(lying, level):
+    rows, weight_n = lying.system.rows, lying.contact_force_n.sum(axis=0)
+    all_of_them = rows.n_contacts
+    assert all_of_them >= 16
+    _falls(lying, 100, level)
+    assert rows.n_contacts == pytest.approx(all_of_them / (level + 1), abs=2)
+    assert lying.contact_force_n.sum(axis=0) == pytest.approx(weight_n, abs=0.02 * weight_n[2])
+    at, tip = rows.rod_node[: rows.n_contacts, 0], lying.catheter.properties.n_segments
+    assert ((tip - at) % (level + 1) == 0).all()
+    assert tip in at
+
+
+def test_all_of_them_that_touch_again_have_sunk_in_nowhere(lying):
+    _falls(lying, 100, 2)
+    _falls(lying, 1, 0)
+    assert lying.max_penetration_m < 0.01e-3
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_switching_how_many_particles_touch_sets_nothing_in_motion(lying, every):
+    for tick in range(210):
+        _falls(lying, 1, (tick // every) % 3)
+        assert np.abs(lying.catheter.state.velocity_m_s).max() < 1e-3
+
+
 @pytest.mark.parametrize(
     ("without", "essential", "said"),
     [
