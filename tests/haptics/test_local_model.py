@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -26,6 +27,8 @@ REACTION = ToolReaction(
     contacts=1,
 )
 FREE = LocalModel()
+#: Projects on a direction.
+NORMAL = np.outer((2.0, -1.0, 2.0), (2.0, -1.0, 2.0)) / 9.0
 CENTRE, FAR = (0.02, 0.0, 0.006), (0.02, -0.05, 0.08)
 DT_S = 1e-3
 
@@ -44,7 +47,36 @@ def test_a_tool_that_touches_gets_what_physics_solved_about_where_it_solved_it()
     assert model.stiffness_n_m == REACTION.stiffness_n_m
     assert model.reference_position_m == REACTION.position_m
     assert model.reference_velocity_m_s == INSTRUMENT.velocity_m_s
-    np.testing.assert_array_equal(np.reshape(model.damping_n_s_m, (3, 3)), 0.7 * np.eye(3))
+
+
+@pytest.mark.parametrize(("world_n_m", "felt"), [(0.0, 0.0), (50.0, 1.0 / 121.0), (500.0, 0.25), (1e9, 1.0)])
+def test_the_damping_felt_is_the_couplings_in_series_with_what_it_touches(world_n_m: float, felt: float) -> None:
+    """A coupling and a spring in series, moved slowly: the force's part in phase with the motion, over its rate."""
+    coupling = FORCEPS.coupling_stiffness_n_m
+    stiffness = coupling * world_n_m / (coupling + world_n_m)
+    model = local_model(
+        msgspec.structs.replace(REACTION, stiffness_n_m=along(stiffness)), INSTRUMENT, FORCEPS, touching=True
+    )
+    s = 2j * np.pi * 0.01
+    damped = coupling + 0.7 * s
+    B = (damped * world_n_m / (damped + world_n_m)).imag / s.imag
+    np.testing.assert_allclose(np.reshape(model.damping_n_s_m, (3, 3)), B * NORMAL, atol=1e-6)
+    assert pytest.approx(0.7 * felt, abs=1e-5) == B
+
+
+def along(stiffness_n_m: float) -> tuple[float, ...]:
+    return tuple((stiffness_n_m * NORMAL).ravel().tolist())
+
+
+def test_damping_takes_energy_whatever_the_stiffness() -> None:
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        half = random.normal(0.0, 20.0, (3, 3))
+        K = tuple((half @ half.T).ravel().tolist())
+        model = local_model(msgspec.structs.replace(REACTION, stiffness_n_m=K), INSTRUMENT, FORCEPS, touching=True)
+        B = np.reshape(model.damping_n_s_m, (3, 3))
+        np.testing.assert_array_equal(B, B.T)
+        assert np.linalg.eigvalsh(B).min() > -1e-12
 
 
 def test_torque_and_stiffness_of_the_jaws_are_felt_at_the_handle() -> None:

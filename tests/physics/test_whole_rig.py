@@ -1,0 +1,97 @@
+"""What an arm applies in a running rig, beside the mechanics alone and the full finite elements.
+
+The processes are as they are, in process; a hand holds each arm by a spring, the arm has its encoders and friction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array
+
+from services.gateway.servo_law import MOST_OWED_J
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
+from services.mechanics.fem.factors import factorise
+from services.mechanics.reduction.free_dofs import free_load, nodal_translations
+from services.mechanics.scenarios import insertion
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.studies.accuracy.pinches import full_model
+from tests.whole_rig import WholeRig
+
+PACE = 0.5
+#: The servo falls back on less force from the first of what it owes on: so much of it at most.
+FORCE_KEPT = 0.9
+
+
+def test_a_pinch_is_the_full_finite_elements_and_the_arm_applies_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = replace(insertion().scene, effects={})
+    rig = WholeRig(tmp_path, monkeypatch, scene, ({}, {"scenario": "insertion", "pace": PACE}))
+    last = rig.run(3.0)[-1]
+    loads_n = np.zeros((rig.duct.mesh.n_vertices, 3))
+    np.add.at(loads_n, last.solved.duct.load_node.view(), last.solved.duct.load_force_n.view())
+    moved_m = rig.physics.simulation.duct.surface_m() - rig.duct.mesh.vertices_m
+    assert np.linalg.norm(moved_m, axis=1).max() > 1e-3
+    model = full_model(scene.duct)
+    full_m = nodal_translations(model, factorise(csc_array(model.K_free)).solve(free_load(model, loads_n)))
+    # Of a linear wall, the force that a given closing takes goes as the force over the closing.
+    assert np.sum(loads_n * full_m) == pytest.approx(np.sum(loads_n * moved_m), rel=0.02)
+    felt_n = np.array(last.devices.instruments[1].applied_force_n)
+    np.testing.assert_allclose(felt_n, last.solved.tools[1].force_n, atol=0.02 * np.linalg.norm(felt_n))
+    assert np.linalg.norm(felt_n) > 5e-3
+    assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
+
+
+def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same poses of the devices, taken by the mechanics without processes between.
+
+    Forces differ by what a frame takes: haptics sees shapes of a tick ago, and the arm a force that was solved two
+    ticks ago, carried on by its stiffness. An encoder's count is a fifth of the catheter's force, so they do jump.
+    """
+    scenario = insertion()
+    arm = {"scenario": "insertion", "pace": PACE}
+    rig = WholeRig(tmp_path, monkeypatch, scenario.scene, (arm, arm))
+    rig.run(5.0)
+    alone_n, inserted_m = mechanics_alone(rig)
+    assert inserted_m > 18e-3
+    assert rig.moments[-1].solved.catheter.inserted_length_m == pytest.approx(inserted_m, abs=0.5e-3)
+    solved_n = np.array([[tool.force_n for tool in moment.solved.tools] for moment in rig.moments])
+    catheter, wall = relative(solved_n - alone_n, alone_n)
+    assert catheter.max() < 0.05, "at every tick"
+    assert np.mean(wall < 0.05) > 0.97
+    assert wall.max() < 0.3, "when jaws close round the wall, a tick later than alone"
+    for late in relative(rig.forces_n()[2:] - alone_n[:-2], alone_n):
+        assert np.sqrt(np.mean(late**2)) < 0.15
+    assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
+
+
+def mechanics_alone(rig: WholeRig) -> tuple[FloatArray, float]:
+    """Return forces (ticks, tools, 3) for the poses that the devices had, and how much of the catheter is in."""
+    simulation, tools = Simulation(rig.scene, rig.duct), ToolInputs()
+    forces = np.empty((len(rig.moments), 2, 3))
+    for k, moment in enumerate(rig.moments):
+        for i, (device, forceps) in enumerate(zip(moment.devices.instruments, rig.scene.forceps, strict=True)):
+            tools.position_m[i], tools.roll_rad[i] = device.position_m, device.roll_rad
+            ratio, most = forceps.jaw_ratio, forceps.jaw_max_angle_rad
+            tools.jaw_angle_rad[i] = jaw_angle_from_handle(device.handle_angle_rad, ratio, most)
+        simulation.step(tools, None, 1e-3)
+        forces[k] = simulation.tool_results.force_n
+    return forces, simulation.inserted_length_m
+
+
+def relative(difference_n: FloatArray, force_n: FloatArray) -> FloatArray:
+    """Return the differences (ticks, tools, 3) as shares of the largest force of each tool, (tools, ticks)."""
+    largest = np.linalg.norm(force_n, axis=2).max(axis=0)
+    shares: FloatArray = (np.linalg.norm(difference_n, axis=2) / largest).T
+    return shares
+
+
+def owed_j(rig: WholeRig) -> float:
+    """Return the most energy that a servo owed at any time."""
+    return -min(min(moment.energy_j) for moment in rig.moments)
