@@ -25,30 +25,36 @@ def trace(flights: Flights) -> dict[str, Any]:
     rows = [flight for flight in flights.flights if len(flight.rows)]
     origin_ns = min((int(flight.column("due_ns").min()) for flight in rows), default=0)
     events: list[dict[str, Any]] = []
+    pids: set[int] = set()
     for flight in rows:
-        events += _floor(flight, origin_ns) if is_floor(flight) else _loop(flight, origin_ns)
+        if is_floor(flight):
+            events += _floor(flight, origin_ns)
+            continue
+        pid = flight.pid if flight.pid not in pids else max(pids) + 1  # in containers each is the first of its own
+        pids.add(pid)
+        events += _loop(flight, pid, origin_ns)
     about = {"taken_at": flights.taken_at, "reason": flights.reason, "origin_monotonic_ns": origin_ns}
     return {"traceEvents": events, "displayTimeUnit": "ms", "otherData": about}
 
 
-def _loop(flight: Flight, origin_ns: int) -> Iterator[dict[str, Any]]:
-    yield _named(flight.pid, _TICKS, "process_name", f"{flight.name}, core {', '.join(map(str, flight.cores))}")
-    yield _named(flight.pid, _TICKS, "thread_name", "ticks")
+def _loop(flight: Flight, pid: int, origin_ns: int) -> Iterator[dict[str, Any]]:
+    yield _named(pid, _TICKS, "process_name", f"{flight.name}, core {', '.join(map(str, flight.cores))}")
+    yield _named(pid, _TICKS, "thread_name", "ticks")
     for row in flight.rows.tolist():
         tick, due, began, ended, ran = row[: len(COLUMNS)]
         args = {"late_us": (began - due) / 1e3, "on_core_us": ran / 1e3}
-        yield _span(flight.pid, _TICKS, f"tick {tick}", began - origin_ns, ended - began, args)
+        yield _span(pid, _TICKS, f"tick {tick}", began - origin_ns, ended - began, args)
         at = began
         for stage, duration in zip(flight.stages, row[len(COLUMNS) :], strict=True):
             length = min(duration, ended - at)
             if length > 0:
-                yield _span(flight.pid, _TICKS, stage, at - origin_ns, length, {})
+                yield _span(pid, _TICKS, stage, at - origin_ns, length, {})
                 at += length
         if ended - due > flight.period_ns:
             over_us = (ended - due - flight.period_ns) / 1e3
             yield {
                 "ph": "i", "s": "p", "name": f"missed by {over_us:.0f} us", "cat": "miss",
-                "pid": flight.pid, "tid": _TICKS, "ts": (ended - origin_ns) / 1e3, "args": {"tick": tick},
+                "pid": pid, "tid": _TICKS, "ts": (ended - origin_ns) / 1e3, "args": {"tick": tick},
             }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -100,12 +101,40 @@ def _check_event(event: dict[str, Any]) -> None:
         assert event["s"] in "gpt"
 
 
+def _check_tracks(events: list[dict[str, Any]]) -> None:
+    """On a track a span lies within another or beside it: what overlaps is left out by who shows it."""
+    tracks: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    for event in events:
+        if event["ph"] == "X":
+            begin = event["ts"]
+            tracks.setdefault((event["pid"], event["tid"]), []).append((begin, -event["dur"]))
+    for track, spans in tracks.items():
+        ends: list[float] = []
+        for begin, negative in sorted(spans):
+            while ends and ends[-1] <= begin + 1e-6:
+                ends.pop()
+            assert not ends or begin - negative <= ends[-1] + 1e-6, track
+            ends.append(begin - negative)
+
+
+def test_processes_of_one_number_have_tracks_of_their_own() -> None:
+    """As those of containers have: each is the first of its own."""
+    first, second = flight("physics", 1, 300.0, {}), flight("haptics", 0, 450.0, {})
+    second = dataclasses.replace(second, pid=first.pid)
+    events = trace(Flights((first, second, floor(0, {5: 900.0}), floor(1, {5: 2800.0})), 0, "now", "why"))[
+        "traceEvents"
+    ]
+    _check_tracks(events)
+    assert len({e["pid"] for e in events if e["ph"] == "M" and e["name"] == "process_name"}) == 3
+
+
 def test_the_trace_has_every_tick_nested_stages_and_a_mark_at_each_miss() -> None:
     flights = (flight("physics", 1, 300.0, {50: {"work": 2500.0}, 90: {"late": 3000.0}}), floor(1, {5: 2800.0}))
     made = json.loads(json.dumps(trace(Flights(flights, 0, "now", "why")), allow_nan=False))
     events = made["traceEvents"]
     for event in events:
         _check_event(event)
+    assert {"traceEvents", "displayTimeUnit"} <= made.keys()
     ticks = [e for e in events if e["ph"] == "X" and e["name"].startswith("tick ")]
     assert len(ticks) == 200
     inside = [e for e in events if e["name"] == "solve"]
