@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from protocol.bodies import InstrumentState, ToolReaction, ToolState
+from protocol.bodies import InstrumentState, LocalModel, ToolReaction, ToolState
 from services.cache_directory import cache_directory
-from services.haptics.local_model import local_model
+from services.haptics import local_model as rows
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import ForcepsScene, SceneModel
@@ -69,9 +69,14 @@ def _reaction(scene: SceneModel, duct: ReducedDuct, hands: Hands, turned_rad: fl
     return Outputs(simulation, "").state(TICKS, (told,)).tools[0]
 
 
+def _model(reaction: ToolReaction, forceps: ForcepsScene) -> LocalModel:
+    row = rows.local_model(reaction, InstrumentState(name="", position_m=(0, 0, 0)), forceps, touching=True)
+    return LocalModel.from_row(np.frombuffer(row))
+
+
 def _torque_nm(reaction: ToolReaction, scene: SceneModel, handle_rad: float) -> float:
     """What the servo makes of the local model at a handle angle, at the rate that the model was made for."""
-    model = local_model(reaction, InstrumentState(name="", position_m=(0, 0, 0)), scene.forceps[0], touching=True)
+    model = _model(reaction, scene.forceps[0])
     assert model.in_contact
     return model.grasp_torque_nm - model.grasp_stiffness_nm_rad * (handle_rad - model.reference_angle_rad)
 
@@ -98,9 +103,9 @@ def test_the_dampers_of_the_couplings_are_not_taken_for_springs(
 
 
 def test_a_handle_beyond_the_stops_of_its_jaws_does_not_change_the_torque() -> None:
-    forceps, instrument = ForcepsScene(jaw_ratio=RATIO), InstrumentState(name="", position_m=(0, 0, 0))
+    forceps = ForcepsScene(jaw_ratio=RATIO)
     for angle, moves in [(0.0, False), (0.3, True), (forceps.jaw_max_angle_rad, False)]:
         reaction = ToolReaction(grasp_torque_nm=0.1, grasp_stiffness_nm_rad=0.2, contacts=1, jaw_angle_rad=angle)
-        model = local_model(reaction, instrument, forceps, touching=True)
+        model = _model(reaction, forceps)
         assert (model.grasp_stiffness_nm_rad > 0.0) is moves
         assert (model.grasp_damping_nm_s_rad > 0.0) is moves
