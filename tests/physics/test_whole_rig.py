@@ -6,6 +6,7 @@ The processes are as they are, in process; a hand holds each arm by a spring, th
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,9 @@ from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.scenarios import insertion
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.scenes import load_scene
 from services.studies.accuracy.pinches import full_model
+from tests.physics.conftest import SMALL
 from tests.whole_rig import WholeRig
 
 PACE = 0.5
@@ -69,6 +72,25 @@ def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch
     for late in relative(rig.forces_n()[2:] - alone_n[:-2], alone_n):
         assert np.sqrt(np.mean(late**2)) < 0.15
     assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
+
+
+def test_walls_feel_soft_and_hard_in_the_order_of_their_materials(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same hand on walls of 20 kPa to 1 MPa: it meets more force, and is held further out."""
+    press = {"script": str(Path(__file__).parents[1] / "rig" / "press.yaml")}
+    felt_n, yielded_m = [], []
+    for modulus_pa in (20e3, 60e3, 200e3, 1e6):
+        scene = load_scene(SMALL, (f"duct.youngs_modulus_pa={modulus_pa}", "effects={}"))
+        rig = WholeRig(tmp_path, monkeypatch, scene, (press, press))
+        pressed = rig.run(1.5)[-200:]
+        tools = [moment.devices.instruments[0] for moment in pressed]
+        felt_n.append(float(np.mean([np.linalg.norm(tool.applied_force_n) for tool in tools])))
+        yielded_m.append(float(np.mean([tool.position_m[2] for tool in tools])))
+        rig.gateway.close()
+    assert felt_n[0] > 1e-3
+    assert all(b > 1.3 * a for a, b in pairwise(felt_n)), felt_n
+    assert yielded_m[-1] > yielded_m[0] + 50e-6, yielded_m
 
 
 def mechanics_alone(rig: WholeRig) -> tuple[FloatArray, float]:
