@@ -9,12 +9,14 @@ from services.mechanics.fem.nonlinear import PathSettings, trace_path
 from services.studies.large_displacement_problems import (
     HEMISPHERE,
     PINCH,
+    PULLED,
     SHEAR,
     SLIT_PLATE,
     cantilever,
     force_over_linear,
     hemisphere,
     hinged_roof,
+    pulled_cylinder,
     slit_plate,
     squeezed_duct,
 )
@@ -23,7 +25,7 @@ SZE = "Sze, Liu and Lo 2004"
 
 
 def tables() -> list[Table]:
-    entries = [*_cantilevers(), *_slit_plate(), *_hemisphere(), *_roofs(), *_duct()]
+    entries = [*_cantilevers(), *_slit_plate(), *_hemisphere(), *_pulled_cylinder(), *_roofs(), *_duct()]
     about = (
         "Corotated triangles (`docs/decisions/nonlinear-shell.md`), the values of the same command with "
         "`analysis: nonlinear`. Displacements in the units of the source."
@@ -73,6 +75,23 @@ def _hemisphere() -> list[Entry]:
         mesh = f"andes, {n} x {n} a quarter"
         entries.append(Entry("pinched hemisphere, outward", mesh, pulled[0], HEMISPHERE[0], f"{SZE} (unverified)"))
         entries.append(Entry("pinched hemisphere, inward", mesh, -pushed[1], HEMISPHERE[1], f"{SZE} (unverified)"))
+    return sorted(entries, key=lambda entry: entry.quantity)
+
+
+def _pulled_cylinder() -> list[Entry]:
+    entries = []
+    for n_around, n_along in ((12, 18), (16, 24)):
+        problem = pulled_cylinder(n_around, n_along)
+        for point in trace_path(problem.shell, problem.load, PathSettings(n_steps=4)):
+            moved = problem.moved(point)
+            for name, value, published in zip(
+                ("at the force, outward", "beside it, inward", "open end, inward"),
+                (moved[0, 2], -moved[1, 0], -moved[2, 0]),
+                PULLED.get(round(point.part, 6), ()),
+                strict=False,
+            ):
+                quantity = f"cylinder pulled apart at {point.part:.2g} of its load, {name}"
+                entries.append(Entry(quantity, f"andes, {n_around} x {n_along} an eighth", value, published, SZE))
     return sorted(entries, key=lambda entry: entry.quantity)
 
 

@@ -26,6 +26,11 @@ HEMISPHERE = (4.067, 8.178)
 PINCH = {0.2: 0.876, 0.5: 0.746, 1.0: 0.642}
 """CalculiX, S8R with large displacements: force over the linear force at 10, 25, 50 % closure of the duct's mouth."""
 
+PULLED = {0.25: (2.180, 3.087, 3.310), 1.0: (2.768, 4.551, 3.269)}
+"""Cylinder pulled apart, by part of its load: outward at the force, inward beside it in the middle and at its end.
+
+Of Sze, Liu and Lo, as the regression tests of MBDyn hold their table."""
+
 Place = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
 
 
@@ -102,6 +107,27 @@ def hemisphere(n: int, membrane: str = "andes") -> Problem:
     dead = np.zeros((mesh.n_vertices, 6))
     dead[index[0, 0], 0], dead[index[-1, 0], 1] = 200.0, -200.0
     return Problem(_shell(mesh, 0.04, 6.825e7, 0.3, supports, membrane), _dead(dead), index[[0, -1], 0])
+
+
+def pulled_cylinder(n_around: int, n_along: int, membrane: str = "andes") -> Problem:
+    """An eighth of the open cylinder R 4.953, L 10.35, t 0.094, E 10.5e6, nu 0.3125, pulled apart by 40,000.
+
+    Watched are the point of the force, that a quarter round beside it, and that at the open end.
+    """
+    mesh, index = grid(
+        lambda u, v: (4.953 * np.sin(0.5 * np.pi * u), 0.5 * 10.35 * v, 4.953 * np.cos(0.5 * np.pi * u)),
+        n_around,
+        n_along,
+    )
+    supports = [
+        Support(index[0], ("ux", "ry", "rz")),
+        Support(index[-1], ("uz", "rx", "ry")),
+        Support(index[:, 0], ("uy", "rx", "rz")),
+    ]
+    dead = np.zeros((mesh.n_vertices, 6))
+    dead[index[0, 0], 2] = 40e3 / 4.0
+    watched = np.array([index[0, 0], index[-1, 0], index[-1, -1]])
+    return Problem(_shell(mesh, 0.094, 10.5e6, 0.3125, supports, membrane), _dead(dead), watched)
 
 
 def hinged_roof(thickness: float, n: int = 8) -> Problem:

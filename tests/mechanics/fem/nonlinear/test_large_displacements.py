@@ -8,10 +8,12 @@ from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, P
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.studies.large_displacement_problems import (
     PINCH,
+    PULLED,
     SHEAR,
     cantilever,
     force_over_linear,
     hinged_roof,
+    pulled_cylinder,
     squeezed_duct,
 )
 
@@ -34,6 +36,14 @@ def test_cantilever_under_a_moment_closes_to_a_circle():
     assert middle == pytest.approx([-5.0, 0.0, 10.0 / np.pi], abs=0.03)
     moment = 2.0 * np.pi * 100.0 / 10.0
     assert problem.shell.energy_j(end.at) == pytest.approx(0.5 * moment * 2.0 * np.pi, rel=1e-3)
+
+
+def test_a_cylinder_pulled_apart_ends_where_published():
+    """Stretched with its circumference straightened, it has turned its curvature about on the way."""
+    problem = pulled_cylinder(12, 8)
+    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=20, control="arc_length"))
+    moved = problem.moved(path[-1])
+    assert [moved[0, 2], -moved[1, 0], -moved[2, 0]] == pytest.approx(PULLED[path[-1].part], rel=0.015)
 
 
 @pytest.mark.parametrize(("thickness", "limit", "lowest"), [(12.7, 2226.0, 512.0), (6.35, 587.0, -385.0)])
