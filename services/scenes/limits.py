@@ -9,7 +9,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from services.mechanics.scene import QualityLevel, SceneModel
+from services.mechanics.scene import CatheterScene, QualityLevel, SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 
 _POSITIVE = {
@@ -31,7 +31,12 @@ _NOT_NEGATIVE = {
 }
 MOST_RUNGS = 16
 """As many as the wire can name."""
-_NOT_ABOVE_ONE = {"catheter": "spectral_radius", "contact": "recovery"}
+_AT_MOST: dict[str, dict[str, float]] = {
+    "catheter": {"spectral_radius": 1.0, "n_segments": 1000},
+    "contact": {"recovery": 1.0, "capacity": 1000},  # the matrix of all contacts is dense: 72 MB
+}
+LARGEST = 1e30
+"""Of any number: the mechanics multiplies several, and beyond 1e308 a product is infinite."""
 
 
 def fault(scene: SceneModel) -> str:
@@ -42,12 +47,38 @@ def fault(scene: SceneModel) -> str:
                 value = getattr(holder, name)
                 if value is not None and not value > lowest:
                     return f"{path}.{name}: must {wanted}, is {value}"
-        for name in _NOT_ABOVE_ONE.get(part, "").split():
-            if getattr(holder, name) > 1.0:
-                return f"{path}.{name}: must not be above 1, is {getattr(holder, name)}"
+        for name, most in _AT_MOST.get(part, {}).items():
+            if getattr(holder, name) > most:
+                return f"{path}.{name}: must not be above {most:g}, is {getattr(holder, name)}"
+        for name, value in _floats(holder):
+            if abs(value) > LARGEST:
+                return f"{path}.{name}: must not be above {LARGEST:g} in size, is {value:g}"
     if not len(scene.forceps) <= N_TOOLS:
         return f"forceps: at most {N_TOOLS}, are {len(scene.forceps)}"
-    return _ladder_fault(scene.quality)
+    return _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)
+
+
+def _catheter_fault(catheter: CatheterScene) -> str:
+    """Return what of a catheter does not go together."""
+    if not any(catheter.direction):
+        return "catheter.direction: must not be zero"
+    if not -1.0 < catheter.poisson_ratio <= 0.5:
+        return f"catheter.poisson_ratio: must lie above -1 and not above 0.5, is {catheter.poisson_ratio}"
+    if not catheter.inner_diameter_m < catheter.outer_diameter_m:
+        return (
+            f"catheter.inner_diameter_m: must be below outer_diameter_m, {catheter.outer_diameter_m}, is "
+            f"{catheter.inner_diameter_m}"
+        )
+    return ""
+
+
+def _floats(holder: Any) -> Iterator[tuple[str, float]]:
+    """Yield each number of a part of a scene, and each of a vector, with its key."""
+    for field in dataclasses.fields(holder) if dataclasses.is_dataclass(holder) else ():
+        value = getattr(holder, field.name)
+        for index, each in enumerate(value) if isinstance(value, tuple) else [(None, value)]:
+            if isinstance(each, float):
+                yield field.name if index is None else f"{field.name}.{index}", each
 
 
 def _ladder_fault(ladder: Sequence[QualityLevel]) -> str:

@@ -12,6 +12,7 @@ from typing_extensions import TypedDict
 from services.mechanics.effects import EFFECTS, check_bodies, check_ladder
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_catheter import check_catheter
+from services.mechanics.simulation.scene_duct import check_duct_numbers
 from services.runtime import config
 from services.runtime.called_for import has_duct_alone
 from services.runtime.errors import ConfigError
@@ -56,6 +57,7 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
     if wrong := limits.fault(scene):
         raise ConfigError(f"{where}: {wrong}")
     try:
+        check_duct_numbers(scene.duct)
         check_ladder(scene)
         check_bodies(scene)
         check_catheter(scene)

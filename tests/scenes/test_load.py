@@ -12,7 +12,7 @@ from services.mechanics.scenarios import insertion_scene, miss, paper_scene
 from services.mechanics.scene import SceneModel
 from services.runtime import config
 from services.runtime.errors import ConfigError
-from services.scenes import load_scene, scene_file_type, scene_origins
+from services.scenes import check_duct, load_scene, scene_file_type, scene_origins
 
 SMALL = Path(__file__).parent / "small.yaml"
 SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))
@@ -53,6 +53,25 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
             r"effects.anisotropy: poisson_ratio 0.45 must be below .*0.408",
         ),
         ("effects: {anisotropy: {axis: [0, 0, 0]}}", r"effects.anisotropy: axis must not be zero"),
+        ("catheter: {direction: [0, 0, 0]}", r"a.yaml: catheter.direction: must not be zero"),
+        (
+            "catheter: {inner_diameter_m: 0.01}",
+            r"a.yaml: catheter.inner_diameter_m: must be below outer_diameter_m",
+        ),
+        (
+            "catheter: {poisson_ratio: 0.6}",
+            r"a.yaml: catheter.poisson_ratio: must lie above -1 and not above 0.5",
+        ),
+        ("catheter: {n_segments: 1000000}", r"a.yaml: catheter.n_segments: must not be above 1000, is 1000000"),
+        ("catheter: {youngs_modulus_pa: 1.0e+300}", r"a.yaml: catheter.youngs_modulus_pa: must not be above 1e\+30 in"),
+        (
+            "catheter: {tip_position_m: [0, -1.0e+99, 0]}",
+            r"a.yaml: catheter.tip_position_m.1: must not be above 1e",
+        ),
+        ("contact: {capacity: 1000000}", r"a.yaml: contact.capacity: must not be above 1000, is 1000000"),
+        ("duct: {radius_m: 1.0e-9}", r"a.yaml: duct: thickness_m leaves no lumen at the mouth"),
+        ("duct: {n_around: 2}", r"a.yaml: duct: n_around must be at least 3"),
+        ("duct: {poisson_ratio: 0.6}", r"a.yaml: duct: poisson_ratio of an isotropic material must not exceed 0.5"),
         ("contact: {recovery: 1.5}", r"contact.recovery: must not be above 1, is 1.5"),
         ("forceps: [{jaw_stiffness_nm_rad: 0}, {}]", r"forceps.0.jaw_stiffness_nm_rad: must be positive, is 0"),
         ("forceps: [{}, {grip_friction: -0.1}]", r"forceps.1.grip_friction: must not be negative, is -0.1"),
@@ -153,3 +172,14 @@ def test_scene_files_are_the_scenes_that_the_mechanics_tests(name: str, model: S
 def test_an_element_that_there_is_not_is_answered_with_those_there_are(override: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         load_scene("insertion", [override])
+
+
+def test_a_duct_too_short_for_its_width_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    """It was found by a division by zero when the rig had started; a duct alone needs no way in."""
+    wide = "duct: {radius_m: 0.04, n_around: 8, n_along: 6, n_modes: 5}\n"
+    path = tmp_path / "wide.yaml"
+    path.write_text(f"{wide}forceps: [{{}}]\n")
+    with pytest.raises(ConfigError, match=r"duct: no vertex lies 2 to 3.5 radii"):
+        check_duct(load_scene(path), tmp_path)
+    path.write_text(wide)
+    check_duct(load_scene(path), tmp_path)

@@ -18,6 +18,7 @@ from services.mechanics.reduction.reduce import fetch_residual_displacement, red
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe, wall_section
 from services.mechanics.surface.mesh import TriangleMesh
+from services.mechanics.surface.opening import mouth_opening
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
@@ -75,6 +76,25 @@ def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> Non
     stages = by_stage(build_effects(scene).values())
     recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, stages["modify_section"])
     check_n_modes(recipe.model(), recipe.n_modes)
+    if not scene.duct_alone:
+        mouth_opening(recipe.mesh)
+
+
+def check_duct_numbers(duct: DuctScene) -> None:
+    """Refuse numbers of a duct that do not go together; no mesh is made.
+
+    Raises
+    ------
+    ValueError
+        Names the scene's part and key.
+    """
+    try:
+        if duct.mesh_file is None:
+            duct_geometry(duct)
+        wall_section(duct)
+    except ValueError as error:
+        sentence = str(error).replace("wall_thickness_m", "thickness_m").partition(": ")[2]
+        raise ValueError(f"duct: {sentence}") from None
 
 
 def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Iterable[Effect]) -> DuctRecipe:
@@ -89,7 +109,12 @@ def scene_mesh(duct: DuctScene) -> TriangleMesh:
     """Mesh the parametric duct."""
     if duct.mesh_file is not None:
         raise ValueError(f"duct.mesh_file: {duct.mesh_file} must be read first, pass its mesh")
-    geometry = DuctGeometry(
+    return parametric_duct(duct_geometry(duct))
+
+
+def duct_geometry(duct: DuctScene) -> DuctGeometry:
+    """Return the shape of a parametric duct."""
+    return DuctGeometry(
         radius_m=duct.radius_m,
         length_m=duct.length_m,
         n_around=duct.n_around,
@@ -101,7 +126,6 @@ def scene_mesh(duct: DuctScene) -> TriangleMesh:
         slit_length_m=duct.slit_length_m,
         slit_width_m=duct.slit_width_m,
     )
-    return parametric_duct(geometry)
 
 
 def constant_load_n(effects: Iterable[Effect], mesh: TriangleMesh) -> FloatArray | None:

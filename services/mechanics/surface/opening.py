@@ -34,12 +34,23 @@ class Opening:
 
 
 def mouth_opening(mesh: TriangleMesh) -> Opening:
-    """Return the mouth of a duct."""
+    """Return the mouth of a duct.
+
+    Raises
+    ------
+    ValueError
+        It is too short beside its width, or too coarse, for the way in to be told.
+    """
     rim = mesh.vertices_m[mesh.vertex_sets["mouth"]]
     centre = rim.mean(axis=0)
     radius_m = float(np.linalg.norm(rim - centre, axis=1).mean())
     away = mesh.vertices_m - centre
     distance = np.linalg.norm(away, axis=1)
     ring = away[(distance > _NEAREST * radius_m) & (distance < _FURTHEST * radius_m)]
+    if not len(ring):
+        raise ValueError(
+            f"duct: no vertex lies {_NEAREST:g} to {_FURTHEST:g} radii ({radius_m:.3g} m) behind its mouth, where the "
+            "way in is looked for: it is too short for its width, or too coarse"
+        )
     inward = ring.mean(axis=0)
     return Opening(centre, inward / float(np.linalg.norm(inward)), radius_m)
