@@ -90,6 +90,41 @@ def shaft_axes(hip: FloatArray, port: FloatArray) -> FloatArray:
     return np.array((right, np.cross(right, inward), inward))
 
 
+class Source:
+    """The input device of one driver: found when it opens, and looked for again when a person arms the rig.
+
+    Attributes
+    ----------
+    inputs : Inputs or None
+        None while there is none.
+    """
+
+    def __init__(self, kind: Kind, settings: DeviceSettings, place: Place) -> None:
+        self.inputs: Inputs | None = None
+        self._kind, self._place = kind, place
+        self._path = str(settings.device) if settings.device is not None else None
+
+    def open(self) -> None:
+        """Find it; raises `DeviceError` where it is not there."""
+        where = f"instrument {self._place.instrument!r}"
+        self.inputs = input_events.open_inputs(self._kind, self._path, self._place.index, where)
+
+    def open_anew(self) -> str:
+        """Give it up and find it again; return why not, or nothing: what happens in a tick raises nothing."""
+        self.close()
+        try:
+            self.open()
+        except DeviceError as error:
+            return str(error)
+        return ""
+
+    def close(self) -> None:
+        """Give it up."""
+        if self.inputs is not None:
+            input_events.close_inputs(self.inputs)
+            self.inputs = None
+
+
 class SteeredArm(HandArm):
     """Moves on while an axis is held. An input that goes away is a fault, and the tool stays where it is."""
 
@@ -97,49 +132,47 @@ class SteeredArm(HandArm):
         self, name: str, kind: Kind, axes: Mapping[str, Axes], settings: SteeringSettings, place: Place
     ) -> None:
         super().__init__(name, settings, place)
-        self._kind = kind
+        self._source = Source(kind, settings, place)
         self._axes = {**axes, **settings.axes}
         self._steering = settings
-        self._inputs: Inputs | None = None
         self._port = np.array(place.port_m)
         self._rumbled_s = 0.0
 
     def open(self) -> None:
         """Find the device and begin where the tool waits."""
         super().open()
-        self._inputs = _open(self._kind, self._steering, self.place)
+        self._source.open()
 
     def follow(self, time_ns: int, passed_s: float) -> None:
         """Move the target on by what the axes say."""
-        if self._inputs is None:
+        inputs = self._source.inputs
+        if inputs is None:
             return
-        self._inputs.poll(time_ns)
-        self.fault = self._inputs.fault
+        inputs.poll(time_ns)
+        self.fault = inputs.fault
         step_s = min(passed_s, _LONGEST_STEP_S)
-        right, up, inward, roll = (shaped(pushed(self._inputs, self._axes.get(motion, {}))) for motion in MOTIONS)
+        right, up, inward, roll = (shaped(pushed(inputs, self._axes.get(motion, {}))) for motion in MOTIONS)
         way = np.array((right, up, inward)) @ shaft_axes(self.target, self._port)
         self.target = self.target + step_s * self._steering.speed_m_s * way
         self.target_roll += step_s * self._steering.roll_rad_s * roll
-        self._rumble(step_s)
+        self._rumble(inputs, step_s)
 
-    def _rumble(self, passed_s: float) -> None:
+    def _rumble(self, inputs: Inputs, passed_s: float) -> None:
         self._rumbled_s += passed_s
         force_n = float(np.linalg.norm(self.felt_n))
-        if self._inputs is not None and force_n > 0.05 and self._rumbled_s >= _RUMBLE_EVERY_S:
+        if force_n > 0.05 and self._rumbled_s >= _RUMBLE_EVERY_S:
             self._rumbled_s = 0.0
-            self._inputs.rumble(force_n / _RUMBLE_FULL_N)
+            inputs.rumble(force_n / _RUMBLE_FULL_N)
 
     def clear_fault(self) -> None:
         """Look for the device again."""
-        self.close()
-        self._inputs, self.fault = _try_open(self._kind, self._steering, self.place)
+        super().close()
+        self.fault = self._source.open_anew()
 
     def close(self) -> None:
         """Give the device up."""
         super().close()
-        if self._inputs is not None:
-            input_events.close_inputs(self._inputs)
-            self._inputs = None
+        self._source.close()
 
 
 class SteeredGrasp(HandGrasp):
@@ -147,35 +180,32 @@ class SteeredGrasp(HandGrasp):
 
     def __init__(self, kind: Kind, close: Axes, settings: JawSettings, place: Place) -> None:
         super().__init__(settings, place)
-        self._kind, self._settings_of_device = kind, settings
+        self._source = Source(kind, settings, place)
         self._close = settings.close or close
-        self._inputs: Inputs | None = None
         self._touched = False
 
     def open(self) -> None:
         """Find the device."""
-        self._inputs = _open(self._kind, self._settings_of_device, self.place)
+        self._source.open()
 
     def opening(self, time_ns: int) -> float | None:
         """Return how far the trigger leaves the jaws open; as they were until it is first touched."""
-        if self._inputs is None:
+        inputs = self._source.inputs
+        if inputs is None:
             return None
-        self._inputs.poll(time_ns)
-        self.fault = self._inputs.fault
-        closed = pushed(self._inputs, self._close)
+        inputs.poll(time_ns)
+        self.fault = inputs.fault
+        closed = pushed(inputs, self._close)
         self._touched |= closed > _DEAD
         return 1.0 - max(closed, 0.0) if self._touched and not self.fault else None
 
     def clear_fault(self) -> None:
         """Look for the device again."""
-        self.close()
-        self._inputs, self.fault = _try_open(self._kind, self._settings_of_device, self.place)
+        self.fault = self._source.open_anew()
 
     def close(self) -> None:
         """Give the device up."""
-        if self._inputs is not None:
-            input_events.close_inputs(self._inputs)
-            self._inputs = None
+        self._source.close()
 
 
 def check_inputs(kind: Kind) -> HostCheck:
@@ -186,16 +216,3 @@ def check_inputs(kind: Kind) -> HostCheck:
         "anew; another driver that holds it (spacenavd) must be stopped"
     )
     return HostCheck(f"{kind.name}", bool(found), ", ".join(found) or "none in /dev/input", advice, needed=True)
-
-
-def _open(kind: Kind, settings: DeviceSettings, place: Place) -> Inputs:
-    path = str(settings.device) if settings.device is not None else None
-    return input_events.open_inputs(kind, path, place.index, f"instrument {place.instrument!r}")
-
-
-def _try_open(kind: Kind, settings: DeviceSettings, place: Place) -> tuple[Inputs | None, str]:
-    """Return the device and no fault, or none and why: what happens in a tick raises nothing."""
-    try:
-        return _open(kind, settings, place), ""
-    except DeviceError as error:
-        return None, str(error)

@@ -216,7 +216,11 @@ def _read_alone(path: Path) -> tuple[dict[str, Any], Origins]:
 
 
 def _read_on_base(path: Path, above: tuple[Path, ...] = ()) -> tuple[dict[str, Any], Origins]:
-    """Return what a rig file says on top of what its base says: mappings are merged, lists and values replaced."""
+    """Return what a rig file says on top of what its base says: mappings are merged, lists and values replaced.
+
+    Of a list of things with names, such as the instruments, the file says which there are; each takes what is not said
+    of it from the one of that name below. `settings` belong to one driver: they are replaced as a whole.
+    """
     data, origins = _read_alone(path)
     base = data.get("base")
     if base is None:
@@ -238,9 +242,19 @@ def _find_base(path: Path, base: Any) -> Path:
 
 
 def _merged(below: Any, above: Any) -> Any:
+    if _are_named(below) and _are_named(above):
+        known = {each["name"]: each for each in below}
+        return [_merged(known.get(each["name"]), each) for each in above]
     if not isinstance(below, dict) or not isinstance(above, dict):
         return above
-    return {**below, **{key: _merged(below.get(key), value) for key, value in above.items()}}
+    merged = {key: value if key == "settings" else _merged(below.get(key), value) for key, value in above.items()}
+    return {**below, **merged}
+
+
+def _are_named(value: Any) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(each, dict) and isinstance(each.get("name"), str) for each in value
+    )
 
 
 def split_overrides(overrides: Iterable[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -180,6 +180,36 @@ def test_a_base_of_the_rigs_that_come_with_it_and_a_base_of_a_base(tmp_path: Pat
     assert rig.model_copy(update={"name": "stub", "base": None}) == stub
 
 
+def test_an_instrument_takes_what_is_not_said_of_it_from_the_one_of_its_name_below(tmp_path: Path) -> None:
+    below, right = (
+        config.load_rig("mouse").gateway,
+        "{name: right, port_m: [0, 0, 0.2], grasp: {settings: {shut_rad: 0.3}}}",
+    )
+    rig = config.load_rig(
+        write(
+            tmp_path,
+            f"name: mine\nbase: mouse\ngateway: {{instruments: [{right}, {{name: left, arm: {{driver: gamepad}}}}]}}\n",
+        )
+    )
+    first, second = rig.gateway.instruments
+    assert (first.name, first.port_m, first.mount) == ("right", (0.0, 0.0, 0.2), below.instruments[1].mount)
+    assert first.grasp is not None
+    assert (first.grasp.driver, first.grasp.settings) == ("grasp_web", {"shut_rad": 0.3}), "settings are replaced"
+    assert (second.arm.driver, second.arm.settings) == ("gamepad", below.instruments[0].arm.settings)
+    assert second.grasp == below.instruments[0].grasp
+
+
+def test_the_file_above_says_which_instruments_there_are(tmp_path: Path) -> None:
+    rig = config.load_rig(write(tmp_path, "name: mine\nbase: mouse\ngateway: {instruments: [{name: right}]}\n"))
+    assert rig.gateway.instruments == config.load_rig("mouse").gateway.instruments[1:]
+
+
+@pytest.mark.parametrize("names", ["[{name: [1]}]", "[{port_m: [0, 0, 0]}]", "[3]"])
+def test_instruments_without_a_name_are_one_sentence(tmp_path: Path, names: str) -> None:
+    with pytest.raises(ConfigError, match=r"gateway\.instruments\.0"):
+        config.load_rig(write(tmp_path, f"name: mine\nbase: mouse\ngateway: {{instruments: {names}}}\n"))
+
+
 @pytest.mark.parametrize(
     ("base", "sentence"),
     [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -17,8 +17,8 @@ from services.gateway.feel.wall import (
     response,
     stable_stiffness,
 )
+from services.studies.tell import Tell
 
-Tell = Callable[[str, int, int], None]
 STIFFNESSES_N_M = (100.0, 200.0, 500.0, 1000.0, 2000.0, 3500.0)
 DAMPINGS_N_S_M = (0.0, 0.2, 0.5)
 PERIODS_S = (0.5e-3, 1e-3, 2e-3, 4e-3)

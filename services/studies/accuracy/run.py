@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from services.studies.accuracy.costs import FLOOR, measure_costs
 from services.studies.accuracy.log import Log
 from services.studies.accuracy.study import Cost, Draw, Error, Reference, Row, load_study
 from services.studies.accuracy.workers import Workers
-
-Tell = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and how much there is."""
+from services.studies.tell import Tell
 
 
 def compute_reference(study: str, draw: Draw) -> Reference:

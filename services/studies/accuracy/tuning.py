@@ -7,7 +7,7 @@ costs and how far it is off is measured, until a tick fits the budget.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,8 +15,8 @@ from services.mechanics.effects import EFFECTS
 from services.mechanics.scene import QualityLevel, SceneModel
 from services.studies.accuracy.study import Cost
 from services.studies.accuracy.trial import TICK_S, Bench, Errors, Run, errors_of
+from services.studies.tell import Tell
 
-Tell = Callable[[str, int, int], None]
 LEAST_ERROR_PERCENT = 0.02
 """Below, errors are rounding, and what frees time for less is free."""
 LEAST_FREED = 0.02
