@@ -144,7 +144,7 @@ def _sentence(error: ValidationError, kind: type[Any]) -> str:
     """Return what is wrong: an unknown key before all else, as a misspelt key is also one that is missing."""
     errors = error.errors(include_url=False)
     first = next((each for each in errors if each["type"] in _UNKNOWN), errors[0])
-    path = ".".join(str(part) for part in first["loc"])
+    path = ".".join(str(part) for part in first["loc"] if part != "[key]")  # so pydantic calls a key that is wrong
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
     if first["type"] in _UNKNOWN:
         known = ", ".join(known_keys(kind, first["loc"][:-1])) or "none"

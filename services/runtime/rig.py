@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from protocol.topics import observed_by, read_by
+from protocol.topics import TOPICS, observed_by, read_by
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -41,6 +41,16 @@ class Transport(Settings):
         if self.kind == "ipc" and self.keys is not None:
             raise ValueError("keys protect tcp; the sockets of ipc belong to this user alone")
         return self
+
+
+def _is_process(name: str) -> str:
+    known = list(dict.fromkeys(row.publisher for row in TOPICS.values()))
+    if name not in known:
+        raise ValueError(f"there is no process {name!r}; known: {', '.join(known)}")
+    return name
+
+
+ProcessName = Annotated[str, AfterValidator(_is_process)]
 
 
 class ProcessSettings(Settings):
@@ -156,7 +166,7 @@ class SupervisorSettings(Settings):
 class Contracts(Settings):
     """Deadlines by loop and by path."""
 
-    loops: dict[str, LoopContract] = {}
+    loops: dict[ProcessName, LoopContract] = {}
     paths: dict[str, PathContract] = {}
 
 
@@ -190,7 +200,7 @@ class Rig(Settings):
     )
     scene: str = "default"
     transport: Transport = Transport()
-    processes: dict[str, ProcessSettings] = {}
+    processes: dict[ProcessName, ProcessSettings] = {}
     rungs: tuple[Literal["fifo", "deadline", "nice"], ...] = Field(
         ("fifo", "deadline", "nice"), description="scheduling classes that loops with a priority try, best first"
     )

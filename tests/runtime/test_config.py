@@ -31,6 +31,14 @@ def write(path: Path, text: str) -> Path:
             "name: a\nprocesses: {physics: {coer: 1}}",
             r"processes.physics.coer: unknown key 'coer'; known: core, critical, enabled, nice, ",
         ),
+        (
+            "name: a\nprocesses: {physic: {core: 1}}",
+            r"processes.physic: there is no process 'physic'; known: .*physics",
+        ),
+        (
+            "name: a\ncontracts: {loops: {gatway: {rate_hz: 1.0, miss_ratio: 0.1}}}",
+            r"contracts.loops.gatway: there is no process 'gatway'; known",
+        ),
         ("name: a\nprocesses: {physics: {priority: 99}}", r"processes.physics.priority: input should be less"),
         ("name: a\nprocesses: {physics: {core: '1'}}", r"processes.physics.core: input should be a valid integer"),
         ("name: a\ngateway: {force_limit_n: .nan}", r"gateway.force_limit_n: input should be a finite number"),
