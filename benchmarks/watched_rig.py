@@ -97,8 +97,16 @@ class History:
         total = self.change(f"{family}_count{{{label}}}", since, until)
         return total - (self.change(max(below, key=_edge), since, until) if below else 0.0)
 
-    def largest(self, family: str, label: str) -> float:
-        """Return the upper edge of the highest bucket in which anything was counted, in seconds; 0 for nothing."""
+    def largest(self, name: str, label: str) -> float:
+        """Return the largest duration in seconds; the upper edge of its bucket where one before the watch was larger.
+
+        0 for nothing.
+        """
+        key = f"{name}_max_seconds{{{label}}}"
+        first, last = (sample.counts.get(key, 0.0) for sample in (self.samples[0], self.samples[-1]))
+        if last > first:
+            return last
+        family = f"{name}_seconds"
         keys = [key for key in self.samples[-1].counts if key.startswith(f"{family}_bucket{{") and label in key]
         total = self.change(f"{family}_count{{{label}}}")
         holding = [_edge(key) for key in keys if self.change(key) >= total]
@@ -269,16 +277,16 @@ class WatchedRig:
             total = history.change(f"trocar_machine_lateness_seconds_count{{{label}}}")
             late = history.over("trocar_machine_lateness_seconds", label, 1e-3)
             rows.append(Row(f"machine floor, core {core}: late wake-ups", 100.0 * late / max(1.0, total), "%"))
-            worst_s = history.largest("trocar_machine_lateness_seconds", label)
-            rows.append(Row(f"machine floor, core {core}: largest, upper edge of its bucket", 1e3 * worst_s, "ms"))
+            worst_s = history.largest("trocar_machine_lateness", label)
+            rows.append(Row(f"machine floor, core {core}: latest wake-up", 1e3 * worst_s, "ms"))
         told, untrue = self.alarms()
         restarts = history.samples[-1].restarts - history.samples[0].restarts
         rows += [
             Row("processes restarted", restarts, "", 0.0),
             Row("changes of state for the worse, and marks", len(told), ""),
             Row("of them false", len(untrue), "", 0.0),
-            Row("supervisor: largest lateness, upper edge of its bucket",
-                1e3 * history.largest("trocar_loop_lateness_seconds", 'loop="supervisor"'), "ms", 20.0),
+            Row("supervisor: largest lateness",
+                1e3 * history.largest("trocar_loop_lateness", 'loop="supervisor"'), "ms", 20.0),
             *(Row(f"/{path} answered, slowest", 1e3 * s, "ms", 1000.0) for path, s in self.answers_s.items()),
         ]  # fmt: skip
         return [Row(f"{where}: {row.name}", **{k: v for k, v in vars(row).items() if k != "name"}) for row in rows]
