@@ -20,8 +20,6 @@ OPEN: dict[tuple[str, str], set[str]] = {
     ("abuse", "all contacts at once, wall gives way, number 0"): TOOLS,
     ("grasping", "number 0"): TOOLS,
     ("effect_pairs", "twist and friction, number 0"): TOOLS,
-    ("mass", "wall 100 times as heavy, number 0"): {"gain"},
-    ("random_play", "piece 0"): TOOLS,
 }
 
 
