@@ -14,7 +14,7 @@ from services.mechanics.surface.mesh import TriangleMesh
 from services.meshes import write_vtu
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "insertion")
-folder.mkdir(exist_ok=True)
+folder.mkdir(parents=True, exist_ok=True)
 scenario, hands = insertion(), ToolInputs()
 duct = build_scene_duct(scenario.scene)
 simulation = Simulation(scenario.scene, duct)

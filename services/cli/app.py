@@ -222,7 +222,7 @@ def stability(
 
 @app.command()
 def study(
-    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Studies, or all.")],
+    names: Annotated[list[str], typer.Argument(metavar="NAME", help="Studies, or all.")],
     quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and samples: all in five minutes.")] = False,
     smallest: Annotated[bool, typer.Option("--smallest", help="So little that nothing can be learnt of it.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Draws what is drawn by chance.")] = 1,

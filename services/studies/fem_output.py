@@ -14,7 +14,8 @@ from services.mechanics.fem.nonlinear import PathPoint
 from services.mechanics.fem.nonlinear.rotations import logarithm
 from services.mechanics.fem.supports import DOF_NAMES
 from services.meshes.writing import write_vtu
-from services.studies.fem_run import FemResult, select
+from services.studies.fem_run import FemResult
+from services.studies.fem_select import select
 
 
 def to_json(result: FemResult) -> dict[str, Any]:

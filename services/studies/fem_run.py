@@ -44,7 +44,8 @@ from services.meshes.loading import SurfaceSettings, load_duct_surface
 from services.meshes.reading import read_surface
 from services.meshes.repairing import merge_and_drop
 from services.meshes.winding import face_outwards, flipped_edges, wind_consistently
-from services.studies.fem_case import FemCase, Held, Load, Where
+from services.studies.fem_case import FemCase, Held, Load
+from services.studies.fem_select import place_mm, select
 
 OnStage = Callable[[str, int], None]
 """Told the name of a stage and how many steps it is expected to take; then called with "" and 1 a step."""
@@ -248,15 +249,11 @@ def _impose(held: Held, k: int, vertices: IntArray, imposed: FloatArray, held_by
         if len(at_odds):
             vertex, first = int(at_odds[0]), held_by[at_odds[0], component]
             raise ValueError(
-                f"supports.{k}.displacement_m: {dof} of vertex {vertex} at {_place_mm(mesh, vertex)} is held at "
+                f"supports.{k}.displacement_m: {dof} of vertex {vertex} at {place_mm(mesh, vertex)} is held at "
                 f"{value} m here and at {imposed[vertex, component]} m by supports.{first}"
             )
         imposed[vertices, component] = value
         held_by[vertices, component] = k
-
-
-def _place_mm(mesh: TriangleMesh, vertex: int) -> str:
-    return f"{np.round(1e3 * mesh.vertices_m[vertex], 2).tolist()} mm"
 
 
 def _section(case: FemCase, mesh: TriangleMesh) -> ShellSection:
@@ -274,47 +271,6 @@ def _section(case: FemCase, mesh: TriangleMesh) -> ShellSection:
         None if given is None else Orthotropy(np.array(given.axis), given.modulus_ratio, given.shear_modulus_ratio)
     )
     return ShellSection(thickness, modulus, case.material.poisson_ratio, case.material.density_kg_m3, orthotropy)
-
-
-def select(mesh: TriangleMesh, where: Where, key: str) -> IntArray:
-    """Vertices that a selector names.
-
-    Raises
-    ------
-    ValueError
-        It names none; the message says the key and what there is.
-    """
-    if where.vertex_set is not None:
-        if where.vertex_set not in mesh.vertex_sets:
-            known = ", ".join(mesh.vertex_sets) or "none"
-            raise ValueError(f"{key}.vertex_set: the mesh has no vertex set '{where.vertex_set}'; it has: {known}")
-        return np.asarray(mesh.vertex_sets[where.vertex_set], np.int32)
-    if where.vertex is not None:
-        if where.vertex >= mesh.n_vertices:
-            raise ValueError(f"{key}.vertex: {where.vertex} does not exist, the mesh has {mesh.n_vertices} vertices")
-        return np.array([where.vertex], np.int32)
-    if where.near_m is not None:
-        return np.array([_nearest(mesh, np.array(where.near_m), f"{key}.near_m")], np.int32)
-    low, high = np.asarray(where.box_m)
-    inside = ((mesh.vertices_m >= low) & (mesh.vertices_m <= high)).all(axis=1)
-    if not inside.any():
-        span = [np.round(corner, 5).tolist() for corner in (mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0))]
-        raise ValueError(f"{key}.box_m: holds no vertex; the mesh spans {span[0]} to {span[1]} m")
-    return np.flatnonzero(inside).astype(np.int32)
-
-
-def _nearest(mesh: TriangleMesh, point_m: FloatArray, key: str) -> int:
-    """Nearest vertex, unless the point is further from it than its longest edge: then it is no point of this mesh."""
-    distance = np.linalg.norm(mesh.vertices_m - point_m, axis=1)
-    nearest = int(np.argmin(distance))
-    corners = mesh.vertices_m[mesh.triangles[(mesh.triangles == nearest).any(axis=1)]]
-    reach = np.linalg.norm(corners - mesh.vertices_m[nearest], axis=2).max(initial=0.0)
-    if distance[nearest] > reach:
-        raise ValueError(
-            f"{key}: the nearest vertex, {nearest} at {_place_mm(mesh, nearest)}, is "
-            f"{1e3 * distance[nearest]:.4g} mm away, further than the {1e3 * reach:.3g} mm of its longest edge"
-        )
-    return nearest
 
 
 def build_load(case: FemCase, model: ShellModel) -> FloatArray:
