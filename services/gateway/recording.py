@@ -21,17 +21,26 @@ def read_table(path: Path, columns: tuple[str, ...]) -> npt.NDArray[np.void]:
         if ``time_s``, where it is there, does not increase.
     """
     try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        if not any(line.strip() for line in lines):
+            raise DeviceError(f"{path}: the file is empty")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # an empty file is told below
-            table: npt.NDArray[np.void] = np.atleast_1d(np.genfromtxt(path, delimiter=",", names=True))
-    except (OSError, ValueError, IndexError) as error:
-        raise DeviceError(f"{path}: is not a csv file with a header line: {error}") from None
+            warnings.simplefilter("ignore")  # a header alone is told below
+            table: npt.NDArray[np.void] = np.atleast_1d(np.genfromtxt(lines, delimiter=",", names=True))
+    except OSError as error:
+        raise DeviceError(f"{path}: {error.strerror}") from None
+    except (ValueError, IndexError) as error:
+        raise DeviceError(f"{path}: is not a csv file with a header line: {' '.join(str(error).split())}") from None
     names = table.dtype.names or ()
     missing = [column for column in columns if column not in names]
     if missing:
         raise DeviceError(f"{path}: there is no column {missing[0]}; there are {', '.join(names) or 'none'}")
-    if len(table) < 2 or not all(np.isfinite(table[name]).all() for name in names):
-        raise DeviceError(f"{path}: needs two rows or more of finite numbers")
+    if len(table) < 2:
+        raise DeviceError(f"{path}: needs two rows or more of finite numbers, has {len(table)}")
+    for name in names:
+        wrong = np.flatnonzero(~np.isfinite(table[name]))
+        if len(wrong):
+            raise DeviceError(f"{path}: row {wrong[0] + 1} below the header: {name} is not a finite number")
     if "time_s" in names and (np.diff(table["time_s"]) <= 0.0).any():
         raise DeviceError(f"{path}: time_s must increase")
     return table

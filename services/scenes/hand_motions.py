@@ -53,6 +53,8 @@ def _written(forceps: ForcepsScene, motion: ToolMotion) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("usage: python -m services.scenes.hand_motions SCENE [KEY=VALUE ...]")
     try:
         print(json.dumps(hand_motions(sys.argv[1], sys.argv[2:])))  # noqa: T201
     except UserError as error:
