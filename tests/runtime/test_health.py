@@ -1,0 +1,67 @@
+"""A report of a process: made whole, or in two halves by a loop that has no room for a whole one between two ticks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from protocol import bodies
+from services.runtime.health import HealthReporter
+from services.runtime.loop import LoopMeter
+from tests.memory_bus import MemoryBus, MemoryHub
+
+MS = 1_000_000
+
+
+class Loop:
+    """A loop of two stages, its reporter, and who reads the reports."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_ns = 1000 * MS
+        monkeypatch.setattr("services.runtime.health.time.monotonic_ns", lambda: self.now_ns)
+        hub = MemoryHub()
+        self.meter = LoopMeter(1000.0, ("first", "second"))
+        self._supervisor = MemoryBus(hub, reads_every=["gateway.health"])
+        self.reporter = HealthReporter("gateway", MemoryBus(hub, publishes=["gateway.health"]), self.meter)
+
+    def tick(self, n: int) -> None:
+        for _ in range(n):
+            self.now_ns += MS
+            self.meter.start(self.now_ns, self.now_ns)
+            self.meter.stages_ns = (5_000, 7_000)
+            self.meter.finish(self.now_ns + 20_000)
+
+    def reports(self) -> list[bodies.Health]:
+        return [frame.body for frame in self._supervisor.drain("gateway.health")]
+
+
+def _counted(report: bodies.Health) -> list[int]:
+    return [int(np.sum(stage.counts.view())) for stage in report.stages]
+
+
+def test_what_is_made_in_halves_counts_each_tick_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = Loop(monkeypatch)
+    reporter = loop.reporter
+    reporter.send_if_due()
+    loop.reports()
+    loop.tick(100)
+    assert reporter.halve()
+    loop.tick(1)
+    assert not reporter.halve(), "the second half is left to be done"
+    reporter.send_if_due()
+    (report,) = loop.reports()
+    assert _counted(report) == [100, 100]
+    assert report.loop is not None
+    assert report.loop.ticks == 101
+    loop.tick(100)
+    reporter.send_if_due()
+    assert [_counted(each) for each in loop.reports()] == [[201, 201]]
+
+
+def test_nothing_is_halved_before_it_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = Loop(monkeypatch)
+    loop.reporter.send_if_due()
+    loop.tick(50)
+    assert not loop.reporter.halve()
+    loop.reporter.send_if_due()
+    assert len(loop.reports()) == 1
