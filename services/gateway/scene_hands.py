@@ -6,6 +6,7 @@ arm stands so that all of the motion lies in the middle of its workspace: a simu
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -60,9 +61,12 @@ def find_scene_hands(scene: str, overrides: tuple[str, ...] = ()) -> SceneHands:
     code = Sources(Path(__file__).parents[2]).digest(_MODULE)
     name = hashlib.sha256(f"{code} {json.dumps(data, sort_keys=True, default=str)}".encode()).hexdigest()[:32]
     file = cache_directory() / "hands" / f"{name}.json"
-    if not file.is_file():
-        _keep(file, _found(scene, overrides))
-    return _read(file.read_text(encoding="utf-8"))
+    if file.is_file():
+        return _read(file.read_text(encoding="utf-8"))
+    found = _found(scene, overrides)
+    with contextlib.suppress(OSError):  # a cache that cannot be written costs the next start a second
+        _keep(file, found)
+    return _read(found)
 
 
 def fitted(row: InstrumentSettings, hand: SceneHand | None) -> InstrumentSettings:

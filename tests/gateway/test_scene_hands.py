@@ -61,6 +61,12 @@ def test_what_the_hands_of_a_scene_do_is_found_once_and_anew_when_the_scene_is_a
         find_scene_hands("default", ("duct.length_m=0.05",))
 
 
+def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
+    (tmp_path / "a file").touch()
+    monkeypatch.setenv("TROCAR_CACHE_DIR", str(tmp_path / "a file"))
+    assert len(find_scene_hands("default").hands) == 2
+
+
 def test_port_and_arm_are_where_the_scene_wants_them():
     overrides = ("forceps.0.port_position_m=[0.02, 0.15, 0.0]",)
     hands = find_scene_hands("default", overrides).hands
