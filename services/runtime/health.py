@@ -12,6 +12,7 @@ from services.runtime.bus import Bus
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.loop import LoopMeter
 from services.runtime.realtime import Fact
+from services.runtime.rig import PATH_OWNERS
 from services.runtime.stage_times import StageTimes
 
 _PERIOD_NS = 100_000_000
@@ -54,7 +55,9 @@ class HealthReporter:
         self._due_ns = 0
 
     def path(self, name: str, deadline_ns: int) -> LatencyPath:
-        """Return (and from now on report) a path whose latency is judged against `deadline_ns`."""
+        """Return (and from now on report) a path of `PATH_OWNERS` whose latency is judged against `deadline_ns`."""
+        if name not in PATH_OWNERS:
+            raise KeyError(f"{name!r} is no path of PATH_OWNERS: a rig file could not say what it must keep")
         return self.paths.setdefault(name, LatencyPath(LatencyHistogram(deadline_ns)))
 
     def change(self, state: str, detail: str = "") -> None:

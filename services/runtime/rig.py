@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -43,14 +44,29 @@ class Transport(Settings):
         return self
 
 
-def _is_process(name: str) -> str:
-    known = list(dict.fromkeys(row.publisher for row in TOPICS.values()))
-    if name not in known:
-        raise ValueError(f"there is no process {name!r}; known: {', '.join(known)}")
-    return name
+PATH_OWNERS = {
+    "servo": "gateway",
+    "grasp": "gateway",
+    "device_model": "haptics",
+    "device_force": "haptics",
+    "device_pixel": "visualization",
+}
+"""Every path that is measured, and whose work decides it: the process to act on when it is too slow."""
 
 
-ProcessName = Annotated[str, AfterValidator(_is_process)]
+def _one_of(kind: str, known: Iterable[str]) -> AfterValidator:
+    names = tuple(dict.fromkeys(known))
+
+    def check(name: str) -> str:
+        if name not in names:
+            raise ValueError(f"there is no {kind} {name!r}; known: {', '.join(names)}")
+        return name
+
+    return AfterValidator(check)
+
+
+ProcessName = Annotated[str, _one_of("process", (row.publisher for row in TOPICS.values()))]
+PathName = Annotated[str, _one_of("path", PATH_OWNERS)]
 
 
 class ProcessSettings(Settings):
@@ -167,7 +183,7 @@ class Contracts(Settings):
     """Deadlines by loop and by path."""
 
     loops: dict[ProcessName, LoopContract] = {}
-    paths: dict[str, PathContract] = {}
+    paths: dict[PathName, PathContract] = {}
 
 
 class RecorderSettings(Settings):

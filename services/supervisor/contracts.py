@@ -7,16 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from services.runtime.histogram import quantile_ns
-from services.runtime.rig import Contracts, LoopContract, PathContract
+from services.runtime.rig import PATH_OWNERS, Contracts, LoopContract, PathContract
 from services.supervisor.window import Window
 
-#: Whose work decides a path: the process to act on when it is too slow.
-PATH_OWNERS = {
-    "servo": "gateway",
-    "device_model": "haptics",
-    "device_force": "haptics",
-    "device_pixel": "visualization",
-}
 #: A budget is for a minute, and is only overdrawn while the last seconds still overdraw it.
 BUDGET_S, STILL_S = 60.0, 5.0
 #: A breakdown spends the budget so many times faster than it lasts, over a second and still.
@@ -105,7 +98,7 @@ def _judge_path(
         if _p99_us(window, BUDGET_S, name) > limit_us and (lately_us := _p99_us(window, STILL_S, name)) > limit_us:
             text = f"path {name}: p99 {lately_us:.0f} us over {STILL_S:.0f} s, limit {limit_us:.0f} us"
             severe = stop_us is not None and lately_us > stop_us
-            return Breach(PATH_OWNERS.get(name, process), f"path {name}", text, _over(lately_us, limit_us), severe)
+            return Breach(PATH_OWNERS[name], f"path {name}", text, _over(lately_us, limit_us), severe)
     return None
 
 

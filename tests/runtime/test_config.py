@@ -39,6 +39,10 @@ def write(path: Path, text: str) -> Path:
             "name: a\ncontracts: {loops: {gatway: {rate_hz: 1.0, miss_ratio: 0.1}}}",
             r"contracts.loops.gatway: there is no process 'gatway'; known",
         ),
+        (
+            "name: a\ncontracts: {paths: {device_modle: {p99_us: 800.0}}}",
+            r"contracts.paths.device_modle: there is no path 'device_modle'; known: servo, grasp, device_model, ",
+        ),
         ("name: a\nprocesses: {physics: {priority: 99}}", r"processes.physics.priority: input should be less"),
         ("name: a\nprocesses: {physics: {core: '1'}}", r"processes.physics.core: input should be a valid integer"),
         ("name: a\ngateway: {force_limit_n: .nan}", r"gateway.force_limit_n: input should be a finite number"),
