@@ -58,8 +58,8 @@ class ViscousLoads:
     def __init__(self, series: PronySeries, n_nodes: int, capacity: int) -> None:
         self._tau_s, self._dt_s = np.array(series.tau_s), float("nan")
         slot, g = np.full(n_nodes, -1, np.int32), np.array(series.g)
-        # Places for those that were pressed in the last tick, and as many others in this one.
-        self._arrays = LaggingLoads.zeros(g=g, slot=slot, t=len(g), m=2 * capacity, n=n_nodes)
+        # Places for those that were pressed in the last tick, for what is left of before, and for others in this one.
+        self._arrays = LaggingLoads.zeros(g=g, slot=slot, t=len(g), m=2 * capacity + MOST_LEFT, n=n_nodes)
         self._since_s = 0.0
         self.dissipated_j = 0.0
 
@@ -110,11 +110,7 @@ def relax_loads(address: Address[LaggingLoads], nodes: IntArray, forces: FloatAr
     """Take loads on, write p over them, let the lag follow p, and forget what is too small; returns how many p."""
     lagging = lagging_at(address)
     count = _take_loads(lagging, nodes, forces, n_loads)
-    listed: int = min(count, nodes.shape[0])
-    for place in range(listed):
-        nodes[place] = lagging.node[place]
-        for axis in range(3):
-            forces[place, axis] = lagging.load[place, axis]
+    listed = _list_loads(lagging, count, nodes, forces)
     for place in range(count):
         for axis in range(3):
             lagging.total[place, axis] = 0.0
@@ -148,6 +144,23 @@ def _take_loads(lagging: LaggingLoads, nodes: IntArray, forces: FloatArray, n_lo
             lagging.load[place, axis] += forces[load, axis]
     forget_numbers(lagging.slot, lagging.node, count)
     return int(count)
+
+
+@kernel
+def _list_loads(lagging: LaggingLoads, count: int, nodes: IntArray, forces: FloatArray) -> int:
+    """Write p over the loads, of what is pressed before all else where there is no room for all; return how many."""
+    room, listed = nodes.shape[0], 0
+    fits = count <= room
+    for pressed in (1, 0):
+        for place in range(count):
+            if listed < room and (fits or lagging.pressed[place] == pressed):
+                nodes[listed] = lagging.node[place]
+                for axis in range(3):
+                    forces[listed, axis] = lagging.load[place, axis]
+                listed += 1
+        if fits:
+            break
+    return listed
 
 
 @kernel

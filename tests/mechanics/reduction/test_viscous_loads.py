@@ -91,6 +91,16 @@ def test_of_many_places_left_those_that_lag_least_are_forgotten(residual):
     assert set(nodes) == set(range(N_NODES - MOST_LEFT - 1, N_NODES))
 
 
+def test_few_contacts_that_wander_find_room_beside_all_that_lag(residual):
+    pressed = Pressed(SERIES, residual, capacity=3)
+    for node in range(0, N_NODES - 2, 3):
+        acting = pressed.press([node, node + 1, node + 2], np.ones((3, 3)))
+        np.testing.assert_array_equal(acting[node : node + 3], 1.0)
+        lags = np.flatnonzero(pressed.lag().any(axis=1))
+        assert len(lags) == min(node + 3, MOST_LEFT + 3)
+        assert set(lags[-3:]) == {node, node + 1, node + 2}
+
+
 @pytest.mark.parametrize("dt_s", [1e-4, 1e-3, 5e-2])
 def test_work_is_stored_dissipated_or_lost_by_the_step(residual, dt_s):
     """Loads at random: a force at the end of a step does the work of what is stored and half of the change in it."""
