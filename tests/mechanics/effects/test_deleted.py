@@ -13,9 +13,9 @@ import pytest
 
 from services.mechanics.effects import EFFECTS
 
-#: Deletes a file, and lines of the table that name its class, from what this process imports.
+#: Deletes a file, and what of the table names its class, from what this process imports.
 HIDE = """
-import importlib.abc, importlib.machinery
+import ast, importlib.abc, importlib.machinery
 TABLE, GONE, KIND = "services.mechanics.effects", {module!r}, {kind!r}
 
 class Without(importlib.abc.MetaPathFinder):
@@ -29,10 +29,17 @@ class Without(importlib.abc.MetaPathFinder):
 
 class Shorter(importlib.machinery.SourceFileLoader):
     def get_code(self, fullname):
-        lines = self.get_source(fullname).splitlines(keepends=True)
-        kept = [line for line in lines if f"import {{KIND}}" not in line and f"EffectEntry({{KIND}}," not in line]
-        assert len(kept) == len(lines) - 2, "an effect is one import and one row"
-        return compile("".join(kept), self.path, "exec")
+        tree = ast.parse(self.get_source(fullname))
+        imports = [each for each in tree.body if isinstance(each, ast.ImportFrom) and names(each.names) == [KIND]]
+        (table,) = [each.value for each in tree.body if isinstance(each, ast.AnnAssign) and each.target.id == "EFFECTS"]
+        rows = [k for k, row in enumerate(table.values) if row.args[0].id == KIND]
+        assert len(imports) == len(rows) == 1, "an effect is one import and one row"
+        tree.body.remove(imports[0])
+        del table.keys[rows[0]], table.values[rows[0]]
+        return compile(tree, self.path, "exec")
+
+def names(imported):
+    return [each.name for each in imported]
 
 sys.meta_path.insert(0, Without())
 """
