@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -49,8 +50,17 @@ def _open_slcan(settings: dict[str, Any]) -> can.BusABC:
 
 
 def bitrate(settings: dict[str, Any]) -> float:
-    """Return the bit rate of a bus in bit/s: 1 Mbit/s where its settings do not say."""
-    return float(settings.get("bitrate", DEFAULT_BITRATE))
+    """Return the bit rate of a bus in bit/s: 1 Mbit/s where its settings do not say.
+
+    Raises
+    ------
+    ValueError
+        if what they say is not a finite number.
+    """
+    said = settings.get("bitrate", DEFAULT_BITRATE)
+    if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):
+        raise ValueError(f"bitrate must be a number of bit/s, is {said!r}")
+    return float(said)
 
 
 def drain(bus: can.BusABC) -> Iterator[can.Message]:

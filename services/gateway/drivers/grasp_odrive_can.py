@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import can
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from services.gateway import canbus, cansimple, driver
 from services.gateway.bench import Bench, Clock
@@ -34,6 +34,13 @@ class OdriveSettings(Settings):
 
     bus: dict[str, Any] = Field(description="python-can's own settings: interface, channel, bitrate, ...")
     node: Annotated[int, Field(ge=0, le=cansimple.MAX_NODE)] = 1
+
+    @field_validator("bus")
+    @classmethod
+    def _has_a_speed(cls, bus: dict[str, Any]) -> dict[str, Any]:
+        if not canbus.bitrate(bus) > 0.0:
+            raise ValueError(f"bitrate must be above 0 bit/s, is {bus['bitrate']!r}")
+        return bus
 
 
 class OdriveLink:
