@@ -13,6 +13,8 @@ from can.interfaces.slcan import slcanBus
 _FRAMES = (b"t", b"T", b"r", b"R")
 _ENDS = bytes.maketrans(b"\a", b"\r")
 _READ = 4096
+#: No line is longer: a frame of eight bytes has 26 letters, and a time behind it four.
+_LONGEST = 64
 
 
 class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by mypy
@@ -56,7 +58,8 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
             raise can.CanOperationError(f"the adapter is gone: {error.strerror}") from None
         if not data:
             raise can.CanOperationError("the adapter is gone")
-        *lines, self._begun = (self._begun + data.translate(_ENDS)).split(b"\r")
+        *lines, begun = (self._begun + data.translate(_ENDS)).split(b"\r")
+        self._begun = begun[:_LONGEST]  # what goes on without an end is no adapter, and is not kept
         self._frames.extend(line.decode("ascii", "replace") for line in lines if line.startswith(_FRAMES))
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
+import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -88,6 +89,24 @@ def test_noise_on_the_serial_line_is_passed_over(slcan: OnSlcan) -> None:
         slcan.run(1, 0.0)
     slcan.run(5, 0.0)
     assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_line_without_end_is_not_kept() -> None:
+    """What another device says at another speed: the adapter's bus would grow by it for as long as the rig runs."""
+    adapter = Adapter()
+    bus = canbus.open_bus({"interface": "slcan", "channel": adapter.port_name, "sleep_after_open": 0.0}, "a handle")
+    tracemalloc.start()
+    try:
+        for _ in range(200):
+            adapter.say(bytes(2000))
+            assert bus.recv(0.0) is None
+        assert tracemalloc.get_traced_memory()[0] < 100_000
+    finally:
+        tracemalloc.stop()
+    adapter.say(b"\rt0012ABCD\r")
+    assert bus.recv(0.0).data == b"\xab\xcd"
+    bus.shutdown()
+    adapter.shutdown()
 
 
 def test_an_adapter_that_is_pulled_out_takes_the_torque(slcan: OnSlcan) -> None:
