@@ -67,6 +67,16 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
     assert len(find_scene_hands("default").hands) == 2
 
 
+@pytest.mark.parametrize("left", ["", '[{"port_m": [0.0, 0.0, 0.0]}]'])
+def test_what_a_crash_left_of_a_kept_file_is_found_anew(monkeypatch, tmp_path, left):
+    found = find_scene_hands("default")
+    (file,) = (tmp_path / "hands").iterdir()
+    file.write_text(left)
+    assert find_scene_hands("default") == found
+    monkeypatch.setattr(scene_hands.subprocess, "run", None)
+    assert find_scene_hands("default") == found
+
+
 def test_port_and_arm_are_where_the_scene_wants_them():
     overrides = ("forceps.0.port_position_m=[0.02, 0.15, 0.0]",)
     hands = find_scene_hands("default", overrides).hands
