@@ -64,7 +64,10 @@ def writing(option: str, path: Path) -> Iterator[None]:
 
 
 def write_text(option: str, path: Path, text: str) -> None:
-    """Write a file so that a reader sees all of it or what was there before; a device or a pipe is written to as it is.
+    """Write a file so that a reader sees all of it or what was there before.
+
+    A device, a pipe and a link are written to as they are: `/dev/stdout` is a link, also where it leads to a file. So
+    is a file in a folder that is closed to this user.
 
     Raises
     ------
@@ -72,7 +75,8 @@ def write_text(option: str, path: Path, text: str) -> None:
         naming the option and the reason.
     """
     with writing(option, path):
-        if path.exists() and not path.is_file():
+        is_other = path.is_symlink() or (path.exists() and not path.is_file())
+        if is_other or (path.exists() and not os.access(path.absolute().parent, os.W_OK)):
             path.write_text(text, encoding="utf-8")
             return
         half = path.with_name(f".{path.name}.{os.getpid()}")

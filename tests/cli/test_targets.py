@@ -82,6 +82,27 @@ def test_a_link_to_a_device_is_written_to_and_stays(tmp_path: Path) -> None:
     assert link.is_symlink()
 
 
+def test_a_link_to_a_file_is_written_through(tmp_path: Path) -> None:
+    """As /dev/stdout is where the output goes to a file: in its place there was a file in /dev, for everybody."""
+    link, file = tmp_path / "link", tmp_path / "folder" / "out.json"
+    file.parent.mkdir()
+    file.touch()
+    link.symlink_to(file)
+    targets.write_text("--json", link, "found")
+    assert link.is_symlink()
+    assert file.read_text() == "found"
+
+
+def test_a_file_in_a_closed_folder_is_written_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "out.json"
+    file.touch()
+    monkeypatch.setattr(os, "access", lambda path, _mode: Path(path) != tmp_path)
+    monkeypatch.setattr(Path, "replace", lambda *_: pytest.fail("nobody may make a file there"))
+    targets.look_at_file("--json", file)
+    targets.write_text("--json", file, "found")
+    assert file.read_text() == "found"
+
+
 def test_what_this_user_may_not_write_is_refused_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(ConfigError, match=r"^--json .*/new.json: this user may not write .*[^n]$"):
