@@ -61,7 +61,7 @@ def find_scene_hands(scene: str, overrides: tuple[str, ...] = ()) -> SceneHands:
     code = Sources(Path(__file__).parents[2]).digest(_MODULE)
     name = hashlib.sha256(f"{code} {json.dumps(data, sort_keys=True, default=str)}".encode()).hexdigest()[:32]
     file = cache_directory() / "hands" / f"{name}.json"
-    with contextlib.suppress(OSError, ValueError, ConfigError):  # not there, or cut short by a crash of the machine: found anew
+    with contextlib.suppress(OSError, ValueError, ConfigError):  # not there, or cut short by a crash: found anew
         return _read(file.read_text(encoding="utf-8"))
     found = _found(scene, overrides)
     with contextlib.suppress(OSError):  # a cache that cannot be written costs the next start a second
