@@ -22,7 +22,7 @@ def check_duct(scene: SceneModel, cache: Path) -> None:
     ConfigError
         if the mesh or the settings of the duct cannot be used.
     """
-    with _one_sentence():
+    with _one_sentence(scene):
         check_scene_duct(scene, _file_mesh(scene.duct, cache, ignore_progress))
 
 
@@ -34,7 +34,7 @@ def load_duct(scene: SceneModel, cache: Path, progress: Progress) -> ReducedDuct
     ConfigError
         if the mesh or the settings of the duct cannot be used.
     """
-    with _one_sentence():
+    with _one_sentence(scene):
         return build_scene_duct(scene, cache / "bases", progress, mesh=_file_mesh(scene.duct, cache, progress))
 
 
@@ -46,34 +46,38 @@ def load_surface(scene: SceneModel, cache: Path) -> TriangleMesh:
     ConfigError
         if the mesh cannot be used.
     """
-    with _one_sentence():
+    with _one_sentence(scene):
         mesh = _file_mesh(scene.duct, cache, ignore_progress)
         return scene_mesh(scene.duct) if mesh is None else mesh
 
 
 @contextmanager
-def _one_sentence() -> Iterator[None]:
+def _one_sentence(scene: SceneModel) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        raise ConfigError(f"scene: duct.mesh_file needs the package {error.name!r}, install trocar[mesh]") from None
+        need = f"duct.mesh_file: needs the package {error.name!r}, install trocar[mesh]"
+        raise ConfigError(f"{scene.source}: {need}") from None
     except ValueError as error:
-        raise ConfigError(f"scene: {error}") from None
+        raise ConfigError(f"{scene.source}: {error}") from None
 
 
 def _file_mesh(duct: DuctScene, cache: Path, progress: Progress) -> TriangleMesh | None:
     if duct.mesh_file is None:
         return None
     progress("surface file", 0.0)
-    from services.meshes import load_mesh  # mesh libraries take a second to import and most scenes need none
+    from services.meshes import MeshError, load_mesh  # mesh libraries take a second to import and most scenes need none
 
-    return load_mesh(
-        Path(duct.mesh_file),
-        duct.mesh_unit,
-        duct.mesh_clamped,
-        duct.mesh_mouth,
-        duct.mesh_edge_m,
-        duct.mesh_lumen_diameter_m,
-        cache / "meshes",
-        lambda step: progress(f"surface file: {step}", 0.0),
-    )
+    try:
+        return load_mesh(
+            Path(duct.mesh_file),
+            duct.mesh_unit,
+            duct.mesh_clamped,
+            duct.mesh_mouth,
+            duct.mesh_edge_m,
+            duct.mesh_lumen_diameter_m,
+            cache / "meshes",
+            lambda step: progress(f"surface file: {step}", 0.0),
+        )
+    except MeshError as error:
+        raise ValueError(f"duct.mesh_file: {error}") from error

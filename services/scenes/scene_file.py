@@ -19,7 +19,6 @@ from services.runtime.errors import ConfigError
 from services.scenes import limits
 
 # The dataclasses inside have no configuration of their own and take this one.
-_FOLLOWS = ("duct_alone",)  # from what a file names
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -27,7 +26,7 @@ def scene_file_type() -> type[pydantic.BaseModel]:
     """Return the type that scene files are checked against, as the table of effects is now."""
     kinds = get_type_hints(SceneModel)
     kinds["effects"] = TypedDict("Effects", {name: entry.kind.Settings for name, entry in EFFECTS.items()}, total=False)  # type: ignore[operator]
-    said = [field for field in fields(SceneModel) if field.name not in _FOLLOWS]
+    said = [field for field in fields(SceneModel) if "follows" not in field.metadata]
     keys: dict[str, Any] = {field.name: (kinds[field.name], _default(field)) for field in said}
     made: type[pydantic.BaseModel] = pydantic.create_model("Scene", __config__=_STRICT, **keys)
     return made
@@ -53,7 +52,7 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
         if data.get("hands", "none") != "none":
             raise ConfigError(f"{where}: hands: {data['hands']} needs a tool, and the scene names but a duct")
         said.update(duct_alone=True, hands="none")
-    scene = SceneModel(**said)
+    scene = SceneModel(**said, source=where)
     if wrong := limits.fault(scene):
         raise ConfigError(f"{where}: {wrong}")
     try:

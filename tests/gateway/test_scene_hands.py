@@ -101,5 +101,5 @@ def test_an_instrument_that_follows_no_scene_stays_where_the_rig_has_it():
 
 
 def test_a_scene_whose_surface_is_missing_is_one_sentence():
-    with pytest.raises(ConfigError, match=r"^scene: .*nowhere.stl: no such file$"):
+    with pytest.raises(ConfigError, match=r"anatomy.yaml: duct.mesh_file: /nowhere.stl: no such file$"):
         find_scene_hands("anatomy", ("duct.mesh_file=/nowhere.stl",))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from services.mechanics.scenarios import insertion_scene, miss, paper_scene
 from services.mechanics.scene import SceneModel
 from services.runtime import config
 from services.runtime.errors import ConfigError
-from services.scenes import check_duct, load_scene, scene_file_type, scene_origins
+from services.scenes import check_duct, load_duct, load_scene, scene_file_type, scene_origins
 
 SMALL = Path(__file__).parent / "small.yaml"
 SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))
@@ -179,7 +180,35 @@ def test_a_duct_too_short_for_its_width_is_refused_before_anything_starts(tmp_pa
     wide = "duct: {radius_m: 0.04, n_around: 8, n_along: 6, n_modes: 5}\n"
     path = tmp_path / "wide.yaml"
     path.write_text(f"{wide}forceps: [{{}}]\n")
-    with pytest.raises(ConfigError, match=r"duct: no vertex lies 2 to 3.5 radii"):
+    with pytest.raises(ConfigError, match=r"wide.yaml: duct: no vertex lies 2 to 3.5 radii"):
         check_duct(load_scene(path), tmp_path)
     path.write_text(wide)
     check_duct(load_scene(path), tmp_path)
+
+
+SMALL_DUCT = "duct: {n_around: 8, n_along: 6, n_modes: 20}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "duct: {n_around: 8, n_along: 6, n_modes: 5000}",
+            r"duct: n_modes must lie between 1 and 143, the free .* is 5000",
+        ),
+        ("duct: {mesh_file: nowhere.stl, mesh_unit: mm}", r"duct.mesh_file: /.*nowhere.stl: no such file"),
+        (
+            f"{SMALL_DUCT}effects: {{large_rotations: {{n_sections: 40}}}}",
+            r"effects.large_rotations: the mesh is too coarse",
+        ),
+        (
+            f"{SMALL_DUCT}effects: {{nonlinear_membrane: {{n_coordinates: 21}}}}",
+            r"effects.nonlinear_membrane: n_coordinates 21 must not be above duct.n_modes, 20",
+        ),
+    ],
+)
+def test_a_duct_that_cannot_be_built_is_a_sentence_about_its_file(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=rf"^{re.escape(str(path))}: {said}"):
+        load_duct(load_scene(path), tmp_path, lambda *_: None)

@@ -8,6 +8,7 @@ import numpy as np
 
 from services.mechanics.effects.base import Effect, require_positive
 from services.mechanics.reduction.nonlinear.manifold import fetch_membrane_force
+from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
 
 
@@ -31,6 +32,14 @@ class NonlinearMembrane(Effect):
     Settings = NonlinearMembraneSettings
     of_wall = True
     kicks = True
+
+    def __init__(self, settings: NonlinearMembraneSettings, scene: SceneModel) -> None:
+        super().__init__(settings, scene)
+        if settings.n_coordinates > scene.duct.n_modes:
+            raise ValueError(
+                f"effects.nonlinear_membrane: n_coordinates {settings.n_coordinates} must not be above duct.n_modes, "
+                f"{scene.duct.n_modes}"
+            )
 
     def prepare(self, world: World) -> None:
         """Build the polynomial of the rest shape, or fetch it from where the duct's modes are kept.

@@ -13,6 +13,8 @@ from services.mechanics.fem.elements import BendingName, MembraneName
 from services.mechanics.surface.units import LengthUnit
 
 Vector3 = tuple[float, float, float]
+FOLLOWS = {"follows": "from what a scene names, or from where it was said"}
+"""Metadata of a field that nobody sets: a scene file does not know it as a key."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,6 +159,7 @@ class SceneModel:
     ``hands`` is what the scene is for: what simulated hands do in it.
     With ``duct_alone`` there is neither catheter nor forceps, and nothing reads what is said of them. There may be
     fewer than two forceps: the tools that have none are not there.
+    ``source`` is where it was said, a scene's file: sentences about it begin with that.
     """
 
     duct: DuctScene = field(default_factory=DuctScene)
@@ -171,4 +174,5 @@ class SceneModel:
     sleeping: bool = True
     hands: Literal["insertion", "pinch", "none"] = "insertion"
     essential: tuple[str, ...] = ()
-    duct_alone: bool = False
+    duct_alone: bool = field(default=False, metadata=FOLLOWS)
+    source: str = field(default="scene", compare=False, repr=False, metadata=FOLLOWS)

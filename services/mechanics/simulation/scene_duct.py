@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,7 +54,8 @@ def build_scene_duct(
         mesh = scene_mesh(scene.duct)
     stages = by_stage(build_effects(scene).values())
     recipe = _recipe(scene, mesh, stages["modify_section"])
-    duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
+    with _about_the_duct():
+        duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
     load = constant_load_n(stages["constant_load_n"], mesh)
     if load is not None and load.any():
         shift = fetch_residual_displacement(recipe, duct, load, cache_dir, progress)
@@ -75,7 +77,8 @@ def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> Non
     """
     stages = by_stage(build_effects(scene).values())
     recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, stages["modify_section"])
-    check_n_modes(recipe.model(), recipe.n_modes)
+    with _about_the_duct():
+        check_n_modes(recipe.model(), recipe.n_modes)
     if not scene.duct_alone:
         mouth_opening(recipe.mesh)
 
@@ -95,6 +98,15 @@ def check_duct_numbers(duct: DuctScene) -> None:
     except ValueError as error:
         sentence = str(error).replace("wall_thickness_m", "thickness_m").partition(": ")[2]
         raise ValueError(f"duct: {sentence}") from None
+
+
+@contextmanager
+def _about_the_duct() -> Iterator[None]:
+    """Say which part of the scene a shell model's sentence is about."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"duct: {error}") from error
 
 
 def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Iterable[Effect]) -> DuctRecipe:

@@ -62,11 +62,11 @@ def test_a_second_of_poking_stays_bounded(vessel):
 def test_a_surface_file_that_is_not_there_is_one_sentence(tmp_path):
     scene = load_scene("anatomy")
     assert scene.duct.mesh_file.endswith("configs/scenes/surface.stl")
-    with pytest.raises(ConfigError, match=r"scene: .*surface.stl: no such file"):
+    with pytest.raises(ConfigError, match=r"anatomy.yaml: duct.mesh_file: .*surface.stl: no such file"):
         load_duct(scene, tmp_path, lambda stage, fraction: None)
 
 
 def test_large_rotations_refuse_a_vessel_that_branches(vessel):
     scene = load_scene("anatomy", [f"duct.mesh_file={ANATOMY}", "effects.large_rotations={}"])
-    with pytest.raises(ConfigError, match=r"effects.large_rotations: .*two open ends, its surface has 3"):
+    with pytest.raises(ConfigError, match=r"anatomy.yaml: effects.large_rotations: .*two open ends, its surface has 3"):
         load_duct(scene, vessel[2], lambda stage, fraction: None)
