@@ -13,6 +13,7 @@ import yaml
 from pydantic import BaseModel, TypeAdapter
 
 from services.runtime import config
+from services.runtime.called_for import BESIDE_THE_DUCT
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
 
@@ -45,6 +46,8 @@ def run_show(request: Request) -> None:
     kind = named[0] if named else "rig"
     value, origins = _load(kind, getattr(request, kind) or "stub", request.overrides)
     data = plain(value)
+    for key in BESIDE_THE_DUCT if kind == "scene" and value.duct_alone else ():
+        del data[key]  # whoever names it has more than a duct
     if request.origin:
         lines = {path: (leaf, _origin(path, origins)) for path, leaf in leaves(data).items()}
         if request.json:
@@ -113,7 +116,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json")
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if "follows" not in f.metadata}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -58,6 +58,8 @@ class CalledFor:
 
 
 EVERYTHING = CalledFor()
+BESIDE_THE_DUCT = {"catheter", "forceps", "contact"}
+"""Keys of a scene: one that names none of them is a duct alone."""
 
 
 def _without_contact(rig: Rig) -> Rig:
@@ -70,7 +72,7 @@ def _without_contact(rig: Rig) -> Rig:
 
 def has_duct_alone(data: Mapping[str, Any]) -> bool:
     """Return whether a scene's data name a duct and nothing that could touch it."""
-    return "duct" in data and not {"catheter", "forceps", "contact"} & data.keys()
+    return "duct" in data and not BESIDE_THE_DUCT & data.keys()
 
 
 def called_for(scene: str, overrides: Iterable[str] = ()) -> CalledFor:

@@ -7,6 +7,7 @@ import yaml
 
 from services.runtime import config
 from services.runtime.rig import Rig
+from services.scenes import build_scene, load_scene
 from tests.cli.conftest import Trocar
 
 
@@ -25,6 +26,12 @@ def test_origin_of_every_value(trocar: Trocar) -> None:
     assert shown["name"]["origin"].endswith("stub.yaml")
     assert shown["supervisor.max_restarts_per_minute"]["origin"] == "default"
     assert shown["gateway.instruments.0.name"]["origin"].endswith("stub.yaml")
+
+
+@pytest.mark.parametrize("name", ["pinch", "duct-only"])
+def test_shown_scene_is_a_scene_file_again(name: str, trocar: Trocar) -> None:
+    shown = yaml.safe_load(trocar("config", "show", "--scene", name).out)
+    assert build_scene(shown, "shown") == load_scene(name)
 
 
 def test_scene_and_its_override(trocar: Trocar) -> None:
