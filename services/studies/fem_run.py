@@ -182,7 +182,7 @@ def _cautions(model: ShellModel, static: StaticSolution | None, path: list[PathP
         )
     if ratio < THINNEST_RATIO:
         cautions.append(
-            f"the wall's thickness is {ratio:.2g} of the width of every piece: is the mesh, or section.thickness_m, in "
+            f"the wall's thickness is {ratio:.2g} of the width of every piece: is the mesh, or thickness_m, in "
             f"another unit? {THINNEST_RATIO:g} is the thinnest that makes sense here"
         )
     excess = drilling_excess(model.mesh, model.section)

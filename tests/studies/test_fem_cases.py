@@ -94,7 +94,7 @@ def test_a_surface_file_in_a_unit_that_makes_it_a_foil_is_solved_with_a_caution(
     case["supports"] = [{"where": {"box_m": box}} for box in edges]
     case["modes"], case["probes"] = 0, {}
     cautions = run(write(tmp_path, case), tmp_path)["cautions"]
-    assert any("in another unit?" in caution for caution in cautions) == is_doubted
+    assert any("the mesh, or thickness_m, in another unit?" in caution for caution in cautions) == is_doubted
 
 
 def test_imposed_displacement_is_a_load(tmp_path):
