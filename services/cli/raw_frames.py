@@ -12,6 +12,7 @@ import msgspec
 from protocol.fields import Field, Form, fields
 from protocol.frame import Header
 from protocol.topics import TOPICS
+from protocol.upgrades import body_type
 
 _LONG = 12
 
@@ -33,7 +34,9 @@ def unpack(data: bytes) -> dict[str, Any]:
     frame = dict(zip(Header.__struct_fields__, values, strict=False))
     row = TOPICS.get(str(frame.get("topic")))
     if row is not None and "body" in frame:
-        frame["body"] = _named(frame["body"], row.body)
+        version = frame["version"]
+        body = body_type(row, version) if isinstance(version, int) else None
+        frame["body"] = _named(frame["body"], body or row.body)  # a newer version has fields behind the known ones
     return frame
 
 
@@ -46,12 +49,19 @@ def _named(value: Any, body: type[msgspec.Struct]) -> Any:
 
 def _item(field: Field, value: Any) -> Any:
     if field.form is Form.ARRAY:
-        return _array(value) if isinstance(value, list) else value
+        return _array(value) if _is_array(value) else value
     if field.body is None or not isinstance(value, list):
         return value
     if field.form in (Form.MANY, Form.FIXED):
         return [_named(item, field.body) for item in value]
     return _named(value, field.body)
+
+
+def _is_array(value: Any) -> bool:
+    """Whether `value` has the shape of ``[dtype, shape, bin]``: what a stranger sends is shown as it came."""
+    if not isinstance(value, list) or [type(item) for item in value] != [str, list, bytes]:
+        return False
+    return all(isinstance(length, int) for length in value[1])
 
 
 def _array(value: Any) -> Any:

@@ -12,6 +12,8 @@ import protocol
 import protocol.bodies as bodies
 from protocol import TOPICS, Frame, topic
 from protocol.arrays import pack
+from protocol.former import ContactModel2
+from protocol.upgrades import body_type
 from services.cli.raw_frames import unpack
 from tests.protocol import samples
 
@@ -26,8 +28,16 @@ def test_every_golden_frame_is_named(path: Path) -> None:
         return
     row = topic(frame["topic"])
     assert (frame["incarnation"], frame["sequence"]) == (samples.INCARNATION, 7)
-    declared = row.body.__struct_fields__
-    assert tuple(frame["body"]) == declared[: len(frame["body"])]
+    body = body_type(row, frame["version"])
+    assert body is not None
+    assert tuple(frame["body"]) == body.__struct_fields__[: len(frame["body"])]
+
+
+def test_an_old_version_is_shown_by_its_own_names() -> None:
+    model = bodies.LocalModel(force_n=(1.0, 2.0, 3.0))
+    body = ContactModel2(tick=5, ttl_s=0.02, instruments=(model,))
+    old = msgspec.msgpack.encode([1, "haptics.contact_model", 2, 2, 3, 4, 5, True, body])
+    assert unpack(old)["body"]["instruments"][0]["force_n"] == [1.0, 2.0, 3.0]
 
 
 def test_nested_structs_and_arrays() -> None:
@@ -72,3 +82,11 @@ def test_an_array_that_lies_is_shown_as_bytes() -> None:
     )
     body = unpack(lie)["body"]
     assert body["pair_index"] == {"dtype": "|i1", "shape": [9], "bytes": 2}
+
+
+@pytest.mark.parametrize(
+    "stranger", [[], [1, [2], b""], ["<f8", 3, b""], ["<f8", ["x"], b""], ["<f8", [1], b"", 1], [[1]]]
+)
+def test_what_is_no_array_is_shown_as_it_came(stranger: list[object]) -> None:
+    frame = msgspec.msgpack.encode([1, "haptics.contact_model", 3, 2, 3, 4, 5, True, [5, 0.02, stranger]])
+    assert unpack(frame)["body"]["models"] == stranger
