@@ -26,6 +26,7 @@ from services.studies.accuracy.study import Draw, Row, Size, load_study, study_n
 from services.studies.accuracy.table import frontier_rows, write_table
 from services.studies.accuracy.workers import open_workers
 from services.studies.provenance import code_version
+from services.whole_file import whole_file
 
 EVERY = "all"
 
@@ -91,7 +92,8 @@ def run_study(request: Request) -> None:
 def write_results(rows: list[Row], names: list[str], facts: Facts, out: Path) -> None:
     """Write table, figures and page of what was found."""
     write_table(rows, out / "table.csv")
-    (out / "run.json").write_text(json.dumps(facts.as_data(), indent=1, default=str) + "\n")
+    with whole_file(out / "run.json") as half:
+        half.write_text(json.dumps(facts.as_data(), indent=1, default=str) + "\n")
     texts = {name: (load_study(name).TITLE, load_study(name).WHAT) for name in names}
     for name in names:
         mine = [row for row in rows if row.study == name]

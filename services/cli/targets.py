@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from services.runtime.errors import ConfigError, UserError
+from services.whole_file import whole_file
 
 
 def look_at_file(option: str, path: Path | None) -> None:
@@ -64,24 +65,12 @@ def writing(option: str, path: Path) -> Iterator[None]:
 
 
 def write_text(option: str, path: Path, text: str) -> None:
-    """Write a file so that a reader sees all of it or what was there before.
-
-    A device, a pipe and a link are written to as they are: `/dev/stdout` is a link, also where it leads to a file. So
-    is a file in a folder that is closed to this user.
+    """Write a file so that a reader sees all of it or what was there before, as `whole_file` says.
 
     Raises
     ------
     UserError
         naming the option and the reason.
     """
-    with writing(option, path):
-        is_other = path.is_symlink() or (path.exists() and not path.is_file())
-        if is_other or (path.exists() and not os.access(path.absolute().parent, os.W_OK)):
-            path.write_text(text, encoding="utf-8")
-            return
-        half = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            half.write_text(text, encoding="utf-8")
-            half.replace(path)
-        finally:
-            half.unlink(missing_ok=True)
+    with writing(option, path), whole_file(path) as half:
+        half.write_text(text, encoding="utf-8")

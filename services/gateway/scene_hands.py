@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +21,7 @@ from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import GatewaySettings, InstrumentSettings, Settings, Vector3
 from services.source_closure import Sources
+from services.whole_file import whole_file
 
 _MODULE = "services.scenes.hand_motions"
 
@@ -99,9 +99,8 @@ def _found(scene: str, overrides: tuple[str, ...]) -> str:
 
 def _keep(file: Path, text: str) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = file.with_suffix(f".{os.getpid()}")
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(file)
+    with whole_file(file) as half:
+        half.write_text(text, encoding="utf-8")
 
 
 def _read(text: str) -> SceneHands:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.surface.mesh import TriangleMesh
+from services.whole_file import whole_file
 
 
 def write_vtu(
@@ -15,11 +16,15 @@ def write_vtu(
     vertex_fields: Mapping[str, FloatArray],
     triangle_fields: Mapping[str, FloatArray] | None = None,
 ) -> None:
-    """Write a mesh with fields on vertices, (n,) or (n, 3), and on triangles, (m,) or (m, 3); SI units."""
+    """Write a mesh with fields on vertices, (n,) or (n, 3), and on triangles, (m,) or (m, 3); SI units.
+
+    The file is written whole or not at all.
+    """
     import meshio
 
     cell_data = {name: [values] for name, values in (triangle_fields or {}).items()}
     grid = meshio.Mesh(
         mesh.vertices_m, [("triangle", mesh.triangles)], point_data=dict(vertex_fields), cell_data=cell_data
     )
-    meshio.write(path, grid, file_format="vtu")
+    with whole_file(path) as half:
+        meshio.write(half, grid, file_format="vtu")

@@ -16,6 +16,7 @@ from services.mechanics.fem.supports import DOF_NAMES
 from services.meshes.writing import write_vtu
 from services.studies.fem_run import FemResult
 from services.studies.fem_select import select
+from services.whole_file import whole_file
 
 
 def to_json(result: FemResult) -> dict[str, Any]:
@@ -149,4 +150,5 @@ def _save_series(result: FemResult, path: Path) -> None:
         file = path.with_name(f"{path.stem}-{k:04d}.vtu")
         write_vtu(file, mesh, fields)
         ElementTree.SubElement(files, "DataSet", timestep=repr(part), file=file.name)
-    ElementTree.ElementTree(collection).write(path.with_suffix(".pvd"), xml_declaration=True, encoding="utf-8")
+    with whole_file(path.with_suffix(".pvd")) as half:
+        ElementTree.ElementTree(collection).write(half, xml_declaration=True, encoding="utf-8")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from services.gateway.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
+from services.whole_file import whole_file
 
 _MOST_LISTED = 12
 
@@ -29,7 +30,8 @@ class Felt:
 
 def write_page(felt: Felt, made_with: Sequence[str], figures: Path, page: Path) -> None:
     """Write the page; `figures` is the folder of its figures, beside it."""
-    page.write_text("\n".join(_lines(felt, made_with, figures.name)), encoding="utf-8")
+    with whole_file(page) as half:
+        half.write_text("\n".join(_lines(felt, made_with, figures.name)), encoding="utf-8")
 
 
 def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:

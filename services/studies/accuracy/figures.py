@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from services.studies.accuracy.frontier import frontier
 from services.studies.accuracy.study import Row
+from services.whole_file import whole_file
 
 _COLUMNS, _WIDTH_IN, _HEIGHT_IN = 3, 4.4, 3.4
 _LEAST = 1e-4
@@ -46,8 +47,10 @@ def save_figure(figure: Figure, stem: Path) -> list[Path]:
     """Write ``stem``.svg and .png: the same bytes for the same numbers, without a date or random names."""
     paths = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
     with mpl.rc_context({"svg.hashsalt": "trocar", "svg.fonttype": "none"}):
-        figure.savefig(paths[0], metadata={"Date": None})
-        figure.savefig(paths[1], dpi=110, metadata={"Software": None})
+        with whole_file(paths[0]) as half:
+            figure.savefig(half, metadata={"Date": None})
+        with whole_file(paths[1]) as half:
+            figure.savefig(half, dpi=110, metadata={"Software": None})
     return paths
 
 

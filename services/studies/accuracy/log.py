@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from services.studies.accuracy.study import Cost, Draw, Error, Reference
+from services.whole_file import whole_file, whole_lines
 
 
 class Log:
@@ -27,11 +28,12 @@ class Log:
         head_file = folder / "order.json"
         if head_file.exists() and json.loads(head_file.read_text()) != head:
             raise ValueError(f"{folder} holds the results of {json.loads(head_file.read_text())}, not of {head}")
-        head_file.write_text(json.dumps(head))
+        with whole_file(head_file) as half:
+            half.write_text(json.dumps(head))
         self._folder, self._file = folder, folder / "results.jsonl"
         self.errors: dict[tuple[str, str], dict[str, Error]] = {}
         self.costs: dict[str, dict[str, Cost]] = {}
-        for line in self._file.read_text().splitlines() if self._file.exists() else []:
+        for line in whole_lines(self._file):
             self._take(json.loads(line))
 
     def _take(self, entry: dict[str, Any]) -> None:
@@ -65,6 +67,5 @@ class Log:
 
     def keep_reference(self, study: str, reference: Reference) -> None:
         """Write the reference of a study down: whole or not at all."""
-        half = self._folder / f"half-{study}.npz"
-        np.savez(half, allow_pickle=False, **dict(reference))
-        half.rename(self._folder / f"reference-{study}.npz")
+        with whole_file(self._folder / f"reference-{study}.npz") as half:
+            np.savez(half, allow_pickle=False, **dict(reference))

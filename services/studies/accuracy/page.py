@@ -10,6 +10,7 @@ from typing import Any
 
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.study import Row
+from services.whole_file import whole_file
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 
@@ -23,7 +24,8 @@ def write_page(rows: Sequence[Row], texts: Mapping[str, tuple[str, str]], facts:
     }
     # "</" would end the script that holds it.
     told = json.dumps(data, allow_nan=False).replace("</", "<\\/")
-    path.write_text(_TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/null", told), encoding="utf-8")
+    with whole_file(path) as half:
+        half.write_text(_TEMPLATE.read_text(encoding="utf-8").replace("/*DATA*/null", told), encoding="utf-8")
 
 
 def _row(row: Row) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.frontier import frontier
 from services.studies.accuracy.study import Row, load_study
+from services.whole_file import whole_file
 
 BUDGET_US = 500.0
 """Of a millisecond: what a tick may take when a core is shared with other loops and sometimes interrupted."""
@@ -21,7 +22,8 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
     folder = path.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
-        shutil.copyfile(figures / f"{name}.svg", folder / f"{name}.svg")
+        with whole_file(folder / f"{name}.svg") as half:
+            shutil.copyfile(figures / f"{name}.svg", half)
     lines = [
         "# What accuracy costs in time",
         "",
@@ -39,7 +41,8 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
     for name in names:
         lines += _study(name, [row for row in rows if row.study == name], folder.name)
     lines += slower_machine(rows, names)
-    path.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    with whole_file(path) as half:
+        half.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
 
 
 def _not_timed(rows: Sequence[Row]) -> list[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from services.studies.accuracy.frontier import frontier
 from services.studies.accuracy.study import Row
+from services.whole_file import whole_file
 
 COLUMNS = (
     "study",
@@ -28,7 +29,7 @@ COLUMNS = (
 def write_table(rows: Sequence[Row], path: Path) -> None:
     """Write all rows; an error is told to the last digit."""
     best = frontier_rows(rows)
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with whole_file(path) as half, half.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for row in rows:

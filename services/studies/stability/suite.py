@@ -16,6 +16,7 @@ from time import perf_counter
 from services.studies.stability.criteria import Figures, failures
 from services.studies.stability.families import FAMILIES
 from services.studies.stability.family import Case, Draw, Reach
+from services.whole_file import whole_file, whole_lines
 
 AGAIN_EVERY = 10
 """One case in so many is run a second time, after another one."""
@@ -98,9 +99,9 @@ class Log:
         head_file, self._file = folder / "order.json", folder / "results.jsonl"
         if head_file.exists() and json.loads(head_file.read_text()) != head:
             raise ValueError(f"{folder} holds the results of {json.loads(head_file.read_text())}, not of {head}")
-        head_file.write_text(json.dumps(head))
-        lines = self._file.read_text().splitlines() if self._file.exists() else []
-        self.results = [Result(**json.loads(line)) for line in lines]
+        with whole_file(head_file) as half:
+            half.write_text(json.dumps(head))
+        self.results = [Result(**json.loads(line)) for line in whole_lines(self._file)]
 
     def keep(self, result: Result) -> None:
         """Write a result down."""
