@@ -1,0 +1,42 @@
+"""docs/recipes.md: a scene, a device file and an observer of the bus, followed to the letter."""
+
+from __future__ import annotations
+
+from tests.recipes.tree_copy import TreeCopy
+
+#: Physics as the observer sees it, until nobody asks any more.
+PHYSICS = """
+import time
+from services.runtime import config
+from services.runtime.zmq_bus import ZmqBus
+from tests.protocol.samples import physics_state
+bus = ZmqBus(config.load_rig("rig.yaml").transport, publishes=["physics.state"])
+for tick in range(60_000):
+    bus.publish("physics.state", physics_state(tick), origin_ns=time.monotonic_ns())
+    time.sleep(1e-3)
+"""
+
+
+def test_a_scene_is_a_file(tree: TreeCopy) -> None:
+    tree.follow("Adding a scene")
+    assert "soft-curve" in tree.run("bash", "-c", "trocar config show --scene nowhere 2>&1 || true")
+
+
+def test_a_device_file_is_what_a_rig_names(tree: TreeCopy) -> None:
+    tree.follow("Adding a device file")
+    told = tree.python(
+        "from services.gateway.instrument import build_instruments; from services.runtime import config;"
+        "print([each.arm.limits.max_force_n for each in build_instruments(config.load_rig('my-rig.yaml').gateway)])"
+    )
+    assert told.split() == ["[37.5,", "8.5]"]
+
+
+def test_an_observer_is_a_program_beside_the_rig(tree: TreeCopy) -> None:
+    tree.follow("Observing the bus")
+    (tree.root / "rig.yaml").write_text("{name: r, transport: {directory: bus}}\n")
+    with tree.start("-c", PHYSICS):
+        # However long the publisher takes to be there.
+        watch = "until python docs/examples/watch_tip.py rig.yaml > seen.txt; do :; done; cat seen.txt"
+        seen = tree.run("bash", "-c", watch)
+    assert [line.split()[0] for line in seen.splitlines()] == ["tick"] * 5
+    assert "tip at [" in seen
