@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-import numpy as np
-
 from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS, BendingName, MembraneName
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import DuctScene, SceneModel
 from services.studies.accuracy import insertions, pinches
 from services.studies.accuracy.report import number, values
 from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
-from services.studies.accuracy.sweeps.mesh import frequency_error, full_figures
+from services.studies.accuracy.sweeps.mesh import full_figures, reduced_errors
 
 TITLE = "Triangles of the wall"
 WHAT = (
@@ -48,13 +46,7 @@ def reference(draw: Draw) -> Reference:
 
 def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
     """Pinch and lowest frequencies."""
-    scene = _chosen(setting)
-    duct = pinches.reduced(scene.duct)
-    pinch = pinches.Pinch.of(duct.mesh, scene.duct)
-    return {
-        **pinches.static_errors(duct, pinch, float(reference["pinch_m"][0]), None),
-        pinches.FREQUENCY: frequency_error(duct.basis.omega_rad_s / (2.0 * np.pi), reference),
-    }
+    return reduced_errors(_chosen(setting).duct, reference)
 
 
 def tick(setting: Setting, draw: Draw) -> Tick:

@@ -56,19 +56,19 @@ def full_figures(duct: DuctScene) -> dict[str, np.ndarray]:
 def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
     """Pinch, lowest frequencies and insertion."""
     scene = _chosen(setting)
-    duct = pinches.reduced(scene.duct)
-    pinch = pinches.Pinch.of(duct.mesh, scene.duct)
+    return {**reduced_errors(scene.duct, reference), **insertions.insertion_errors(scene, reference, draw)}
+
+
+def reduced_errors(scene: DuctScene, reference: Reference) -> dict[str, Error]:
+    """Return the errors of a reduced duct against `full_figures`: of the pinch, and the largest of the frequencies."""
+    duct = pinches.reduced(scene)
+    pinch = pinches.Pinch.of(duct.mesh, scene)
+    wanted_hz = reference["frequency_hz"]
+    frequency_hz = duct.basis.omega_rad_s[: len(wanted_hz)] / (2.0 * np.pi)
     return {
         **pinches.static_errors(duct, pinch, float(reference["pinch_m"][0]), None),
-        pinches.FREQUENCY: frequency_error(duct.basis.omega_rad_s / (2.0 * np.pi), reference),
-        **insertions.insertion_errors(scene, reference, draw),
+        pinches.FREQUENCY: Error(100.0 * float(np.max(np.abs(frequency_hz / wanted_hz - 1.0))), "%"),
     }
-
-
-def frequency_error(frequency_hz: np.ndarray, reference: Reference) -> Error:
-    """Return the largest relative error of the lowest frequencies."""
-    wanted = reference["frequency_hz"]
-    return Error(100.0 * float(np.max(np.abs(frequency_hz[: len(wanted)] / wanted - 1.0))), "%")
 
 
 def tick(setting: Setting, draw: Draw) -> Tick:
