@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -62,11 +62,11 @@ class ToolState1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     closing_torque_nm: float = 0.0
 
 
-class ToolContacts1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Version 1 of ``haptics.contacts``."""
+class _ToolColumns(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """``haptics.contacts`` with an array a column."""
 
     tick: Annotated[int, Meta(ge=0)]
-    tools: Annotated[tuple[ToolState1, ...], Meta(max_length=8)]
+    tools: Annotated[tuple[Any, ...], Meta(max_length=8)]
     tool: Annotated[Array, spec("|i1", ("pairs",), "1")]
     tool_segment: Annotated[Array, spec("|i1", ("pairs",), "1")]
     target_kind: Annotated[Array, spec("|i1", ("pairs",), "1")]
@@ -78,20 +78,16 @@ class ToolContacts1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
 
 
-class ToolContacts2(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+class ToolContacts1(_ToolColumns, array_like=True, frozen=True, kw_only=True):
+    """Version 1 of ``haptics.contacts`` told more of a tool."""
+
+    tools: Annotated[tuple[ToolState1, ...], Meta(max_length=8)]
+
+
+class ToolContacts2(_ToolColumns, array_like=True, frozen=True, kw_only=True):
     """Version 2 of ``haptics.contacts`` had an array a column."""
 
-    tick: Annotated[int, Meta(ge=0)]
     tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
-    tool: Annotated[Array, spec("|i1", ("pairs",), "1")]
-    tool_segment: Annotated[Array, spec("|i1", ("pairs",), "1")]
-    target_kind: Annotated[Array, spec("|i1", ("pairs",), "1")]
-    target: Annotated[Array, spec("<i4", ("pairs",), "index")]
-    tool_parameter: Annotated[Array, spec("<f8", ("pairs",), "1")]
-    target_weights: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
-    normal: Annotated[Array, spec("<f8", ("pairs", 3), "1")]
-    gap_m: Annotated[Array, spec("<f8", ("pairs",), "m")]
-    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
 
     def lift(self) -> ToolContacts:
         """Return the body of version 3: its tables are these columns side by side."""
