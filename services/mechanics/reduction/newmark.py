@@ -9,7 +9,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.state import ModalGains, ModalState
+from services.mechanics.reduction.state import ModalGains, ModalState, PreparedIntegrator
 
 if TYPE_CHECKING:
     from typing import Any
@@ -43,7 +43,7 @@ class NewmarkConstants:
         return cls(a0, a0, 4.0 / dt_s + alpha_1_s, 1.0, a4, -a4, -a4 * dt_s, -1.0, dt_s / 2.0, a9, a9)
 
 
-class Newmark:
+class Newmark(PreparedIntegrator):
     """Average acceleration for decoupled modes (the paper's NIRMS).
 
     Unconditionally stable, second order, spectral radius 1 at any frequency: without damping and load it conserves the
@@ -61,9 +61,9 @@ class Newmark:
     """
 
     def __init__(self, omega_rad_s: FloatArray, damping_ratio: FloatArray) -> None:
+        super().__init__()
         self._stiffness = omega_rad_s**2
         self._alpha = 2.0 * omega_rad_s * damping_ratio
-        self._dt_s = float("nan")
 
     def predict(self, state: ModalState, modal_force: FloatArray, dt_s: float) -> None:
         """Step ``state`` in place by ``dt_s`` under ``modal_force`` (r,), which acts at the end of the step."""
@@ -75,20 +75,12 @@ class Newmark:
             self._prepare(dt_s)
         return self._kernel_constants
 
-    def gains(self, dt_s: float) -> ModalGains:
-        """Return the change of the end state per unit modal force: 1/K_hat, a8 a4/K_hat and a4/K_hat."""
-        if dt_s != self._dt_s:
-            self._prepare(dt_s)
-        return self._gains
-
-    def _prepare(self, dt_s: float) -> None:
-        if not dt_s > 0.0:
-            raise ValueError(f"the time step must be positive, not {dt_s} s")
+    def _evaluate(self, dt_s: float) -> ModalGains:
+        """Return 1/K_hat, a8 a4/K_hat and a4/K_hat, and keep the constants of the kernel."""
         a = NewmarkConstants.from_step(dt_s, self._alpha)
         position = 1.0 / (self._stiffness + a.a0)
-        self._gains = ModalGains(position, a.a8 * a.a4 * position, a.a4 * position)
         self._kernel_constants = np.ascontiguousarray(np.stack([a.a1, a.a2, position]))
-        self._dt_s = dt_s
+        return ModalGains(position, a.a8 * a.a4 * position, a.a4 * position)
 
 
 @kernel

@@ -6,10 +6,10 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.state import ModalGains, ModalState
+from services.mechanics.reduction.state import ModalGains, ModalState, PreparedIntegrator
 
 
-class ExactOscillator:
+class ExactOscillator(PreparedIntegrator):
     """Closed-form step of q'' + 2 zeta omega q' + omega^2 q = f with f constant over the step.
 
     Exact at any step length and damping, so neither the period nor the decay is distorted (Newmark's
@@ -24,9 +24,9 @@ class ExactOscillator:
     """
 
     def __init__(self, omega_rad_s: FloatArray, damping_ratio: FloatArray) -> None:
+        super().__init__()
         self._omega = omega_rad_s
         self._zeta = damping_ratio
-        self._dt_s = float("nan")
 
     def predict(self, state: ModalState, modal_force: FloatArray, dt_s: float) -> None:
         """Step ``state`` in place by ``dt_s`` under ``modal_force`` (r,), held over the step."""
@@ -34,25 +34,17 @@ class ExactOscillator:
             self._prepare(dt_s)
         oscillator_step(state.q, state.qdot, state.qddot, modal_force, self._transition)
 
-    def gains(self, dt_s: float) -> ModalGains:
-        """Return the change of the end state per unit modal force held over the step."""
-        if dt_s != self._dt_s:
-            self._prepare(dt_s)
-        return self._gains
-
-    def _prepare(self, dt_s: float) -> None:
-        if not dt_s > 0.0:
-            raise ValueError(f"the time step must be positive, not {dt_s} s")
+    def _evaluate(self, dt_s: float) -> ModalGains:
+        """Return what a force held over the step makes, and keep the transition."""
         stiffness, damping = self._omega**2, 2.0 * self._zeta * self._omega
         c, s = impulse_functions(self._omega, self._zeta, dt_s)
         q_q = c + 0.5 * damping * s
         position = (1.0 - q_q) / stiffness
-        self._gains = ModalGains(position, s, 1.0 - damping * s - stiffness * position)
         qdot_qdot = c - 0.5 * damping * s
         self._transition = np.ascontiguousarray(
             np.stack([q_q, s, -stiffness * s, qdot_qdot, position, stiffness, damping])
         )
-        self._dt_s = dt_s
+        return ModalGains(position, s, 1.0 - damping * s - stiffness * position)
 
 
 def impulse_functions(omega: FloatArray, zeta: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:

@@ -59,6 +59,36 @@ class ModalIntegrator(Protocol):
         """Return the linear effect of a modal force on the state at the end of a step."""
 
 
+class PreparedIntegrator:
+    """An integrator of constant coefficients: they are evaluated anew only for a step of another length."""
+
+    def __init__(self) -> None:
+        self._dt_s = float("nan")
+        self._gains: ModalGains
+
+    def gains(self, dt_s: float) -> ModalGains:
+        """Return the change of the end state per unit modal force in a step of ``dt_s``.
+
+        Raises
+        ------
+        ValueError
+            The step has no length.
+        """
+        if dt_s != self._dt_s:
+            self._prepare(dt_s)
+        return self._gains
+
+    def _prepare(self, dt_s: float) -> None:
+        if not dt_s > 0.0:
+            raise ValueError(f"the time step must be positive, not {dt_s} s")
+        self._gains = self._evaluate(dt_s)
+        self._dt_s = dt_s
+
+    def _evaluate(self, dt_s: float) -> ModalGains:
+        """Evaluate what a step of ``dt_s`` takes, and return what it makes of a force."""
+        raise NotImplementedError
+
+
 def correct(state: ModalState, modal_force: FloatArray, gains: ModalGains) -> None:
     """Add to ``state``, in place, what ``modal_force`` (r,) changes at the end of the predicted step."""
     state.q += gains.position * modal_force
