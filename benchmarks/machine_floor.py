@@ -18,8 +18,9 @@ import sys
 import time
 from pathlib import Path
 
+from services.supervisor.floor import pin_above_all
+
 PERIOD_NS, LATE_NS = 5_000_000, 1_000_000
-PRIORITY = 95
 _COUNTED = range(300)
 
 
@@ -38,10 +39,7 @@ def _quantile(values: list[int], share: float) -> float:
 def watch(core: int, seconds: float) -> dict[str, float]:
     """Sleep on an absolute grid and return what share of the wake-ups was over a millisecond late, and how long a
     fixed piece of arithmetic took: median, and 99 % over median."""
-    os.sched_setaffinity(0, {core})
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except PermissionError:
+    if not pin_above_all(core):
         print("no real-time priority: this floor counts the rig's own work too", file=sys.stderr)
     gc.disable()
     late, worst_ns, ticks = 0, 0, round(seconds * 1e9 / PERIOD_NS)

@@ -62,16 +62,22 @@ class Phases:
         self._memory[core] = phase_ns
 
 
-def watch(core: int, ring: FlightRing, parent: int, phases: Phases) -> None:
-    """Sleep and note, on `core`, until the parent is another."""
+def pin_above_all(core: int) -> bool:
+    """Give the calling thread `core`, and there the highest priority that it can have; return whether it has one."""
     os.sched_setaffinity(0, {core})
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     for priority in (PRIORITY, min(PRIORITY, limit)):
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-            break
-        except (PermissionError, OSError):  # the next: what the limit of an ordinary user allows, or none
+        except OSError:  # the next: what the limit of an ordinary user allows, or none
             continue
+        return True
+    return False
+
+
+def watch(core: int, ring: FlightRing, parent: int, phases: Phases) -> None:
+    """Sleep and note, on `core`, until the parent is another."""
+    pin_above_all(core)
     period_ns = round(1e9 / ring.rate_hz)
     due_ns = time.monotonic_ns() + period_ns + core * period_ns // (os.cpu_count() or 1)  # not both at once
     tick, phase_ns = 0, -1
