@@ -65,3 +65,10 @@ def test_nothing_is_halved_before_it_is_due(monkeypatch: pytest.MonkeyPatch) -> 
     assert not loop.reporter.halve()
     loop.reporter.send_if_due()
     assert len(loop.reports()) == 1
+
+
+def test_a_path_that_no_rig_file_could_name_is_measured_by_nobody() -> None:
+    reporter = HealthReporter("gateway", MemoryBus(MemoryHub(), publishes=["gateway.health"]))
+    assert reporter.path("servo", 100_000) is reporter.path("servo", 200_000)
+    with pytest.raises(KeyError, match="'servos' is no path of PATH_OWNERS"):
+        reporter.path("servos", 100_000)
