@@ -165,12 +165,16 @@ class _Section:
 
 
 def _section(mesh: TriangleMesh, mouth: Opening) -> _Section:
-    """Return middle and largest radius of the duct a little behind its mouth, where it goes on from there."""
+    """Return middle and largest radius of the duct a little behind its mouth, where it goes on from there.
+
+    Of a mesh so coarse, or a duct so short, that no vertex lies there, those that lie nearest.
+    """
     away = mesh.vertices_m - mouth.centre_m
     depth = away @ mouth.inward
     across = np.linalg.norm(away - depth[:, None] * mouth.inward, axis=1)
-    near = (np.abs(depth - STEADY_BEYOND_MOUTH_M) < 2e-3) & (across < 3.0 * mouth.radius_m)
-    ring = mesh.vertices_m[near]
+    off = np.where(across < 3.0 * mouth.radius_m, np.abs(depth - STEADY_BEYOND_MOUTH_M), np.inf)
+    nearest_m = float(off.min())
+    ring = mesh.vertices_m[off < (2e-3 if nearest_m < 2e-3 else nearest_m + 2e-3)]
     centre = ring.mean(axis=0)
     out = ring - centre
     out -= (out @ mouth.inward)[:, None] * mouth.inward

@@ -171,6 +171,24 @@ def test_a_pinch_is_let_go_and_made_again():
     assert hand.jaw_angle_rad[-4:] == pytest.approx(np.take(hand.jaw_angle_rad, [2, 1, 1, 2]))
 
 
+@pytest.mark.parametrize(
+    ("overrides", "depth_m"),
+    [
+        (["duct.length_m=0.2", "duct.n_along=20"], (9e-3, 15e-3)),  # rows 10 mm apart
+        (["duct.n_along=5", "duct.length_m=0.045"], (9e-3, 18e-3)),  # 9 mm apart
+        (["duct.length_m=0.0095"], (7e-3, 9.5e-3)),  # ends before
+    ],
+)
+def test_a_coarse_or_short_duct_is_held_where_it_has_vertices(overrides, depth_m):
+    scene = load_scene("pinch", [*overrides, "duct.curvature_1_m=0.0"])
+    mesh = scene_mesh(scene.duct)
+    mouth, hand = mouth_opening(mesh), hands_of(scene, mesh).motions[1]
+    away = np.array(hand.grip_point_m[-1]) - mouth.centre_m
+    depth = away @ mouth.inward
+    assert depth_m[0] < depth < depth_m[1]
+    assert np.linalg.norm(away - depth * mouth.inward) < 1e-4
+
+
 def test_a_duct_alone_is_left_alone(tmp_path):
     scene = load_scene("duct-only", SMALLER)
     duct = load_duct(scene, tmp_path, lambda *_: None)
