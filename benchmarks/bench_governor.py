@@ -4,7 +4,8 @@
 
 Runs the rig twice for each of ``--runs``: with the scene as it is, and with nothing of its ladder but the first rung.
 Once the rig runs, `slow_core` takes ``--share`` of each of its cores. Ticks are counted over the whole run, with the
-seconds that the governor takes to act.
+seconds that the governor takes to act. `machine_floor` says what else the load takes: two cores that are one to the
+host share its arithmetic, so that what is left of a core is slower, too.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from machine_floor import Floor
 from report import Row, write_report
 
 from services.runtime import config
@@ -29,6 +31,8 @@ from services.runtime import config
 ROOT = Path(__file__).resolve().parents[1]
 CORES = (0, 1)
 LOOPS = ("gateway", "haptics", "physics")
+#: So long the idle machine is watched first.
+IDLE_S = 3.0
 
 
 @contextmanager
@@ -66,12 +70,17 @@ def run_rig(scene: Path, seconds: float, share: float, options: list[str]) -> di
             said.append(line)
             if "is running" in line:
                 break
-        with slowed(seconds, share):
+        with slowed(seconds, share), Floor(seconds) as floor:
             said.append(process.communicate()[0])
         if not file.is_file():
             raise SystemExit(f"trocar up ended with {process.returncode}:\n{''.join(said)[-2000:]}")
         report: dict[str, Any] = json.loads(file.read_text())
-    return report
+    return report | {"arithmetic_us": mean_arithmetic_us(floor)}
+
+
+def mean_arithmetic_us(floor: Floor) -> float:
+    """Return how long a fixed piece of arithmetic took: medians of the cores, their mean."""
+    return float(np.mean([core["arithmetic_us"] for core in floor.cores]))
 
 
 def first_rung_only(scene: str, folder: Path) -> Path:
@@ -86,7 +95,7 @@ def first_rung_only(scene: str, folder: Path) -> Path:
     return alone
 
 
-def rows_of(name: str, runs: list[dict[str, Any]]) -> list[Row]:
+def rows_of(name: str, runs: list[dict[str, Any]], idle_us: float) -> list[Row]:
     """Return medians over runs of one kind."""
     rows = []
     for loop in LOOPS:
@@ -94,6 +103,8 @@ def rows_of(name: str, runs: list[dict[str, Any]]) -> list[Row]:
         rows.append(Row(f"{name}: {loop}, late or lost ticks", float(np.median(misses)), "%"))
     work = [float(run["loops"]["physics"]["work_us"]["p50"]) for run in runs]
     rows.append(Row(f"{name}: physics, work", float(np.median(work)), "us"))
+    slower = float(np.median([run["arithmetic_us"] for run in runs])) / idle_us
+    rows.append(Row(f"{name}: arithmetic while the core is had, over the idle machine's", slower, ""))
     rows.append(Row(f"{name}: quality level at the end", float(np.median([run["quality_level"] for run in runs])), ""))
     return rows
 
@@ -112,6 +123,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--name", default="governor", help="of the table in benchmarks/results")
     arguments, options = parser.parse_known_args()
+    with Floor(IDLE_S) as idle:
+        pass
     with tempfile.TemporaryDirectory() as folder:
         scenes = {
             "with the ladder": config.find("scene", arguments.scene),
@@ -121,7 +134,7 @@ def main() -> None:
         for _ in range(arguments.runs):
             for name, scene in scenes.items():
                 runs[name].append(run_rig(scene, arguments.seconds, arguments.share, options))
-    rows = [row for name, found in runs.items() for row in rows_of(name, found)]
+    rows = [row for name, found in runs.items() for row in rows_of(name, found, mean_arithmetic_us(idle))]
     said = [line for run in runs["with the ladder"] for line in switches(run)] or ["nothing was given up"]
     notes = (
         f"{arguments.runs} runs of {arguments.seconds:g} s each of the scene `{arguments.scene}`, interleaved; a load "

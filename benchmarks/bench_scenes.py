@@ -3,8 +3,8 @@
     python benchmarks/bench_scenes.py [--scenes default stone] [--seconds 6] [--mesh FILE] [trocar up's options]
 
 Writes docs/scenes.md. Scenes that are named replace their own lines, so that the table can be made in parts. A scene
-that takes a surface file gets ``--mesh``, and is left out without one. The stub's hands do in all of them what they do
-in the default scene; what a scene's own hands do (`services.scenes.hands`) is tested in process.
+that takes a surface file gets ``--mesh``, and is left out without one. The stub's hands do in each what it is for
+(`services.scenes.hands`).
 """
 
 from __future__ import annotations
