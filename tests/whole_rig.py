@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -13,11 +11,8 @@ import pytest
 import yaml
 
 import services.gateway.__main__ as gateway_process
-from protocol import TOPICS
 from protocol.bodies import GatewayState, PhysicsState
-from protocol.topics import published_by, read_by
 from services.cache_directory import cache_directory
-from services.gateway import instrument
 from services.gateway.driver import GraspHandle
 from services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
 from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE
@@ -29,11 +24,10 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.physics import __main__ as physics_process
-from services.runtime import bus, config, health
-from services.runtime.health import HealthReporter
+from services.runtime import config
 from services.runtime.loop import LoopMeter, Tick, TickClock
-from tests import memory_bus
 from tests.memory_bus import MemoryBus, MemoryHub
+from tests.memory_process import MemoryProcess, in_time_of
 
 TICK_NS = 1_000_000
 RATE_N_S, LIMIT_N = 200.0, 3.0
@@ -66,25 +60,6 @@ class ScriptedHandle(GraspHandle):
         pass
 
 
-@dataclass
-class FakeProcess:
-    """What gateway, haptics and physics ask of their process."""
-
-    name: str
-    hub: MemoryHub
-    rig: Any
-    log: logging.Logger = field(default_factory=lambda: logging.getLogger("test"))
-
-    def __post_init__(self) -> None:
-        every = [name for name in read_by(self.name) if TOPICS[name].delivery == "every"]
-        latest = [name for name in read_by(self.name) if name not in every]
-        self.bus = MemoryBus(self.hub, publishes=published_by(self.name), reads=latest, reads_every=every)
-        self.health = HealthReporter(self.name, self.bus)
-
-    def stop(self) -> bool:
-        return False
-
-
 @dataclass(frozen=True)
 class Moment:
     """What gateway and physics said of one tick, and what each servo has in its books."""
@@ -101,15 +76,12 @@ class WholeRig:
         self, folder: Path, monkeypatch: pytest.MonkeyPatch, scene: SceneModel, arms: tuple[dict[str, Any], ...]
     ) -> None:
         self.now_ns = 10**12
-        fake_time = SimpleNamespace(monotonic_ns=lambda: self.now_ns)
-        for module in (gateway_process, instrument, bus, health, memory_bus):
-            monkeypatch.setattr(module, "time", fake_time)
-        monkeypatch.setattr(gateway_process, "sleep_until", self._sleep_until)
+        in_time_of(monkeypatch, lambda: self.now_ns, self._sleep_until)
         hub = MemoryHub()
         rig = config.load_rig(_rig_file(folder, scene, arms))
         self.scene = scene
         self.duct: ReducedDuct = build_scene_duct(scene, cache_directory() / "bases")
-        gateway, haptics, physics = (FakeProcess(name, hub, rig) for name in ("gateway", "haptics", "physics"))
+        gateway, haptics, physics = (MemoryProcess(name, hub, rig) for name in ("gateway", "haptics", "physics"))
         self.gateway = gateway_process.Gateway(cast(Any, gateway), SceneHands())
         haptics_meter = LoopMeter(1000.0, haptics_process.STAGES)
         self.haptics = haptics_process.Haptics(cast(Any, haptics), haptics_meter, scene, self.duct)

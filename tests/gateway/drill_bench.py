@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -16,18 +14,16 @@ import yaml
 import services.gateway.__main__ as gateway_process
 from protocol import topic
 from protocol.bodies import ContactModel, InstrumentState, LocalModel
-from protocol.topics import published_by, read_by
 from services.gateway import instrument
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
 from services.gateway.feel.hands import Books
 from services.gateway.scene_hands import SceneHands
 from services.gateway.virtual_node import VirtualNode
-from services.runtime import bus, config, health
-from services.runtime.health import HealthReporter
+from services.runtime import bus, config
 from services.runtime.loop import Tick
-from tests import memory_bus
 from tests.memory_bus import MemoryBus, MemoryHub
+from tests.memory_process import MemoryProcess, in_time_of
 
 TICK_NS = 1_000_000
 TTL_S, RATE_N_S, TORQUE_NM, LIMIT_N = 0.02, 200.0, 0.3, 3.0
@@ -101,19 +97,6 @@ def model_of(state: InstrumentState) -> LocalModel:
     )
 
 
-@dataclass
-class FakeProcess:
-    """What a gateway asks of its process."""
-
-    rig: Any
-    bus: MemoryBus
-    health: HealthReporter
-    log: logging.Logger = field(default_factory=lambda: logging.getLogger("test"))
-
-    def stop(self) -> bool:
-        return False
-
-
 @dataclass(frozen=True)
 class Moment:
     """One tick: what was said of the instrument, what the drive applied, and when."""
@@ -129,15 +112,10 @@ class Drill:
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.node = VirtualNode(str(folder))
         self.clock = RigClock(self.node)
-        fake_time = SimpleNamespace(monotonic_ns=self.clock.monotonic_ns)
-        for module in (gateway_process, instrument, bus, health, memory_bus):
-            monkeypatch.setattr(module, "time", fake_time)
-        monkeypatch.setattr(gateway_process, "sleep_until", self.clock.sleep_until)
+        in_time_of(monkeypatch, self.clock.monotonic_ns, self.clock.sleep_until)
         monkeypatch.setattr(instrument, "Place", partial(instrument.Place, clock=self.clock))
         hub = MemoryHub()
-        publishes, reads = published_by("gateway"), [each for each in read_by("gateway") if each != "supervisor.state"]
-        own = MemoryBus(hub, publishes=publishes, reads=reads, reads_every=["supervisor.state"])
-        process = FakeProcess(config.load_rig(_rig_file(folder)), own, HealthReporter("gateway", own))
+        process = MemoryProcess("gateway", hub, config.load_rig(_rig_file(folder)))
         self.gateway = gateway_process.Gateway(cast(Any, process), SceneHands())
         self.haptics = Haptics(hub)
         self.gateway.open()

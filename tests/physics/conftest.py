@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-import logging
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from protocol import TOPICS
 from protocol.bodies import GatewayState, InstrumentState, LocalModel
-from protocol.topics import published_by, read_by
 from services.cache_directory import cache_directory
 from services.haptics import __main__ as haptics
 from services.haptics.__main__ import Haptics
 from services.physics import __main__ as physics
 from services.physics.__main__ import Physics
-from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter, TickClock
 from services.scenes import load_duct, load_scene
 from tests.memory_bus import MemoryBus, MemoryHub
+from tests.memory_process import MemoryProcess
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 STALE_S = 1.0
 PORTS = ((0.06, -0.10, 0.13), (0.08, 0.10, 0.13))
-
-
-@dataclass
-class FakeProcess:
-    """What `Physics` and `Haptics` ask of their process."""
-
-    name: str
-    hub: MemoryHub
-    log: logging.Logger = field(default_factory=lambda: logging.getLogger("test"))
-
-    def __post_init__(self) -> None:
-        self.bus = MemoryBus(self.hub, publishes=published_by(self.name), reads=read_by(self.name))
-        self.health = HealthReporter(self.name, self.bus)
 
 
 class Rig:
@@ -46,7 +31,10 @@ class Rig:
     def __init__(self, *overrides: str) -> None:
         self.hub = MemoryHub()
         self.gateway = MemoryBus(self.hub, publishes=["gateway.state"], reads=["haptics.contact_model"])
-        self.haptics_process, self.physics_process = FakeProcess("haptics", self.hub), FakeProcess("physics", self.hub)
+        self.haptics_process, self.physics_process = (
+            MemoryProcess("haptics", self.hub),
+            MemoryProcess("physics", self.hub),
+        )
         scene = load_scene(SMALL, overrides)
         duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
         self.haptics = Haptics(self.haptics_process, LoopMeter(1000.0, haptics.STAGES), scene, duct)  # type: ignore[arg-type]
