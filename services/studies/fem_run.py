@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -102,12 +103,13 @@ _KEYS_OF_THE_FILE = (
     ("n_modes", "modes:"),
     ("control: arc_length", "path: arc_length"),
 )
-"""What the solver calls what a file says, and what the file calls it."""
+"""What the solver calls what a file says, and what the file calls it; as words, for a path may hold them as parts."""
 
 
 def _in_keys_of_the_file(sentence: str) -> str:
     for ours, theirs in _KEYS_OF_THE_FILE:
-        sentence = sentence.replace(ours, theirs)
+        ends = "" if ours.endswith(" ") else r"(?![\w/-]|\.\w)"
+        sentence = re.sub(rf"(?<![\w./-]){ours}{ends}", theirs, sentence)
     return sentence
 
 

@@ -28,6 +28,15 @@ def test_a_surface_too_large_to_solve_is_refused_before_it_is_looked_at(tmp_path
         fem_command(path)
 
 
+def test_a_path_keeps_its_name_whatever_it_holds_of_the_solver_s_words(tmp_path):
+    folder = tmp_path / "n_modes"
+    folder.mkdir()
+    (folder / "wall_thickness_m.obj").write_text("")
+    path = write(tmp_path, DUCT | {"mesh": {"surface_file": {"path": "n_modes/wall_thickness_m.obj", "units": "m"}}})
+    with pytest.raises(ConfigError, match=r"n_modes/wall_thickness_m\.obj"):
+        fem_command(path)
+
+
 @pytest.mark.parametrize("text", ["", "# only a comment\n", "---\n"])
 def test_a_file_that_says_nothing_is_told_so(tmp_path, text):
     path = tmp_path / "empty.yaml"
