@@ -5,7 +5,8 @@
 A rig whose left hand presses on the duct, SIGKILL or SIGSTOP of one of the three at a random moment, then: how long
 until the supervisor says so, how long until forces are on again (the rig is RUNNING or DEGRADED), whether it was
 RUNNING within the seven seconds after that (DEGRADED is not), whether a force ever stepped by more than the rate
-limit, and how fast each loop runs between the fifth and the seventh second. Exit status 1 if any of it fails.
+limit, and how fast each loop runs between the fifth and the seventh second, beside a bare sleeper on each core above
+every process of the rig (`machine_floor`). Exit status 1 if any of it fails.
 
 Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped; one
 that is ended by SIGTERM takes its rig with it.
@@ -25,6 +26,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from machine_floor import Floor
 from report import RESULTS, Row, end_in_good_order, write_report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' rig is launched as a user would
@@ -51,6 +53,7 @@ class Outcome:
     fastest_n_s: float
     rates_hz: dict[str, float]
     noticed_s: float | None = None  # until the supervisor said that the process is not ready
+    floor_late_percent: float | None = None  # wake-ups of a bare sleeper while the rates were measured, the worse core
 
     def failures(self) -> list[str]:
         """Return what went wrong, a sentence each."""
@@ -101,13 +104,15 @@ def strike(rig: Rig, process: str, number: signal.Signals, after_s: float) -> Ou
     again_s, noticed_s = time.monotonic() - struck, _noticed_s(observer.states[said:], process, pid, struck)
     said = len(observer.states)
     _ticks(rig, SETTLED_S)
-    seen = _ticks(rig, MEASURED_S)
+    with Floor(MEASURED_S) as floor:
+        seen = _ticks(rig, MEASURED_S)
     running_ns = next((sent_ns for sent_ns, body in observer.states[said:] if body.state == "running"), None)
     running_s = None if running_ns is None else max(again_s, 1e-9 * running_ns - struck)
     state = f"{observer.rig_state} {observer.states[-1][1].reason}".strip()
     fastest_n_s = max(force_rates_n_s(observer.samples), default=0.0)
     rates_hz = {name: _rate_hz(seen[name]) for name in LOOPS}
-    return Outcome(process, number.name, again_s, running_s, state, fastest_n_s, rates_hz, noticed_s)
+    late_percent = max(core["lost_percent"] for core in floor.cores)
+    return Outcome(process, number.name, again_s, running_s, state, fastest_n_s, rates_hz, noticed_s, late_percent)
 
 
 def _noticed_s(states: list[tuple[int, SupervisorState]], process: str, pid: int, struck_s: float) -> float | None:
@@ -152,12 +157,25 @@ def _rows(outcomes: list[Outcome]) -> list[Row]:
         rows.append(
             Row(name, float(rates.min()), "Hz", SLOWEST_HZ, at_least=True, extra={"p50": float(np.median(rates))})
         )
+    rows += _floor_rows(outcomes)
     running = [o.running_s for o in outcomes if o.running_s is not None]
     rows.append(Row("RUNNING within seven seconds of that", 100.0 * len(running) / len(outcomes), "%"))
     if running:
         rows.append(Row("RUNNING, of those, after", float(np.median(running)), "s", p99=max(running)))
     failed = sum(bool(o.failures()) for o in outcomes)
     return [*rows, Row(f"faults after which something failed, of {len(outcomes)}", float(failed), "", 0.0)]
+
+
+def _floor_rows(outcomes: list[Outcome]) -> list[Row]:
+    """Return what a bare sleeper missed while the rates were measured: always, and where a loop was too slow."""
+    slow = [o for o in outcomes if min(o.rates_hz.values()) < SLOWEST_HZ]
+    rows = []
+    for of, some in (("", outcomes), (f", a loop below {SLOWEST_HZ:g} Hz", slow)):
+        late = [o.floor_late_percent for o in some if o.floor_late_percent is not None]
+        if late:
+            name = f"late wake-ups of a bare sleeper in the same two seconds{of} (of {len(late)})"
+            rows.append(Row(name, float(np.median(late)), "%", p99=max(late)))
+    return rows
 
 
 def _draws(seed: int, n: int) -> list[tuple[str, signal.Signals, float]]:
