@@ -45,6 +45,8 @@ _DUE_HZ = {"visualization": 30.0}
 _START_S, _END_S = 300.0, 60.0
 #: What is told was measured up to so long before the sample that shows it, and is in the counts so long after.
 _BEFORE_S, _AFTER_S = 4.0, 2.0
+#: The supervisor counts from when the rig runs; the page shows that, and the counts, up to so long afterwards.
+_SHOWN_S = 1.0
 #: Edges of exported buckets are a factor of the root of two apart.
 _EDGE = 0.7
 _MARK = re.compile(r"(\w+)(?:\.\w+)?: (?:stalled|silent|held up|process \d+ is stopped by a signal) for (\d+) ms")
@@ -125,7 +127,7 @@ class History:
             due = _DUE_HZ.get(m[1], 1000.0) * float(m[2])
             return self._misses(m[1], since, until) >= float(m[3]) / 100.0 * min(due, self._ticks(m[1], since, until))
         if m := _BUDGET.search(text):
-            return self._misses(m[1], t - 60.0 - _BEFORE_S, until) >= int(m[2])
+            return self._misses(m[1], max(t - 60.0 - _BEFORE_S, self._ran_since(t)), until) >= int(m[2])
         if m := _PATH.search(text):
             since, label = t - int(m[2]) - _BEFORE_S, f'path="{m[1]}"'
             over = self.over("trocar_path_latency_seconds", label, int(m[3]) * 1e-6, since, until)
@@ -133,6 +135,12 @@ class History:
         if m := _SILENCES.search(text):
             return self._periods(m[1], _SILENCE_S, t - float(m[3]) - _BEFORE_S, until) >= int(m[2])
         return False
+
+    def _ran_since(self, t: float) -> float:
+        """Return since when, at `t`, the rig's budgets count: what was lost before it ran is nobody's."""
+        known = [sample for sample in self.all if sample.t <= t]
+        first = next((k + 1 for k in reversed(range(len(known))) if not _runs(known[k])), 0)
+        return known[first].t - _SHOWN_S if 0 < first < len(known) else float("-inf")
 
     def _periods(self, loop: str, seconds: float, since: float, until: float) -> float:
         return self.over("trocar_loop_period_seconds", f'loop="{loop}"', _EDGE * seconds, since, until)
@@ -142,6 +150,10 @@ class History:
 
     def _ticks(self, loop: str, since: float, until: float) -> float:
         return self.change(f'trocar_loop_iterations_total{{loop="{loop}"}}', since, until)
+
+
+def _runs(sample: Sample) -> bool:
+    return any(sample.counts.get(f'trocar_rig_state{{state="{state}"}}') for state in ("running", "degraded"))
 
 
 def _ask_first() -> None:
@@ -188,7 +200,7 @@ class WatchedRig:
                 command, cwd=ROOT, env=self._environment, stdout=log, stderr=subprocess.STDOUT
             )
         try:
-            self.address = self._await_running(page_file(Transport(directory=bus)))
+            self._await_running(page_file(Transport(directory=bus)))
         except BaseException:
             self.__exit__()
             raise
@@ -201,18 +213,17 @@ class WatchedRig:
         self._asking.shutdown()
         self._folder.cleanup()
 
-    def _await_running(self, place: Path) -> str:
+    def _await_running(self, place: Path) -> None:
         until_s = time.monotonic() + _START_S
         while time.monotonic() < until_s and self.process.poll() is None:
             time.sleep(0.2)
             try:
-                address = str(json.loads(place.read_text())["address"])
-                if httpx.get(f"{address}healthz", timeout=30).json()["state"].partition(":")[0] in (
-                    "running", "degraded",
-                ):  # fmt: skip
-                    return address
+                self.address = str(json.loads(place.read_text())["address"])
+                self._sample()  # of what it loses while it starts, too: what it is told for later begins in between
             except (OSError, ValueError, KeyError, httpx.HTTPError):
                 continue
+            if _runs(self.history.samples[-1]):
+                return
         raise SystemExit(f"the rig does not run:\n{(self.directory / 'log').read_text()[-2000:]}")
 
     def settle(self, seconds: float) -> None:
@@ -233,13 +244,18 @@ class WatchedRig:
         self._take(known)
         self.seconds = self.history.samples[-1].t - self.history.samples[0].t
 
-    def _take(self, known: set[tuple[float, str]]) -> None:
+    def _sample(self) -> list[dict[str, Any]]:
+        """Take what the rig exports; return the events that it shows."""
         metrics, state = self._get("metrics").text, self._get("api/state").json()
-        self._get("")
         rows = (line.rpartition(" ") for line in metrics.splitlines() if line[:1] != "#")
         restarts = sum(process["restarts"] for process in state["processes"])
         self.history.samples.append(Sample(state["t"], {key: float(value) for key, _, value in rows}, restarts))
-        for event in state["events"]:
+        return list(state["events"])
+
+    def _take(self, known: set[tuple[float, str]]) -> None:
+        events = self._sample()
+        self._get("")
+        for event in events:
             if (event["t"], event["text"]) not in known:
                 self._said[event["t"], event["text"]] = event["level"]
 

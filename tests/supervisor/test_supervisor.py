@@ -100,6 +100,34 @@ def test_what_a_loop_lost_while_another_was_away_is_not_held_against_it() -> Non
     assert not [body.reason for body in bench.told() if "lost" in body.reason]
 
 
+def lose(bench: Bench, ticks: int) -> None:
+    """Let physics lose `ticks`, a few in each report, over three seconds."""
+    for _ in range(30):
+        bench.peers["physics"].misses += ticks // 30
+        bench.run(0.1)
+
+
+@pytest.mark.parametrize("when", ["start", "restart"])
+def test_the_budget_of_a_minute_begins_when_the_rig_runs(when: str) -> None:
+    """What is lost while processes start, or start anew, is no alarm a minute long."""
+    contracts = {"loops": {"physics": {"rate_hz": 1000, "miss_ratio": 0.001}}}
+    bench = Bench(rig(contracts=contracts))
+    if when == "restart":
+        running(bench)
+        bench.run(10.0)
+    bench.peers["haptics"].alive = False
+    bench.run(1.0)
+    lose(bench, 3000)
+    bench.peers["haptics"].alive = True
+    running(bench)
+    bench.told()
+    lose(bench, 30)  # with one of those before, more than 60
+    bench.run(5.0)
+    assert {body.state for body in bench.told()} == {"running"}
+    lose(bench, 60)
+    assert any("ticks lost in the last minute, budget 60" in body.reason for body in bench.told())
+
+
 def test_a_brief_silence_costs_nothing_but_the_state() -> None:
     bench = running(Bench(rig()))
     bench.peers["haptics"].alive = False
