@@ -29,6 +29,10 @@ _PATIENCE_NS = 4_000_000
 _TELL_NS = 1_000_000_000
 #: Fast topics recorded whole that are too many to look at each frame.
 _MANY = 2
+#: Messages of one topic taken in a turn: of a fast one about a second. What is beyond waits for the next.
+_AT_ONCE = 64
+#: What has come is still taken when it is asked to end, for so long: who does not end is killed after five seconds.
+_LAST_S = 2.0
 
 
 def _new_file(process: Process) -> Path:
@@ -129,28 +133,38 @@ def run(process: Process) -> None:
     try:
         for _tick in ticks(meter, process.stop):
             began_ns = time.monotonic_ns()
-            take_all(bus, read, recording, process.health.send_if_due)
+            take(bus, read, recording, process.health.send_if_due)
             taken_ns = time.monotonic_ns()
             recording.take(bus.sample(sampled, taken_ns + _PATIENCE_NS).values())
             sampled_ns = time.monotonic_ns()
             recording.turn(sampled_ns)
             meter.stages_ns = (taken_ns - began_ns, sampled_ns - taken_ns, time.monotonic_ns() - sampled_ns)
             process.health.send_if_due()
-        take_all(bus, read, recording, process.health.send_if_due)
+        end_s = time.monotonic() + _LAST_S
+        while take(bus, read, recording, process.health.send_if_due) and time.monotonic() < end_s:
+            pass
     finally:
         recording.close()
 
 
-def take_all(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[], object]) -> None:
-    """Append everything that has come; whoever was held up for long has much of it, and is heard meanwhile.
+def take(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[], object]) -> bool:
+    """Append what has come, of each topic as much as a turn has room for; return whether there may be more.
 
-    Its heartbeat would else be silent for as long as it catches up: it would be taken for hung, ended, and what waits
-    in its queues lost.
+    Whoever was held up for long has much of it, and is heard meanwhile: its heartbeat would else be silent for as long
+    as it catches up, it would be taken for hung, ended, and what waits in its queues lost. A publisher that floods
+    without end leaves time for the other topics, and for the file.
     """
+    more = False
     for topic in topics:
-        while (batch := bus.batch(topic)) is not None:
+        for _ in range(_AT_ONCE):
+            batch = bus.batch(topic)
+            if batch is None:
+                break
             recording.take_batch(topic, batch)
             beat()
+        else:
+            more = True
+    return more
 
 
 if __name__ == "__main__":

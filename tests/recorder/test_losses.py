@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 import protocol
 from protocol import bodies
-from services.recorder.__main__ import Recording, take_all
+from services.recorder.__main__ import Recording, take
 from services.recorder.losses import DISK, QUEUES, Loss, Losses, counts
 from services.runtime import bus as bus_module
 from services.runtime import config
@@ -56,8 +56,23 @@ def test_who_catches_up_is_heard_meanwhile() -> None:
             assert topic == batch
             told.append(batch)
 
-    take_all(Backlog(), [STATE], Kept(), lambda: told.append("beat"))  # type: ignore[arg-type]
+    assert not take(Backlog(), [STATE], Kept(), lambda: told.append("beat"))  # type: ignore[arg-type]
     assert told == [STATE, "beat"] * 3
+
+
+def test_a_publisher_that_floods_without_end_leaves_time_for_the_others_and_the_file() -> None:
+    taken: list[str] = []
+
+    class Endless:
+        def batch(self, topic: str) -> str | None:
+            return topic if topic == STATE or topic not in taken else None
+
+    class Kept:
+        def take_batch(self, topic: str, batch: str) -> None:
+            taken.append(batch)
+
+    assert take(Endless(), [STATE, "physics.state"], Kept(), lambda: None)  # type: ignore[arg-type]
+    assert taken.count("physics.state") == 1
 
 
 def test_frames_of_seconds_wait_in_the_queues_of_one_who_does_not_read(
@@ -121,7 +136,8 @@ def test_file_dashboard_and_last_words_say_what_is_missing(
         data = outbox.seal(state(tick).body, 0, True)
         if not 100 <= tick < 130:
             stub.hub.send(STATE, data)
-    take_all(stub.bus, [STATE], recording, lambda: None)
+    while take(stub.bus, [STATE], recording, lambda: None):
+        pass
     now_ns = recording._due_ns
     recording.turn(now_ns)
     recording.turn(now_ns + 2_000_000_000)
