@@ -7,7 +7,7 @@ import signal
 import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,11 +19,12 @@ from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
 from services.supervisor.bus_threads import BusThreads
+from services.supervisor.companion import Companion
 from services.supervisor.crew import Launch
 from services.supervisor.governor import Level
 from services.supervisor.holders import holders
 from services.supervisor.member import MemberState
-from services.supervisor.page import Page, missing_package
+from services.supervisor.page import Page, missing_package, onlooker
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.pulses import Pulses
@@ -110,12 +111,12 @@ def run_session(process: Process, session: SessionOptions) -> None:
     threads = BusThreads()
     supervisor.crew.has_heard_all = threads.are_idle
     pulses = supervisor.crew.pulses = Pulses(_rings(process.rig))
-    with closing(threads), closing(pulses), _page(sock, supervisor, process.scene_name) as page:
+    with closing(threads), closing(pulses), _companion(sock, supervisor, process.scene_name) as companion:
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:
-            _watch(process, supervisor, page, session, meter)
+            _watch(process, supervisor, companion, session, meter)
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
@@ -136,18 +137,18 @@ def _rings(rig: Rig) -> Path | None:
         return None
 
 
-def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> AbstractContextManager[Page | None]:
-    """Return the page; nothing where the packages that serve it are not installed: the rig does without."""
-    missing = missing_package()
+def _companion(sock: socket.socket, supervisor: Supervisor, scene: str) -> Companion:
+    """Return the page; where the packages that serve it are not installed, who keeps the flights without it."""
+    missing, logs = missing_package(), log_directory(supervisor.rig)
     if missing:
         sock.close()
         supervisor.say("warning", f"no web page: {missing} is not installed (pip install 'trocar[web]')")
-        return nullcontext()
-    return Page(sock, supervisor, scene, log_directory(supervisor.rig) / "page.log")
+        return onlooker(supervisor, scene, logs)
+    return Page(sock, supervisor, scene, logs)
 
 
 def _watch(
-    process: Process, supervisor: Supervisor, page: Page | None, session: SessionOptions, meter: LoopMeter
+    process: Process, supervisor: Supervisor, companion: Companion, session: SessionOptions, meter: LoopMeter
 ) -> None:
     due_ns = time.monotonic_ns()
     while not process.stop() and supervisor.crew.fatal is None and not supervisor.crew.ended_by_person:
@@ -157,8 +158,7 @@ def _watch(
         judged_ns = time.monotonic_ns()
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()
-        if page is not None:
-            page.turn(began_ns * 1e-9)
+        companion.turn(began_ns * 1e-9)
         ended_ns = time.monotonic_ns()
         meter.stages_ns = (judged_ns - began_ns, sent_ns - judged_ns, ended_ns - sent_ns)
         meter.finish(ended_ns)

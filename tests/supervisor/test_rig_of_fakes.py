@@ -338,11 +338,23 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     assert json.loads(_trocar(fakes, "down", "--json").stdout) == {"ended": []}
 
 
-def test_without_the_web_packages_there_is_no_page_and_the_rig_runs(
+def test_without_the_web_packages_there_is_no_page_and_flights_are_kept_all_the_same(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page, "PACKAGES", ("a_package_that_nobody_has",))
-    events = fakes.play(until_running)
+    flights = Path(fakes.options.rig).parent / "flights"
+    pids: list[int] = []
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        pids.extend(_children("onlooker"))
+        yield from until(flights.is_dir)  # whoever keeps them looks on
+        os.kill(supervisor.crew.members["haptics"].pid, signal.SIGKILL)
+        yield from until(lambda: any(flights.iterdir()))
+
+    events = fakes.play(scenario)
+    assert len(pids) == 1
+    assert gone(pids[0])
     assert any(event.startswith("no web page: a_package_that_nobody_has is not installed") for event in events)
 
 
@@ -386,8 +398,12 @@ def _once_running(supervisor: Supervisor) -> dict[str, Any]:
 
 
 def _page_servers() -> list[int]:
+    return _children("page_server")
+
+
+def _children(module: str) -> list[int]:
     children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
-    return [int(pid) for pid in children if b"page_server" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    return [int(pid) for pid in children if module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
 @pytest.mark.skipif(not _fifo_is_granted(), reason="this system refuses SCHED_FIFO")
