@@ -8,7 +8,7 @@ Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians o
 runs beside it, interleaved: ``observers`` are four readers of every frame of every topic and a fifth that never takes
 what it has subscribed to, ``stress`` is stress-ng (a Debian package) with two processes that compute and two that fill
 memory, on whatever core they get. A bare sleeper on each core, above every process of the rig, watches in every run
-what the machine takes (`machine_floor`): nobody's ticks can be better.
+what the machine takes (`machine_floor`), when nobody of the rig works: nobody's ticks can be better.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ from machine_floor import Floor
 from report import RESULTS, Row, end_in_good_order, write_report
 from rig_threads import watch
 from watched_rig import STRESS
+
+from services.runtime.flight import flight_directory
 
 ROOT = Path(__file__).resolve().parents[1]
 LOADS = ("alone", "observers", "stress")
@@ -70,7 +72,7 @@ def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
         )
         try:
             said = "".join(iter(lambda: _until_running(process), None))
-            with _beside(load, bus), Floor(seconds) as floor:
+            with _beside(load, bus), Floor(seconds, flight_directory(bus)) as floor:
                 threads = watch(process.pid, seconds - 2.0)
             said += process.communicate()[0]
         finally:
