@@ -16,6 +16,7 @@ from services.mechanics.fem import EigenModes, ShellModel, compute_modes
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.free_dofs import nodal_translations
 from services.mechanics.reduction.residual.blocks import BlockArray
+from services.mechanics.reduction.residual.level_inverse import compliance_rows
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it done, 0 to 1."""
@@ -55,13 +56,18 @@ def full_residual_bytes(n_nodes: int) -> int:
 def fill_full_residual(
     model: ShellModel, basis: ModalBasis, out: BlockArray, progress: Progress = ignore_progress
 ) -> None:
-    """Write R = K^-1 - Phi Lambda^-1 Phi^T into ``out`` (n, n, 3, 3), in m/N, block of columns by block."""
+    """Write R = K^-1 - Phi Lambda^-1 Phi^T into ``out`` (n, n, 3, 3), in m/N, level of nodes by level."""
     n = basis.n_nodes
-    for start in range(0, n, BATCH):
-        nodes = np.arange(start, min(start + BATCH, n), dtype=np.int32)
-        response = residual_response(model, basis, nodes, nodes - start)
-        out[start : start + nodes.size] = response.transpose(1, 0, 3, 2)
-        progress("residual compliance", (start + nodes.size) / n)
+    out[:] = 0.0
+    flexible = basis.Phi / basis.omega_rad_s
+    for nodes, response in compliance_rows(model):
+        level = nodes[: response.shape[0]]
+        modal = flexible[level].reshape(3 * level.size, -1) @ flexible[nodes].reshape(3 * nodes.size, -1).T
+        blocks = (response - modal.reshape(response.shape)).transpose(0, 2, 1, 3).astype(out.dtype)
+        out[level[:, None], nodes] = blocks
+        out[nodes[:, None], level] = blocks.transpose(1, 0, 3, 2)
+        progress("residual compliance", nodes.size / n)
+    progress("residual compliance", 1.0)
 
 
 def residual_response(model: ShellModel, basis: ModalBasis, nodes: IntArray, columns: IntArray) -> FloatArray:
