@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict, deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import msgspec
 
@@ -41,8 +41,12 @@ class MemoryBus:
         self._hub = hub
         incarnation = bus.new_incarnation()
         self._out = {name: bus.Outbox(topic(name), incarnation) for name in publishes}
-        self._in = {name: bus.Inbox(topic(name)) for name in (*reads, *samples)}
-        self._in.update({name: bus.Inbox(topic(name), every=True) for name in reads_every})
+        self.on_flood: Callable[[], None] = lambda: None
+        wanted = {**dict.fromkeys((*reads, *samples), False), **dict.fromkeys(reads_every, True)}
+        self._in = {
+            name: bus.Inbox(topic(name), every=every, on_flood=lambda: self.on_flood())
+            for name, every in wanted.items()
+        }
         self._queues: dict[str, deque[bytes]] = {}
         for name, box in self._in.items():
             self._queues[name] = deque(maxlen=None if box.every else 1)
@@ -96,6 +100,10 @@ class MemoryBus:
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of all topics."""
         return bus.summarise(self._out, self._in)
+
+    def floods(self) -> dict[str, int]:
+        """Return the frames beyond the rate of each topic that was flooded."""
+        return bus.floods(self._in)
 
     def close(self) -> None:
         """Stop reading."""

@@ -27,6 +27,8 @@ from services.runtime.whole import has_whole_socket
 #: Longer than the period of what is sampled, far shorter than a turn.
 _PATIENCE_NS = 4_000_000
 _TELL_NS = 1_000_000_000
+#: The disk is looked at so often; a write that it holds for longer is told, but not again and again.
+_LOOK_S, _HELD_S, _HELD_AGAIN_S = 0.01, 0.02, 10.0
 #: Fast topics recorded whole that are too many to look at each frame.
 _MANY = 2
 #: Messages of one topic taken in a turn: of a fast one about a second. What is beyond waits for the next.
@@ -77,6 +79,8 @@ class Recording:
         self._process = process
         now_ns = time.monotonic_ns()
         self._losses = Losses(now_ns)
+        self._held_told_s = float("-inf")
+        self._has_lost = False
         self._due_ns = now_ns + _TELL_NS
         self._writer = RecordingWriter(
             _new_file(process), _metadata(process), shared=process.rig.recorder.shared, swiftly=swiftly
@@ -92,6 +96,12 @@ class Recording:
         """Append those frames of a batch that may be used."""
         self._writer.take(topic, batch)
 
+    def sleep_until(self, due_ns: int) -> None:
+        """Sleep, with an eye on the disk."""
+        while (left_ns := due_ns - time.monotonic_ns()) > 0:
+            time.sleep(min(left_ns * 1e-9, _LOOK_S))
+            self.look_at_disk()
+
     def turn(self, now_ns: int) -> None:
         """Hand over what is due; tell how it stands."""
         self._writer.turn(now_ns)
@@ -104,6 +114,19 @@ class Recording:
         health.gauges["lost_frames"] = self._losses.total.total()
         health.gauges["waiting_for_disk_bytes"] = self._writer.pending_bytes
         health.change("degraded" if lost else "running", lost)
+
+    def look_at_disk(self) -> None:
+        """Say that the disk holds a write, or leaves no room, as soon as it is so."""
+        now_s = time.monotonic()
+        held_s = self._writer.held_s()
+        if held_s > _HELD_S and now_s - self._held_told_s >= _HELD_AGAIN_S:
+            self._held_told_s = now_s
+            said = f"the disk has held a write for {held_s * 1e3:.0f} ms, {self._writer.pending_bytes >> 10} kB wait"
+            self._process.log.warning("%s", said)
+            self._process.health.change("degraded", said)
+        if self._writer.lost.total() and not self._has_lost:
+            self._has_lost = True
+            self._due_ns = 0
 
     def _look_for_losses(self, now_ns: int) -> None:
         for loss in self._losses.update(counts(self._process.bus.reports(), self._writer.lost), now_ns):
@@ -131,7 +154,7 @@ def run(process: Process) -> None:
     meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))
     process.ready(meter)
     try:
-        for _tick in ticks(meter, process.stop):
+        for _tick in ticks(meter, process.stop, recording.sleep_until):
             began_ns = time.monotonic_ns()
             take(bus, read, recording, process.health.send_if_due)
             taken_ns = time.monotonic_ns()

@@ -7,6 +7,7 @@ from __future__ import annotations
 import fcntl
 import os
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
@@ -64,6 +65,7 @@ class RecordingFile:
                 raise
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written: {_why(error)}") from None
+        self._write: _Write | None = None  # that goes on
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
         self._thread.start()
 
@@ -108,6 +110,14 @@ class RecordingFile:
         """Bytes handed over and not yet written, or given up."""
         return self._handed_over - self._done
 
+    def held_s(self) -> float:
+        """Return for how long the disk has held the write that goes on, 0 for none.
+
+        Time in which the thread that writes waits for a processor is not the disk's.
+        """
+        write = self._write
+        return 0.0 if write is None else write.held_s()
+
     def _hand_over(self, size: int, write: Callable[[], None]) -> None:
         self._handed_over += size
         self._queue.put((size, write))
@@ -143,8 +153,38 @@ class RecordingFile:
         self._summary.counts.append(chunk.counts)
 
     def _append(self, data: bytes) -> None:
-        write_at(self._file, data, self._end)
+        self._write = _Write()
+        try:
+            write_at(self._file, data, self._end)
+        finally:
+            self._write = None
         self._end += len(data)
+
+
+class _Write:
+    """A write of the calling thread, from now on."""
+
+    def __init__(self) -> None:
+        self._task = Path(f"/proc/self/task/{threading.get_native_id()}")
+        self._waited_s = self._wait_s()
+        self._began_s = time.monotonic()
+
+    def held_s(self) -> float:
+        """Return how long it has lasted without the time that its thread was ready to run; 0 while it is."""
+        try:
+            state = (self._task / "stat").read_bytes().rpartition(b")")[2].split(maxsplit=1)[0]
+        except OSError:
+            return 0.0
+        if state == b"R":
+            return 0.0
+        return time.monotonic() - self._began_s - (self._wait_s() - self._waited_s)
+
+    def _wait_s(self) -> float:
+        """Return for how long the thread has waited for a processor, 0 where the kernel does not say."""
+        try:
+            return int((self._task / "schedstat").read_bytes().split()[1]) * 1e-9
+        except OSError:
+            return 0.0
 
 
 def finish(file: int, summary: Summary, end: int) -> None:

@@ -79,6 +79,10 @@ class RecordingWriter:
         """Bytes that wait for the disk."""
         return self._file.pending
 
+    def held_s(self) -> float:
+        """Return for how long the disk has held the write that goes on, 0 for none."""
+        return self._file.held_s()
+
     def write(self, frame: Frame) -> None:
         """Append one frame; one that comes while the disk is far behind is lost, and counted."""
         topic = frame.topic

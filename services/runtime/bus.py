@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,6 +21,9 @@ from services.runtime.histogram import LatencyHistogram
 FLOOD_FACTOR = 3.0
 #: The burst that a reader forgives: a stopped publisher that is continued sends what its queues held.
 FLOOD_BURST = 100.0
+#: So many frames beyond that rate, by the publisher's own numbers and times, are a flood: at four times 1 kHz after
+#: 50 ms. Who keeps the newest only would else never see one.
+FLOOD_FRAMES = 50.0
 #: Of a reader of every frame of a fast topic, which is held up and catches up: so many seconds of them.
 BACKLOG_S = 30.0
 #: Frames taken by one `drain`: what is beyond waits for the next, so that a loop's time stays bounded.
@@ -83,6 +86,13 @@ class Bus(Protocol):
         """Return the counts of every topic of this process."""
         ...
 
+    on_flood: Callable[[], None]
+    """Called when a publisher begins to flood a topic that is read, and while it goes on."""
+
+    def floods(self) -> dict[str, int]:
+        """Return how many frames beyond `FLOOD_FACTOR` times its rate were seen, of each topic that was flooded."""
+        ...
+
     def close(self) -> None:
         """Give up all sockets and locks."""
         ...
@@ -114,8 +124,12 @@ class Outbox:
 class Inbox:
     """Checks the frames of one read topic: who sent them, in which order, how old, and whether they may be used."""
 
-    def __init__(self, row: Topic, *, every: bool = False) -> None:
+    def __init__(self, row: Topic, *, every: bool = False, on_flood: Callable[[], None] = lambda: None) -> None:
         self.row = row
+        self.beyond_rate = 0  # frames of a publisher that floods
+        self._on_flood = on_flood
+        self._excess = 0.0
+        self._counted = (0, 0)  # number and time of the frame up to which that is
         self.every = every or row.delivery == "every"
         self.received = 0
         self.superseded = 0
@@ -140,6 +154,8 @@ class Inbox:
         within = self._within_rate(now, len(batch))
         if within < len(batch):
             self.refused[Reason.FLOOD] += len(batch) - within
+            self._excess -= len(batch) - within  # which are not to be counted again as frames that were passed over
+            self._flooded(len(batch) - within)
         frames = []
         for data in batch[:within]:
             try:
@@ -203,6 +219,7 @@ class Inbox:
     def _order(self, frame: Frame) -> None:
         last = self.last
         if last is None:
+            self._counted = frame.sequence, frame.sent_ns
             return
         if frame.incarnation == last.incarnation:
             gap = frame.sequence - last.sequence - 1
@@ -210,12 +227,28 @@ class Inbox:
                 raise FrameError(Reason.OUT_OF_ORDER, f"sequence {frame.sequence} after {last.sequence}")
             if self.every:
                 self.dropped += gap
-            else:
+            elif gap:
                 self.superseded += gap
+                self._look_for_flood(frame)
             return
         if frame.incarnation in self._retired:
             raise FrameError(Reason.OLD_INCARNATION, f"{frame.incarnation} was replaced")
         self._retired.append(last.incarnation)
+        self._counted = frame.sequence, frame.sent_ns
+
+    def _look_for_flood(self, frame: Frame) -> None:
+        """Compare the publisher's numbers with its times: how late this reader is plays no part."""
+        n_sent, passed_ns = frame.sequence - self._counted[0], frame.sent_ns - self._counted[1]
+        self._counted = frame.sequence, frame.sent_ns
+        allowed = max(0, passed_ns) * 1e-9 * self.row.rate_hz * FLOOD_FACTOR
+        self._excess = max(0.0, self._excess + n_sent - allowed)
+        if self._excess > FLOOD_FRAMES:
+            beyond, self._excess = int(self._excess), 0.0
+            self._flooded(beyond)
+
+    def _flooded(self, frames: int) -> None:
+        self.beyond_rate += frames
+        self._on_flood()
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +274,11 @@ class Batch:
     def frames(self) -> list[Frame]:
         """Return those that may be used; of the others the reasons are counted."""
         return self.inbox.accept_all(whole.split(self.lengths, self.data))
+
+
+def floods(inboxes: dict[str, Inbox]) -> dict[str, int]:
+    """Return the frames beyond the rate of each topic that was flooded."""
+    return {name: box.beyond_rate for name, box in inboxes.items() if box.beyond_rate}
 
 
 def new_incarnation() -> int:

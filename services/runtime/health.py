@@ -16,6 +16,10 @@ from services.runtime.rig import PATH_OWNERS
 from services.runtime.stage_times import StageTimes
 
 _PERIOD_NS = 100_000_000
+#: What cannot wait for the next report is told at once, so often at most.
+_URGENT_EVERY_NS = 1_000_000_000
+#: Gauges of topics that are flooded, each the frames beyond what its rate allows: whose name follows.
+FLOOD = "flood."
 
 
 @dataclass(slots=True)
@@ -53,6 +57,8 @@ class HealthReporter:
         self._bus = bus
         self._started_ns = time.monotonic_ns()
         self._due_ns = 0
+        self._urgent_ns = -_URGENT_EVERY_NS
+        bus.on_flood = self._make_urgent
 
     def path(self, name: str, deadline_ns: int) -> LatencyPath:
         """Return (and from now on report) a path of `PATH_OWNERS` whose latency is judged against `deadline_ns`."""
@@ -66,6 +72,11 @@ class HealthReporter:
             self.state, self.detail = state, detail
             self._due_ns = 0
             self.send_if_due()
+
+    def _make_urgent(self) -> None:
+        now_ns = time.monotonic_ns()
+        if now_ns - self._urgent_ns >= _URGENT_EVERY_NS:
+            self._urgent_ns, self._due_ns = now_ns, 0
 
     def is_due(self) -> bool:
         """Return whether 100 ms have passed since the last report."""
@@ -110,7 +121,12 @@ class HealthReporter:
             stages=self._stage_costs() if self._counted is None else self._counted,
             realtime=tuple(fact.body() for fact in self.realtime),
             quality_level=self.quality_level,
-            gauges={**self.gauges, **self.counts(), "refused_readers": float(self._bus.refused_readers)},
+            gauges={
+                **self.gauges,
+                **self.counts(),
+                "refused_readers": float(self._bus.refused_readers),
+                **{f"{FLOOD}{topic}": float(frames) for topic, frames in self._bus.floods().items()},
+            },
         )
 
     def _stage_costs(self) -> tuple[bodies.StageCost, ...]:

@@ -234,10 +234,10 @@ def follow(
     is no tick's work either: reports.
 
     The tick is due when its frame was sent and must be done one period later. Frames that come faster than the rate
-    (a publisher that floods) are answered at no more than four times the rate, and a loop whose ticks take longer than
+    (a publisher that floods) are answered at no more than three times the rate, and a loop whose ticks take longer than
     their period rests between them (`DutyCycleLimiter`): the rest of the core stays free.
     """
-    apart_ns = meter.period_ns // 4
+    apart_ns = -(-meter.period_ns // 3)  # no more than readers of what it says accept: it does not flood them in turn
     last_ns = 0
     limiter = DutyCycleLimiter()
     while not stop():

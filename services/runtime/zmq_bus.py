@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import select
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import IO
 
 import msgspec
@@ -85,6 +85,7 @@ class ZmqBus:
         self._batches: dict[str, BatchSender] = {}
         self._out: dict[str, bus.Outbox] = {}
         self._in: dict[str, bus.Inbox] = {}
+        self.on_flood: Callable[[], None] = lambda: None
         incarnation = bus.new_incarnation()
         self._keys = keys.load(transport.keys) if transport.keys else None
         self._authenticator = keys.ZapAuthenticator(self._context, self._keys) if self._keys else None
@@ -133,14 +134,14 @@ class ZmqBus:
         row = topic(name)
         if _is_direct(transport, row):
             self._direct_readers[name] = DirectReader(_path(transport, name))
-            self._in[name] = bus.Inbox(row)
+            self._in[name] = bus.Inbox(row, on_flood=self._flooded)
         else:
             self._connect(transport, name).setsockopt(zmq.SUBSCRIBE, b"")
 
     def _connect(
         self, transport: Transport, name: str, *, every: bool = False, samples: bool = False
     ) -> zmq.Socket[bytes]:
-        box = bus.Inbox(topic(name), every=every)
+        box = bus.Inbox(topic(name), every=every, on_flood=self._flooded)
         socket = self._context.socket(zmq.SUB)
         if box.every:
             socket.rcvhwm = _HIGH_WATER_MARK if whole(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
@@ -293,6 +294,13 @@ class ZmqBus:
                 self._in[name].refused[Reason.MALFORMED] += direct.violations
                 direct.violations = 0
         return bus.summarise(self._out, self._in)
+
+    def floods(self) -> dict[str, int]:
+        """Return the frames beyond the rate of each topic that was flooded."""
+        return bus.floods(self._in)
+
+    def _flooded(self) -> None:
+        self.on_flood()
 
     def close(self) -> None:
         """Close everything: nothing lingers but the last batches, for some milliseconds."""

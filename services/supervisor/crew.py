@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import select
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from services.runtime.bus import Bus
 from services.runtime.errors import EndOfRig
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
+from services.supervisor.floods import Floods
 from services.supervisor.last_words import how_it_ended, level_of, start_sentence
 from services.supervisor.launcher import Child
 from services.supervisor.member import Member, MemberState
@@ -74,12 +76,14 @@ class Crew:
     _said_held_up_s: float = float("-inf")
     _was_ready: set[str] = field(default_factory=set)
     _prepared: set[str] = field(default_factory=set)
+    _floods: Floods = field(default_factory=Floods)
 
     def step(self, now_s: float) -> None:
         """Hear everyone, notice who ended or hangs, start whoever is due."""
         self._forgive_own_delay(now_s)
         hearing = self._is_hearing(now_s)  # before the reading: what arrives after this is heard in the next turn
         flowing = self._flowing()
+        self._warn(self._floods.seen("supervisor", os.getpid(), self.bus.floods(), now_s))
         for member in self.members.values():
             flows = member.name in flowing
             self._hear(member, now_s, flows)
@@ -199,11 +203,18 @@ class Crew:
             if member.hear(health, now_s):
                 for stall in member.new_stalls():
                     self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
+                self._warn(self._floods.told(health, now_s))
+                if member.child is None:  # whose own words nobody reads here
+                    self._warn(member.new_detail())
                 self.on_report(member.name, health)
                 if health.state != "starting":
                     self._prepared.add(member.name)
         if flows:
             member.stream_s = now_s
+
+    def _warn(self, sentences: Iterable[str]) -> None:
+        for sentence in sentences:
+            self.say("warning", sentence)
 
     def _read_lines(self, member: Member) -> None:
         assert member.child is not None

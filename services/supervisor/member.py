@@ -51,6 +51,7 @@ class Member:
     came_up: bool = False  # was ready since it was started
     stalls_s: list[float] = field(default_factory=list)  # when silences ended that it came back from by itself
     _stalls_told: int = 0  # index of the loop's last stall that was
+    _detail_told: str = ""
 
     @property
     def name(self) -> str:
@@ -91,6 +92,12 @@ class Member:
         new = [stall for stall in loop.stalls if stall.index > self._stalls_told]
         self._stalls_told = max((stall.index for stall in new), default=self._stalls_told)
         return new if self.came_up else []
+
+    def new_detail(self) -> list[str]:
+        """Return what it says is wrong with it, where that was not returned before."""
+        detail = self.health.detail if self.health is not None and self.health.state == "degraded" else ""
+        is_new, self._detail_told = bool(detail) and detail != self._detail_told, detail
+        return [f"{self.name}: {detail}"] if is_new else []
 
     def starved_s(self) -> float:
         """Return for how long our child has waited for a processor since it was last heard, or started."""

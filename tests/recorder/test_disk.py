@@ -10,11 +10,13 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
-from services.recorder import recording
+from services.recorder import disk, recording
+from services.recorder.__main__ import Recording
 from services.recorder.chunks import OpenChunk
 from services.recorder.disk import RecordingError
 from services.recorder.recording import RecordingWriter
@@ -22,6 +24,7 @@ from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.other_user import as_other_user, everybodys, needs_other_user
 from tests.recorder.made_up import MS, long_recording, settle, state
+from tests.recorder.test_losses import Stub
 from tests.recorder.test_repair import ticks_by_index
 
 __all__ = ["everybodys"]
@@ -116,6 +119,43 @@ def test_frames_that_a_slow_disk_leaves_no_room_for_are_counted(
     assert writer.lost["gateway.state"] == lost, "the disk goes on, and so does the recording"
     writer.close()
     assert len(ticks_by_index(writer.path)) == 4001 - lost
+
+
+def test_a_write_that_the_disk_holds_is_told_while_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    stub: Any = Stub(tmp_path)
+    recorder = Recording(stub)
+    settle(recorder._writer)
+    goes_on, write_at = threading.Event(), disk.write_at
+    monkeypatch.setattr(disk, "write_at", lambda *arguments: goes_on.wait(20.0) and write_at(*arguments))
+    recorder._writer.write(state(0))
+    recorder._writer.turn(10**18)
+    deadline = time.monotonic() + 10.0
+    while stub.health.state != "degraded":
+        assert time.monotonic() < deadline
+        recorder.sleep_until(time.monotonic_ns() + 5 * MS)
+    for _ in range(5):
+        recorder.look_at_disk()
+    assert stub.health.detail.startswith("the disk has held a write for ")
+    assert caplog.text.count("the disk has held a write for ") == 1, "once, however long it lasts"
+    goes_on.set()
+    settle(recorder._writer)
+    assert recorder._writer.held_s() == 0.0
+    recorder.turn(recorder._due_ns)
+    assert stub.health.state == "running"
+    recorder.close()
+
+
+def test_a_thread_that_waits_for_a_processor_is_not_held_by_the_disk() -> None:
+    write = disk._Write()
+    time.sleep(0.05)
+    assert write.held_s() == 0.0, "who asks runs"
+    seen: list[float] = []
+    asking = threading.Thread(target=lambda: seen.append(write.held_s()))
+    asking.start()
+    asking.join()
+    assert seen[0] > 0.05, "a thread that sleeps is held by whatever it waits for"
 
 
 _READ = "import sys; open(sys.argv[1], 'rb').read()"

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -176,6 +177,50 @@ def test_a_flood_is_refused_beyond_three_times_the_rate() -> None:
     most = bus_module.FLOOD_BURST + 3000.0 * elapsed + 1
     assert report.received <= most
     assert report.refused["flood"] == 3000 - report.received
+
+
+def _said(tick: int, sent_ns: int) -> bytes:
+    return protocol.encode(
+        Frame(protocol.PROTOCOL_VERSION, STATE, protocol.topic(STATE).version, 5, tick, sent_ns, 0, True, state(tick))
+    )
+
+
+@pytest.mark.parametrize(("times_the_rate", "floods"), [(1.0, False), (2.9, False), (4.0, True), (50.0, True)])
+@pytest.mark.parametrize("reads_every_ms", [1, 300])
+def test_who_keeps_the_newest_only_sees_a_flood_by_numbers_and_times(
+    times_the_rate: float, floods: bool, reads_every_ms: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However seldom it reads itself: a reader that was held up is not one that is flooded."""
+    now_ns = 0
+    monkeypatch.setattr(bus_module, "time", SimpleNamespace(monotonic_ns=lambda: now_ns))
+    hub, told = MemoryHub(), []
+    reader = MemoryBus(hub, reads=[STATE])
+    reader.on_flood = lambda: told.append(1)
+    n_sent = round(1000 * times_the_rate)
+    for tick in range(n_sent):
+        now_ns = round(tick * 1e6 / times_the_rate)
+        hub.send(STATE, _said(tick, now_ns))
+        if tick % round(reads_every_ms * times_the_rate) == 0:
+            reader.latest(STATE)
+    assert bool(told) is floods
+    beyond = n_sent - 3000
+    expected = {STATE: pytest.approx(0.9 * beyond, rel=0.12)} if floods else {}  # the last tenth may not be read yet
+    assert reader.floods() == expected
+
+
+def test_a_publisher_that_starts_anew_is_no_flood() -> None:
+    hub = MemoryHub()
+    reader = MemoryBus(hub, reads=[STATE])
+    hub.send(STATE, _said(0, 0))
+    reader.latest(STATE)
+    for _ in range(3):
+        first = MemoryBus(hub, publishes=[STATE])
+        for _ in range(40):
+            first.publish(STATE, state(1))
+        reader.latest(STATE)
+        first.publish(STATE, state(1))
+        reader.latest(STATE)
+    assert reader.floods() == {}
 
 
 def test_a_flood_on_the_real_bus_leaves_the_reader_with_the_newest(

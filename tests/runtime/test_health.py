@@ -22,7 +22,8 @@ class Loop:
         hub = MemoryHub()
         self.meter = LoopMeter(1000.0, ("first", "second"))
         self._supervisor = MemoryBus(hub, reads_every=["gateway.health"])
-        self.reporter = HealthReporter("gateway", MemoryBus(hub, publishes=["gateway.health"]), self.meter)
+        self.bus = MemoryBus(hub, publishes=["gateway.health"])
+        self.reporter = HealthReporter("gateway", self.bus, self.meter)
 
     def tick(self, n: int) -> None:
         for _ in range(n):
@@ -72,3 +73,23 @@ def test_a_path_that_no_rig_file_could_name_is_measured_by_nobody() -> None:
     assert reporter.path("servo", 100_000) is reporter.path("servo", 200_000)
     with pytest.raises(KeyError, match="'servos' is no path of PATH_OWNERS"):
         reporter.path("servos", 100_000)
+
+
+def test_a_flood_is_told_at_once_and_then_with_every_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = Loop(monkeypatch)
+    loop.reporter.send_if_due()
+    loop.reports()
+    bus = loop.bus
+    monkeypatch.setattr(bus, "floods", lambda: {"haptics.contact_model": 70})
+    loop.tick(3)
+    loop.reporter.send_if_due()
+    assert loop.reports() == [], "a report is not due"
+    for _ in range(50):
+        bus.on_flood()
+        loop.tick(1)
+        loop.reporter.send_if_due()
+    (report,) = loop.reports()
+    assert report.gauges["flood.haptics.contact_model"] == 70
+    loop.tick(60)
+    loop.reporter.send_if_due()
+    assert len(loop.reports()) == 1, "as ever"

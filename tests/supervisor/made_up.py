@@ -66,10 +66,11 @@ def health(
     paths: tuple[bodies.PathLatency, ...] = (),
     topics: tuple[bodies.TopicReport, ...] = (),
     gauges: dict[str, float] | None = None,
+    detail: str = "",
 ) -> bodies.Health:
     return bodies.Health(
         process=process, pid=pid, state=state, uptime_s=uptime_s, loop=loop, paths=paths, topics=topics,
-        gauges=gauges or {},
+        gauges=gauges or {}, detail=detail,
     )  # fmt: skip
 
 
@@ -95,6 +96,8 @@ class Peer:
     miss_ratio: float = 0.0
     next_health_s: float = 0.0
     stalls: tuple[bodies.Stall, ...] = ()
+    detail: str = ""
+    gauges: dict[str, float] = field(default_factory=dict)
 
     def turn(self, now_s: float, dt_s: float) -> None:
         if not self.alive:
@@ -112,6 +115,8 @@ class Peer:
                 state=self.state,
                 pid=self.pid,
                 loop=loop_report(self.ticks, self.misses, stalls=self.stalls),
+                detail=self.detail,
+                gauges=dict(self.gauges),
             )
             self.bus.publish(f"{self.spec.name}.health", body)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from pathlib import Path
 
 import msgspec
@@ -358,3 +359,29 @@ def test_what_the_rung_in_force_costs_in_accuracy_is_told_to_all_and_exported() 
     assert "trocar_quality_cost_seconds 0.00025" in text
     assert 'trocar_quality_error_ratio{of="motion"} 0.02' in text
     assert 'trocar_quality_switches_total{direction="down"} 1.0' in text
+
+
+def test_a_flood_is_in_the_history_once_by_the_name_of_who_floods() -> None:
+    bench = running(Bench(rig()))
+    for seconds, expected in ((3.0, 1), (9.0, 2)):
+        for _ in range(round(seconds / 0.1)):
+            for name, reader in (("physics", "haptics"), ("visualization", "recorder")):
+                bench.peers[name].gauges["flood.haptics.contacts"] = bench.now_s
+                bench.peers[reader].gauges["flood.nothing.known"] = bench.now_s
+            bench.run(0.1)
+        texts = [event.text for event in bench.supervisor.events if "floods" in event.text]
+        assert len(texts) == expected
+    assert re.fullmatch(
+        r"haptics: floods haptics.contacts: \d+ frames beyond three times 1000 Hz, as \w+ counts them", texts[0]
+    )
+    assert bench.supervisor.state is RigState.RUNNING, "the hand does not notice: a mark"
+
+
+def test_what_a_process_of_another_container_says_is_wrong_with_it_is_in_the_history_once() -> None:
+    bench = running(Bench(rig()))
+    bench.peers["recorder"].state, bench.peers["recorder"].detail = "degraded", "the disk has held a write for 30 ms"
+    assert bench.run(1.0, lambda: any("disk" in event.text for event in bench.supervisor.events)) <= 0.12
+    bench.run(2.0)
+    assert [e.text for e in bench.supervisor.events if "disk" in e.text] == [
+        "recorder: the disk has held a write for 30 ms"
+    ]

@@ -1,0 +1,39 @@
+"""Publishers that flood: told by who reads them, said once, and again while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import protocol.bodies as bodies
+from protocol import TOPICS
+from services.runtime.health import FLOOD
+
+_SAY_EVERY_S = 10.0
+
+
+class Floods:
+    """Compares what readers count, which only grows, with what they had counted."""
+
+    def __init__(self) -> None:
+        self._counted: dict[tuple[str, int, str], float] = {}
+        self._said_s: dict[str, float] = {}
+
+    def told(self, health: bodies.Health, now_s: float) -> list[str]:
+        """Return what there is to say of a reader's report."""
+        gauges = health.gauges.items()
+        found = {name.removeprefix(FLOOD): frames for name, frames in gauges if name.startswith(FLOOD)}
+        return self.seen(health.process, health.pid, found, now_s)
+
+    def seen(self, reader: str, pid: int, floods: Mapping[str, float], now_s: float) -> list[str]:
+        """Return what there is to say of the frames beyond the rate of each topic that a process has counted."""
+        sentences = []
+        for topic, frames in floods.items():
+            new = frames - self._counted.get((reader, pid, topic), 0.0)
+            self._counted[reader, pid, topic] = frames
+            if new <= 0 or topic not in TOPICS or now_s - self._said_s.get(topic, float("-inf")) < _SAY_EVERY_S:
+                continue
+            self._said_s[topic] = now_s
+            row = TOPICS[topic]
+            text = f"{row.publisher}: floods {topic}: {new:.0f} frames beyond three times {row.rate_hz:g} Hz"
+            sentences.append(f"{text}, as {reader} counts them")
+        return sentences
