@@ -54,6 +54,7 @@ _BURST = re.compile(r"(\w+): [\d.]+ % of the ticks lost over ([\d.]+) s, limit (
 _BUDGET = re.compile(r"(\w+): \d+ ticks lost in the last minute, budget (\d+)")
 _PATH = re.compile(r"path (\w+): p99 \d+ us over (\d+) s, limit (\d+) us")
 _SILENCES = re.compile(r"(\w+): fell silent (\d+) times in (\d+) s")
+_FLOOD = re.compile(r"(\w+): floods ([\w.]+): \d+ frames beyond three times [\d.]+ Hz, as (\w+) counts them")
 _SILENCE_S = 0.06
 #: Of the samples of a path; its 99th percentile was over the limit in a window that is half of what is looked at.
 _PATH_SHARE = 0.005
@@ -134,6 +135,8 @@ class History:
             return over >= _PATH_SHARE * self.change(f"trocar_path_latency_seconds_count{{{label}}}", since, until)
         if m := _SILENCES.search(text):
             return self._periods(m[1], _SILENCE_S, t - float(m[3]) - _BEFORE_S, until) >= int(m[2])
+        if m := _FLOOD.search(text):
+            return self.change(f'trocar_gauge{{name="flood.{m[2]}",service="{m[3]}"}}', t - _BEFORE_S, until) > 0
         return False
 
     def _ran_since(self, t: float) -> float:

@@ -89,7 +89,12 @@ def _free_port() -> int:
 
 @contextmanager
 def running_rig(
-    directory: Path, scene: str, overrides: list[str], topics: tuple[str, ...] = (), rig: str = "stub"
+    directory: Path,
+    scene: str,
+    overrides: list[str],
+    topics: tuple[str, ...] = (),
+    rig: str = "stub",
+    program: tuple[str, ...] = ("-m", "services.supervisor"),
 ) -> Iterator[Rig]:
     """Launch a rig in `directory` and yield it once it runs; its observer may read more `topics` whole."""
     bus = directory / "bus"
@@ -103,7 +108,7 @@ def running_rig(
     options = [word for override in overrides for word in ("--set", override)]
     log = (directory / "log").open("wb")
     process = subprocess.Popen(
-        [sys.executable, "-m", "services.supervisor", "--rig", rig, "--scene", scene, *options],
+        [sys.executable, *program, "--rig", rig, "--scene", scene, *options],
         stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
     )  # fmt: skip
     observer = Observer(ZmqBus(Transport(directory=bus), reads_every=["gateway.state", "supervisor.state", *topics]))

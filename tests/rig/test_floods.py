@@ -1,0 +1,42 @@
+"""A loop that floods the bus and a disk that holds a write: said, borne, and nobody is ended for it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.rig.conftest import HERE, SCENE, Rig, running_rig
+from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
+
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+
+PRESS = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1)]
+FAULTY = Path(__file__).resolve().parents[2] / "benchmarks" / "faulty_rig.py"
+
+
+def test_floods_and_a_slow_disk_are_in_the_history_and_harm_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FAULTY_BEGAN", str(tmp_path / "began"))
+    with running_rig(tmp_path, str(SCENE), PRESS, program=(str(FAULTY),)) as rig:
+        engage(rig)
+        before = rig.observer.pids()
+        for loop in ("gateway", "haptics", "physics"):
+            _misbehave(rig, loop, f"{loop}: floods ")
+        _misbehave(rig, "recorder", "recorder: WARNING the disk has held a write for ")
+        rig.observer.until(lambda: rig.observer.rig_state in ("running", "degraded"), 60.0, "running")
+        assert rig.observer.pids() == before
+        assert max(force_rates_n_s(rig.observer.samples)) <= rate_limit_n_s()
+        rig.observer.until(lambda: force_n(rig.observer.samples[-1]) > 0.02, 60.0, "a force at the left hand")
+
+
+def _misbehave(rig: Rig, process: str, text: str) -> None:
+    os.kill(rig.observer.pids()[process], signal.SIGUSR1)
+    log = rig.directory / "log"
+    rig.observer.until(lambda: text in log.read_text(errors="replace"), 20.0, text)
+    began = time.monotonic()
+    rig.observer.until(lambda: time.monotonic() - began > 0.6, 20.0, "its end")
