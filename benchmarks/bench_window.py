@@ -1,24 +1,30 @@
 """The native window beside the rig, drawn by the processor on a virtual display: when it opens, what it costs.
 
-    python benchmarks/bench_window.py [--minutes 3] [trocar up's options]
+    python benchmarks/bench_window.py [--pairs 6] [--seconds 30] [trocar up's options]
 
-The stub rig without any picture, then the same with ``--viewer native`` on Xvfb (Debian's xvfb), on the cores that the
-rig runs on. A window is open when its process says that it is ready; pictures are those that it has drawn.
+The stub rig without any picture, then with ``--viewer native`` on Xvfb (Debian's xvfb), on the cores that the rig runs
+on; the next pair the other way round, and so on. What the window costs the loops is the mean over the pairs of their
+misses with it less those without, and whether that is more than noise is judged by how the pairs differ (95 %, by
+Student's t). A window is open when its process says that it is ready; pictures are those that it has drawn.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 from report import Row, write_report
+from scipy import stats
 from watched_rig import WatchedRig, print_alarms
 
-SETTLE_S, ALONE_S = 10.0, 60.0
+SETTLE_S = 5.0
+FAST = ("gateway", "haptics", "physics")
 _PICTURES = 'trocar_gauge{name="window_pictures",service="visualization"}'
 
 
@@ -64,18 +70,57 @@ def with_window(seconds: float, options: list[str]) -> list[Row]:
         ]
 
 
+def together(runs: list[list[Row]]) -> list[Row]:
+    """Return the medians of the same rows of several runs, and the range beside each; alarms are added up."""
+    rows = []
+    for row, *others in zip(*runs, strict=True):
+        values = [row.value, *(other.value for other in others)]
+        if row.unit:
+            rows.append(replace(row, value=float(np.median(values)), note=f"{min(values):.3g} to {max(values):.3g}"))
+        else:
+            rows.append(replace(row, value=sum(values)))
+    return rows
+
+
+def harm(alone: list[list[Row]], drawn: list[list[Row]]) -> list[Row]:
+    """Return what the window adds to the misses of each loop, beside what the pairs differ by."""
+    rows = []
+    for loop in FAST:
+        name = f"{loop}: late or lost ticks"
+        pairs = [(_value(one, f"window: {name}"), _value(two, f"no window: {name}")) for one, two in
+                 zip(drawn, alone, strict=True)]  # fmt: skip
+        differences = np.array([one - two for one, two in pairs])
+        n = len(differences)
+        noise = float(stats.t.ppf(0.975, n - 1) * differences.std(ddof=1) / math.sqrt(n)) if n > 1 else math.inf
+        rows.append(Row(f"{loop}: misses that the window adds, less than noise", float(differences.mean()), "%", noise))
+    return rows
+
+
+def _value(rows: list[Row], name: str) -> float:
+    return next(row.value for row in rows if row.name == name)
+
+
 def main() -> None:
     """Measure and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=3.0)
+    parser.add_argument("--pairs", type=int, default=6)
+    parser.add_argument("--seconds", type=float, default=30.0, help="that each rig is watched")
     arguments, options = parser.parse_known_args()
-    seconds = 60.0 * arguments.minutes
-    rows = without(min(ALONE_S, seconds), options) + with_window(seconds, options)
+    alone: list[list[Row]] = []
+    drawn: list[list[Row]] = []
+    for pair in range(arguments.pairs):
+        for is_drawn in (False, True) if pair % 2 == 0 else (True, False):
+            if is_drawn:
+                drawn.append(with_window(arguments.seconds, options))
+            else:
+                alone.append(without(arguments.seconds, options))
     notes = (
-        f"{arguments.minutes:g} minutes with the native window on Xvfb (software rendering) on the rig's own cores, "
-        f"after {min(ALONE_S, seconds):g} s of another rig without a picture. An alarm is false where no histogram "
-        "shows what it says. The answers are those of the dashboard."
+        f"{arguments.pairs} pairs of rigs, each watched for {arguments.seconds:g} s: without a picture, and with the "
+        "native window on Xvfb (software rendering) on the rig's own cores. Values are medians with their range. What "
+        "the window adds is a mean, and its budget what 95 % of such means would be by chance. An alarm is false where "
+        "no histogram shows what it says. The answers are those of the dashboard."
     )
+    rows = [*together(alone), *together(drawn), *harm(alone, drawn)]
     write_report("window", "The native window beside the rig", rows, notes)
 
 
