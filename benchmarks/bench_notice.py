@@ -1,16 +1,18 @@
-"""How soon the supervisor says that a process floods the bus, and that the disk is slow.
+"""How soon the supervisor says that a process floods the bus, and that the disk is slow; what it says of stalls.
 
     python benchmarks/bench_notice.py [--rounds 5]
 
 A rig whose left hand presses on the duct. In each round gateway, haptics and physics publish everything ten times for
 half a second, one after the other, and the disk holds a write of the recorder for as long (`faulty_rig.py`). Noticed is
 when the supervisor's history says so, as a person at its terminal reads it: after the first frame too many could be
-sent, after the write began. No force may step by more than the rate limit, and nobody may be restarted.
+sent, after the write began. And each of the three stands still for 20, 100 and 400 ms: the history must say so once,
+with the length. No force may step by more than the rate limit, and nobody may be restarted.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -18,7 +20,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from faulty_rig import BEGAN, LASTS_S
+from faulty_rig import BEGAN, LASTS_S, STALLS_MS
 from report import Row, end_in_good_order, parse, write_report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' rig is launched as a user would
@@ -70,6 +72,29 @@ def measure(rig: Rig, rounds: int, began: Path) -> dict[str, list[float]]:
     return found
 
 
+def stalls(rig: Rig, rounds: int, length: Path) -> dict[int, list[tuple[float, int]]]:
+    """Return by how many percent of its length each stall was told too long, and how often it was told; by length."""
+    found: dict[int, list[tuple[float, int]]] = {}
+    for _ in range(rounds):
+        for k, stall_ms in enumerate(STALLS_MS):
+            for loop in LOOPS:
+                rig.observer.until(lambda loop=loop: rig.observer.report(loop) == "ready", 60.0, f"{loop} ready")
+                length.unlink(missing_ok=True)
+                known = (rig.directory / "log").stat().st_size
+                os.kill(rig.observer.pids()[loop], signal.SIGRTMIN + k)
+                until_s = time.monotonic() + 1.5 + 1e-3 * stall_ms
+                while time.monotonic() < until_s:
+                    time.sleep(0.02)
+                    rig.observer.look()
+                log = (rig.directory / "log").read_bytes()[known:].decode("utf-8", "replace")
+                true_ms = 1e-6 * int(length.read_text())
+                told_ms = [int(ms) for ms in re.findall(rf"{loop}: stalled for (\d+) ms", log)]
+                near_ms = min(told_ms, key=lambda ms: abs(ms - true_ms), default=0)
+                n_told = sum(ms > 0.5 * true_ms for ms in told_ms)
+                found.setdefault(stall_ms, []).append((100.0 * (near_ms / true_ms - 1.0), n_told))
+    return found
+
+
 def main() -> int:
     """Measure and write the table; return 1 where something was noticed too late or never."""
     arguments = parse(__doc__, rounds=(5, "of four faults each"))
@@ -83,6 +108,7 @@ def main() -> int:
             engage(rig)
             before = rig.observer.pids()
             found = measure(rig, arguments.rounds, began)
+            told = stalls(rig, arguments.rounds, began)
             lost = sum(pid != before[name] for name, pid in rig.observer.pids().items())
             fastest_n_s = max(force_rates_n_s(rig.observer.samples))
     rows = [
@@ -92,6 +118,14 @@ def main() -> int:
         Row("the latest of all", max(map(max, found.values())), "ms", LATEST_NOTICE_MS),
         Row("fastest change of force from tick to tick", fastest_n_s, "N/s", rate_limit_n_s()),
         Row("processes restarted", lost, "", 0.0),
+        *(
+            Row(f"{len(each)} stalls of {ms} ms: length told off by, at worst", max(abs(e) for e, _ in each), "%", 10.0)
+            for ms, each in told.items()
+        ),
+        *(
+            Row(f"stalls of {ms} ms not told exactly once", sum(n != 1 for _, n in each), "", 0.0)
+            for ms, each in told.items()
+        ),
     ]
     notes = f"{arguments.rounds} rounds; times are medians and, as 99 %, the longest."
     write_report("notice", "Floods and a slow disk: how soon they are said", rows, notes)

@@ -1,7 +1,8 @@
-"""A supervisor whose processes misbehave on SIGUSR1: ``python benchmarks/faulty_rig.py [options of the supervisor]``.
+"""A supervisor whose processes misbehave when told: ``python benchmarks/faulty_rig.py [options of the supervisor]``.
 
-The loops then publish each frame `FLOOD` times for half a second; the recorder's next write takes as long, and the file
-`$FAULTY_BEGAN` says when that began, in ns of the monotonic clock. Until then they are the rig's own processes.
+On SIGUSR1 the loops publish each frame `FLOOD` times for half a second; the recorder's next write takes as long, and
+the file `$FAULTY_BEGAN` says when that began, in ns of the monotonic clock. On the first real-time signals a loop
+stands still for `STALLS_MS`, and the file says for how many ns. Until then they are the rig's own processes.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ HERE = Path(__file__).resolve()
 sys.path.insert(0, str(HERE.parents[1]))
 
 FLOOD, LASTS_S = 10, 0.5
+STALLS_MS = (20, 100, 400)
 NAME, MODULE, BEGAN = "FAULTY_NAME", "FAULTY_MODULE", "FAULTY_BEGAN"
 
 
@@ -30,6 +32,8 @@ class Fault:
     def __init__(self) -> None:
         self._until_s = 0.0
         signal.signal(signal.SIGUSR1, self._begin)
+        for k, length_ms in enumerate(STALLS_MS):
+            signal.signal(signal.SIGRTMIN + k, partial(_stand_still, 1e-3 * length_ms))
 
     def _begin(self, *_: object) -> None:
         self._until_s = time.monotonic() + LASTS_S
@@ -37,6 +41,12 @@ class Fault:
     def left_s(self) -> float:
         """Return for how long it still lasts."""
         return self._until_s - time.monotonic()
+
+
+def _stand_still(seconds: float, *_: object) -> None:
+    began_ns = time.monotonic_ns()
+    time.sleep(seconds)
+    Path(os.environ[BEGAN]).write_text(str(time.monotonic_ns() - began_ns))
 
 
 def flood(fault: Fault) -> None:
