@@ -27,8 +27,8 @@ from report import Row, write_report
 
 from protocol import bodies
 from protocol.arrays import pack
-from protocol.bodies.haptics import MODEL_COLUMNS
-from protocol.bodies.physics import Catheter, ContactForces, Duct
+from protocol.bodies.haptics import MODEL_COLUMNS, TOOL_COLUMNS
+from protocol.bodies.physics import REACTION_COLUMNS, Catheter, ContactForces, Duct
 from services.recorder.recording import read
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
@@ -72,13 +72,13 @@ def frames(numbers: Numbers, tick: int) -> dict[str, object]:
         "haptics.contact_model": bodies.ContactModel(tick=tick, ttl_s=0.02, models=pack(a(2, MODEL_COLUMNS))),
         "haptics.contacts": bodies.ToolContacts(
             tick=tick,
-            tools=(bodies.ToolState(position_m=v(3), port_m=v(3)),) * 2,
+            tools=pack(a(2, TOOL_COLUMNS)),
             pair_index=pack(np.full((PAIRS, 4), tick % 700), "<i4"),
             pair_geometry=pack(a(PAIRS, 8)),
         ),
         "physics.state": bodies.PhysicsState(
             tick=tick,
-            tools=(bodies.ToolReaction(force_n=v(3), stiffness_n_m=v(9), position_m=v(3), proxy_position_m=v(3)),) * 2,
+            tools=pack(a(2, REACTION_COLUMNS)),
             duct=Duct(
                 basis_hash="0" * 64, q=pack(a(MODES)), q_rate=pack(a(MODES)),
                 load_node=pack(np.arange(PAIRS), "<i4"), load_force_n=pack(a(PAIRS, 3)),

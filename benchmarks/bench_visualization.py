@@ -15,6 +15,7 @@ from report import Row, measure, parse, write_report
 
 from protocol import Frame, bodies, topic
 from protocol.arrays import pack
+from protocol.bodies.physics import reaction_table
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.runtime import bus
@@ -69,7 +70,7 @@ class Bench:
             "gateway.state": bodies.GatewayState(tick=1, instruments=tools),
             "physics.state": bodies.PhysicsState(
                 tick=1,
-                tools=(bodies.ToolReaction(),) * 2,
+                tools=reaction_table((bodies.ToolReaction(),) * 2),
                 duct=bodies.Duct(
                     basis_hash=self.duct.basis.content_hash, q=q, q_rate=q, load_node=nodes, load_force_n=loads
                 ),

@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import Meta
 
 from protocol.arrays import Array, pack, spec
-from protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState
+from protocol.bodies.haptics import ContactModel, GraspHold, LocalModel, ToolContacts, ToolState, tool_table
+from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction, reaction_table
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
@@ -89,14 +90,49 @@ class ToolContacts2(_ToolColumns, array_like=True, frozen=True, kw_only=True):
 
     tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
 
-    def lift(self) -> ToolContacts:
+    def lift(self) -> ToolContacts3:
         """Return the body of version 3: its tables are these columns side by side."""
         index = [self.tool, self.tool_segment, self.target_kind, self.target]
         geometry = [self.tool_parameter, self.target_weights, self.normal, self.gap_m]
-        return ToolContacts(
+        return ToolContacts3(
             tick=self.tick,
             tools=self.tools,
             pair_index=pack(np.column_stack([column.view() for column in index]), "<i4"),
             pair_geometry=pack(np.column_stack([column.view() for column in geometry])),
             holds=self.holds,
         )
+
+
+class ToolContacts3(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 3 of ``haptics.contacts`` had a body a tool."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
+    pair_index: Annotated[Array, spec("<i4", ("pairs", 4), "1")]
+    pair_geometry: Annotated[Array, spec("<f8", ("pairs", 8), "1")]
+    holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+
+    def lift(self) -> ToolContacts:
+        """Return the body of version 4: its table has a row a tool."""
+        return ToolContacts(
+            tick=self.tick,
+            tools=tool_table(self.tools),
+            pair_index=self.pair_index,
+            pair_geometry=self.pair_geometry,
+            holds=self.holds,
+        )
+
+
+class PhysicsState1(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """Version 1 of ``physics.state`` had a body a tool."""
+
+    tick: Annotated[int, Meta(ge=0)]
+    tools: Annotated[tuple[ToolReaction, ...], Meta(max_length=8)]
+    duct: Duct
+    catheter: Catheter
+    contacts: ContactForces
+
+    def lift(self) -> PhysicsState:
+        """Return the body of version 2: its table has a row a tool."""
+        tools = reaction_table(self.tools)
+        return PhysicsState(tick=self.tick, tools=tools, duct=self.duct, catheter=self.catheter, contacts=self.contacts)

@@ -64,8 +64,8 @@ _OBEYING = ("physics", "gateway", "visualization", "recorder")
 _ROWS = (
     _state("gateway.state", "haptics", "visualization recorder supervisor", gateway.GatewayState, 1),
     _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 3),
-    _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 3),
-    _state("physics.state", "haptics", "visualization recorder supervisor", physics.PhysicsState, 1),
+    _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 4),
+    _state("physics.state", "haptics", "visualization recorder supervisor", physics.PhysicsState, 2),
     Topic("visualization.hands", "visualization", ("gateway",), (), visualization.Hands, 1, 60.0, "latest", 0.25, True),
     *(_health(process) for process in PROCESSES),
     Topic(

@@ -77,13 +77,31 @@ class ContactModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
         return tuple(map(LocalModel.from_row, self.models.view().tolist()))
 
 
+#: Columns of the table of tools.
+TOOL_COLUMNS = 8
+
+
 class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """One forceps as physics needs it."""
+    """One forceps as physics needs it: a row of `ToolContacts.tools` by its names."""
 
     position_m: Annotated[Vec3, Meta(description="HIP: the junction J")]
     port_m: Annotated[Vec3, Meta(description="the trocar's fixed point")] = ZERO3
     roll_rad: Annotated[float, Meta(description="of the jaws about the shaft; pose = J, port and roll")] = 0.0
     jaw_angle_rad: Annotated[float, Meta(description="opening between the jaws that the handle asks for")] = 0.0
+
+    def row(self) -> tuple[float, ...]:
+        """Return it as it travels, (TOOL_COLUMNS,)."""
+        return (*self.position_m, *self.port_m, self.roll_rad, self.jaw_angle_rad)
+
+    @classmethod
+    def from_row(cls, row: Sequence[float]) -> Self:
+        """Return the tool that travels as ``row`` (TOOL_COLUMNS,)."""
+        return msgspec.convert((row[0:3], row[3:6], row[6], row[7]), cls)
+
+
+def tool_table(tools: Sequence[ToolState]) -> Array:
+    """Return tools as they travel, (tools, TOOL_COLUMNS)."""
+    return pack(np.array([tool.row() for tool in tools]).reshape(len(tools), TOOL_COLUMNS))
 
 
 class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -103,10 +121,18 @@ PAIR_INDICES, PAIR_GEOMETRY = 4, 8
 
 
 class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Tools and what they touch: one row per contact pair in both tables, which are read and written whole."""
+    """Tools and what they touch: a row a tool, and a row per contact pair in both other tables; all are taken whole."""
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered: physics' clock")]
-    tools: Annotated[tuple[ToolState, ...], Meta(max_length=8)]
+    tools: Annotated[
+        Array,
+        spec(
+            "<f8",
+            ("tools", TOOL_COLUMNS),
+            "3 of the HIP, which is the junction J, in m; 3 of the trocar's fixed point in m; roll of the jaws about "
+            "the shaft, and the opening between them that the handle asks for, in rad",
+        ),
+    ]
     pair_index: Annotated[
         Array,
         spec(
@@ -124,3 +150,7 @@ class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
         ),
     ]
     holds: Annotated[tuple[GraspHold, ...], Meta(max_length=16)] = ()
+
+    def tool_states(self) -> tuple[ToolState, ...]:
+        """Return the tools by their names, of a checked body."""
+        return tuple(map(ToolState.from_row, self.tools.view().tolist()))

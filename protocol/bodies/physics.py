@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Self
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
-from protocol.arrays import Array, spec
+from protocol.arrays import Array, pack, spec
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
@@ -33,8 +35,14 @@ class Catheter(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     inserted_length_m: Annotated[float, Meta(description="arc length inside the lumen")] = 0.0
 
 
+#: Columns of the table of reactions.
+REACTION_COLUMNS = 27
+#: No count is larger, whatever a table says.
+_MOST = 2.0**31
+
+
 class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """Solved force on one tool, and the stiffness that it meets."""
+    """Solved force on one tool, and the stiffness that it meets: a row of `PhysicsState.tools` by its names."""
 
     force_n: Annotated[Vec3, Meta(description="on the tool, at J")] = ZERO3
     port_moment_nm: Annotated[Vec3, Meta(description="coupling moment about the trocar")] = ZERO3
@@ -52,6 +60,28 @@ class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
         float, Meta(description="opening at which what is between the jaws stops them, -1 not known")
     ] = -1.0
 
+    def row(self) -> tuple[float, ...]:
+        """Return it as it travels, (REACTION_COLUMNS,)."""
+        return (
+            *self.force_n, *self.port_moment_nm, *self.proxy_position_m, *self.stiffness_n_m, self.grasp_torque_nm,
+            self.grasp_stiffness_nm_rad, self.proxy_jaw_angle_rad, float(self.contacts), float(self.holds),
+            *self.position_m, self.jaw_angle_rad,
+        )  # fmt: skip
+
+    @classmethod
+    def from_row(cls, row: Sequence[float]) -> Self:
+        """Return the reaction that travels as ``row`` (REACTION_COLUMNS,)."""
+        n = list(row)
+        contacts, holds = (int(min(max(count, 0.0), _MOST)) for count in n[21:23])
+        of_grasp, about = n[18:20], (n[9:18], n[23:26], n[26], n[6:9])
+        return msgspec.convert((n[0:3], n[3:6], *of_grasp, *about, contacts, holds, n[20]), cls)
+
+
+def reaction_table(reactions: Sequence[ToolReaction]) -> Array:
+    """Return reactions as they travel, (tools, REACTION_COLUMNS)."""
+    rows = np.array([reaction.row() for reaction in reactions])
+    return pack(rows.reshape(len(reactions), REACTION_COLUMNS))
+
 
 class ContactForces(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """Contact points of one step, and what was solved there."""
@@ -66,7 +96,23 @@ class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """All that physics says of one step."""
 
     tick: Annotated[int, Meta(ge=0, description="tick of the device frame answered")]
-    tools: Annotated[tuple[ToolReaction, ...], Meta(max_length=8)]
+    tools: Annotated[
+        Array,
+        spec(
+            "<f8",
+            ("tools", REACTION_COLUMNS),
+            "3 of the force on the tool, at J, in N; 3 of the coupling's moment about the trocar in N m; 3 of where "
+            "the tool is held by what it touches in m; 9 of the local stiffness felt at J, by rows, virtual coupling "
+            "included, in N/m; torque on the jaws, which opens them where positive, in N m, and the stiffness of the "
+            "opening, coupling included, in N m/rad; opening at which what is between the jaws stops them, -1 not "
+            "known, in rad; numbers of contacts and of grasps in force; 3 of the HIP in m, and the opening asked for "
+            "in rad, that force and torque were solved for",
+        ),
+    ]
     duct: Duct
     catheter: Catheter
     contacts: ContactForces
+
+    def reactions(self) -> tuple[ToolReaction, ...]:
+        """Return what the tools feel by its names, of a checked body."""
+        return tuple(map(ToolReaction.from_row, self.tools.view().tolist()))

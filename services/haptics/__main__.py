@@ -6,13 +6,13 @@ import sys
 import time
 
 from protocol import Frame
-from protocol.arrays import Array
 from protocol.bodies import ContactModel, GatewayState, PhysicsState
-from protocol.bodies.haptics import MODEL_COLUMNS
 from services.cache_directory import cache_directory
 from services.haptics.deformed_scene import DeformedScene
-from services.haptics.local_model import FREE, local_model
+from services.haptics.instruments import InstrumentTable
+from services.haptics.local_model import LocalModels
 from services.haptics.outputs import ContactsWriter
+from services.haptics.reactions import Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.haptics.warm_up import warm_up
 from services.mechanics.bodies.forceps.grasp import Grasp
@@ -33,14 +33,16 @@ class Haptics:
 
     def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
         self._bus, self._meter = process.bus, meter
-        self._forceps = scene.forceps
         self.scene = DeformedScene(scene, duct)
-        self.tools = ToolTracker(scene)
+        self._reactions, self._instruments = Reactions(), InstrumentTable(len(scene.forceps))
+        tables = self._reactions.rows, self._instruments.rows
+        self._models = LocalModels(scene.forceps, *tables)
+        self.tools = ToolTracker(scene, *tables)
         self._detector = self.scene.tool_detector()
         self._pairs = ContactPairs.allocate(scene.contact.capacity)
         self._writer = ContactsWriter(self._pairs)
         segment_m = scene.catheter.length_m / scene.catheter.n_segments
-        self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in enumerate(self._forceps)]
+        self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in enumerate(scene.forceps)]
         self._ttl_s = 0.02
         self._dropped_pairs = 0
         process.health.counts = self._counts
@@ -49,17 +51,20 @@ class Haptics:
         """Answer one device frame: the model first, since the hand waits for it; what it does not need comes after."""
         started = time.monotonic_ns()
         state: GatewayState = frame.body
+        self._instruments.take(state.instruments)
         solved = self._bus.latest("physics.state")
         known = self._take_reactions(solved)
-        model = self._model(state, known)
+        models = self._models.table(len(state.instruments), touching=known)
+        model = ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
         self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
         modelled = time.monotonic_ns()
         if solved is not None:
             self._take_shapes(solved.body)
-        hands = self.tools.take_hands(state)
+        n_tools = self._instruments.count
+        hands = self.tools.take_hands(n_tools)
         self._detect()
         detected = time.monotonic_ns()
-        holds = [hold for i in range(len(hands)) for hold in self._grasps[i].update(self._pairs, self.tools.jaws(i))]
+        holds = [hold for i in range(n_tools) for hold in self._grasps[i].update(self._pairs, self.tools.jaws(i))]
         body = self._writer.body(state.tick, hands, holds)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         self._meter.tick = state.tick
@@ -68,25 +73,15 @@ class Haptics:
     def _take_reactions(self, solved: Frame | None) -> bool:
         """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
         if solved is not None:
-            self.tools.take_reactions(solved.body.tools)
+            self._reactions.take(solved.body.tools)
         known = self._bus.is_fresh("physics.state")
         if not known:
-            self.tools.forget_reactions()
+            self._reactions.forget()
         return known
 
     def _take_shapes(self, state: PhysicsState) -> None:
         self.scene.take_duct(state.duct)
         self.scene.take_catheter(state.catheter)
-
-    def _model(self, state: GatewayState, known: bool) -> ContactModel:
-        rows = [
-            local_model(self.tools.reactions[i], each, self._forceps[i], touching=known)
-            if i < len(self._forceps)
-            else FREE
-            for i, each in enumerate(state.instruments)
-        ]
-        models = Array("<f8", (len(rows), MODEL_COLUMNS), b"".join(rows))
-        return ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
 
     def _detect(self) -> None:
         self._pairs.clear()

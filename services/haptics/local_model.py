@@ -1,58 +1,138 @@
-"""From a solved reaction to the local model that the servo evaluates between frames."""
+"""From solved reactions to the local models that the servo evaluates between frames."""
 
 from __future__ import annotations
 
-import struct
+from typing import Annotated
 
-from protocol.bodies import InstrumentState, ToolReaction
+import numpy as np
+
+from protocol.arrays import Array
 from protocol.bodies.haptics import MODEL_COLUMNS
-from protocol.vectors import Mat3
+from protocol.bodies.physics import REACTION_COLUMNS
+from services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, VELOCITY
+from services.haptics.reactions import (
+    ASKED,
+    FORCE,
+    GRASP_STIFFNESS,
+    GRASP_TORQUE,
+    HIP,
+    STIFFNESS,
+    is_held,
+)
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene.tools import N_TOOLS
 
-_pack = struct.Struct(f"<{MODEL_COLUMNS}d").pack
-FREE = bytes(8 * MODEL_COLUMNS)
+#: Instruments of a device frame, at most; those without forceps get the free model.
+_MOST = 8
+_ROW_BYTES = 8 * MODEL_COLUMNS
+# Columns of a model: f0, K, B, x0 and v0, then those of the grasp, and whether it touches.
+_K, _B, _X0, _V0, _GRASP, _IN_CONTACT = 3, 12, 21, 24, 27, 32
 
 
-def local_model(reaction: ToolReaction, instrument: InstrumentState, forceps: ForcepsScene, *, touching: bool) -> bytes:
-    """Return ``f = f0 - K (x - x0) - B (v - v0)`` about the hand that the reaction was solved for; for the jaws too.
+class Felt(Struct):
+    """What the models are made of, and where they go."""
 
-    What is returned are the bytes of a row of `ContactModel.models`.
+    reactions: Annotated[FloatArray, N_TOOLS, REACTION_COLUMNS]
+    instruments: Annotated[FloatArray, N_TOOLS, INSTRUMENT_COLUMNS]
+    coupling_stiffness: Annotated[FloatArray, N_TOOLS]
+    coupling_damping: Annotated[FloatArray, N_TOOLS]
+    jaw_damping: Annotated[FloatArray, N_TOOLS]
+    jaw_ratio: Annotated[FloatArray, N_TOOLS]
+    jaw_max_angle: Annotated[FloatArray, N_TOOLS]
+    models: Annotated[FloatArray, _MOST, MODEL_COLUMNS]
+
+
+felt_at = reader(Felt)
+
+
+class LocalModels:
+    """Models ``f = f0 - K (x - x0) - B (v - v0)`` about the hands that reactions were solved for; for the jaws too.
 
     K is the local stiffness that physics found at the tool, virtual coupling included, so the hand meets the right
     wall although the force is a tick or two old. B is the coupling's damping and resists the present velocity. A tool
     that touches nothing gets the free model: no force is ever drawn out of thin air. A handle beyond the stops of its
     jaws does not move them: there the torque stays what it is.
+
+    Parameters
+    ----------
+    forceps
+        Of the scene.
+    reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
+        Live tables of what was solved and of what the hands do.
     """
-    in_contact = touching and (reaction.contacts > 0 or reaction.holds > 0)
-    if not in_contact:
-        return FREE
-    ratio = forceps.jaw_ratio
-    moves_jaws = ratio if 0.0 < reaction.jaw_angle_rad < forceps.jaw_max_angle_rad else 0.0
-    return _pack(
-        *reaction.force_n,
-        *reaction.stiffness_n_m,
-        *felt_damping(reaction.stiffness_n_m, forceps),
-        *reaction.position_m,
-        *instrument.velocity_m_s,
-        reaction.grasp_torque_nm * ratio,
-        max(0.0, reaction.grasp_stiffness_nm_rad) * moves_jaws**2,
-        forceps.jaw_damping_nm_s_rad * moves_jaws**2,
-        reaction.jaw_angle_rad / ratio,
-        instrument.handle_rate_rad_s,
-        1.0,
-    )
+
+    def __init__(self, forceps: tuple[ForcepsScene, ...], reactions: FloatArray, instruments: FloatArray) -> None:
+        each = (*forceps, *(ForcepsScene(),) * (N_TOOLS - len(forceps)))
+        self._n_forceps = len(forceps)
+        self._felt = Felt(
+            reactions=reactions,
+            instruments=instruments,
+            coupling_stiffness=np.array([f.coupling_stiffness_n_m for f in each]),
+            coupling_damping=np.array([f.coupling_damping_n_s_m for f in each]),
+            jaw_damping=np.array([f.jaw_damping_nm_s_rad for f in each]),
+            jaw_ratio=np.array([f.jaw_ratio for f in each]),
+            jaw_max_angle=np.array([f.jaw_max_angle_rad for f in each]),
+            models=np.zeros((_MOST, MODEL_COLUMNS)),
+        )
+        self._models = self._felt.models
+
+    def table(self, n_instruments: int, *, touching: bool) -> Array:
+        """Return the models of so many instruments as they travel; all are free unless ``touching``."""
+        write_models(self._felt.address, min(n_instruments, self._n_forceps) if touching else 0)
+        return Array("<f8", (n_instruments, MODEL_COLUMNS), self._models[:n_instruments].tobytes())
 
 
-def felt_damping(stiffness_n_m: Mat3, forceps: ForcepsScene) -> Mat3:
-    r"""Return the damping (9,) in N s/m that the hand feels of the coupling's, in series with what the tool touches.
+@kernel
+def write_models(address: Address[Felt], n: int) -> None:
+    """Write the models of the first ``n`` tools that touch something; all others are free: zeros."""
+    felt = felt_at(address)
+    models = felt.models
+    for row in range(models.shape[0]):
+        for column in range(models.shape[1]):
+            models[row, column] = 0.0
+    for tool in range(n):
+        if is_held(felt.reactions, tool):
+            _write_model(felt, tool)
+
+
+@kernel
+def _write_model(felt: Felt, tool: int) -> None:
+    """Write the model of a tool that touches."""
+    solved, moves, model = felt.reactions[tool], felt.instruments[tool], felt.models[tool]
+    for axis in range(3):
+        model[axis] = solved[FORCE + axis]
+        model[_X0 + axis] = solved[HIP + axis]
+        model[_V0 + axis] = moves[VELOCITY + axis]
+    for entry in range(9):
+        model[_K + entry] = solved[STIFFNESS + entry]
+    scale = felt.coupling_damping[tool] / felt.coupling_stiffness[tool] ** 2
+    felt_damping(solved[STIFFNESS : STIFFNESS + 9], scale, model[_B : _B + 9])
+    ratio, asked = felt.jaw_ratio[tool], solved[ASKED]
+    moves_jaws = ratio if 0.0 < asked < felt.jaw_max_angle[tool] else 0.0
+    model[_GRASP] = solved[GRASP_TORQUE] * ratio
+    model[_GRASP + 1] = max(0.0, solved[GRASP_STIFFNESS]) * moves_jaws**2
+    model[_GRASP + 2] = felt.jaw_damping[tool] * moves_jaws**2
+    model[_GRASP + 3] = asked / ratio
+    model[_GRASP + 4] = moves[HANDLE_RATE]
+    model[_IN_CONTACT] = 1.0
+
+
+@kernel
+def felt_damping(stiffness: FloatArray, scale: float, out: FloatArray) -> None:
+    r"""Write the damping (9,) in N s/m that the hand feels of the coupling's, in series with what the tool touches.
 
     Coupling :math:`K_c + b s` and world :math:`K_w` in series are :math:`K + B s` for slow hands, with
     :math:`K = K_c K_w / (K_c + K_w)` and :math:`B = b\, (K / K_c)^2`: what gives way gives way to the damper too. In
-    three directions :math:`B = b K K^T / K_c^2`, positive semi-definite. At a stiff wall that is all of b; at a soft
-    one all of it would be noise of the encoders: 10 mN, where a catheter pushes with 30.
+    three directions :math:`B = b K K^T / K_c^2`, positive semi-definite; ``scale`` is :math:`b / K_c^2`. At a stiff
+    wall that is all of b; at a soft one all of it would be noise of the encoders: 10 mN, where a catheter pushes with
+    30.
     """
-    a, b, c, d, e, f, g, h, i = stiffness_n_m
-    scale = forceps.coupling_damping_n_s_m / forceps.coupling_stiffness_n_m**2
-    xy, xz, yz = (a * d + b * e + c * f) * scale, (a * g + b * h + c * i) * scale, (d * g + e * h + f * i) * scale
-    xx, yy, zz = (a * a + b * b + c * c) * scale, (d * d + e * e + f * f) * scale, (g * g + h * h + i * i) * scale
-    return xx, xy, xz, xy, yy, yz, xz, yz, zz
+    for i in range(3):
+        for j in range(3):
+            product = 0.0
+            for k in range(3):
+                product += stiffness[3 * i + k] * stiffness[3 * j + k]
+            out[3 * i + j] = product * scale

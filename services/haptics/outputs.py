@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.arrays import pack
+from protocol.arrays import Array, pack
 from protocol.bodies import GraspHold as HoldBody
-from protocol.bodies import ToolContacts, ToolState
+from protocol.bodies import ToolContacts
 from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
@@ -29,7 +29,7 @@ class ContactsWriter:
         self._index = np.zeros((pairs.capacity, PAIR_INDICES), np.int32)
         self._geometry = np.zeros((pairs.capacity, PAIR_GEOMETRY))
 
-    def body(self, tick: int, tools: tuple[ToolState, ...], holds: list[GraspHold]) -> ToolContacts:
+    def body(self, tick: int, tools: Array, holds: list[GraspHold]) -> ToolContacts:
         """Return tools, the pairs in use, and the grasps in force as they travel."""
         count = tabulate_pairs(self._pairs.address, self._index, self._geometry)
         return ToolContacts(

@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
-from protocol.bodies import GatewayState, InstrumentState, ToolReaction, ToolState
+from protocol.arrays import Array
+from protocol.bodies.haptics import TOOL_COLUMNS
+from protocol.bodies.physics import REACTION_COLUMNS
+from services.haptics.instruments import HANDLE, INSTRUMENT_COLUMNS, PORT, ROLL
+from services.haptics.reactions import HIP, OPENING, PROXY, is_held
+from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.grasp import JawState
-from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
-from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at, update_poses
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 
-_NO_REACTION = ToolReaction()
+# Columns of what physics is told of a tool: three for J, three for the port, and these.
+_TOLD_PORT, _TOLD_ROLL, _TOLD_OPENING = 3, 6, 7
+
+
+class Hands(Struct):
+    """What says where tools are, whether they are there, and what physics is told of them."""
+
+    reactions: Annotated[FloatArray, N_TOOLS, REACTION_COLUMNS]
+    instruments: Annotated[FloatArray, N_TOOLS, INSTRUMENT_COLUMNS]
+    jaw_ratio: Annotated[FloatArray, N_TOOLS]
+    jaw_max_angle: Annotated[FloatArray, N_TOOLS]
+    present: Annotated[BoolArray, N_TOOLS]
+    told: Annotated[FloatArray, N_TOOLS, TOOL_COLUMNS]
+
+
+hands_at = reader(Hands)
 
 
 class ToolTracker:
@@ -21,67 +42,71 @@ class ToolTracker:
 
     Between two frames of physics a proxy moves with its hand: what physics knows is the stretch of the coupling.
 
+    Parameters
+    ----------
+    scene
+        Whose forceps the tools are.
+    reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
+        Live tables of what was solved and of what the hands do.
+
     Attributes
     ----------
     segments_m : (2, 3, 2, 3), radius_m : (2, 3), present : (2,)
         What collision detection takes.
-    reactions
-        The newest solved reaction per tool.
     """
 
-    def __init__(self, scene: SceneModel) -> None:
-        self._forceps = scene.forceps
-        self._body = ToolBody(scene.forceps)
-        self._stretch_m = np.zeros((N_TOOLS, 3))
-        self._asked_rad = [0.0] * N_TOOLS
+    def __init__(self, scene: SceneModel, reactions: FloatArray, instruments: FloatArray) -> None:
+        forceps = scene.forceps
+        self._body = ToolBody(forceps)
         self.segments_m = self._body.segments
         self.radius_m = self._body.radius_m
         self.present = np.zeros(N_TOOLS, np.bool_)
-        self.reactions: list[ToolReaction] = [_NO_REACTION] * N_TOOLS
+        self._told = np.zeros((N_TOOLS, TOOL_COLUMNS))
+        self._hands = Hands(
+            reactions=reactions,
+            instruments=instruments,
+            jaw_ratio=np.array([f.jaw_ratio for f in self._body.forceps]),
+            jaw_max_angle=np.array([f.jaw_max_angle_rad for f in self._body.forceps]),
+            present=self.present,
+            told=self._told,
+        )
 
     def update_pose(self) -> None:
         """Recompute the segments from the proxies."""
         self._body.update_pose()
 
-    def take_reactions(self, reactions: Sequence[ToolReaction]) -> None:
-        """Take over the solved reactions and the proxies."""
-        for i, reaction in enumerate(reactions[:N_TOOLS]):
-            self.reactions[i] = reaction
-            held = reaction.contacts > 0 or reaction.holds > 0
-            for axis in range(3):
-                stretch = reaction.proxy_position_m[axis] - reaction.position_m[axis]
-                self._stretch_m[i, axis] = stretch if held else 0.0
-
-    def forget_reactions(self) -> None:
-        """Physics is silent: no force is known any more."""
-        self.reactions = [_NO_REACTION] * N_TOOLS
-        self._stretch_m[:] = 0.0
-
-    def take_hands(self, state: GatewayState) -> tuple[ToolState, ...]:
-        """Move the tools to a device frame and return them as physics needs them."""
-        self.present[:] = False
-        tools = tuple(self._hand(i, each) for i, each in enumerate(state.instruments[: len(self._forceps)]))
-        self._body.update_pose()
-        return tools
+    def take_hands(self, n_instruments: int) -> Array:
+        """Move the tools to the first rows of the instruments, and return them as physics needs them."""
+        follow_hands(self._hands.address, self._body.address, n_instruments)
+        return Array("<f8", (n_instruments, TOOL_COLUMNS), self._told[:n_instruments].tobytes())
 
     def jaws(self, i: int) -> JawState:
         """Return where the jaws of tool `i` are, and where its handle wants them."""
-        return JawState(float(self._body.proxy[i, 3]), self._asked_rad[i])
+        return JawState(self._body.proxy.item(i, 3), self._told.item(i, _TOLD_OPENING))
 
-    def _hand(self, i: int, instrument: InstrumentState) -> ToolState:
-        forceps, body = self._forceps[i], self._body
-        jaw = jaw_angle_from_handle(instrument.handle_angle_rad, forceps.jaw_ratio, forceps.jaw_max_angle_rad)
-        self.present[i] = True
-        body.port_m[i] = instrument.port_m
-        body.roll_rad[i] = instrument.roll_rad
-        body.proxy[i, :3] = instrument.position_m
-        body.proxy[i, :3] += self._stretch_m[i]
-        self._asked_rad[i] = jaw
-        reaction = self.reactions[i]  # what is between the jaws keeps them open
-        body.proxy[i, 3] = reaction.proxy_jaw_angle_rad if reaction.contacts or reaction.holds else jaw
-        return ToolState(
-            position_m=instrument.position_m,
-            port_m=instrument.port_m,
-            roll_rad=instrument.roll_rad,
-            jaw_angle_rad=jaw,
-        )
+
+@kernel
+def follow_hands(hands_address: Address[Hands], tools_address: Address[ToolArrays], n: int) -> None:
+    """Place ``n`` proxies, their frames and segments, and write what physics is told; other tools are not there."""
+    hands, tools = hands_at(hands_address), tools_at(tools_address)
+    for tool in range(hands.present.shape[0]):
+        hands.present[tool] = tool < n
+        if tool < n:
+            _follow_hand(hands, tools, tool)
+    update_poses(tools_address)
+
+
+@kernel
+def _follow_hand(hands: Hands, tools: ToolArrays, tool: int) -> None:
+    """Place a proxy. What is between the jaws keeps them open."""
+    hand, solved, told = hands.instruments[tool], hands.reactions[tool], hands.told[tool]
+    held = is_held(hands.reactions, tool)
+    opening = min(max(hands.jaw_ratio[tool] * hand[HANDLE], 0.0), hands.jaw_max_angle[tool])
+    for axis in range(3):
+        stretch = solved[PROXY + axis] - solved[HIP + axis] if held else 0.0
+        tools.port[tool, axis] = told[_TOLD_PORT + axis] = hand[PORT + axis]
+        tools.proxy[tool, axis] = hand[axis] + stretch
+        told[axis] = hand[axis]
+    tools.roll[tool] = told[_TOLD_ROLL] = hand[ROLL]
+    tools.proxy[tool, 3] = solved[OPENING] if held else opening
+    told[_TOLD_OPENING] = opening

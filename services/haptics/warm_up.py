@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from protocol.bodies.haptics import tool_table
 from services.haptics.deformed_scene import DeformedScene
+from services.haptics.instruments import InstrumentTable
+from services.haptics.local_model import LocalModels
 from services.haptics.outputs import ContactsWriter
+from services.haptics.reactions import Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.kernel_progress import told
 from services.mechanics.bodies.catheter import CatheterBody
@@ -15,6 +19,7 @@ from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPair
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation.scene_catheter import scene_rod
 from services.runtime.log import progress
 
@@ -26,15 +31,16 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     """
     with told(progress) as kernels:
         kernels.begin("collision detection")
-        deformed, tools = DeformedScene(scene, duct), ToolTracker(scene)
-        tools.present[:] = True
-        tools.update_pose()
+        instruments, reactions = InstrumentTable(len(scene.forceps)), Reactions()
+        deformed, tools = DeformedScene(scene, duct), ToolTracker(scene, reactions.rows, instruments.rows)
+        LocalModels(scene.forceps, reactions.rows, instruments.rows).table(N_TOOLS, touching=True)
+        tools.take_hands(N_TOOLS)
         tools.segments_m[:] = duct.mesh.vertices_m[0]
         tools.segments_m[:, :, 1] += 0.01
         deformed.warm_up()
         pairs, particles_m = ContactPairs.allocate(scene.contact.capacity), deformed.particles_m
         deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
-        ContactsWriter(pairs).body(0, (), [])
+        ContactsWriter(pairs).body(0, tool_table(()), [])
         deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
         diameter_m = scene.catheter.outer_diameter_m
         CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)

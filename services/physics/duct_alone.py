@@ -9,6 +9,7 @@ import numpy as np
 
 from protocol.arrays import pack
 from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
+from protocol.bodies.physics import reaction_table
 from services.cache_directory import cache_directory
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import SceneModel
@@ -19,6 +20,7 @@ from services.runtime.nan_guard import NanGuard
 from services.runtime.process import Process
 
 STAGES = (*STAGE_NAMES, "send")
+_NO_TOOLS = reaction_table(())
 _VECTORS = pack(np.zeros((0, 3)), "<f8")
 #: The wire wants a radius of no particles, too.
 _NO_CATHETER = Catheter(position_m=_VECTORS, velocity_m_s=_VECTORS, radius_m=1e-3)
@@ -62,7 +64,7 @@ class DuctAlonePhysics:
         content_hash = self._duct.basis.content_hash
         return PhysicsState(
             tick=tick,
-            tools=(),
+            tools=_NO_TOOLS,
             duct=Duct(
                 basis_hash=content_hash,
                 q=wired(modes.q),

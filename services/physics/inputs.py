@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
-from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES
+from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES, TOOL_COLUMNS, tool_table
 from protocol.vectors import Vec3
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.collision.pair_faults import names_fault, numbers_fault
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import put_row
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
@@ -23,6 +25,26 @@ NO_PARTICLE = -1
 # Rows of a frame that are looked at, over the pairs that there is room for.
 _ROOM = 4
 _ROW_BYTES = 4 * PAIR_INDICES, 8 * PAIR_GEOMETRY
+_TOOL_BYTES = 8 * TOOL_COLUMNS
+# Columns of the table of tools: three for J, three for the port, and these.
+_ROLL, _OPENING = 6, 7
+
+
+class Tables(Struct):
+    """The tables of a frame as they travel, and where what they say of the tools goes."""
+
+    index: Annotated[IntArray, "rows", PAIR_INDICES]
+    geometry: Annotated[FloatArray, "rows", PAIR_GEOMETRY]
+    n_targets: Annotated[IntArray, 2]  # triangles and segments
+    tools: Annotated[FloatArray, N_TOOLS, TOOL_COLUMNS]
+    present: Annotated[BoolArray, N_TOOLS]
+    port: Annotated[FloatArray, N_TOOLS, 3]
+    position: Annotated[FloatArray, N_TOOLS, 3]
+    roll: Annotated[FloatArray, N_TOOLS]
+    opening: Annotated[FloatArray, N_TOOLS]
+
+
+tables_at = reader(Tables)
 
 
 class ContactsReader:
@@ -45,59 +67,57 @@ class ContactsReader:
         self.refused_pairs = 0
         n_triangles = simulation.duct.reduced.mesh.triangles.shape[0]
         n_segments = simulation.catheter.state.position_m.shape[0] - 1
-        room = _ROOM * self.pairs.capacity
-        self._index, self._geometry = np.zeros((room, PAIR_INDICES), np.int32), np.zeros((room, PAIR_GEOMETRY))
-        self._bytes = flat_view(self._index).cast("B"), flat_view(self._geometry).cast("B")
-        self._weights: dict[int, tuple[Vec3, FloatArray]] = {}
-        self._n_targets = np.array([n_triangles, n_segments], np.int32)
+        self._room = _ROOM * self.pairs.capacity
         self._most = {DUCT_TRIANGLE: n_triangles, CATHETER_SEGMENT: n_segments}
-        tools = self.tools
-        arrays = tools.present, simulation.tools.port_m, tools.position_m, tools.roll_rad, tools.jaw_angle_rad
-        # Numbers are put into a memory view three at a time for what numpy takes to look at a tuple.
-        self._views = tuple(map(flat_view, arrays))
+        self._weights: dict[int, tuple[Vec3, FloatArray]] = {}
+        tables = self._tables = Tables.zeros(
+            rows=self._room,
+            n_targets=np.array([n_triangles, n_segments], np.int32),
+            present=self.tools.present,
+            port=simulation.tools.port_m,
+            position=self.tools.position_m,
+            roll=self.tools.roll_rad,
+            opening=self.tools.jaw_angle_rad,
+        )
+        self._bytes = tuple(flat_view(table).cast("B") for table in (tables.index, tables.geometry, tables.tools))
 
     def take(self, body: ToolContacts) -> bool:
         """Copy `body` into `tools` and `pairs`; False, and nothing copied, if it names something that is not there."""
         holds_there = not body.holds or all(map(self._is_there, body.holds))
-        if not (holds_there and self._take_pairs(body.pair_index.data, body.pair_geometry.data)):
+        if not (holds_there and self._take_tables(body)):
             self.refused += 1
             return False
-        self._take_tools(body)
+        self._take_holds(body.holds)
         return True
 
-    def _take_pairs(self, index: bytes, geometry: bytes) -> bool:
+    def _take_tables(self, body: ToolContacts) -> bool:
         """Copy the tables' bytes to where numpy knows them: to make arrays of them would take four times as long."""
-        n_sent, room = len(index) // _ROW_BYTES[0], len(self._index)
-        if n_sent > room:
-            index, geometry = index[: room * _ROW_BYTES[0]], geometry[: room * _ROW_BYTES[1]]
-        indices, numbers = self._bytes
+        index, geometry, tools = body.pair_index.data, body.pair_geometry.data, body.tools.data
+        n_pairs, n_tools = len(index) // _ROW_BYTES[0], len(tools) // _TOOL_BYTES
+        if n_pairs > self._room:
+            index, geometry = index[: self._room * _ROW_BYTES[0]], geometry[: self._room * _ROW_BYTES[1]]
+        if n_tools > N_TOOLS:
+            n_tools, tools = N_TOOLS, tools[: N_TOOLS * _TOOL_BYTES]
+        indices, numbers, hands = self._bytes
         indices[: len(index)] = index
         numbers[: len(geometry)] = geometry
-        left_out = take_pairs(self._index, self._geometry, n_sent, self._n_targets, self.pairs.address)
+        hands[: len(tools)] = tools
+        left_out: int = take_tables(self._tables.address, n_pairs, n_tools, self.pairs.address)
         self.refused_pairs += max(left_out, 0)
-        return bool(left_out >= 0)
+        return left_out >= 0
 
     def compile_kernels(self) -> None:
         """Read an empty frame as it comes off the wire."""
         index, geometry = pack(np.zeros((0, PAIR_INDICES)), "<i4"), pack(np.zeros((0, PAIR_GEOMETRY)))
-        self.take(ToolContacts(tick=0, tools=(), pair_index=index, pair_geometry=geometry))
+        self.take(ToolContacts(tick=0, tools=tool_table(()), pair_index=index, pair_geometry=geometry))
 
     def _is_there(self, hold: HoldBody) -> bool:
         return hold.tool < N_TOOLS and hold.target < self._most[hold.target_kind]
 
-    def _take_tools(self, body: ToolContacts) -> None:
-        present, port, position, roll, jaw = self._views
-        n_sent = len(body.tools)
-        for i in range(N_TOOLS):
-            present[i] = i < n_sent
-            if i < n_sent:
-                tool = body.tools[i]
-                port[3 * i], port[3 * i + 1], port[3 * i + 2] = tool.port_m
-                position[3 * i], position[3 * i + 1], position[3 * i + 2] = tool.position_m
-                roll[i], jaw[i] = tool.roll_rad, tool.jaw_angle_rad
-        self.tools.holds = [self._hold(hold) for hold in body.holds] if body.holds else []
-        if len(self._weights) > len(body.holds):
-            self._weights = {hold.hold_id: self._weights[hold.hold_id] for hold in body.holds}
+    def _take_holds(self, holds: tuple[HoldBody, ...]) -> None:
+        self.tools.holds = [self._hold(hold) for hold in holds] if holds else []
+        if len(self._weights) > len(holds):
+            self._weights = {hold.hold_id: self._weights[hold.hold_id] for hold in holds}
 
     def _hold(self, body: HoldBody) -> GraspHold:
         known = self._weights.get(body.hold_id)
@@ -109,18 +129,38 @@ class ContactsReader:
 
 
 @kernel
-def take_pairs(
-    index: IntArray, geometry: FloatArray, n_sent: int, n_targets: IntArray, address: Address[ContactPairs]
-) -> int:
-    """Copy the first rows of tables of the wire into the pairs; return how many were left out as no contacts.
+def take_tables(tables_address: Address[Tables], n_sent: int, n_tools: int, address: Address[ContactPairs]) -> int:
+    """Copy the first rows of tables of the wire into the pairs, and ``n_tools`` tools; return how many pairs were left
+    out as no contacts.
 
-    -1, and none copied, if one names what is not there. ``n_targets`` (2,) are the numbers of triangles and of
-    segments. Rows beyond the pairs' capacity are dropped.
+    -1, and none copied, if one names what is not there. Rows beyond the pairs' capacity are dropped.
     """
+    tables = tables_at(tables_address)
+    index = tables.index
     for row in range(min(n_sent, index.shape[0])):
-        if names_fault(index[row, 0], index[row, 1], index[row, 2], index[row, 3], n_targets):
+        if names_fault(index[row, 0], index[row, 1], index[row, 2], index[row, 3], tables.n_targets):
             return -1
-    pairs = pairs_at(address)
+    _take_tools(tables, n_tools)
+    return int(_take_pairs(tables, n_sent, pairs_at(address)))
+
+
+@kernel
+def _take_tools(tables: Tables, n_tools: int) -> None:
+    """Copy the rows of the tools that are there; of one that is not, what was known stays."""
+    rows = tables.tools
+    for tool in range(rows.shape[0]):
+        tables.present[tool] = tool < n_tools
+        if tool < n_tools:
+            for axis in range(3):
+                tables.position[tool, axis] = rows[tool, axis]
+                tables.port[tool, axis] = rows[tool, 3 + axis]
+            tables.roll[tool], tables.opening[tool] = rows[tool, _ROLL], rows[tool, _OPENING]
+
+
+@kernel
+def _take_pairs(tables: Tables, n_sent: int, pairs: ContactPairs) -> int:
+    """Copy rows of pairs; return how many of those that were looked at are left out."""
+    index, geometry = tables.index, tables.geometry
     n_looked_at, n = min(n_sent, pairs.gap_m.shape[0]), 0
     for row in range(n_looked_at):
         weights = geometry[row, 1], geometry[row, 2], geometry[row, 3]

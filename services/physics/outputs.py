@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocol import Frame
 from protocol.arrays import Array
-from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState, ToolReaction, ToolState
-from protocol.vectors import Mat3, Vec3
+from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
+from protocol.bodies.haptics import TOOL_COLUMNS
+from protocol.bodies.physics import REACTION_COLUMNS
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
@@ -19,17 +20,19 @@ from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
 from services.runtime.bus import Bus
+from services.runtime.flat_view import flat_view
 
 #: The inserted length is for the picture and the score: measured at 60 Hz, for it costs a third of a tick.
 _INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
-# Columns of the table of reactions, a row a tool: nine for three vectors, nine for K, and these.
-_GRASP_TORQUE, _GRASP_STIFFNESS, _JAW_ANGLE, _CONTACTS, _HOLDS, _COLUMNS = 18, 19, 20, 21, 22, 23
+# Columns of the table of reactions, a row a tool: nine for three vectors, nine for K, and these; three are the HIP's.
+_GRASP_TORQUE, _GRASP_STIFFNESS, _JAW_ANGLE, _CONTACTS, _HOLDS, _HIP, _ASKED = 18, 19, 20, 21, 22, 23, 26
+_TOOL_BYTES = 8 * TOOL_COLUMNS
 
 
 class Sent(Struct):
-    """What is sent of the tools and of c contacts, and the table that Python reads it from, a row a tool."""
+    """What is sent of the tools, the hands that it was solved for, and of c contacts; the tables as they travel."""
 
     force: Annotated[FloatArray, N_TOOLS, 3]
     port_moment: Annotated[FloatArray, N_TOOLS, 3]
@@ -40,7 +43,8 @@ class Sent(Struct):
     proxy_jaw_angle: Annotated[FloatArray, N_TOOLS]
     contact_force: Annotated[FloatArray, "c", 3]
     kind: Annotated[ByteArray, "c"]
-    table: Annotated[FloatArray, N_TOOLS, _COLUMNS]
+    hands: Annotated[FloatArray, N_TOOLS, TOOL_COLUMNS]
+    table: Annotated[FloatArray, N_TOOLS, REACTION_COLUMNS]
 
 
 sent_at = reader(Sent)
@@ -55,7 +59,9 @@ class Outputs:
         self._inserted_m = 0.0
         self._inserted_is_old = False
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
-        self._table = np.zeros((N_TOOLS, _COLUMNS))
+        self._table = np.zeros((N_TOOLS, REACTION_COLUMNS))
+        hands = np.zeros((N_TOOLS, TOOL_COLUMNS))
+        self._hands = flat_view(hands).cast("B")
         results = simulation.tool_results
         self._sent = Sent(
             force=results.force_n,
@@ -67,6 +73,7 @@ class Outputs:
             proxy_jaw_angle=results.proxy_jaw_angle_rad,
             contact_force=simulation.system.force_n,
             kind=self._kinds,
+            hands=hands,
             table=self._table,
         )
 
@@ -82,13 +89,14 @@ class Outputs:
             self._inserted_is_old = False
             self._inserted_m = self._simulation.inserted_length_m
 
-    def state(self, tick: int, tools: tuple[ToolState, ...]) -> PhysicsState:
+    def state(self, tick: int, tools: Array) -> PhysicsState:
         """Return all that is known after a step, and what each of `tools`, which it was solved for, feels."""
+        hands = tools.data if len(tools.data) <= len(self._hands) else tools.data[: len(self._hands)]
+        self._hands[: len(hands)] = hands
         contacts = self._contacts()
-        table: list[list[float]] = self._table.tolist()
         return PhysicsState(
             tick=tick,
-            tools=tuple(map(_reaction, table, tools)),
+            tools=wired(self._table[: len(hands) // _TOOL_BYTES]),
             duct=self._duct(),
             catheter=self._catheter(),
             contacts=contacts,
@@ -132,36 +140,21 @@ def wired(values: NDArray[Any], dtype: str = "<f8") -> Array:
     return Array(dtype, values.shape, values.tobytes())
 
 
-def _reaction(row: list[float], tool: ToolState) -> ToolReaction:
-    """Return a row of the table, and the hand that it was solved for, as it travels."""
-    return ToolReaction(
-        force_n=cast(Vec3, tuple(row[0:3])),
-        port_moment_nm=cast(Vec3, tuple(row[3:6])),
-        grasp_torque_nm=row[_GRASP_TORQUE],
-        grasp_stiffness_nm_rad=row[_GRASP_STIFFNESS],
-        stiffness_n_m=cast(Mat3, tuple(row[9:18])),
-        position_m=tool.position_m,
-        jaw_angle_rad=tool.jaw_angle_rad,
-        proxy_position_m=cast(Vec3, tuple(row[6:9])),
-        proxy_jaw_angle_rad=row[_JAW_ANGLE],
-        contacts=int(row[_CONTACTS]),
-        holds=int(row[_HOLDS]),
-    )
-
-
 @kernel
 def tabulate(rows_address: Address[ContactRows], sent_address: Address[Sent], first_hold: int, after_holds: int) -> int:
     """Write what each tool feels into its row of the table, and the kind of each contact; return how many there are."""
     sent, rows = sent_at(sent_address), rows_at(rows_address)
-    table = sent.table
+    table, hands = sent.table, sent.hands
     for tool in range(table.shape[0]):
         for axis in range(3):
             table[tool, axis] = sent.force[tool, axis]
             table[tool, 3 + axis] = sent.port_moment[tool, axis]
             table[tool, 6 + axis] = sent.proxy_position[tool, axis]
+            table[tool, _HIP + axis] = hands[tool, axis]
             for other in range(3):
                 table[tool, 9 + 3 * axis + other] = sent.stiffness[tool, axis, other]
         table[tool, _GRASP_TORQUE], table[tool, _GRASP_STIFFNESS] = sent.grasp_torque[tool], sent.grasp_stiffness[tool]
+        table[tool, _ASKED] = hands[tool, TOOL_COLUMNS - 1]
         table[tool, _JAW_ANGLE] = sent.proxy_jaw_angle[tool]
         table[tool, _CONTACTS] = table[tool, _HOLDS] = 0.0
     _count(rows, sent, first_hold, after_holds)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from protocol.bodies.haptics import tool_table
 from services.kernel_progress import told
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
@@ -53,7 +54,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
             simulation.step(tools)
         simulation.system.strategy.compile_kernels()
         ContactsReader(simulation).compile_kernels()
-        Outputs(simulation, "").state(0, ())
+        Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
     progress("kernels are compiled", 1.0)
 

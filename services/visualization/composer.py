@@ -79,7 +79,7 @@ class Composer:
             picture.inserted_length_m = catheter.inserted_length_m
         if gateway is not None:
             picture.tick = gateway.tick
-            self._pose_tools(picture, gateway.instruments, () if physics is None else physics.tools)
+            self._pose_tools(picture, gateway.instruments, () if physics is None else physics.reactions())
         return picture
 
     def instruments(self) -> tuple[bodies.InstrumentState, ...]:

@@ -12,6 +12,7 @@ import protocol
 import protocol.bodies as bodies
 from protocol import TOPICS, Frame, topic
 from protocol.arrays import pack
+from protocol.bodies.physics import REACTION_COLUMNS
 from protocol.former import ContactModel2
 from protocol.upgrades import body_type
 from services.cli.raw_frames import unpack
@@ -46,11 +47,12 @@ def test_nested_structs_and_arrays() -> None:
         kind=pack(np.zeros(20), "|i1"), point_m=pack(np.ones((20, 3))), force_n=pack(np.arange(60.0).reshape(20, 3))
     )
     body = samples.physics_state(5, tool, tool, contacts=contacts)
-    data = protocol.encode(Frame(1, "physics.state", 1, 2, 3, 4, 5, True, body))
+    data = protocol.encode(Frame(1, "physics.state", 2, 2, 3, 4, 5, True, body))
     shown = unpack(data)
     assert shown["sent_ns"] == 4
-    assert shown["body"]["tools"][1]["force_n"] == [1.0, 2.0, 3.0]
-    assert shown["body"]["tools"][0]["contacts"] == 2
+    assert shown["body"]["tools"]["shape"] == [2, REACTION_COLUMNS]
+    assert shown["body"]["tools"]["first"] == [1.0, 2.0, 3.0]
+    assert shown["body"]["duct"]["basis_hash"] == "c0ffee"
     assert shown["body"]["contacts"]["force_n"] == {
         "dtype": "<f8", "shape": [20, 3], "first": [0.0, 1.0, 2.0], "min": 0.0, "max": 59.0,
     }  # fmt: skip

@@ -20,11 +20,11 @@ from services.gateway.instrument import Instrument
 from services.gateway.recording import read_table
 from services.gateway.servo import Servo, ServoLimits
 from services.gateway.virtual_node import VirtualNode
-from services.haptics.local_model import local_model
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.scene import ForcepsScene
 from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 from tests.gateway.test_instrument import FakeArm
+from tests.haptics.models import local_model
 
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared" / "data" / "grasp"
 NAMES = ("maryland_0p2hz_10pct", "maryland_0p5hz_60pct")
@@ -93,7 +93,7 @@ def over_the_wire(body: Any, name: str) -> Any:
 
 
 def _model(reaction: ToolReaction, state: InstrumentState, *, touching: bool) -> LocalModel:
-    return LocalModel.from_row(np.frombuffer(local_model(reaction, state, FORCEPS, touching=touching)))
+    return local_model(reaction, state, FORCEPS, touching=touching)
 
 
 def render(state: InstrumentState) -> LocalModel:

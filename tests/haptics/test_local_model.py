@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from protocol.bodies import InstrumentState, LocalModel, ToolReaction
-from services.haptics import local_model as rows
 from services.mechanics.scene import ForcepsScene
+from tests.haptics.models import local_model
 from tests.physics.conftest import Rig
 
 INSTRUMENT = InstrumentState(
@@ -31,13 +31,6 @@ FREE = LocalModel()
 NORMAL = np.outer((2.0, -1.0, 2.0), (2.0, -1.0, 2.0)) / 9.0
 CENTRE, FAR = (0.02, 0.0, 0.006), (0.02, -0.05, 0.08)
 DT_S = 1e-3
-
-
-def local_model(
-    reaction: ToolReaction, instrument: InstrumentState, forceps: ForcepsScene, *, touching: bool
-) -> LocalModel:
-    """Return by its names what travels as a row."""
-    return LocalModel.from_row(np.frombuffer(rows.local_model(reaction, instrument, forceps, touching=touching)))
 
 
 def test_a_tool_that_touches_gets_what_physics_solved_about_where_it_solved_it() -> None:

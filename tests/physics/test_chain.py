@@ -156,7 +156,7 @@ def test_a_pair_whose_numbers_are_none_of_a_contact_is_left_out(rig: Rig) -> Non
         assert reader.take(msgspec.structs.replace(frame.body, **tables))
         assert reader.pairs.count == n
         np.testing.assert_array_equal(reader.pairs.normal[n - 1], geometry[-1, 4:7])
-        np.testing.assert_array_equal(reader.tools.position_m[0], frame.body.tools[0].position_m)
+        np.testing.assert_array_equal(reader.tools.position_m[0], frame.body.tool_states()[0].position_m)
     assert (reader.refused, reader.refused_pairs) == (0, len(spoilt))
 
 

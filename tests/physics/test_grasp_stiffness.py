@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from protocol.bodies import InstrumentState, LocalModel, ToolReaction, ToolState
+from protocol.bodies.haptics import tool_table
 from services.cache_directory import cache_directory
-from services.haptics import local_model as rows
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import ForcepsScene, SceneModel
@@ -18,6 +18,7 @@ from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.physics.outputs import Outputs
 from services.scenes import load_duct, load_scene
+from tests.haptics.models import local_model
 from tests.physics.conftest import SMALL
 
 RATIO = 1.6
@@ -66,12 +67,11 @@ def _reaction(scene: SceneModel, duct: ReducedDuct, hands: Hands, turned_rad: fl
         tools.jaw_angle_rad[0] += turned_rad if tick == TICKS - 1 else 0.0
         simulation.step(tools)
     told = ToolState(position_m=tuple(tools.position_m[0]), jaw_angle_rad=float(tools.jaw_angle_rad[0]))
-    return Outputs(simulation, "").state(TICKS, (told,)).tools[0]
+    return Outputs(simulation, "").state(TICKS, tool_table([told])).reactions()[0]
 
 
 def _model(reaction: ToolReaction, forceps: ForcepsScene) -> LocalModel:
-    row = rows.local_model(reaction, InstrumentState(name="", position_m=(0, 0, 0)), forceps, touching=True)
-    return LocalModel.from_row(np.frombuffer(row))
+    return local_model(reaction, InstrumentState(name="", position_m=(0, 0, 0)), forceps, touching=True)
 
 
 def _torque_nm(reaction: ToolReaction, scene: SceneModel, handle_rad: float) -> float:

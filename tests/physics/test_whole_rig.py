@@ -46,7 +46,7 @@ def test_a_pinch_is_the_full_finite_elements_and_the_arm_applies_it(
     # Of a linear wall, the force that a given closing takes goes as the force over the closing.
     assert np.sum(loads_n * full_m) == pytest.approx(np.sum(loads_n * moved_m), rel=0.02)
     felt_n = np.array(last.devices.instruments[1].applied_force_n)
-    np.testing.assert_allclose(felt_n, last.solved.tools[1].force_n, atol=0.02 * np.linalg.norm(felt_n))
+    np.testing.assert_allclose(felt_n, last.solved.reactions()[1].force_n, atol=0.02 * np.linalg.norm(felt_n))
     assert np.linalg.norm(felt_n) > 5e-3
     assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
 
@@ -64,7 +64,7 @@ def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch
     alone_n, inserted_m = mechanics_alone(rig)
     assert inserted_m > 18e-3
     assert rig.moments[-1].solved.catheter.inserted_length_m == pytest.approx(inserted_m, abs=0.5e-3)
-    solved_n = np.array([[tool.force_n for tool in moment.solved.tools] for moment in rig.moments])
+    solved_n = np.array([[tool.force_n for tool in moment.solved.reactions()] for moment in rig.moments])
     catheter, wall = relative(solved_n - alone_n, alone_n)
     assert catheter.max() < 0.05, "at every tick"
     assert np.mean(wall < 0.05) > 0.97

@@ -10,6 +10,8 @@ import numpy as np
 import protocol
 from protocol import TOPICS, Frame, bodies
 from protocol.arrays import pack
+from protocol.bodies.haptics import tool_table
+from protocol.bodies.physics import reaction_table
 from protocol.fields import Field, Form, fields
 
 INCARNATION = 0x1234_5678_9ABC
@@ -41,7 +43,7 @@ def _health(process: str) -> bodies.Health:
 def _contacts() -> bodies.ToolContacts:
     return bodies.ToolContacts(
         tick=5,
-        tools=(bodies.ToolState(position_m=(0.1, 0.2, 0.3), port_m=(0.0, 0.0, 0.1), jaw_angle_rad=0.5),),
+        tools=tool_table([bodies.ToolState(position_m=(0.1, 0.2, 0.3), port_m=(0.0, 0.0, 0.1), jaw_angle_rad=0.5)]),
         pair_index=pack([[0, 1, 0, 17], [0, 2, 1, 3]], "<i4"),
         pair_geometry=pack(
             [[0.25, 0.2, 0.3, 0.5, 0.0, 0.0, 1.0, -1e-4], [0.5, 0.5, 0.5, 0.0, 0.0, 1.0, 0.0, 2e-4]]
@@ -59,7 +61,7 @@ def physics_state(tick: int = 5, *tools: bodies.ToolReaction, **changes: msgspec
     """Return a state with a little of everything; `changes` are its duct, catheter or contacts."""
     state = bodies.PhysicsState(
         tick=tick,
-        tools=tools,
+        tools=reaction_table(tools),
         duct=bodies.Duct(
             basis_hash="c0ffee", q=pack([1.0, 2.0]), q_rate=pack([0.0, -1.0]),
             load_node=pack([4], "<i4"), load_force_n=pack([[0.0, 0.0, -1.0]]),

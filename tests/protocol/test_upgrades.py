@@ -47,10 +47,16 @@ def test_old_versions_climb_to_the_current_one() -> None:
         assert frame.body == bodies.SupervisorState(state="running")
 
 
-KEEPS_NAMES = [("haptics.contact_model", 1), ("haptics.contacts", 1), ("haptics.contacts", 2)]
+OLD = [
+    ("haptics.contact_model", 1),
+    ("haptics.contacts", 1),
+    ("haptics.contacts", 2),
+    ("haptics.contacts", 3),
+    ("physics.state", 1),
+]
 
 
-@pytest.mark.parametrize(("name", "version"), KEEPS_NAMES)
+@pytest.mark.parametrize(("name", "version"), OLD)
 def test_what_old_frames_say_is_kept(name: str, version: int) -> None:
     """The golden frames of all versions are of the same sample: lifted, they differ in what was not said yet."""
     lifted = msgspec.to_builtins(decode((GOLDEN / f"{name}.v{version}.msgpack").read_bytes(), name).body)

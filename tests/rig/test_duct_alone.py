@@ -41,7 +41,7 @@ def test_runs_what_a_duct_calls_for_and_nothing_else(rig: Rig) -> None:
         "physics"
     ]
     last = states[-1]
-    assert last.tools == ()
+    assert last.reactions() == ()
     assert last.catheter.position_m.view().shape == (0, 3)
     assert last.contacts.kind.view().size == 0
     assert last.duct.q.view().size == 20

@@ -8,6 +8,7 @@ import pytest
 
 from protocol import bodies
 from protocol.arrays import pack
+from protocol.bodies.physics import reaction_table
 from services.mechanics.scene import SceneModel
 from services.visualization.composer import TOPICS, Composer
 from tests.memory_bus import MemoryBus, MemoryHub
@@ -34,7 +35,9 @@ class Rig:
         none = pack(np.zeros((0, 3)))
         catheter = bodies.Catheter(position_m=none, velocity_m_s=none, radius_m=0.5 * scene.catheter.outer_diameter_m)
         contacts = bodies.ContactForces(kind=pack([], "|i1"), point_m=none, force_n=none)
-        self.state = bodies.PhysicsState(tick=0, tools=(), duct=duct_of([0.0]), catheter=catheter, contacts=contacts)
+        self.state = bodies.PhysicsState(
+            tick=0, tools=reaction_table(()), duct=duct_of([0.0]), catheter=catheter, contacts=contacts
+        )
 
     def say(self, t: int = 1, **changes: object) -> None:
         """Physics says what it said, with `changes`."""
@@ -48,7 +51,7 @@ class Rig:
         self.out.publish("gateway.state", bodies.GatewayState(tick=tick, instruments=instruments), origin_ns=tick)
 
     def react(self, *tools: bodies.ToolReaction) -> None:
-        self.say(tools=tools)
+        self.say(tools=reaction_table(tools))
 
 
 def test_before_anything_arrives_the_duct_is_at_rest():

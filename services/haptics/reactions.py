@@ -1,0 +1,47 @@
+"""The solved reactions as they come: a table, a row a tool, that kernels read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.arrays import Array
+from protocol.bodies.physics import ToolReaction
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.scene.tools import N_TOOLS
+from services.runtime.flat_view import flat_view
+
+# Columns, see `PhysicsState.tools`.
+FORCE, PROXY, STIFFNESS, GRASP_TORQUE, GRASP_STIFFNESS, OPENING = 0, 6, 9, 18, 19, 20
+CONTACTS, HOLDS, HIP, ASKED = 21, 22, 23, 26
+
+
+class Reactions:
+    """The newest solved reaction of each tool.
+
+    Attributes
+    ----------
+    rows : (2, REACTION_COLUMNS) float64
+    """
+
+    def __init__(self) -> None:
+        self._none = np.array([ToolReaction().row()] * N_TOOLS)
+        self.rows: FloatArray = self._none.copy()
+        self._bytes = flat_view(self.rows).cast("B")
+
+    def take(self, table: Array) -> None:
+        """Take over a table (n, REACTION_COLUMNS); of tools that it does not have, what was known stays."""
+        data = table.data
+        if len(data) > len(self._bytes):
+            data = data[: len(self._bytes)]
+        self._bytes[: len(data)] = data
+
+    def forget(self) -> None:
+        """Physics is silent: no force is known any more."""
+        self.rows[:] = self._none
+
+
+@kernel
+def is_held(reactions: FloatArray, tool: int) -> bool:
+    """Return whether something touches or holds a tool."""
+    return bool(reactions[tool, CONTACTS] > 0.0 or reactions[tool, HOLDS] > 0.0)

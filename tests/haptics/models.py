@@ -1,0 +1,26 @@
+"""The local model that haptics makes of one reaction, by its names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.bodies import InstrumentState, LocalModel, ToolReaction
+from protocol.bodies.physics import reaction_table
+from services.haptics.instruments import InstrumentTable
+from services.haptics.local_model import LocalModels
+from services.haptics.reactions import Reactions
+from services.mechanics.scene import ForcepsScene
+
+
+def local_model(
+    reaction: ToolReaction, instrument: InstrumentState, forceps: ForcepsScene, *, touching: bool
+) -> LocalModel:
+    """Return the model of a tool that is the second of two, beside one that nothing was solved for."""
+    reactions, instruments = Reactions(), InstrumentTable(2)
+    reactions.take(reaction_table((ToolReaction(), reaction)))
+    other = InstrumentState(name="other", position_m=(0.0, 0.0, 0.0), velocity_m_s=(9.0, 9.0, 9.0))
+    instruments.take((other, instrument))
+    of_both = LocalModels((ForcepsScene(jaw_ratio=9.0), forceps), reactions.rows, instruments.rows)
+    free, model = of_both.table(2, touching=touching).view()
+    np.testing.assert_array_equal(free, 0.0)
+    return LocalModel.from_row(model)
