@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from machine_floor import Floor
-from report import Row, write_report
+from report import Row, end_in_good_order, write_report
 from watched_rig import STRESS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,10 +40,18 @@ def run_rig(rung: str, seconds: float, options: list[str]) -> dict[str, Any]:
         command = [str(Path(sys.executable).with_name("trocar")), "up", "--viewer", "none", "--seconds", str(seconds)]
         command += ["--json", str(file), *(word for each in where for word in ("--set", each)), *options]
         with Floor(seconds + 8.0) as floor:  # while it starts as well
-            ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-        if ran.returncode != 0:
-            raise SystemExit(f"trocar up ended with {ran.returncode}:\n{ran.stderr[-2000:]}")
-        return {**json.loads(file.read_text()), "floor": floor.cores}
+            rig = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            try:
+                said = rig.communicate()[1]
+            finally:
+                rig.terminate()  # which ends its processes, where this one is ended before
+                rig.wait()
+        if rig.returncode != 0:
+            raise SystemExit(f"trocar up ended with {rig.returncode}:\n{said[-2000:]}")
+        report = {**json.loads(file.read_text()), "floor": floor.cores}
+        rates = {loop: round(report["loops"][loop]["rate_hz"] or 0.0, 1) for loop in _LOOPS}
+        print(f"{rung}: {rates} Hz", file=sys.stderr, flush=True)
+        return report
 
 
 @contextmanager
@@ -66,6 +74,7 @@ def main() -> None:
     parser.add_argument("--stress", action="store_true", help="stress-ng on both cores beside it (a Debian package)")
     parser.add_argument("--name", default="ladder", help="of the table in benchmarks/results")
     arguments, options = parser.parse_known_args()
+    end_in_good_order()
     options = [option for option in options if option != "--"]
     rows: list[Row] = []
     runs: dict[str, list[dict[str, Any]]] = {rung: [] for rung in arguments.rungs}

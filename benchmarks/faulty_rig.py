@@ -31,12 +31,14 @@ class Fault:
 
     def __init__(self) -> None:
         self._until_s = 0.0
+        self.is_new = False
         signal.signal(signal.SIGUSR1, self._begin)
         for k, length_ms in enumerate(STALLS_MS):
             signal.signal(signal.SIGRTMIN + k, partial(_stand_still, 1e-3 * length_ms))
 
     def _begin(self, *_: object) -> None:
         self._until_s = time.monotonic() + LASTS_S
+        self.is_new = True
 
     def left_s(self) -> float:
         """Return for how long it still lasts."""
@@ -66,15 +68,16 @@ def flood(fault: Fault) -> None:
 
 
 def hold(fault: Fault) -> None:
-    """Let a write take as long as the fault lasts."""
+    """Let the next write take as long as a fault lasts."""
     from services.recorder import disk
 
     write_at = disk.write_at
 
     def slowly(file: int, data: bytes, offset: int) -> None:
-        if fault.left_s() > 0.0:
+        if fault.is_new:
+            fault.is_new = False
             Path(os.environ[BEGAN]).write_text(str(time.monotonic_ns()))
-            time.sleep(max(0.0, fault.left_s()))
+            time.sleep(LASTS_S)
         write_at(file, data, offset)
 
     disk.write_at = slowly
