@@ -16,6 +16,7 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -59,8 +60,13 @@ def bodies_of(scene: SceneModel) -> str:
     cells = "surface file" if duct.mesh_file is not None else f"{duct.n_around} x {duct.n_along} cells"
     parts = [f"duct ({cells}, {duct.n_modes} modes)"]
     if not scene.duct_alone:
-        parts += [f"catheter ({scene.catheter.n_segments})", f"{len(scene.forceps)} forceps"]
+        parts += [f"catheter ({scene.catheter.n_segments})", *_tools(scene)]
     return ", ".join(parts)
+
+
+def _tools(scene: SceneModel) -> list[str]:
+    counts = Counter(tool.kind for tool in scene.forceps)
+    return [f"{n} {kind}{'s' if n > 1 and kind != 'forceps' else ''}" for kind, n in counts.items()] or ["no tools"]
 
 
 def line_of(name: str, scene: SceneModel, run: dict[str, Any]) -> str:

@@ -70,10 +70,15 @@ class Moment:
 
 
 class WholeRig:
-    """Two simulated arms in a scene; `arms` are the settings of their drivers."""
+    """Two simulated arms in a scene; `arms` are the settings of their drivers, `hands` what a script "scene" means."""
 
     def __init__(
-        self, folder: Path, monkeypatch: pytest.MonkeyPatch, scene: SceneModel, arms: tuple[dict[str, Any], ...]
+        self,
+        folder: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        scene: SceneModel,
+        arms: tuple[dict[str, Any], ...],
+        hands: SceneHands | None = None,
     ) -> None:
         self.now_ns = 10**12
         in_time_of(monkeypatch, lambda: self.now_ns, self._sleep_until)
@@ -82,7 +87,7 @@ class WholeRig:
         self.scene = scene
         self.duct: ReducedDuct = build_scene_duct(scene, cache_directory() / "bases")
         gateway, haptics, physics = (MemoryProcess(name, hub, rig) for name in ("gateway", "haptics", "physics"))
-        self.gateway = gateway_process.Gateway(cast(Any, gateway), SceneHands())
+        self.gateway = gateway_process.Gateway(cast(Any, gateway), hands or SceneHands())
         haptics_meter = LoopMeter(1000.0, haptics_process.STAGES)
         self.haptics = haptics_process.Haptics(cast(Any, haptics), haptics_meter, scene, self.duct)
         physics_meter = LoopMeter(1000.0, physics_process.STAGES)
@@ -91,8 +96,8 @@ class WholeRig:
         self._clock = TickClock(physics_meter)
         self._listener = MemoryBus(hub, reads=["gateway.state", "physics.state"])
         self.tools = self.gateway.instruments
-        for tool in self.tools:
-            tool.grasp = ScriptedHandle(cast(SimulatedArm, tool.arm))
+        for tool, kind in zip(self.tools, scene.forceps, strict=True):
+            tool.grasp = ScriptedHandle(cast(SimulatedArm, tool.arm)) if kind.has_handle else None
         self.gateway.open()
         self.moments: list[Moment] = []
         self._index = 0

@@ -42,7 +42,8 @@ class Haptics:
         self._pairs = ContactPairs.allocate(scene.contact.capacity)
         self._writer = ContactsWriter(self._pairs)
         segment_m = scene.catheter.length_m / scene.catheter.n_segments
-        self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in enumerate(scene.forceps)]
+        jaws = [(i, each.jaws) for i, each in enumerate(scene.forceps)]
+        self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in jaws if each is not None]
         self._ttl_s = 0.02
         self._dropped_pairs = 0
         process.health.counts = self._counts
@@ -64,7 +65,8 @@ class Haptics:
         hands = self.tools.take_hands(n_tools)
         self._detect()
         detected = time.monotonic_ns()
-        holds = [hold for i in range(n_tools) for hold in self._grasps[i].update(self._pairs, self.tools.jaws(i))]
+        grasps = [each for each in self._grasps if each.tool < n_tools]
+        holds = [hold for grasp in grasps for hold in grasp.update(self._pairs, self.tools.jaws(grasp.tool))]
         body = self._writer.body(state.tick, hands, holds)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         self._meter.tick = state.tick

@@ -22,10 +22,10 @@ from services.haptics.reactions import (
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene import ProbeScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 
-#: Instruments of a device frame, at most; those without forceps get the free model.
+#: Instruments of a device frame, at most; those without a tool in the scene get the free model.
 _MOST = 8
 _ROW_BYTES = 8 * MODEL_COLUMNS
 # Columns of a model: f0, K, B, x0 and v0, then those of the grasp, and whether it touches.
@@ -58,30 +58,31 @@ class LocalModels:
 
     Parameters
     ----------
-    forceps
+    tools
         Of the scene.
     reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
         Live tables of what was solved and of what the hands do.
     """
 
-    def __init__(self, forceps: tuple[ForcepsScene, ...], reactions: FloatArray, instruments: FloatArray) -> None:
-        each = (*forceps, *(ForcepsScene(),) * (N_TOOLS - len(forceps)))
-        self._n_forceps = len(forceps)
+    def __init__(self, tools: tuple[ToolScene, ...], reactions: FloatArray, instruments: FloatArray) -> None:
+        each = (*tools, *(ProbeScene(),) * (N_TOOLS - len(tools)))
+        jaws = [tool.jaws for tool in each]  # of a tool that has none, the opening is always zero
+        self._n_tools = len(tools)
         self._felt = Felt(
             reactions=reactions,
             instruments=instruments,
             coupling_stiffness=np.array([f.coupling_stiffness_n_m for f in each]),
             coupling_damping=np.array([f.coupling_damping_n_s_m for f in each]),
-            jaw_damping=np.array([f.jaw_damping_nm_s_rad for f in each]),
-            jaw_ratio=np.array([f.jaw_ratio for f in each]),
-            jaw_max_angle=np.array([f.jaw_max_angle_rad for f in each]),
+            jaw_damping=np.array([j.jaw_damping_nm_s_rad if j else 0.0 for j in jaws]),
+            jaw_ratio=np.array([j.jaw_ratio if j else 1.0 for j in jaws]),
+            jaw_max_angle=np.array([j.jaw_max_angle_rad if j else 0.0 for j in jaws]),
             models=np.zeros((_MOST, MODEL_COLUMNS)),
         )
         self._models = self._felt.models
 
     def table(self, n_instruments: int, *, touching: bool) -> Array:
         """Return the models of so many instruments as they travel; all are free unless ``touching``."""
-        write_models(self._felt.address, min(n_instruments, self._n_forceps) if touching else 0)
+        write_models(self._felt.address, min(n_instruments, self._n_tools) if touching else 0)
         return Array("<f8", (n_instruments, MODEL_COLUMNS), self._models[:n_instruments].tobytes())
 
 

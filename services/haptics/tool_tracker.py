@@ -45,7 +45,7 @@ class ToolTracker:
     Parameters
     ----------
     scene
-        Whose forceps the tools are.
+        Whose tools they are.
     reactions : (2, REACTION_COLUMNS), instruments : (2, INSTRUMENT_COLUMNS)
         Live tables of what was solved and of what the hands do.
 
@@ -56,8 +56,8 @@ class ToolTracker:
     """
 
     def __init__(self, scene: SceneModel, reactions: FloatArray, instruments: FloatArray) -> None:
-        forceps = scene.forceps
-        self._body = ToolBody(forceps)
+        self._body = ToolBody(scene.forceps)
+        jaws = [tool.jaws for tool in self._body.forceps]  # of a tool that has none, the opening is always zero
         self.segments_m = self._body.segments
         self.radius_m = self._body.radius_m
         self.present = np.zeros(N_TOOLS, np.bool_)
@@ -65,8 +65,8 @@ class ToolTracker:
         self._hands = Hands(
             reactions=reactions,
             instruments=instruments,
-            jaw_ratio=np.array([f.jaw_ratio for f in self._body.forceps]),
-            jaw_max_angle=np.array([f.jaw_max_angle_rad for f in self._body.forceps]),
+            jaw_ratio=np.array([j.jaw_ratio if j else 1.0 for j in jaws]),
+            jaw_max_angle=np.array([j.jaw_max_angle_rad if j else 0.0 for j in jaws]),
             present=self.present,
             told=self._told,
         )

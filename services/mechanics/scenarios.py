@@ -14,7 +14,7 @@ import numpy as np
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.effects.gravity import GravitySettings
-from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
+from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel, ToolScene
 from services.mechanics.scene.minimum_jerk import minimum_jerk
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
@@ -62,7 +62,7 @@ class Scenario:
                 _write_tool(motion, self.scene.forceps[tool], time_s, tool, out)
 
 
-def _write_tool(motion: ToolMotion, forceps: ForcepsScene, time_s: float, tool: int, out: ToolInputs) -> None:
+def _write_tool(motion: ToolMotion, forceps: ToolScene, time_s: float, tool: int, out: ToolInputs) -> None:
     table = np.column_stack([np.array(motion.grip_point_m), motion.jaw_angle_rad, motion.roll_rad])
     value, rate = np.empty((2, table.shape[1]))
     minimum_jerk(np.array(motion.time_s), table, time_s, value, rate)
@@ -183,7 +183,7 @@ def paper_scene() -> SceneModel:
     stiffness of about 1 N/m.
     """
     scene = insertion_scene()
-    left, right = scene.forceps
+    left, right = (each.jaws for each in scene.forceps if each.jaws)
     return replace(
         scene,
         duct=replace(scene.duct, membrane="cst", bending="tocher", residual="none", n_modes=60),

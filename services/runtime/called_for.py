@@ -1,7 +1,7 @@
 """What a scene calls for: which processes, instruments and topics a rig needs to run it, and nothing else.
 
-Read off the scene file without its mechanics, so that a process which runs none of it need not load them. What the
-file says is checked by those that use it.
+Read off the scene file without its mechanics, so that a process which runs none of it need not load them: of these
+only the table of instruments, which says who has a handle. What the file says is checked by those that use it.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from protocol.topics import TOPICS
+from services.mechanics.scene.instruments import TOOLS, USUAL
 from services.runtime import config
-from services.runtime.rig import Rig
+from services.runtime.rig import InstrumentSettings, Rig
 
 #: Who is there for tools and catheter alone; physics keeps its own time without them.
 OF_CONTACT = ("gateway", "haptics")
@@ -26,12 +27,12 @@ class CalledFor:
     ----------
     duct_alone
         Whether there is nothing that could touch the duct.
-    forceps
-        How many tools are named, None where the file leaves that to the default.
+    tools
+        The kinds of the tools that are named, None where the file leaves that to the default.
     """
 
     duct_alone: bool = False
-    forceps: int | None = None
+    tools: tuple[str, ...] | None = None
 
     @property
     def idle(self) -> tuple[str, ...]:
@@ -48,18 +49,24 @@ class CalledFor:
         return any(process not in self.idle for process in (*row.readers, *row.observers))
 
     def fitted(self, rig: Rig) -> Rig:
-        """Return the rig without processes, instruments and contracts that have nothing to do in the scene."""
+        """Return the rig without processes, instruments, handles and contracts that have nothing to do in the scene."""
         if self.duct_alone:
             return _without_contact(rig)
-        if self.forceps is None or self.forceps >= len(rig.gateway.instruments):
+        if self.tools is None:
             return rig
-        fewer = rig.gateway.model_copy(update={"instruments": rig.gateway.instruments[: self.forceps]})
-        return rig.model_copy(update={"gateway": fewer})
+        held = tuple(_fitted(row, kind) for row, kind in zip(rig.gateway.instruments, self.tools, strict=False))
+        return rig.model_copy(update={"gateway": rig.gateway.model_copy(update={"instruments": held})})
 
 
 EVERYTHING = CalledFor()
 BESIDE_THE_DUCT = {"catheter", "forceps", "contact"}
 """Keys of a scene: one that names none of them is a duct alone."""
+
+
+def _fitted(row: InstrumentSettings, kind: str) -> InstrumentSettings:
+    """Return an instrument without its handle's drive where the tool has no handle."""
+    has_handle = kind not in TOOLS or TOOLS[kind].has_handle
+    return row if has_handle or row.grasp is None else row.model_copy(update={"grasp": None})
 
 
 def _without_contact(rig: Rig) -> Rig:
@@ -84,5 +91,8 @@ def called_for(scene: str, overrides: Iterable[str] = ()) -> CalledFor:
         if there is no such scene, or the file is not YAML.
     """
     data = config.read_scene(scene, overrides)
-    forceps = data.get("forceps")
-    return CalledFor(has_duct_alone(data), len(forceps) if isinstance(forceps, list) else None)
+    named = data.get("forceps")
+    if not isinstance(named, list):
+        return CalledFor(has_duct_alone(data))
+    kinds = tuple(str(each.get("kind", USUAL)) if isinstance(each, Mapping) else USUAL for each in named)
+    return CalledFor(has_duct_alone(data), kinds)

@@ -13,7 +13,7 @@ from typing import Any
 
 from services.cache_directory import cache_directory
 from services.mechanics.scenarios import ToolMotion
-from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene import ToolScene
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.runtime.errors import UserError
 from services.scenes.hands import hands_of, out_of_the_way, with_strokes
@@ -37,19 +37,19 @@ def hand_motions(scene_name: str, overrides: Iterable[str] = ()) -> list[dict[st
     scene = place_catheter(scene, mesh)
     scenario = with_strokes(hands_of(scene, mesh), STROKES)
     return [
-        _written(forceps, scenario.motions[tool] or out_of_the_way(scene, tool, mesh))
-        for tool, forceps in enumerate(scene.forceps)
+        _written(tool, scenario.motions[k] or out_of_the_way(scene, k, mesh)) for k, tool in enumerate(scene.forceps)
     ]
 
 
-def _written(forceps: ForcepsScene, motion: ToolMotion) -> dict[str, Any]:
+def _written(tool: ToolScene, motion: ToolMotion) -> dict[str, Any]:
     rows = zip(motion.time_s, motion.grip_point_m, motion.roll_rad, motion.jaw_angle_rad, strict=True)
+    ratio = tool.jaws.jaw_ratio if tool.jaws else 1.0
     breakpoints = [
-        {"time_s": time_s, "hip_m": point, "roll_rad": roll, "handle_rad": jaw / forceps.jaw_ratio}
+        {"time_s": time_s, "hip_m": point, "roll_rad": roll, "handle_rad": jaw / ratio}
         for time_s, point, roll, jaw in rows
     ]
     script = {"beyond_hip_m": motion.grip_offset_m, "breakpoints": breakpoints}
-    return {"port_m": forceps.port_position_m, "motion": script}
+    return {"port_m": tool.port_position_m, "motion": script}
 
 
 if __name__ == "__main__":

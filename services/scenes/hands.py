@@ -9,7 +9,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.scenarios import Scenario, ToolMotion
-from services.mechanics.scene import ForcepsScene, SceneModel
+from services.mechanics.scene import SceneModel, ToolScene
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import Opening, mouth_opening
 
@@ -24,6 +24,7 @@ JAW_REACH_M = 10e-3, 12e-3
 SQUEEZE_M = 0.8e-3
 """By how much jaws that close round the duct press into it, from either side."""
 PINCH_M = 2.5e-3
+PRESS_M = 2e-3
 AWAY_M = 50e-3
 """From the mouth, where a tool that has nothing to do waits."""
 STROKE_M = 4e-3
@@ -45,7 +46,7 @@ def hands_of(scene: SceneModel, mesh: TriangleMesh) -> Scenario:
         The duct, with the vertex set ``mouth``.
     """
     mouth = mouth_opening(mesh)
-    makers = {"insertion": _insertion, "pinch": _pinch, "none": _nothing}
+    makers = {"insertion": _insertion, "pinch": _pinch, "press": _press, "none": _nothing}
     return makers[scene.hands if scene.forceps else "none"](scene, mesh, mouth)
 
 
@@ -80,6 +81,36 @@ def _pinch(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
     )
 
 
+def _press(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
+    tool = len(scene.forceps) - 1  # the only one, or the second
+    hand = _pressing_hand(scene, tool, mesh, mouth)
+    return Scenario(
+        name="press",
+        what="the tip of one tool touches the duct from outside and presses on it",
+        duration_s=1.2,
+        scene=scene,
+        motions=(None, hand) if tool else (hand, None),
+    )
+
+
+def _pressing_hand(scene: SceneModel, at: int, mesh: TriangleMesh, mouth: Opening) -> ToolMotion:
+    """Go down on the duct behind its mouth with a tool that is shut, from the side on which its port is."""
+    tool, section = scene.forceps[at], _section(mesh, mouth)
+    beyond_m, radius_m = (tool.jaws.jaw_length_m, tool.jaws.jaw_radius_m) if tool.jaws else (0.0, tool.body_radius_m)
+    outward = _towards_port(tool, section.centre_m)
+    outward = outward - float(outward @ mouth.inward) * mouth.inward
+    outward /= float(np.linalg.norm(outward))
+    out_m = section.radius_m + 0.5 * scene.duct.thickness_m + radius_m
+    points = [section.centre_m + (out_m + way_m) * outward for way_m in (ABOVE_M, 1e-3, -PRESS_M)]
+    return ToolMotion(
+        time_s=_CLOSING_S,
+        grip_point_m=tuple(_tuple(point) for point in points),
+        jaw_angle_rad=(0.0,) * 3,
+        roll_rad=(0.0,) * 3,
+        grip_offset_m=beyond_m,
+    )
+
+
 def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
     """Take the catheter behind its tip, bring the tip before the mouth's middle, and push along the mouth's axis."""
     forceps, catheter = scene.forceps[0], scene.catheter
@@ -102,8 +133,10 @@ def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
 def _closing_hand(
     scene: SceneModel, tool: int, mesh: TriangleMesh, mouth: Opening, squeeze_m: float
 ) -> ToolMotion | None:
-    """Close round the duct behind its mouth; nobody where it is wider than the jaws open."""
-    forceps, section = scene.forceps[tool], _section(mesh, mouth)
+    """Close round the duct behind its mouth; nobody where it is wider than the jaws open, or there are none."""
+    forceps, section = scene.forceps[tool].jaws, _section(mesh, mouth)
+    if forceps is None:
+        return None
     half_m = section.radius_m + 0.5 * scene.duct.thickness_m + forceps.jaw_radius_m
     wide_rad, shut_rad = (
         2.0 * math.asin(min(gap / JAW_REACH_M[1], 1.0)) for gap in (half_m + 1e-3, half_m - squeeze_m)
@@ -181,7 +214,7 @@ def _section(mesh: TriangleMesh, mouth: Opening) -> _Section:
     return _Section(centre, float(np.linalg.norm(out, axis=1).max()))
 
 
-def roll_across(forceps: ForcepsScene, point_m: FloatArray, along: FloatArray) -> float:
+def roll_across(forceps: ToolScene, point_m: FloatArray, along: FloatArray) -> float:
     """Return the roll, within half a turn, at which jaws round ``point_m`` (3,) close across the direction (3,)."""
     shaft = -_towards_port(forceps, point_m)
     x, y, z = shaft
@@ -193,7 +226,7 @@ def roll_across(forceps: ForcepsScene, point_m: FloatArray, along: FloatArray) -
     return roll % math.pi
 
 
-def _towards_port(forceps: ForcepsScene, point_m: FloatArray) -> FloatArray:
+def _towards_port(forceps: ToolScene, point_m: FloatArray) -> FloatArray:
     arm = np.array(forceps.port_position_m) - point_m
     direction: FloatArray = arm / float(np.linalg.norm(arm))
     return direction

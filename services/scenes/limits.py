@@ -9,15 +9,13 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from services.mechanics.scene import CatheterScene, QualityLevel, SceneModel
+from services.mechanics.scene import CatheterScene, QualityLevel, SceneModel, ToolScene
 from services.mechanics.scene.tools import N_TOOLS
 
 _POSITIVE = {
     "duct": "radius_m length_m n_around n_along thickness_m youngs_modulus_pa density_kg_m3 n_modes mesh_edge_m "
     "mesh_lumen_diameter_m",
     "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
-    "forceps": "shaft_radius_m jaw_radius_m jaw_length_m jaw_ratio jaw_max_angle_rad coupling_stiffness_n_m "
-    "jaw_stiffness_nm_rad grasp_torque_nm",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
     "quality": "iterations touch_every cost_us",
 }
@@ -25,7 +23,6 @@ _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",
     "catheter": "inner_diameter_m before_mouth_m internal_damping_s viscous_drag_n_s_m2 introducer_to_tip_m "
     "introducer_friction introducer_seal_friction_n spectral_radius",
-    "forceps": "coupling_damping_n_s_m jaw_damping_nm_s_rad grip_friction release_angle_rad",
     "contact": "margin_m recovery penalty_damping_n_s_m",
     "quality": "force_error_percent motion_error_percent",
 }
@@ -42,8 +39,9 @@ LARGEST = 1e30
 def fault(scene: SceneModel) -> str:
     """Return what is wrong with the first number that is out of its bounds, with its key; empty for nothing."""
     for part, path, holder in _parts(scene):
-        for names, lowest, wanted in ((_POSITIVE, 0.0, "be positive"), (_NOT_NEGATIVE, -5e-324, "not be negative")):
-            for name in names.get(part, "").split():
+        positive, not_negative = _bounded(part, holder)
+        for names, lowest, wanted in ((positive, 0.0, "be positive"), (not_negative, -5e-324, "not be negative")):
+            for name in names:
                 value = getattr(holder, name)
                 if value is not None and not value > lowest:
                     return f"{path}.{name}: must {wanted}, is {value}"
@@ -55,7 +53,24 @@ def fault(scene: SceneModel) -> str:
                 return f"{path}.{name}: must not be above {LARGEST:g} in size, is {value:g}"
     if not len(scene.forceps) <= N_TOOLS:
         return f"forceps: at most {N_TOOLS}, are {len(scene.forceps)}"
-    return _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)
+    return _hands_fault(scene) or _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)
+
+
+def _bounded(part: str, holder: Any) -> tuple[Sequence[str], Sequence[str]]:
+    """Return which numbers of a part must be positive, and which not negative: a tool's kind says so itself."""
+    if isinstance(holder, ToolScene):
+        return holder.positive, holder.not_negative
+    return _POSITIVE.get(part, "").split(), _NOT_NEGATIVE.get(part, "").split()
+
+
+def _hands_fault(scene: SceneModel) -> str:
+    """Return what keeps a scene's hands from what they are for: the tool that inserts or pinches needs jaws."""
+    if not scene.forceps or scene.hands not in ("insertion", "pinch"):
+        return ""
+    at = 0 if scene.hands == "insertion" else len(scene.forceps) - 1
+    if scene.forceps[at].jaws is not None:
+        return ""
+    return f"hands: {scene.hands} needs jaws, and forceps.{at} is a {scene.forceps[at].kind}; press does without"
 
 
 def _catheter_fault(catheter: CatheterScene) -> str:

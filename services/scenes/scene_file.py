@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
+from functools import reduce
+from operator import or_
 from typing import Any, get_type_hints
 
 import pydantic
 from typing_extensions import TypedDict
 
 from services.mechanics.effects import EFFECTS, check_bodies, check_ladder
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import SceneModel, ToolScene
+from services.mechanics.scene.instruments import TOOLS, USUAL
 from services.mechanics.simulation.scene_catheter import check_catheter
 from services.mechanics.simulation.scene_duct import check_duct_numbers
 from services.runtime import config
@@ -22,9 +25,13 @@ from services.scenes import limits
 _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-def scene_file_type() -> type[pydantic.BaseModel]:
-    """Return the type that scene files are checked against, as the table of effects is now."""
+def scene_file_type(tools: tuple[type[ToolScene], ...] | None = None) -> type[pydantic.BaseModel]:
+    """Return the type that scene files are checked against, as the tables of effects and tools are now.
+
+    With ``tools``, the kinds that a file names: then only what these know is known.
+    """
     kinds = get_type_hints(SceneModel)
+    kinds["forceps"] = tuple[reduce(or_, TOOLS.values()), ...] if tools is None else tuple[tools]  # type: ignore[misc, valid-type]
     kinds["effects"] = TypedDict("Effects", {name: entry.kind.Settings for name, entry in EFFECTS.items()}, total=False)  # type: ignore[operator]
     said = [field for field in fields(SceneModel) if "follows" not in field.metadata]
     keys: dict[str, Any] = {field.name: (kinds[field.name], _default(field)) for field in said}
@@ -38,6 +45,18 @@ def _default(field: Field[Any]) -> Any:
     return field.default
 
 
+def _named_tools(data: Mapping[str, Any], where: str) -> tuple[type[ToolScene], ...] | None:
+    """Return the kinds of a scene's tools, None where it names none."""
+    named = data.get("forceps")
+    if not isinstance(named, list) or not named:
+        return None
+    kinds = [each.get("kind", USUAL) if isinstance(each, Mapping) else USUAL for each in named]
+    for k, kind in enumerate(kinds):
+        if not isinstance(kind, str) or kind not in TOOLS:
+            raise ConfigError(f"{where}: forceps.{k}.kind: there is no tool {kind!r}; known: {', '.join(TOOLS)}")
+    return tuple(TOOLS[kind] for kind in kinds)
+
+
 def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
     """Return the scene that the mapping of a file describes.
 
@@ -46,7 +65,7 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
     ConfigError
         one sentence that begins with `where` and the path of the key.
     """
-    checked = config.build(scene_file_type(), data, where)
+    checked = config.build(scene_file_type(_named_tools(data, where)), data, where)
     said = {name: getattr(checked, name) for name in type(checked).model_fields}
     if has_duct_alone(data):
         if data.get("hands", "none") != "none":

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from services.mechanics.scene.instruments import DrawnPart
 from services.visualization.picture import Layout, Picture, ToolShape
 
 PROTOCOL = "trocar-view/1"
@@ -43,6 +44,7 @@ def encode_hello(layout: Layout) -> str:
                     "name": tool.name,
                     "port_m": tool.port_m,
                     "shaft_radius_m": tool.shaft_radius_m,
+                    "parts": [{"material": part.material, "profile_m": part.profile} for part in tool.parts],
                     "jaw_length_m": tool.jaw_length_m,
                     "jaw_radius_m": tool.jaw_radius_m,
                 }
@@ -74,8 +76,13 @@ def decode_hello(text: str) -> Layout:
         clamped=tuple(duct["clamped"]),
         n_particles=catheter["n_points"],
         catheter_radius_m=catheter["radius_m"],
-        tools=tuple(ToolShape(**{**tool, "port_m": tuple(tool["port_m"])}) for tool in hello["tools"]),
+        tools=tuple(map(_tool, hello["tools"])),
     )
+
+
+def _tool(said: dict[str, Any]) -> ToolShape:
+    parts = tuple(DrawnPart(part["material"], tuple(map(tuple, part["profile_m"]))) for part in said["parts"])
+    return ToolShape(**{**said, "port_m": tuple(said["port_m"]), "parts": parts})
 
 
 def encode(picture: Picture, sent_ns: int) -> bytes:

@@ -13,7 +13,7 @@ import protocol.bodies as bodies
 from protocol import Frame
 from protocol.topics import observed_by
 from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scene import ForcepsScene, SceneModel
+from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from services.runtime.bus import Bus
 from services.visualization import tool_pose
 from services.visualization.drawn_surface import DrawnSurface
@@ -117,11 +117,10 @@ class Composer:
             )
 
     def _shape(self, index: int, instrument: bodies.InstrumentState) -> ToolShape:
-        """Return how an instrument looks: the scene's forceps in the order of the rig's instruments."""
-        shape = self._forceps(index)
-        return ToolShape(
-            instrument.name, instrument.port_m, shape.shaft_radius_m, shape.jaw_length_m, shape.jaw_radius_m
-        )
+        """Return how an instrument looks: the scene's tools in the order of the rig's instruments."""
+        tool = self._tool(index)
+        jaws = (tool.jaws.jaw_length_m, tool.jaws.jaw_radius_m) if tool.jaws else (0.0, 0.0)
+        return ToolShape(instrument.name, instrument.port_m, tool.shaft_radius_m, tool.drawn(), *jaws)
 
     def _pose_tools(
         self,
@@ -142,16 +141,18 @@ class Composer:
             if reaction is not None:
                 picture.force_n[i] = reaction.force_n
 
-    def _forceps(self, index: int) -> ForcepsScene:
-        forceps = self._scene.forceps
-        return forceps[min(index, len(forceps) - 1)] if forceps else _USUAL
+    def _tool(self, index: int) -> ToolScene:
+        tools = self._scene.forceps
+        return tools[min(index, len(tools) - 1)] if tools else _USUAL
 
     def _jaw(self, index: int, instrument: bodies.InstrumentState, reaction: bodies.ToolReaction | None) -> float:
         """Return the opening of the jaws: where what they hold stops them, else what the handle asks for."""
+        jaws = self._tool(index).jaws
+        if jaws is None:
+            return 0.0
         if reaction is not None and reaction.proxy_jaw_angle_rad >= 0.0:
             return reaction.proxy_jaw_angle_rad
-        shape = self._forceps(index)
-        return min(max(shape.jaw_ratio * instrument.handle_angle_rad, 0.0), shape.jaw_max_angle_rad)
+        return min(max(jaws.jaw_ratio * instrument.handle_angle_rad, 0.0), jaws.jaw_max_angle_rad)
 
 
 def _nodes(duct: ReducedDuct, vertex_set: str) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""What moves in a picture drawn with pyvista: duct, catheter, forceps, arrows of the forces on them."""
+"""What moves in a picture drawn with pyvista: duct, catheter, tools, arrows of the forces on them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from services.visualization.tube import spline, sweep_tube, tube_triangles
 from services.visualization.wall import Wall
 
 _STEEL, _SLEEVE, _CANNULA = "#b4bbc2", "#2a2e33", "#8ea4b8"
+_METAL = {"sleeve": _SLEEVE, "steel": _STEEL}
 _BODY, _MARK, _BORE = "#d8a63c", "#1d1b18", "#2a1f12"
 _SIDES, _PER_SEGMENT = 12, 3
 #: Rounded tip: how far each of its rings is ahead of the last, and its radius, in radii; the last is in the lumen.
@@ -128,28 +129,25 @@ class Catheter:
         return np.repeat(colours, _SIDES, axis=0).astype(np.uint8)
 
 
-class Forceps:
-    """One forceps: sleeve, clevis and two jaws, moved as rigid bodies, in the tube of its port."""
+class Tool:
+    """One tool: round parts, and two jaws if it has any, moved as rigid bodies, in the tube of its port."""
 
     def __init__(self, plotter: pv.Plotter, shape: ToolShape) -> None:
-        blade = instruments.jaw(shape)
         self._port_m = shape.port_m
-        self._shaft = [
-            _solid(plotter, instruments.sleeve(shape), _SLEEVE),
-            _solid(plotter, instruments.clevis(shape), _STEEL),
-        ]
-        self._jaws = [_solid(plotter, blade.copy(), _STEEL) for _ in range(2)]
+        self._shaft = [_solid(plotter, instruments.round_part(part), _METAL[part.material]) for part in shape.parts]
+        self._jaws = [_solid(plotter, instruments.jaw(shape), _STEEL) for _ in range(2 * shape.has_jaws)]
         self._cannula = _solid(plotter, instruments.cannula(shape), _CANNULA)
         self.actors = [*self._shaft, *self._jaws, self._cannula]
 
     def place(self, pose: Float32Array, opening_rad: float) -> None:
-        """Move to a pose (7,) with the jaws `opening_rad` apart."""
+        """Move to a pose (7,), with the jaws, if there are any, `opening_rad` apart."""
         transform = pose_matrix(pose)
         for actor in self._shaft:
             actor.user_matrix = transform
-        jaw_a, jaw_b = self._jaws
-        jaw_a.user_matrix = transform @ _turn("z", 0.5 * opening_rad)
-        jaw_b.user_matrix = transform @ _turn("z", -0.5 * opening_rad) @ _turn("x", np.pi)
+        if self._jaws:
+            jaw_a, jaw_b = self._jaws
+            jaw_a.user_matrix = transform @ _turn("z", 0.5 * opening_rad)
+            jaw_b.user_matrix = transform @ _turn("z", -0.5 * opening_rad) @ _turn("x", np.pi)
         at_port = transform.copy()
         at_port[:3, 3] = self._port_m
         self._cannula.user_matrix = at_port

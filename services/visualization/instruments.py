@@ -1,4 +1,4 @@
-"""Shapes of the instruments in their own frames: x along the shaft, y the way jaw A opens."""
+"""Shapes of the instruments' parts in their own frames: x along the shaft, y the way jaw A opens."""
 
 from __future__ import annotations
 
@@ -8,23 +8,16 @@ import numpy as np
 import pyvista as pv
 
 from services.mechanics.arrays import Float32Array
+from services.mechanics.scene.instruments import DrawnPart
 from services.visualization.picture import ToolShape
 from services.visualization.tube import sweep_tube, tube_triangles
 
-_SHAFT_M = 0.26
 _RINGS, _ARCS = 64, 10
 
 
-def sleeve(shape: ToolShape) -> pv.PolyData:
-    """Return the dark shaft."""
-    r = shape.shaft_radius_m
-    return _lathe([(-_SHAFT_M, r), (-9e-3, r), (-9e-3, 0.0)])
-
-
-def clevis(shape: ToolShape) -> pv.PolyData:
-    """Return the steel between shaft and jaws."""
-    r, j = shape.shaft_radius_m, shape.jaw_radius_m
-    return _lathe([(-9e-3, 0.96 * r), (-6e-3, 0.82 * r), (-1e-3, 1.7 * j), (0.6e-3, 1.25 * j), (0.6e-3, 0.0)])
+def round_part(part: DrawnPart) -> pv.PolyData:
+    """Return the surface of a part that is round about the shaft's axis."""
+    return _lathe(part.profile)
 
 
 def cannula(shape: ToolShape) -> pv.PolyData:

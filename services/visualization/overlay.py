@@ -9,7 +9,7 @@ import pyvista as pv
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
 
-from services.visualization.picture import Layout, Picture
+from services.visualization.picture import Layout, Picture, ToolShape
 
 HELP = "1 scope 2 mouth 3 side 4 top 5 ports   M mirror F forces L lens   drag turns, wheel zooms   H help  Q ends"
 _LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity
@@ -53,7 +53,7 @@ class Overlay:
         """Write the figures of a picture."""
         sizes = np.linalg.norm(picture.force_n, axis=1)
         rows = zip(layout.tools, sizes, picture.jaw_rad, strict=True)
-        lines = [f"{tool.name:<8}{_force(float(n)):>9}{np.degrees(float(jaw)):5.0f}°" for tool, n, jaw in rows]
+        lines = [f"{tool.name:<8}{_force(float(n)):>9}{_opening(tool, float(jaw))}" for tool, n, jaw in rows]
         self._texts["tools"].SetInput("\n".join(lines))
         inserted = f"inserted {1e3 * picture.inserted_length_m:.1f} mm"
         self._texts["figures"].SetInput(f"{inserted}\nrig time {1e-3 * picture.tick:.1f} s\npicture {rate_hz:.0f} Hz")
@@ -68,6 +68,10 @@ class Overlay:
 
 def _force(newton: float) -> str:
     return f"{1e3 * newton:.1f} mN" if newton < 0.1 else f"{newton:.2f} N"
+
+
+def _opening(tool: ToolShape, jaw_rad: float) -> str:
+    return f"{np.degrees(jaw_rad):5.0f}°" if tool.has_jaws else ""
 
 
 def _text(renderer: Any) -> vtkTextActor:

@@ -7,17 +7,24 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from services.mechanics.arrays import Float32Array, IntArray
+from services.mechanics.scene.instruments import DrawnPart
 
 
 @dataclass(frozen=True, slots=True)
 class ToolShape:
-    """The unchanging part of one forceps, SI units, world frame."""
+    """The unchanging part of one tool, SI units: its round parts in its own frame, and jaws if it has any."""
 
     name: str
     port_m: tuple[float, float, float]
     shaft_radius_m: float
-    jaw_length_m: float
-    jaw_radius_m: float
+    parts: tuple[DrawnPart, ...]
+    jaw_length_m: float = 0.0
+    jaw_radius_m: float = 0.0
+
+    @property
+    def has_jaws(self) -> bool:
+        """Whether there are jaws to draw."""
+        return self.jaw_length_m > 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkCommonTransforms import vtkTransform
 
 from services.visualization import cameras
-from services.visualization.drawn_bodies import Catheter, Duct, ForceArrow, Forceps, add_piece
+from services.visualization.drawn_bodies import Catheter, Duct, ForceArrow, Tool, add_piece
 from services.visualization.picture import Layout, Picture
 from services.visualization.scenery import scenery
 
@@ -134,5 +134,5 @@ class Renderer:
             add_piece(plotter, piece, per_pixel=effects.per_pixel)
         self._duct = Duct(plotter, layout, fine=effects.fine, per_pixel=effects.per_pixel)
         self._catheter = Catheter(plotter, layout, per_pixel=effects.per_pixel) if layout.n_particles > 1 else None
-        self._tools = [Forceps(plotter, shape) for shape in layout.tools]
+        self._tools = [Tool(plotter, shape) for shape in layout.tools]
         self._arrows = [ForceArrow(plotter) for _ in layout.tools]

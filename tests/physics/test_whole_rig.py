@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 
+from services.gateway.scene_hands import SceneHands
 from services.gateway.servo_law import MOST_OWED_J
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
@@ -21,7 +22,9 @@ from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.scenarios import insertion
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.runtime import config
 from services.scenes import load_scene
+from services.scenes.hand_motions import hand_motions
 from services.studies.accuracy.pinches import full_model
 from tests.physics.conftest import SMALL
 from tests.whole_rig import WholeRig
@@ -36,15 +39,45 @@ def test_a_pinch_is_the_full_finite_elements_and_the_arm_applies_it(
 ) -> None:
     scene = replace(insertion().scene, effects={})
     rig = WholeRig(tmp_path, monkeypatch, scene, ({}, {"scenario": "insertion", "pace": PACE}))
-    last = rig.run(3.0)[-1]
+    rig.run(3.0)
+    work_j, full_j = work_of_the_wall(rig)
+    assert full_j == pytest.approx(work_j, rel=0.02)
+    the_arm_applies_what_is_solved(rig)
+
+
+def test_a_probe_presses_as_on_the_full_finite_elements_and_the_arm_applies_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = load_scene("probe", ("effects={}",))
+    hands = config.build(SceneHands, {"hands": hand_motions("probe", ("effects={}",))}, "hands")
+    rig = WholeRig(tmp_path, monkeypatch, scene, ({}, {"script": "scene", "pace": PACE}), hands)
+    rig.run(1.7)  # it presses from 1.3 s on, and comes back from 1.9 s on
+    work_j, full_j = work_of_the_wall(rig)
+    assert full_j == pytest.approx(work_j, rel=0.01)
+    the_arm_applies_what_is_solved(rig)
+    probe = rig.moments[-1].devices.instruments[1]
+    assert (probe.handle_angle_rad, probe.applied_grasp_torque_nm) == (0.0, 0.0)
+    assert not any(moment.solved.reactions()[1].holds for moment in rig.moments)
+
+
+def work_of_the_wall(rig: WholeRig) -> tuple[float, float]:
+    """Return the work of the wall's loads on its displacements, as the rig has them and as the full elements do.
+
+    Of a linear wall, the force that a given indentation takes goes as the force over the indentation.
+    """
+    last = rig.moments[-1]
     loads_n = np.zeros((rig.duct.mesh.n_vertices, 3))
     np.add.at(loads_n, last.solved.duct.load_node.view(), last.solved.duct.load_force_n.view())
     moved_m = rig.physics.simulation.duct.surface_m() - rig.duct.mesh.vertices_m
     assert np.linalg.norm(moved_m, axis=1).max() > 1e-3
-    model = full_model(scene.duct)
+    model = full_model(rig.scene.duct)
     full_m = nodal_translations(model, factorise(csc_array(model.K_free)).solve(free_load(model, loads_n)))
-    # Of a linear wall, the force that a given closing takes goes as the force over the closing.
-    assert np.sum(loads_n * full_m) == pytest.approx(np.sum(loads_n * moved_m), rel=0.02)
+    return float(np.sum(loads_n * moved_m)), float(np.sum(loads_n * full_m))
+
+
+def the_arm_applies_what_is_solved(rig: WholeRig) -> None:
+    """Of the second tool, at rest: within 2 % of what physics found, and nothing owed."""
+    last = rig.moments[-1]
     felt_n = np.array(last.devices.instruments[1].applied_force_n)
     np.testing.assert_allclose(felt_n, last.solved.reactions()[1].force_n, atol=0.02 * np.linalg.norm(felt_n))
     assert np.linalg.norm(felt_n) > 5e-3

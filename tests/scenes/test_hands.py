@@ -77,6 +77,26 @@ def test_a_pinch_presses_the_duct_together_and_touches_nothing_else(tmp_path):
     assert not simulation.tools.present[0]
 
 
+@pytest.mark.parametrize("tools", [slice(0, 2), slice(1, 2)], ids=["beside a forceps", "alone"])
+def test_a_probe_presses_the_duct_from_outside(tmp_path, tools):
+    scene = load_scene("probe", SMALLER)
+    simulation, largest_n = played(replace(scene, forceps=scene.forceps[tools]), tmp_path)
+    assert 3e-3 < largest_n < 0.1
+    moved_m = np.linalg.norm(simulation.duct.surface_m() - simulation.duct.reduced.mesh.vertices_m, axis=1)
+    assert moved_m.max() > 1e-3
+
+
+def test_shut_jaws_press_as_a_probe_does(tmp_path):
+    scene = load_scene("probe", [*SMALLER, "forceps=[{port_position_m: [0.01, 0.07, 0.11]}]"])
+    assert played(scene, tmp_path)[1] > 3e-3
+
+
+def test_a_hand_that_has_no_jaws_to_steady_the_duct_stays_away(tmp_path):
+    probe = load_scene("probe").forceps[1]
+    scene = replace(load_scene("insertion", SMALLER), forceps=(load_scene("insertion").forceps[0], probe))
+    assert hands_of(scene, scene_mesh(scene.duct)).motions[1] is None
+
+
 def test_no_hands_are_there_where_none_are_wanted(tmp_path):
     scene = replace(insertion_scene(), hands="none")
     hands = hands_of(scene, scene_mesh(scene.duct))

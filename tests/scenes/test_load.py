@@ -90,6 +90,18 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
         ("duct: {radius_m: .nan}", r"duct.radius_m: input should be a finite number"),
         ("catheter: {length_m: true}", r"catheter.length_m: input should be a valid number"),
         ("forceps: [{}, {}, {}]", r"a.yaml: forceps: at most 2, are 3"),
+        ("forceps: [{}, {kind: spoon}]", r"a.yaml: forceps.1.kind: there is no tool 'spoon'; known: forceps, probe"),
+        ("forceps: [{}, {kind: [probe]}]", r"a.yaml: forceps.1.kind: there is no tool \['probe'\]; known: forceps, p"),
+        ("forceps: [{}, 3]", r"a.yaml: forceps.1: input should be an object"),
+        ("forceps: 3", r"a.yaml: forceps: input should be a valid"),
+        (
+            "forceps: [{}, {kind: probe, jaw_length_m: 0.01}]",
+            r"a.yaml: forceps.1.jaw_length_m: unknown key 'jaw_length_m'; known: coupling_.*, tip_radius_m$",
+        ),
+        ("forceps: [{}, {kind: probe, tip_radius_m: 0}]", r"forceps.1.tip_radius_m: must be positive, is 0"),
+        ("forceps: [{tip_radius_m: 1.0e-3}]", r"a.yaml: forceps.0.tip_radius_m: unknown key 'tip_radius_m'; known"),
+        ("forceps: [{kind: probe}]", r"a.yaml: hands: insertion needs jaws, and forceps.0 is a probe; press does wi"),
+        ("{forceps: [{}, {kind: probe}], hands: pinch}", r"hands: pinch needs jaws, and forceps.1 is a probe"),
         ("{duct: {}, hands: pinch}", r"a.yaml: hands: pinch needs a tool, and the scene names but a duct"),
         (
             "{duct: {}, effects: {friction: {}}}",

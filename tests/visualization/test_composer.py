@@ -9,7 +9,7 @@ import pytest
 from protocol import bodies
 from protocol.arrays import pack
 from protocol.bodies.physics import reaction_table
-from services.mechanics.scene import SceneModel
+from services.mechanics.scene import ForcepsScene, ProbeScene, SceneModel
 from services.visualization.composer import TOPICS, Composer
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.visualization.small_duct import MODES, make_duct
@@ -27,10 +27,10 @@ def duct_of(q: Iterable[float], nodes: Iterable[int] = (), forces: object = (), 
 class Rig:
     """A composer, and a hand on every publisher that it reads."""
 
-    def __init__(self) -> None:
+    def __init__(self, scene: SceneModel | None = None) -> None:
         hub = MemoryHub()
         self.out = MemoryBus(hub, publishes=TOPICS)
-        scene = SceneModel()
+        scene = scene or SceneModel()
         self.composer = Composer(MemoryBus(hub, reads=TOPICS), scene, "test", DUCT)
         none = pack(np.zeros((0, 3)))
         catheter = bodies.Catheter(position_m=none, velocity_m_s=none, radius_m=0.5 * scene.catheter.outer_diameter_m)
@@ -155,3 +155,21 @@ def test_jaws_open_as_the_handle_asks_until_something_is_between_them():
     assert rig.composer.compose().jaw_rad[0] == pytest.approx(forceps.jaw_max_angle_rad)
     rig.react(bodies.ToolReaction(proxy_jaw_angle_rad=0.2))
     assert rig.composer.compose().jaw_rad[0] == pytest.approx(0.2)
+
+
+def test_a_tool_without_jaws_is_drawn_without():
+    rig = Rig(SceneModel(forceps=(ForcepsScene(), ProbeScene(tip_radius_m=2e-3))))
+    port_m = (0.0, 0.0, 0.1)
+    rig.hold(
+        *(
+            bodies.InstrumentState(name=name, position_m=(0.0, 0.0, 0.02), port_m=port_m, handle_angle_rad=0.4)
+            for name in "ab"
+        )
+    )
+    picture = rig.composer.compose()
+    forceps, probe = rig.composer.layout.tools
+    assert forceps.has_jaws
+    assert not probe.has_jaws
+    assert picture.jaw_rad == pytest.approx([0.4, 0.0])
+    assert max(radius for _, radius in probe.parts[-1].profile) == pytest.approx(2e-3)
+    assert probe.parts[-1].profile[-1] == pytest.approx((2e-3, 0.0))

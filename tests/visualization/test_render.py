@@ -10,6 +10,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+from services.mechanics.scene import ForcepsScene
 from services.visualization import codec
 from services.visualization.picture import Layout, Picture, ToolShape
 from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read
@@ -24,7 +25,7 @@ pytestmark = [
 def a_scene() -> tuple[Layout, Picture]:
     mesh = make_duct().mesh
     rest = mesh.vertices_m.astype(np.float32)
-    tool = ToolShape("left", (0.02, 0.0, 0.15), 2.5e-3, 15e-3, 1e-3)
+    tool = ToolShape("left", (0.02, 0.0, 0.15), 2.5e-3, ForcepsScene().drawn(), 15e-3, 1e-3)
     layout = Layout(1, "test", rest, mesh.triangles, 5e-4, (), (), 10, 8e-4, (tool,))
     line = np.linspace([0.06, 0.0, 0.0], [0.03, 0.0, 0.0], 10, dtype=np.float32)
     pose = np.array([[0.02, 0.0, 0.02, 0.7071, 0.0, 0.7071, 0.0]], np.float32)  # shaft straight down

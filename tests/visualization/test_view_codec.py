@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.mechanics.scene import ForcepsScene, ProbeScene
 from services.visualization import codec
 from services.visualization.picture import Layout, Picture, ToolShape
 from services.visualization.web import build
@@ -17,7 +18,8 @@ _MILLIMETRES = 1000.0
 
 def a_layout(n: int = 6, m: int = 4) -> Layout:
     random = np.random.default_rng(1)
-    tools = tuple(ToolShape(name, (0.1, i * 0.2, 0.3), 2.5e-3, 15e-3, 1e-3) for i, name in enumerate(("left", "right")))
+    left = ToolShape("left", (0.1, 0.0, 0.3), 2.5e-3, ForcepsScene().drawn(), 15e-3, 1e-3)
+    tools = (left, ToolShape("right", (0.1, 0.2, 0.3), 2.5e-3, ProbeScene().drawn()))
     return Layout(
         epoch=3,
         scene="test",

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from services.mechanics.scene import ForcepsScene
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.runtime.errors import DeviceError
 from services.runtime.health import LatencyPath
@@ -108,7 +109,8 @@ def a_scene() -> tuple[Layout, Picture]:
     """A duct with the catheter on its way in, a forceps at each of them."""
     mesh = parametric_duct(DuctGeometry(radius_m=4e-3, length_m=40e-3, n_around=16, n_along=20))
     rest = mesh.vertices_m.astype(np.float32)
-    tools = tuple(ToolShape(name, port, 2.5e-3, 18e-3, 1.2e-3) for name, port in PORTS.items())
+    parts = ForcepsScene(jaw_radius_m=1.2e-3).drawn()
+    tools = tuple(ToolShape(name, port, 2.5e-3, parts, 18e-3, 1.2e-3) for name, port in PORTS.items())
     mouth, held = (tuple(int(i) for i in mesh.vertex_sets[name]) for name in ("mouth", "clamped"))
     layout = Layout(1, "test", rest, mesh.triangles, 6e-4, mouth, held, 40, 1e-3, tools)
     line = np.linspace(CATHETER_END_M, [0.03, 0.0, 0.0], 40).astype(np.float32)

@@ -30,7 +30,7 @@ from services.mechanics.compiled.vectors import (
 )
 
 Tools = tuple[FloatArray, FloatArray, BoolArray]
-"""(segments (n_tools, 3, 2, 3), radii (n_tools, 3), present (n_tools,))."""
+"""(segments (n_tools, 3, 2, 3), radii (n_tools, 3), zero where there is no segment, present (n_tools,))."""
 
 # Contacts per tool segment: the deepest in each of so many equal stretches of it.
 STRETCHES = 6
@@ -100,7 +100,7 @@ def detect_capsules(
     for tool in range(tools[0].shape[0]):
         for segment in range(n_segments):
             i = tool * n_segments + segment
-            if tools[2][tool]:
+            if tools[2][tool] and tools[1][tool, segment] > 0.0:
                 thickness = tools[1][tool, segment] + sizes[0]
                 ends = segment_ends(tools, tool, segment)
                 _find_deepest(memory, i, ends, particles, thickness + sizes[1])

@@ -1,4 +1,4 @@
-"""Contacts of the forceps' shafts and jaws with the wall of the duct and with the catheter."""
+"""Contacts of the tools' shafts, tips and jaws with the wall of the duct and with the catheter."""
 
 from __future__ import annotations
 
@@ -77,8 +77,10 @@ class ToolContactDetector:
         Parameters
         ----------
         segments_m : (n_tools, 3, 2, 3) float64
-            Start and end of shaft (port to junction) and jaws (junction to tip).
+            Start and end of shaft (port to junction) and jaws (junction to tip). A segment without length is a
+            sphere.
         radii_m : (n_tools, 3) float64
+            0 where a tool has no such segment.
         particle_positions_m : (n, 3) float64
         pairs_out : ContactPairs
         present : (n_tools,) bool, optional

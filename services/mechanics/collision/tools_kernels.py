@@ -74,13 +74,15 @@ def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) ->
         first = tool * PROBES_PER_TOOL
         for segment in range(N_SEGMENTS):
             count = SHAFT_PROBES if segment == SHAFT else JAW_PROBES
-            if tools[2][tool]:
+            if tools[2][tool] and tools[1][tool, segment] > 0.0:
                 ends, thickness = (
                     segment_ends(tools, tool, segment),
                     tools[1][tool, segment] + detection.half_thickness_m,
                 )
                 for k in range(count):
-                    _advance_piece(detection, first + k, _piece(segment, k, ends), thickness + detection.margin_m)
+                    piece, reach = _piece(segment, k, ends), thickness + detection.margin_m
+                    # The first is always: where it has no length, the whole segment is a sphere.
+                    _advance_piece(detection, first + k, piece, reach, k == 0 or piece[0] != piece[1])
                 _write_segment(detection, (tool, segment), (first, first + count), ends, thickness, pairs)
             else:
                 for k in range(count):
@@ -89,9 +91,11 @@ def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) ->
 
 
 @kernel
-def _advance_piece(detection: ToolDetection, i: int, ends: tuple[Vector, Vector], reach: float) -> None:
-    if ends[0] == ends[1]:
-        # Beyond the port: this part of the shaft is outside the patient.
+def _advance_piece(
+    detection: ToolDetection, i: int, ends: tuple[Vector, Vector], reach: float, is_inside: bool
+) -> None:
+    """Move a piece that is inside the patient; the others, beyond the port, have no past."""
+    if not is_inside:
         forget(detection.probes, i)
     else:
         body, wall, look = detection.shell.body, detection.shell.wall, (reach, index(UNKNOWN))

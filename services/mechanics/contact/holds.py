@@ -10,7 +10,7 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, 
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
-from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene import ToolScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 
 # Of what comes from a peer, which may have rounded it.
@@ -68,13 +68,14 @@ class HoldRegistry:
     dropped : int
         Requests that found no room since the start, each counted in every step.
     refused : int
-        Requests since the start that name nothing that is there, or hold it with a NaN; counted in every step.
+        Requests since the start that name nothing that is there, jaws included, or hold it with a NaN; counted in
+        every step.
     took_up : bool
         Whether a hold was taken up in this step.
     dissipated_j : float
     """
 
-    def __init__(self, forceps: tuple[ForcepsScene, ...], system: ContactSystem) -> None:
+    def __init__(self, forceps: tuple[ToolScene, ...], system: ContactSystem) -> None:
         self._system = system
         self.active: dict[int, ActiveHold] = {}
         self.rows = range(0)
@@ -92,9 +93,11 @@ class HoldRegistry:
             DUCT_TRIANGLE: geometry.wall.triangles.shape[0],
             CATHETER_SEGMENT: geometry.rod.position.shape[0] - 1,
         }
-        for tool, each in enumerate(forceps):
-            width_m = 3.0 * each.jaw_radius_m
-            self._arrays.reach[tool] = width_m, each.jaw_length_m + width_m
+        self._without_jaws = {tool for tool, each in enumerate(forceps) if each.jaws is None}
+        for tool, jaws in enumerate(each.jaws for each in forceps):
+            if jaws is not None:
+                width_m = 3.0 * jaws.jaw_radius_m
+                self._arrays.reach[tool] = width_m, jaws.jaw_length_m + width_m
 
     def follow(self, requests: list[GraspHold]) -> None:
         """Take up new requests, update limits, drop what is no longer asked for, or by a tool that is gone."""
@@ -190,6 +193,7 @@ class HoldRegistry:
         """Whether a request means something; what does not is counted."""
         is_sound = (
             0 <= request.tool < N_TOOLS
+            and request.tool not in self._without_jaws
             and 0 <= request.target < self._n_targets.get(request.target_kind, 0)
             and math.isfinite(request.jaw_angle_rad)
             and request.limit_n >= 0.0

@@ -7,12 +7,13 @@ only wants to know how a hand moves is up half a second earlier without.
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from services.mechanics.scene.instruments import ForcepsScene, ProbeScene, ToolScene
+
 if TYPE_CHECKING:
     from services.mechanics.scene.model import (
         CatheterScene,
         ContactSettings,
         DuctScene,
-        ForcepsScene,
         QualityLevel,
         SceneModel,
     )
@@ -24,4 +25,13 @@ else:
         return getattr(import_module("services.mechanics.scene.model"), name)
 
 
-__all__ = ["CatheterScene", "ContactSettings", "DuctScene", "ForcepsScene", "QualityLevel", "SceneModel"]
+__all__ = [
+    "CatheterScene",
+    "ContactSettings",
+    "DuctScene",
+    "ForcepsScene",
+    "ProbeScene",
+    "QualityLevel",
+    "SceneModel",
+    "ToolScene",
+]

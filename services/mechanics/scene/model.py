@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from services.mechanics.fem.elements import BendingName, MembraneName
+from services.mechanics.scene.instruments import ForcepsScene, ToolScene
 from services.mechanics.surface.units import LengthUnit
 
 Vector3 = tuple[float, float, float]
@@ -93,28 +94,6 @@ class CatheterScene:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForcepsScene:
-    """One laparoscopic forceps: a shaft through a fixed port and two jaws, coupled to the hand by springs.
-
-    The jaw angle is the opening between both jaws; it is ``jaw_ratio`` times the angle of the handle.
-    """
-
-    port_position_m: Vector3 = (0.08, -0.05, 0.15)
-    shaft_radius_m: float = 2.5e-3
-    jaw_radius_m: float = 1.0e-3
-    jaw_length_m: float = 15e-3
-    jaw_ratio: float = 1.0
-    jaw_max_angle_rad: float = 1.0
-    coupling_stiffness_n_m: float = 500.0
-    coupling_damping_n_s_m: float = 1.0
-    jaw_stiffness_nm_rad: float = 0.2
-    jaw_damping_nm_s_rad: float = 2e-4
-    grip_friction: float = 0.5
-    grasp_torque_nm: float = 2e-3
-    release_angle_rad: float = 0.03
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ContactSettings:
     """How contacts are answered.
 
@@ -157,14 +136,14 @@ class SceneModel:
     ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
     Those in ``essential`` are never given up for time: neither by `trocar tune` nor on the quality ladder.
     ``hands`` is what the scene is for: what simulated hands do in it.
-    With ``duct_alone`` there is neither catheter nor forceps, and nothing reads what is said of them. There may be
-    fewer than two forceps: the tools that have none are not there.
+    ``forceps`` are the tools, whatever the kind of each; there may be fewer than two.
+    With ``duct_alone`` there is neither catheter nor tool, and nothing reads what is said of them.
     ``source`` is where it was said, a scene's file: sentences about it begin with that.
     """
 
     duct: DuctScene = field(default_factory=DuctScene)
     catheter: CatheterScene = field(default_factory=CatheterScene)
-    forceps: tuple[ForcepsScene, ...] = (
+    forceps: tuple[ToolScene, ...] = (
         ForcepsScene(),
         ForcepsScene(port_position_m=(0.02, 0.06, 0.15)),
     )
@@ -172,7 +151,7 @@ class SceneModel:
     effects: Mapping[str, object] = field(default_factory=dict)
     quality: tuple[QualityLevel, ...] = (QualityLevel(),)
     sleeping: bool = True
-    hands: Literal["insertion", "pinch", "none"] = "insertion"
+    hands: Literal["insertion", "pinch", "press", "none"] = "insertion"
     essential: tuple[str, ...] = ()
     duct_alone: bool = field(default=False, metadata=FOLLOWS)
     source: str = field(default="scene", compare=False, repr=False, metadata=FOLLOWS)

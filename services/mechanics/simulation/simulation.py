@@ -1,4 +1,4 @@
-"""Duct, catheter and two forceps, one tick at a time."""
+"""Duct, catheter and two tools, one tick at a time."""
 
 from __future__ import annotations
 
@@ -78,7 +78,9 @@ class Simulation:
         self.seal = world.seal
         segment_length_m = self.catheter.properties.segment_length_m
         self.grasps = tuple(
-            Grasp(tool, forceps, duct.mesh, segment_length_m) for tool, forceps in enumerate(scene.forceps)
+            Grasp(tool, each.jaws, duct.mesh, segment_length_m)
+            for tool, each in enumerate(scene.forceps)
+            if each.jaws is not None
         )
         self.tool_results = ToolResults()
         self.max_penetration_m = 0.0
@@ -313,9 +315,10 @@ class Simulation:
         self.holds.append_rows()
 
     def _grasp(self, tools: ToolInputs, pairs: ContactPairs) -> list[GraspHold]:
-        """Run the grasps of both tools; one that is absent, or waits, holds nothing."""
+        """Run the grasps of the tools with jaws; one that is absent, or waits, holds nothing."""
         held: list[GraspHold] = []
-        for tool, grasp in enumerate(self.grasps):
+        for grasp in self.grasps:
+            tool = grasp.tool
             if self.tools.present[tool] and not self.tools.waiting[tool]:
                 jaws = JawState(float(self.tools.proxy[tool, 3]), float(tools.jaw_angle_rad[tool]))
                 held += grasp.update(pairs, jaws)

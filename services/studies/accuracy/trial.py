@@ -78,7 +78,7 @@ class Trial:
         simulation, hands, tools = self._begin(scene, level)
         per_sample, n = round(TICK_S / dt_s), round(hands.duration_s / TICK_S)
         run = Run(np.empty((n, 2, 4)), np.empty((n, 3)), np.empty(n))
-        jaw_m = [forceps.jaw_length_m for forceps in simulation.tools.forceps]
+        jaw_m = [tool.jaws.jaw_length_m if tool.jaws else np.inf for tool in simulation.tools.forceps]
         start_m = simulation.catheter.state.position_m[-1].copy()
         for tick in range(n * per_sample):
             hands.write_inputs((tick + 1) * dt_s, tools)

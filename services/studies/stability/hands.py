@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene import ToolScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs
 
 
@@ -93,7 +93,7 @@ def still(junction_m: FloatArray, jaw_angle_rad: tuple[float, float], steps: int
     return Hands(np.ones((steps, N_TOOLS), np.bool_), position, jaw, np.full((steps, N_TOOLS), 0.5 * np.pi))
 
 
-def junction(forceps: ForcepsScene, grip_point_m: tuple[float, float, float], grip_offset_m: float) -> FloatArray:
+def junction(forceps: ToolScene, grip_point_m: tuple[float, float, float], grip_offset_m: float) -> FloatArray:
     """Return J (3,) for jaws whose middle, ``grip_offset_m`` beyond J, is at a point."""
     arm = np.subtract(grip_point_m, forceps.port_position_m)
     at: FloatArray = np.asarray(grip_point_m) - grip_offset_m * arm / np.linalg.norm(arm)

@@ -39,12 +39,12 @@ def tool_frame(junction: FloatArray, port: FloatArray, roll: float, out: FloatAr
 
 @kernel
 def tool_segments(
-    junction: FloatArray, port: FloatArray, frame: FloatArray, jaw_angle: float, jaw_length: float, out: FloatArray
+    junction: FloatArray, start: FloatArray, frame: FloatArray, jaw_angle: float, jaw_length: float, out: FloatArray
 ) -> None:
-    """Write start and end of shaft, jaw A and jaw B into ``out`` (3, 2, 3), in m."""
+    """Write start and end of shaft, jaw A and jaw B into ``out`` (3, 2, 3), in m; the shaft begins at ``start``."""
     cosine, sine = jaw_length * math.cos(0.5 * jaw_angle), jaw_length * math.sin(0.5 * jaw_angle)
     for axis in range(3):
-        out[SHAFT, 0, axis] = port[axis]
+        out[SHAFT, 0, axis] = start[axis]
         out[SHAFT, 1, axis] = junction[axis]
         out[JAW_A, 0, axis] = junction[axis]
         out[JAW_B, 0, axis] = junction[axis]

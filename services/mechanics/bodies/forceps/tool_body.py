@@ -12,13 +12,15 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES, N_SEGMEN
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.scene import ForcepsScene
+from services.mechanics.scene import ForcepsScene, ToolScene
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
 # For so long a tool stays where it was when its numbers mean nothing: as long as a model of the force at a hand lives.
 LONGEST_UNSOUND_S = 20e-3
 # Openings and rolls beyond this are numbers, but no hand's.
 MOST_TURNED_RAD = 1e3
+# Of the opening of a tool without jaws, which nothing loads: any number but zero.
+NO_JAWS_NM_RAD = 1.0
 # What may be true of a tool in a step: it is not where its hand is; it was there in the step before; it is there, and
 # waits.
 BEHIND, LEFT, CAME = 1, 2, 4
@@ -29,6 +31,7 @@ class ToolArrays(Struct):
 
     port: Annotated[FloatArray, N_TOOLS, 3]
     jaw_length: Annotated[FloatArray, N_TOOLS]
+    is_sphere: Annotated[BoolArray, N_TOOLS]  # whether the shaft's segment is but a point, J
     stiffness: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # of the couplings
     damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
@@ -78,8 +81,9 @@ class ToolBody:
     frame : (2, 3, 3) float64
         Rows b, h, d of each tool.
     segments : (2, 3, 2, 3) float64
-        Start and end of shaft, jaw A and jaw B.
+        Start and end of shaft, jaw A and jaw B. Of a tool that touches with a sphere, the shaft's is J twice.
     radius_m : (2, 3) float64
+        0 where a tool has no such segment.
     compliance : (2, 4) float64
         Motion of the proxy at the end of the step per force (m/N) and per torque (rad/(N m)).
     present : (2,) bool
@@ -88,22 +92,26 @@ class ToolBody:
         Tools that have come back, and touch nothing until nothing is where they are; see `contact.engagement`.
     """
 
-    def __init__(self, forceps: tuple[ForcepsScene, ...]) -> None:
+    def __init__(self, forceps: tuple[ToolScene, ...]) -> None:
         if len(forceps) > N_TOOLS:
-            raise ValueError(f"a scene has at most {N_TOOLS} forceps, not {len(forceps)}")
+            raise ValueError(f"a scene has at most {N_TOOLS} tools, not {len(forceps)}")
         self._missing = N_TOOLS - len(forceps)
         self._is_named = np.arange(N_TOOLS) < len(forceps)  # others are not there, whatever an input says
         self.forceps = forceps = (*forceps, *(ForcepsScene(),) * self._missing)
-        self.radius_m = np.array([[f.shaft_radius_m, f.jaw_radius_m, f.jaw_radius_m] for f in forceps])
+        jaws = [f.jaws for f in forceps]
+        self.radius_m = np.array([[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
         self.pad_m = np.zeros(N_TOOLS)
         self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
         self._flags = 0
         a.port[:] = [f.port_position_m for f in forceps]
-        a.jaw_length[:] = [f.jaw_length_m for f in forceps]
-        a.stiffness[:] = [[f.coupling_stiffness_n_m] * 3 + [f.jaw_stiffness_nm_rad] for f in forceps]
-        a.damping[:] = [[f.coupling_damping_n_s_m] * 3 + [f.jaw_damping_nm_s_rad] for f in forceps]
+        a.is_sphere[:] = [not f.touches_along_shaft for f in forceps]
+        a.jaw_length[:] = [j.jaw_length_m if j else 0.0 for j in jaws]
+        a.stiffness[:, :3] = [[f.coupling_stiffness_n_m] for f in forceps]
+        a.damping[:, :3] = [[f.coupling_damping_n_s_m] for f in forceps]
+        a.stiffness[:, 3] = [j.jaw_stiffness_nm_rad if j else NO_JAWS_NM_RAD for j in jaws]
+        a.damping[:, 3] = [j.jaw_damping_nm_s_rad if j else 0.0 for j in jaws]
         self.port_m, self.present, self.waiting, self.roll_rad = a.port, a.present, a.waiting, a.roll
         self.stiffness, self.damping, self.compliance = a.stiffness, a.damping, a.compliance
         self.hand, self.stretch, self.proxy, self.free, self.motion = a.hand, a.stretch, a.proxy, a.free, a.motion
@@ -265,4 +273,5 @@ def _update_poses(tools: ToolArrays) -> None:
     for tool in range(tools.proxy.shape[0]):
         junction, port, frame = tools.proxy[tool, :3], tools.port[tool], tools.frame[tool]
         tools.length[tool] = tool_frame(junction, port, tools.roll[tool], frame)
-        tool_segments(junction, port, frame, tools.proxy[tool, 3], tools.jaw_length[tool], tools.segments[tool])
+        start = junction if tools.is_sphere[tool] else port
+        tool_segments(junction, start, frame, tools.proxy[tool, 3], tools.jaw_length[tool], tools.segments[tool])

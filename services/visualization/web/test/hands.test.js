@@ -34,6 +34,16 @@ test("held depth lets a tool swing about its port only", () => {
   near([length(sub(grip.jaws, PORT))], [depth]);
 });
 
+test("a tool without jaws is steered by its tip", () => {
+  const grip = new Grip({ name: "probe", position_m: [0.07, 0, 0.02], roll_rad: 0 }, { port: PORT, jawLength: 0 });
+  assert.equal(grip.hasJaws, false);
+  near(grip.jaws, [70, 0, 20]);
+  grip.move([5, -3, 8]);
+  const [name, junction, , opening] = grip.row();
+  assert.deepEqual([name, opening], ["probe", -1]);
+  near(junction, [0.075, -0.003, 0.028]);
+});
+
 test("a blocked tool does not wind the hand up", () => {
   near(leashed([100, 0, 0], [0, 0, 0], 25), [25, 0, 0]);
   near(leashed([10, 0, 0], [0, 0, 0], 25), [10, 0, 0]);

@@ -1,4 +1,4 @@
-// One hand of a person: where it wants the jaws of its tool, how they are turned, how far they are open.
+// One hand of a person: where it wants the jaws of its tool, or its tip, how they are turned, how far they are open.
 
 import { add, atDepth, jawsAt, junctionAt, leashed, length, sub } from "./motion.js";
 
@@ -10,6 +10,7 @@ export class Grip {
   constructor(tool, shape) {
     this.name = tool.name;
     this.port = shape.port;
+    this.hasJaws = shape.jawLength > 0;
     this.reach = 0.65 * shape.jawLength;
     this.jaws = jawsAt(tool.position_m.map((x) => x * MM), this.port, this.reach);
     this.roll = tool.roll_rad;

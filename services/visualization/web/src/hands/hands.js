@@ -110,11 +110,12 @@ export class Hands {
   }
 
   showJaws() {
+    $("hand-jaws").hidden = !this.grip.hasJaws;
     $("hand-jaws").textContent = this.grip.opening === SHUT ? "Open jaws" : "Close jaws";
   }
 
   toggleJaws() {
-    if (!this.grip) return;
+    if (!this.grip?.hasJaws) return;
     this.grip.opening = this.grip.opening === SHUT ? OPEN : SHUT;
     this.showJaws();
   }

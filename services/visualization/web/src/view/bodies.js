@@ -1,4 +1,4 @@
-// What moves: duct, catheter, forceps, force arrows. Millimetres.
+// What moves: duct, catheter, tools, force arrows. Millimetres.
 
 import * as THREE from "three";
 import { gouraud } from "./gouraud.js";
@@ -166,27 +166,34 @@ function solid(geometry, material) {
   return mesh;
 }
 
-export class Forceps {
+const CREASE_RAD = (35 * Math.PI) / 180;
+
+// The surfaces that a profile of [x, radius] makes when it is turned about x: one between two creases, so that what
+// bends little is shaded as round.
+export function smoothRuns(profile) {
+  const slope = (i) => Math.atan2(profile[i + 1][1] - profile[i][1], profile[i + 1][0] - profile[i][0]);
+  const runs = [[profile[0]]];
+  for (let i = 1; i < profile.length; i++) {
+    runs.at(-1).push(profile[i]);
+    if (i + 1 < profile.length && Math.abs(slope(i) - slope(i - 1)) > CREASE_RAD) runs.push([profile[i]]);
+  }
+  return runs;
+}
+
+function lathed(run, round) {
+  // A lathe of three.js turns about y; x of the profile is to be x.
+  return new THREE.LatheGeometry(run.map(([x, r]) => new THREE.Vector2(r, x)), round).rotateZ(-Math.PI / 2);
+}
+
+export class Tool {
   constructor(shape, look) {
-    const { steel, sleeve, cannula } = METAL[look], round = fineness(look).round;
-    const r = shape.shaftRadius, j = shape.jawRadius, length = 260;
+    const metal = METAL[look], { steel, cannula } = metal, round = fineness(look).round, r = shape.shaftRadius;
     this.object = new THREE.Group();
     this.port = new THREE.Vector3(...shape.port);
-    this.object.add(
-      solid(along(new THREE.CylinderGeometry(r, r, length, round), -length - 9, -9), sleeve),
-      solid(along(new THREE.CylinderGeometry(0.82 * r, 0.96 * r, 3, round), -9, -6), steel),
-      solid(along(new THREE.CylinderGeometry(1.7 * j, 0.82 * r, 5, round), -6, -1), steel),
-      solid(along(new THREE.CylinderGeometry(1.25 * j, 1.7 * j, 1.6, round), -1, 0.6), steel),
-    );
-    const pin = new THREE.CylinderGeometry(0.95 * j, 0.95 * j, 3.9 * j, round).rotateX(Math.PI / 2);
-    this.object.add(solid(pin, steel));
-    const jaw = jawGeometry(shape.jawLength, j, fineness(look));
-    this.jawA = solid(jaw, steel);
-    this.jawB = new THREE.Group();
-    const other = solid(jaw, steel);
-    other.rotation.x = Math.PI;
-    this.jawB.add(other);
-    this.object.add(this.jawA, this.jawB);
+    for (const { material, profile } of shape.parts) {
+      for (const run of smoothRuns(profile)) this.object.add(solid(lathed(run, round), metal[material]));
+    }
+    this.jaws = shape.jawLength > 0 ? this.addJaws(shape, steel, look) : null;
     this.cannula = new THREE.Group();
     this.cannula.add(
       new THREE.Mesh(along(new THREE.CylinderGeometry(1.7 * r, 1.7 * r, 46, round, 1, true), -30, 16), cannula),
@@ -195,12 +202,22 @@ export class Forceps {
     this.root = new THREE.Group().add(this.object, this.cannula);
   }
 
+  addJaws({ jawLength, jawRadius }, steel, look) {
+    const { round } = fineness(look);
+    const pin = new THREE.CylinderGeometry(0.95 * jawRadius, 0.95 * jawRadius, 3.9 * jawRadius, round).rotateX(Math.PI / 2);
+    const blade = jawGeometry(jawLength, jawRadius, fineness(look));
+    const a = solid(blade, steel), other = solid(blade, steel);
+    other.rotation.x = Math.PI;
+    const b = new THREE.Group().add(other);
+    this.object.add(solid(pin, steel), a, b);
+    return [a, b];
+  }
+
   // pose: J (3), quaternion wxyz; the tool frame has x along the shaft and y the way jaw A opens.
   update(pose, opening) {
     this.object.position.set(pose[0], pose[1], pose[2]);
     this.object.quaternion.set(pose[4], pose[5], pose[6], pose[3]);
-    this.jawA.rotation.z = 0.5 * opening;
-    this.jawB.rotation.z = -0.5 * opening;
+    this.jaws?.forEach((jaw, i) => (jaw.rotation.z = (0.5 - i) * opening));
     this.cannula.position.copy(this.port);
     this.cannula.quaternion.copy(this.object.quaternion);
   }

@@ -23,7 +23,8 @@ export function decodeHello(hello) {
       name: tool.name,
       port: tool.port_m.map((x) => x * MM),
       shaftRadius: tool.shaft_radius_m * MM,
-      jawLength: tool.jaw_length_m * MM,
+      parts: tool.parts.map(({ material, profile_m }) => ({ material, profile: profile_m.map((place) => place.map((x) => x * MM)) })),
+      jawLength: tool.jaw_length_m * MM, // 0 of a tool without jaws
       jawRadius: tool.jaw_radius_m * MM,
     })),
   };

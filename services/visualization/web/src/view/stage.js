@@ -4,7 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 import { backdrop } from "./backdrop.js";
-import { Catheter, Duct, ForceArrow, Forceps } from "./bodies.js";
+import { Catheter, Duct, ForceArrow, Tool } from "./bodies.js";
 import { lightFrom } from "./gouraud.js";
 import { Lens } from "./lens.js";
 
@@ -87,11 +87,11 @@ export class Stage {
     this.layout = layout;
     this.duct = new Duct(layout, this.look);
     this.catheter = layout.particles > 1 ? new Catheter(layout, this.look) : null;
-    this.forceps = layout.tools.map((shape) => new Forceps(shape, this.look));
+    this.tools = layout.tools.map((shape) => new Tool(shape, this.look));
     this.arrows = layout.tools.map(() => new ForceArrow());
     this.bodies.add(backdrop(layout, bounds, this.look), this.duct.object);
     if (this.catheter) this.bodies.add(this.catheter.object);
-    for (const body of [...this.forceps.map((f) => f.root), ...this.arrows.map((a) => a.object)]) this.bodies.add(body);
+    for (const body of [...this.tools.map((tool) => tool.root), ...this.arrows.map((a) => a.object)]) this.bodies.add(body);
     this.frameBounds(bounds);
     if (first) this.lookFrom("scope");
   }
@@ -143,9 +143,9 @@ export class Stage {
   update(frame, colourOfForce) {
     this.duct.update(frame);
     this.catheter?.update(frame);
-    this.forceps.forEach((forceps, i) => {
+    this.tools.forEach((tool, i) => {
       const pose = frame.poses.subarray(7 * i, 7 * i + 7), force = frame.forces.subarray(3 * i, 3 * i + 3);
-      forceps.update(pose, frame.jaws[i]);
+      tool.update(pose, frame.jaws[i]);
       this.arrows[i].update(pose, force, colourOfForce(Math.hypot(...force)));
       this.arrows[i].object.visible &&= this.showForces;
     });

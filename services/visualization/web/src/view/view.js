@@ -150,7 +150,7 @@ export class View {
       row.bar.style.transform = `scaleX(${Math.min(1, Math.sqrt(newton / FORCE_FULL_N))})`;
       row.bar.style.background = colourOfForce(newton);
       row.value.textContent = force(newton);
-      row.jaw.textContent = `${Math.round((frame.jaws[i] * 180) / Math.PI)}°`;
+      row.jaw.textContent = this.stage.layout.tools[i].jawLength ? `${Math.round((frame.jaws[i] * 180) / Math.PI)}°` : "";
     });
   }
 

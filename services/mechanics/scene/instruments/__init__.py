@@ -1,0 +1,20 @@
+"""The table of instruments: the one place that names their kinds. A new kind is a file in this folder and a row here.
+
+A row says what the scene file may say of it, what of it touches, whether it has jaws and a handle, and how it is drawn;
+see `ToolScene`. Nothing here needs numpy: whoever only wants to know what a scene calls for reads it.
+"""
+
+from __future__ import annotations
+
+from services.mechanics.scene.instruments.forceps import ForcepsScene
+from services.mechanics.scene.instruments.probe import ProbeScene
+from services.mechanics.scene.instruments.tool import DrawnPart, ToolScene
+
+TOOLS: dict[str, type[ToolScene]] = {
+    "forceps": ForcepsScene,
+    "probe": ProbeScene,
+}
+USUAL = "forceps"
+"""What a tool is whose kind nobody says."""
+
+__all__ = ["TOOLS", "USUAL", "DrawnPart", "ForcepsScene", "ProbeScene", "ToolScene"]

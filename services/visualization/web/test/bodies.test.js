@@ -1,0 +1,25 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { smoothRuns, Tool } from "../src/view/bodies.js";
+
+const SPHERE = [0, 0.4, 0.8, 1.2, 1.57, 2, 2.4, 2.8, Math.PI].map((a) => [-1.5 * Math.cos(a), 1.5 * Math.sin(a)]);
+const SHAPE = { port: [0, 0, 150], shaftRadius: 2.5, parts: [{ material: "steel", profile: SPHERE }], jawLength: 0, jawRadius: 0 };
+
+test("a profile is parted where it has an edge, and nowhere else", () => {
+  assert.equal(smoothRuns(SPHERE).length, 1);
+  assert.deepEqual(smoothRuns([[-260, 2], [-9, 2], [-9, 0]]), [[[-260, 2], [-9, 2]], [[-9, 2], [-9, 0]]]);
+});
+
+test("a tool has the jaws that it is said to have, and is as thick as it is said to be", () => {
+  for (const look of ["coarse", "plain"]) {
+    const probe = new Tool(SHAPE, look), forceps = new Tool({ ...SHAPE, jawLength: 15, jawRadius: 1 }, look);
+    assert.equal(probe.jaws, null);
+    probe.update([1, 2, 3, 1, 0, 0, 0], 0.5);
+    forceps.update([1, 2, 3, 1, 0, 0, 0], 0.5);
+    assert.deepEqual(forceps.jaws.map((jaw) => jaw.rotation.z), [0.25, -0.25]);
+    const sphere = probe.object.children[0].geometry;
+    sphere.computeBoundingBox();
+    const { min, max } = sphere.boundingBox;
+    for (const [value, wanted] of [[min.x, -1.5], [max.x, 1.5], [max.y, 1.5]]) assert.ok(Math.abs(value - wanted) < 1e-2, `${value}`);
+  }
+});
