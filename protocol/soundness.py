@@ -9,7 +9,7 @@ pass may still be faultless (the norm of finite numbers can be infinite): `decla
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cache, reduce
+from functools import cache
 from itertools import chain
 from math import hypot, isfinite
 from operator import attrgetter
@@ -23,11 +23,14 @@ from protocol.fields import Field, Form, fields, nested
 
 Check = Callable[[Any], bool]
 Leaf = tuple[str, Field]
-#: Of each array dtype, shape and number of bytes.
-Layout = tuple[tuple[str, tuple[int, ...], int], ...]
+#: Of each array dtype and shape, and then of each the number of bytes.
+Layout = tuple[tuple[tuple[str, tuple[int, ...]], ...], tuple[int, ...]]
 
 #: Layouts that are remembered of a body type: those of a rig's contacts come and go.
 _LAYOUTS = 256
+#: Checks that are asked in one expression.
+_AT_ONCE = 3
+_kind, _data = attrgetter("dtype", "shape"), attrgetter("data")
 
 
 @cache
@@ -45,11 +48,21 @@ def check(kind: type[msgspec.Struct], *, finite_scalars: bool, finite_arrays: bo
     """
     leaves = list(_leaves(kind))
     checks = [*_of_arrays(leaves, finite_arrays), *_of_fields(leaves, finite_scalars, finite_arrays)]
-    return reduce(_both, checks) if checks else lambda body: True
+    return _all_of(checks)
 
 
-def _both(first: Check, second: Check) -> Check:
-    return lambda body: first(body) and second(body)
+def _all_of(checks: list[Check]) -> Check:
+    """Return the check that a body passes all of `checks`: one call, and one for each of them."""
+    if len(checks) > _AT_ONCE:
+        return _all_of([_all_of(checks[:_AT_ONCE]), *checks[_AT_ONCE:]])
+    a, b, c = [*checks, _passes, _passes, _passes][:_AT_ONCE]
+    if len(checks) < 2:
+        return a
+    return (lambda body: a(body) and b(body)) if len(checks) == 2 else lambda body: a(body) and b(body) and c(body)
+
+
+def _passes(_body: Any) -> bool:
+    return True
 
 
 def _leaves(kind: type[msgspec.Struct], path: str = "") -> Iterator[Leaf]:
@@ -124,7 +137,8 @@ def _of_arrays(leaves: list[Leaf], finite: bool) -> list[Check]:
 
     def arrays_agree(body: Any) -> bool:
         found: tuple[Array, ...] = get(body)
-        layout = tuple([(array.dtype, array.shape, len(array.data)) for array in found[:n]])
+        arrays = found[:n]
+        layout = tuple(map(_kind, arrays)), tuple(map(len, map(_data, arrays)))
         if layout not in good:
             if not _agrees(layout, rows):
                 return False
@@ -139,7 +153,7 @@ def _of_arrays(leaves: list[Leaf], finite: bool) -> list[Check]:
 def _agrees(layout: Layout, rows: list[tuple[str, Spec]]) -> bool:
     """Return whether arrays are laid out as `rows` say: of each, in which body it is and what that declares."""
     lengths: dict[tuple[str, str], int] = {}
-    for (dtype, shape, n_bytes), (where, spec) in zip(layout, rows, strict=True):
+    for (dtype, shape), n_bytes, (where, spec) in zip(*layout, rows, strict=True):
         if dtype != spec.dtype or len(shape) != len(spec.shape):
             return False
         size = int(dtype[2:])
@@ -155,5 +169,5 @@ def _agrees(layout: Layout, rows: list[tuple[str, Spec]]) -> bool:
 
 def _are_finite(arrays: tuple[Array, ...]) -> bool:
     """Return whether the square of the norm of all `arrays` is finite."""
-    numbers = np.frombuffer(b"".join([array.data for array in arrays]))
+    numbers = np.frombuffer(b"".join(map(_data, arrays)))
     return isfinite(np.vdot(numbers, numbers))  # unlike dot, it has no warnings to give

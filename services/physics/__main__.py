@@ -94,8 +94,8 @@ class Physics:
 
     def settle(self) -> None:
         """Do what no tick waits for, between two."""
-        self._outputs.settle()
-        self._process.health.send_if_due()
+        if not self._outputs.settle():
+            self._process.health.send_in_halves()
         if self.simulation.rests != self._told_rests:
             self._told_rests = self.simulation.rests
             self._process.log.error(

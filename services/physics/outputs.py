@@ -83,11 +83,13 @@ class Outputs:
         self._inserted_is_old |= state.tick % _INSERTED_EVERY == 0
         bus.publish("physics.state", state, origin_ns=answered.origin_ns, valid=valid and answered.valid)
 
-    def settle(self) -> None:
-        """Measure, between two ticks, what is only looked at: the next frames have it."""
-        if self._inserted_is_old:
-            self._inserted_is_old = False
-            self._inserted_m = self._simulation.inserted_length_m
+    def settle(self) -> bool:
+        """Measure, between two ticks, what is only looked at: the next frames have it. Return whether it was due."""
+        if not self._inserted_is_old:
+            return False
+        self._inserted_is_old = False
+        self._inserted_m = self._simulation.inserted_length_m
+        return True
 
     def state(self, tick: int, tools: Array) -> PhysicsState:
         """Return all that is known after a step, and what each of `tools`, which it was solved for, feels."""

@@ -145,8 +145,21 @@ class Inbox:
 
     def accept(self, data: bytes) -> Frame | None:
         """Return the frame in `data` if it may be used, else None with the reason counted."""
-        frames = self.accept_all((data,))
-        return frames[0] if frames else None
+        now = time.monotonic_ns()
+        if self._refilled(now) < 1.0:
+            self.refused[Reason.FLOOD] += 1
+            return None
+        self._tokens -= 1.0
+        try:
+            frame = protocol.decode(data, self.row.name, used=self._used)
+            self._order(frame)
+        except FrameError as error:
+            self.refused[error.reason] += 1
+            return None
+        self.last = frame
+        self.received += 1
+        self.age.record(now - frame.sent_ns)
+        return frame
 
     def accept_all(self, batch: Sequence[bytes]) -> list[Frame]:
         """Return the frames of `batch` that may be used; of the others the reasons are counted."""

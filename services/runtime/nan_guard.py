@@ -36,6 +36,7 @@ class NanGuard:
         self._depth = depth
         self._next = 0
         self._live = [flat_view(value) for value in arrays.values()]
+        self._of_tick = list(self._kept)
         self._rows = [[flat_view(ring[row]) for ring in self._ring.values()] for row in range(depth)]
         self.dumps: list[Path] = []
 
@@ -45,8 +46,9 @@ class NanGuard:
         self._next += 1
         for kept, value in zip(self._rows[row], self._live, strict=True):
             kept[:] = value
-        # A sum is finite only if every term is: far cheaper than a mask, and an overflow is as bad as a NaN.
-        finite = math.isfinite(self._kept[row].sum())
+        # A norm is finite only if every number is: far cheaper than a mask, and an overflow is as bad as a NaN.
+        numbers = self._of_tick[row]
+        finite = math.isfinite(np.vdot(numbers, numbers))
         if not finite:
             self._dump()
         return finite

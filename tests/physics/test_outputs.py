@@ -33,3 +33,17 @@ def test_the_inserted_length_is_measured_between_two_ticks_and_sixty_times_a_sec
         told.append(frame.body.catheter.inserted_length_m)
     assert len(measured) == 3
     assert sorted(set(told)) == pytest.approx([0.0, 0.01, 0.02, 0.03])
+
+
+def test_between_the_same_two_ticks_it_measures_or_reports(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both together ran into the next tick where the host was slow."""
+    done: list[tuple[int, str]] = []
+    monkeypatch.setattr(Simulation, "inserted_length_m", property(lambda _: done.append((rig.tick, "measured")) or 0.0))
+    health = rig.physics_process.health
+    monkeypatch.setattr(health, "send_in_halves", lambda: done.append((rig.tick, "reported")), raising=False)
+    for _ in range(40):
+        rig.turn(FAR, FAR)
+        rig.physics.settle()
+    ticks = [tick for tick, _ in done]
+    assert len(set(ticks)) == len(ticks) == 40
+    assert {what for _, what in done} == {"measured", "reported"}

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import protocol
-from protocol import TOPICS, Frame, FrameError, Reason, bodies, decode, encode, peek
+from protocol import TOPICS, Frame, FrameError, Reason, bodies, decode, encode, peek, soundness
 from protocol.arrays import Array, pack
 from protocol.frame import MAX_FRAME_BYTES
 from tests.protocol import samples, strategies
@@ -169,3 +169,16 @@ def test_who_only_keeps_a_frame_gets_it_with_numbers_that_are_none_but_never_wit
         data = encode(msgspec.structs.replace(frame, body=msgspec.structs.replace(frame.body, duct=duct)))
         with pytest.raises(FrameError, match="array_shape"):
             decode(data, name, used=False)
+
+
+@pytest.mark.parametrize("n", range(9))
+def test_a_body_must_pass_every_check_however_many_there_are(n: int) -> None:
+    """They are asked a few at a time, each once, up to the first that fails."""
+    for failing in range(n + 1):
+        asked: list[int] = []
+
+        def check(i: int, asked: list[int] = asked, failing: int = failing) -> soundness.Check:
+            return lambda body: asked.append(i) or i != failing
+
+        assert soundness._all_of([check(i) for i in range(n)])(None) is (failing == n)
+        assert asked == list(range(min(failing + 1, n)))

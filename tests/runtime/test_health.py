@@ -68,6 +68,22 @@ def test_nothing_is_halved_before_it_is_due(monkeypatch: pytest.MonkeyPatch) -> 
     assert len(loop.reports()) == 1
 
 
+def test_a_loop_never_does_both_halves_between_the_same_two_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    loop = Loop(monkeypatch)
+    reporter, done = loop.reporter, []
+    costs, publish = reporter._stage_costs, loop.bus.publish
+    monkeypatch.setattr(reporter, "_stage_costs", lambda: done.append((loop.now_ns, "count")) or costs())
+    monkeypatch.setattr(loop.bus, "publish", lambda *said: done.append((loop.now_ns, "send")) or publish(*said))
+    for _ in range(250):
+        loop.tick(1)
+        reporter.send_in_halves()
+    assert [what for _, what in done] == ["count", "send"] * 3
+    moments = [when for when, _ in done]
+    assert len(set(moments)) == len(moments)
+    assert moments[3] - moments[1] == 101 * MS
+    assert len(loop.reports()) == 3
+
+
 def test_a_path_that_no_rig_file_could_name_is_measured_by_nobody() -> None:
     reporter = HealthReporter("gateway", MemoryBus(MemoryHub(), publishes=["gateway.health"]))
     assert reporter.path("servo", 100_000) is reporter.path("servo", 200_000)
