@@ -9,6 +9,7 @@ from typing import Any
 
 import can
 
+from services.gateway.shared_bus import share
 from services.runtime.errors import DeviceError
 
 #: Frames taken by one `drain`: what a stall of half a second leaves behind, and a bound on a tick's time.
@@ -46,7 +47,7 @@ def _open_slcan(settings: dict[str, Any]) -> can.BusABC:
         raise ImportError("slcan needs pyserial, which is not installed") from None
     from services.gateway.slcan import SlcanBus  # only here: python-can complains of a missing pyserial by itself
 
-    return SlcanBus(**settings)
+    return share(settings, SlcanBus)
 
 
 def bitrate(settings: dict[str, Any]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import termios
 from collections import deque
 from typing import Any
 
@@ -34,6 +35,10 @@ class SlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not read by myp
         self._begun = b""
         self._frames: deque[str] = deque()
         super().__init__(**{**settings, "timeout": 0.0})
+        # As pyserial leaves it, a line on which nothing has come reads as one that has hung up.
+        attributes = termios.tcgetattr(self.fileno())
+        attributes[6][termios.VMIN] = 1
+        termios.tcsetattr(self.fileno(), termios.TCSANOW, attributes)
 
     def _write(self, string: str) -> None:
         data = string.encode() + self.LINE_TERMINATOR

@@ -121,6 +121,105 @@ def test_an_adapter_that_is_pulled_out_takes_the_torque(slcan: OnSlcan) -> None:
     assert "CAN: the adapter does not listen" in slcan.grasp.fault
 
 
+class TwoOnSlcan:
+    """Two drives on a bus of wires, behind one adapter, and the handles of both instruments."""
+
+    def __init__(self, folder: str) -> None:
+        self.adapter, self.wires = Adapter(), can.Bus(interface="virtual", channel=folder)
+        self.nodes = VirtualNode(folder), VirtualNode(folder, node=2)
+        bus = {"interface": "slcan", "channel": self.adapter.port_name, "sleep_after_open": 0.0}
+        self.grasps = [
+            driver.load_grasp(
+                DriverSettings(driver="grasp_odrive_can", device="grasp_odrive", settings={"bus": bus, "node": k + 1}),
+                replace(Place(name, Mount()), clock=Turning(self, k)),
+            )
+            for k, name in enumerate(("left", "right"))
+        ]
+        self.handles = np.zeros((2, 2))
+        for grasp in self.grasps:
+            grasp.found_timeout_s = 300.0
+            grasp.open()
+
+    def carry(self) -> None:
+        """Let a millisecond pass on the wires, and the adapter carry to and fro."""
+        for node in self.nodes:
+            node.advance()
+        while message := self.wires.recv(0.0):
+            self.adapter.send(message)
+        while message := self.adapter.recv(0.0):
+            self.wires.send(message)
+
+    def run(self, ticks: int, *torques_nm: float) -> None:
+        for _ in range(ticks):
+            self.carry()
+            for grasp, handle, torque_nm in zip(self.grasps, self.handles, torques_nm, strict=True):
+                grasp.read(0, handle)
+                grasp.write(torque_nm)
+            self.adapter.hear()
+
+    def close(self) -> None:
+        for each in (*self.grasps, *self.nodes):
+            each.close()
+        self.wires.shutdown()
+        self.adapter.shutdown()
+
+
+class Turning:
+    """The time of a drive on the wires: both go on while a driver waits."""
+
+    def __init__(self, bench: TwoOnSlcan, which: int) -> None:
+        self._bench, self._which = bench, which
+
+    def monotonic_ns(self) -> int:
+        return self._bench.nodes[self._which].clock.monotonic_ns()
+
+    def sleep(self, seconds: float) -> None:
+        for _ in range(max(1, round(1e3 * seconds))):
+            self._bench.carry()
+            self._bench.adapter.hear(0.0)
+
+
+@pytest.fixture
+def two_on_slcan(tmp_path: Any) -> Iterator[TwoOnSlcan]:
+    bench = TwoOnSlcan(str(tmp_path))
+    yield bench
+    bench.close()
+
+
+def test_two_handles_share_one_adapter(two_on_slcan: TwoOnSlcan) -> None:
+    """Each hears its own drive, whoever reads the line, and its torque reaches that drive alone."""
+    left, right = two_on_slcan.nodes
+    right.wanted_rad = 0.8
+    two_on_slcan.run(200, 0.0, 0.0)
+    angles = [node.drive.handle.angle_rad for node in two_on_slcan.nodes]
+    np.testing.assert_allclose(two_on_slcan.handles[:, layout.HANDLE_ANGLE], angles, atol=2e-3)
+    assert angles[1] > angles[0] + 0.1
+    for grasp in two_on_slcan.grasps:
+        grasp.enable()
+    two_on_slcan.run(300, TORQUE_NM, -0.5 * TORQUE_NM)
+    assert [node.drive.applied_nm for node in (left, right)] == pytest.approx([TORQUE_NM, -0.5 * TORQUE_NM])
+    assert all(grasp.ready for grasp in two_on_slcan.grasps)
+    two_on_slcan.grasps[0].close()
+    for _ in range(50):
+        two_on_slcan.carry()
+        two_on_slcan.grasps[1].read(0, two_on_slcan.handles[1])
+        two_on_slcan.grasps[1].write(-0.5 * TORQUE_NM)
+        two_on_slcan.adapter.hear()
+    assert right.drive.applied_nm == pytest.approx(-0.5 * TORQUE_NM), "one handle that is let go leaves the other"
+    assert left.drive.applied_nm == 0.0
+
+
+def test_an_adapter_has_one_bit_rate() -> None:
+    adapter = Adapter()
+    bus = {"interface": "slcan", "channel": adapter.port_name, "sleep_after_open": 0.0, "bitrate": 1_000_000}
+    one = canbus.open_bus(bus, "instrument 'left'")
+    with pytest.raises(DeviceError, match=r"instrument 'right': CAN bus slcan .*: it is in use with other settings"):
+        canbus.open_bus(bus | {"bitrate": 500_000}, "instrument 'right'")
+    one.shutdown()
+    canbus.open_bus(bus | {"bitrate": 500_000}, "instrument 'right'").shutdown()
+    adapter.shutdown()
+
+
 def test_a_serial_port_that_is_not_there_is_one_sentence() -> None:
     with pytest.raises(DeviceError, match="CAN bus slcan /dev/nosuch cannot be opened") as caught:
         canbus.open_bus({"interface": "slcan", "channel": "/dev/nosuch"}, "instrument 'left'")
