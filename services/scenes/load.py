@@ -8,6 +8,7 @@ from typing import Any
 
 from services.mechanics.scene import SceneModel
 from services.runtime import config
+from services.scenes.automatic_cells import take_automatic_cells
 from services.scenes.preset import take_tissue
 from services.scenes.scene_file import build_scene
 
@@ -31,6 +32,7 @@ def scene_origins(name: str | Path, overrides: Iterable[str] = ()) -> tuple[Scen
     _anchor_mesh_file(data, path.parent)
     config.apply_overrides(data, overrides, origins)
     take_tissue(data, str(path), origins)
+    take_automatic_cells(data, origins)
     return build_scene(data, str(path)), origins
 
 

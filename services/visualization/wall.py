@@ -7,6 +7,9 @@ import numpy as np
 from services.mechanics.arrays import Float32Array, IntArray
 from services.visualization.normals import vertex_normals
 
+REFINED_UP_TO = 3_000
+"""Triangles of a mid-surface beyond which they are small enough in a picture as they are."""
+
 
 def refine(triangles: IntArray, n_points: int) -> tuple[IntArray, IntArray]:
     """Split every triangle in four.
@@ -44,7 +47,7 @@ class Wall:
     thickness_m
         Half of it lies on each side.
     fine
-        Whether each triangle is drawn as four, on the curved surface through its corners.
+        Whether each triangle is drawn as four, on the curved surface through its corners; up to `REFINED_UP_TO`.
 
     Attributes
     ----------
@@ -58,7 +61,7 @@ class Wall:
         self._coarse = np.ascontiguousarray(triangles, np.int32)
         self._half_m = 0.5 * thickness_m
         self._edges, self._fine = np.zeros((0, 2), np.int32), self._coarse
-        if fine:
+        if fine and len(self._coarse) <= REFINED_UP_TO:
             self._edges, self._fine = refine(self._coarse, len(rest_m))
         self._rim = boundary(self._fine)
         count = len(rest_m) + len(self._edges)

@@ -52,3 +52,10 @@ def test_refining_keeps_corners_and_winding() -> None:
     assert len(fine) == 8
     assert {tuple(edge) for edge in edges.tolist()} == {(0, 1), (1, 2), (0, 2), (1, 3), (2, 3)}
     assert len(boundary(fine)) == 8
+
+
+def test_a_fine_mid_surface_is_drawn_as_it_is() -> None:
+    """Four times its triangles would show nothing more, and cost a picture drawn by a processor."""
+    assert len(make_wall(24, fine=True)[0].triangles) > 8 * 24 * 24, "both faces, each triangle in four"
+    fine, plain = (make_wall(40, fine=which)[0] for which in (True, False))
+    assert np.array_equal(fine.triangles, plain.triangles)

@@ -22,7 +22,8 @@ FOLLOWS = {"follows": "from what a scene names, or from where it was said"}
 class DuctScene:
     """The cystic duct: a parametric tube along +x, or the name of a surface file read elsewhere.
 
-    The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``.
+    The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``. A scene file
+    may leave ``n_around`` and ``n_along`` to the rule in `scene.cells`: ``auto``.
     Both integrators of its modes are of second order and without numerical damping (spectral radius 1); what damps each
     mode is ``damping_ratio``.
     ``tissue`` says which preset of `scene.tissue` the numbers of the wall were taken from, by whoever took them.

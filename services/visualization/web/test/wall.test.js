@@ -77,3 +77,10 @@ test("nodes stay where physics put them", () => {
   wall.update(bent);
   assert.deepEqual(wall.middle.slice(0, points.length), bent);
 });
+
+test("a fine mid-surface is drawn as it is", () => {
+  const [points, triangles] = tube(40, 40, 4, 40);
+  assert.equal(new Wall(points, triangles, 0.5).fine.length, triangles.length);
+  const [few, theirs] = tube(24, 30, 4, 40);
+  assert.equal(new Wall(few, theirs, 0.5).fine.length, 4 * theirs.length);
+});

@@ -55,13 +55,17 @@ export function boundary(triangles) {
   return [...open.values()];
 }
 
+// Triangles of a mid-surface beyond which they are small enough in a picture as they are.
+const REFINED_UP_TO = 3000;
+
 export class Wall {
-  // `refined`: every triangle drawn as four.
+  // `refined`: every triangle drawn as four, up to so many.
   constructor(rest, triangles, thickness, refined = true) {
     this.coarse = triangles;
     this.half = 0.5 * thickness;
     this.n = rest.length / 3;
-    const { edges, triangles: fine } = refined ? refine(triangles, this.n) : { edges: new Uint32Array(), triangles };
+    const isRefined = refined && triangles.length <= 3 * REFINED_UP_TO;
+    const { edges, triangles: fine } = isRefined ? refine(triangles, this.n) : { edges: new Uint32Array(), triangles };
     this.edges = edges;
     this.fine = fine;
     this.count = this.n + edges.length / 2;

@@ -1,0 +1,41 @@
+"""Cells that a scene file leaves to the rule: ``n_around: auto``, ``n_along: auto``."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from services.mechanics.scene import DuctScene, ForcepsScene
+from services.mechanics.scene.cells import accurate_cells
+from services.runtime import config
+
+AUTO = "auto"
+
+
+def take_automatic_cells(data: dict[str, Any], origins: config.Origins) -> None:
+    """Put numbers of cells where ``data`` says ``auto``; they follow from radius, length and the narrowest jaw.
+
+    What is no positive number is left to the check that follows: cells are then those of a duct with the usual value.
+    """
+    duct = data.get("duct")
+    if not isinstance(duct, dict):
+        return
+    usual = DuctScene()
+    radius_m, length_m = (_positive(duct.get(key), getattr(usual, key)) for key in ("radius_m", "length_m"))
+    cells = accurate_cells(radius_m, length_m, _narrowest_jaw_m(data.get("forceps")))
+    for key, count in zip(("n_around", "n_along"), cells, strict=True):
+        if duct.get(key) == AUTO:
+            duct[key] = count
+            path = f"duct.{key}"
+            origins[path] = f"auto in {origins.get(path, 'the scene')}"
+
+
+def _narrowest_jaw_m(forceps: object) -> float:
+    usual = ForcepsScene().jaw_radius_m
+    tools = [tool for tool in forceps if isinstance(tool, dict)] if isinstance(forceps, list) else []
+    return min((_positive(tool.get("jaw_radius_m"), usual) for tool in tools), default=usual)
+
+
+def _positive(value: object, otherwise: float) -> float:
+    is_usable = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0
+    return float(value) if isinstance(value, int | float) and is_usable else otherwise

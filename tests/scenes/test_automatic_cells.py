@@ -1,0 +1,52 @@
+"""``auto`` for the cells of a duct: numbers that follow from the duct and the jaws, and where they came from."""
+
+import pytest
+
+from services.mechanics.scene.cells import accurate_cells
+from services.runtime.errors import ConfigError
+from services.scenes import load_scene, scene_origins
+
+
+def scene_of(tmp_path, text, overrides=()):
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    return scene_origins(path, overrides)
+
+
+def cells(scene):
+    return scene.duct.n_around, scene.duct.n_along
+
+
+def test_the_default_scene_leaves_its_cells_to_the_rule():
+    assert cells(load_scene("default")) == accurate_cells(4e-3, 40e-3, 1e-3)
+    wide = load_scene("default", ["duct.radius_m=6e-3", "duct.length_m=50e-3"])
+    assert cells(wide) == accurate_cells(6e-3, 50e-3, 1e-3)
+    assert cells(load_scene("default", ["duct.n_around=16"])) == (16, accurate_cells(4e-3, 40e-3, 1e-3)[1])
+
+
+def test_cells_follow_from_the_narrowest_jaw_and_say_that_they_were_automatic(tmp_path):
+    text = "duct: {n_around: auto, n_along: auto}\nforceps: [{jaw_radius_m: 2.0e-3}, {jaw_radius_m: 1.5e-3}]\n"
+    scene, origins = scene_of(tmp_path, text)
+    assert cells(scene) == accurate_cells(4e-3, 40e-3, 1.5e-3)
+    assert origins["duct.n_along"] == f"auto in {tmp_path / 'a.yaml'}"
+
+
+def test_one_number_may_be_said_and_an_override_may_ask_for_the_rule(tmp_path):
+    scene, _ = scene_of(tmp_path, "duct: {n_around: 12, n_along: 9}\n", ["duct.n_along=auto"])
+    assert cells(scene) == (12, accurate_cells(4e-3, 40e-3, 1e-3)[1])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("duct: {n_around: auto, radius_m: wide}", "a.yaml: duct.radius_m"),
+        ("duct: {n_around: auto, length_m: -1.0}", "a.yaml: duct.length_m: must be positive"),
+        ("duct: {n_around: automatic}", "a.yaml: duct.n_around"),
+        ("duct: auto", "a.yaml: duct"),
+        ("{duct: {n_along: auto}, forceps: [{jaw_radius_m: thin}]}", "a.yaml: forceps.0.jaw_radius_m"),
+        ("{duct: {n_along: auto}, forceps: 3}", "a.yaml: forceps"),
+    ],
+)
+def test_what_the_rule_cannot_use_is_refused_by_its_own_key(tmp_path, text, sentence):
+    with pytest.raises(ConfigError, match=sentence):
+        scene_of(tmp_path, text + "\n")
