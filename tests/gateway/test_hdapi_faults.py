@@ -220,3 +220,40 @@ def test_a_lost_calibration_is_a_fault(pushing: HdapiBench) -> None:
     pushing.run(1100, LEFT, RIGHT)
     assert "the arm 'Left' has lost its calibration" in pushing.left.fault
     np.testing.assert_array_equal(pushing.forces[-1], [FREE, RIGHT])
+
+
+STALLED_TICKS, SILENT_TICKS = 10, 15
+
+
+@pytest.mark.parametrize("drill", ["unplugged", "not a number", "silent gateway", "stalled"])
+def test_no_failure_of_the_line_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, drill: str) -> None:
+    """The same hand and books as with errors; an arm that comes back does so where little is asked for."""
+    stiffness_n_m, times, taken_j = 400.0, 0, 0.0
+    arms.by_law, arms.damping_n_s_m = True, 5.0
+    arms.open()
+    arms.run(300, FREE, FREE)
+    last_m, silent_until = arms.standin.look(1).position_m, 0
+    for k in range(2000):
+        arms.standin.put("hand", 1, np.array([0.0, -0.006 * np.sin(4 * np.pi * 1e-3 * k) ** 2, 0.0]))
+        begins, ends = k % 137 == 60, k % 137 == 90
+        times += begins
+        if drill == "unplugged" and (begins or ends):
+            arms.c.standin_unplug(1, int(begins))
+        elif drill == "not a number" and (begins or ends):
+            arms.c.standin_not_a_number(1, int(begins))
+        elif drill == "silent gateway" and begins:
+            silent_until = k + SILENT_TICKS
+        elif drill == "stalled" and begins:
+            arms.c.standin_stall(STALLED_TICKS)
+        if k % 137 == 100:
+            arms.left.clear_fault()
+        if k >= silent_until:
+            arms.left.read(0, arms.readings[arms.left])
+            arms.order(arms.left, np.zeros(3), stiffness_n_m)
+        force_n = arms.standin.look(1).force_n
+        arms.wait(1)
+        position_m = arms.standin.look(1).position_m
+        taken_j += force_n @ (position_m - last_m)
+        last_m = position_m
+    assert np.abs(arms.forces).max() > 0.5
+    assert taken_j < 1e-4 + times * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m
