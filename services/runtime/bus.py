@@ -129,6 +129,7 @@ class Inbox:
         self.beyond_rate = 0  # frames of a publisher that floods
         self._on_flood = on_flood
         self._excess = 0.0
+        self._is_refusing = False
         self._counted = (0, 0)  # number and time of the frame up to which that is
         self.every = every or row.delivery == "every"
         self.received = 0
@@ -167,8 +168,7 @@ class Inbox:
         within = self._within_rate(now, len(batch))
         if within < len(batch):
             self.refused[Reason.FLOOD] += len(batch) - within
-            self._excess -= len(batch) - within  # which are not to be counted again as frames that were passed over
-            self._flooded(len(batch) - within)
+            self._is_refusing = True  # which may be this reader's lateness
         frames = []
         for data in batch[:within]:
             try:
@@ -182,6 +182,9 @@ class Inbox:
         if frames:
             self.received += len(frames)
             self.age.record(now - frames[-1].sent_ns)
+            if self._is_refusing:
+                self._is_refusing = False
+                self._look_for_flood(frames[-1])
         return frames
 
     def follow(self, run: Run) -> bool:
@@ -256,12 +259,9 @@ class Inbox:
         allowed = max(0, passed_ns) * 1e-9 * self.row.rate_hz * FLOOD_FACTOR
         self._excess = max(0.0, self._excess + n_sent - allowed)
         if self._excess > FLOOD_FRAMES:
-            beyond, self._excess = int(self._excess), 0.0
-            self._flooded(beyond)
-
-    def _flooded(self, frames: int) -> None:
-        self.beyond_rate += frames
-        self._on_flood()
+            self.beyond_rate += int(self._excess)
+            self._excess = 0.0
+            self._on_flood()
 
 
 @dataclass(frozen=True, slots=True)

@@ -208,6 +208,21 @@ def test_who_keeps_the_newest_only_sees_a_flood_by_numbers_and_times(
     assert reader.floods() == expected
 
 
+@pytest.mark.parametrize(("apart_ms", "floods"), [(100, False), (1, True)])
+def test_what_waited_for_a_reader_that_was_late_is_no_flood(apart_ms: int, floods: bool) -> None:
+    """A gateway that had built for half a minute refused words of the supervisor, and called that a flood."""
+    row, told = protocol.topic("supervisor.state"), []
+    inbox = bus_module.Inbox(row, on_flood=lambda: told.append(1))
+    body = bodies.SupervisorState(state="starting")
+    for number in range(300):
+        sent_ns = number * apart_ms * 1_000_000
+        frame = Frame(protocol.PROTOCOL_VERSION, row.name, row.version, 5, number, sent_ns, 0, True, body)
+        inbox.accept(protocol.encode(frame))
+        inbox._tokens = max(inbox._tokens, float(number % 10 == 0))  # as time passes
+    assert inbox.refused["flood"] > 100
+    assert bool(told) is floods
+
+
 def test_a_publisher_that_starts_anew_is_no_flood() -> None:
     hub = MemoryHub()
     reader = MemoryBus(hub, reads=[STATE])
