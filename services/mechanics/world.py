@@ -13,6 +13,7 @@ from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.seal import IntroducerSeal
 from services.mechanics.contact.search import ContactSearch
+from services.mechanics.contact.squeeze import JawSqueeze
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import SceneModel
 
@@ -40,6 +41,8 @@ class World:
         What the jaws hold.
     seal : IntroducerSeal
         What the introducer holds.
+    squeeze : JawSqueeze
+        What the jaws squeeze.
     search : ContactSearch
         Collision detection.
     pairs : ContactPairs
@@ -57,6 +60,7 @@ class World:
     system: ContactSystem
     holds: HoldRegistry
     seal: IntroducerSeal
+    squeeze: JawSqueeze
     search: ContactSearch
     pairs: ContactPairs
     acceleration_m_s2: FloatArray

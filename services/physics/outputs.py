@@ -13,9 +13,10 @@ from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
 from protocol.bodies.haptics import TOOL_COLUMNS
 from protocol.bodies.physics import REACTION_COLUMNS
 from services.mechanics.arrays import ByteArray, FloatArray
-from services.mechanics.collision.pairs import NO_TOOL
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.contact.identity import target_kind_of
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
@@ -173,7 +174,9 @@ def _count(rows: ContactRows, sent: Sent, first_hold: int, after_holds: int) -> 
         if not of_tool:
             kinds[row] = CATHETER_DUCT if on_duct else OTHER
             continue
-        kinds[row] = TOOL_DUCT if on_duct else TOOL_CATHETER
+        # What jaws squeeze moves no node of the wall: which body it is, only its name tells.
+        is_wall = rows.identity[row] > 0 and target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
+        kinds[row] = TOOL_DUCT if on_duct or is_wall else TOOL_CATHETER
         if first_hold <= row < after_holds:
             sent.table[tool[row], _HOLDS] += 1.0
         elif force[row, 0] != 0.0 or force[row, 1] != 0.0 or force[row, 2] != 0.0:

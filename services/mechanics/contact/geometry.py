@@ -8,7 +8,7 @@ from typing import Annotated
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
-from services.mechanics.bodies.forceps.kinematics import N_COORDINATES, N_SEGMENTS
+from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_COORDINATES, N_SEGMENTS
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.scene.tools import N_TOOLS
@@ -36,6 +36,7 @@ class ToolGeometry(Struct):
     waiting: Annotated[BoolArray, N_TOOLS]  # whether they touch nothing yet
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
     pad: Annotated[FloatArray, N_TOOLS]  # how deep a wall that they hold may be in them, in m
+    thinned: Annotated[FloatArray, N_TOOLS, N_CELLS]  # and one that they squeeze, along them
 
 
 class RodGeometry(Struct):
@@ -76,6 +77,7 @@ class ContactGeometry(Struct):
                 waiting=tools.waiting,
                 held=tools.held,
                 pad=tools.pad_m,
+                thinned=tools.thinned_m,
             ),
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),
             wall=WallGeometry(

@@ -67,6 +67,7 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
                 rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
         else:
             _wall_side(holds, slot, geometry.wall, rows, row)
+            _let_jaws_close(holds.tool[slot], geometry.tools, rows, row)
         n_rows += 1
     return n_rows
 
@@ -146,6 +147,15 @@ def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRo
     for corner in range(3):
         for axis in range(3):
             rows.slip_m[row, axis] -= weights[corner] * wall.vertices[corners[corner], axis]
+
+
+@kernel
+def _let_jaws_close(tool: int, tools: ToolGeometry, rows: ContactRows, row: int) -> None:
+    """Leave it to the jaws themselves where between them a wall is that they hold: there they squeeze it."""
+    for axis in range(3):
+        for other in range(3):
+            rows.frame[row, axis, other] = tools.frame[tool, axis, other]
+    rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
 
 
 @kernel

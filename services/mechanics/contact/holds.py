@@ -126,7 +126,7 @@ class HoldRegistry:
         self.rows = range(0)
 
     def stop_jaws(self, tools: ToolBody) -> None:
-        """Write into the tools what they hold and where that stops their jaws."""
+        """Write into the tools what they hold, and where a catheter between their jaws resists them."""
         requests = [hold.request for hold in self.active.values()]
         stops = [(each.tool, each.target_kind, each.jaw_angle_rad, _carries(each)) for each in requests]
         if stops == self._stops:
@@ -137,8 +137,14 @@ class HoldRegistry:
         self._held = {(tool, target_kind) for tool, target_kind, _, carries in stops if carries}
         for tool, target_kind in self._held:
             tools.held[tool, target_kind] = True
-        for tool, _, jaw_angle_rad, _ in stops:
-            tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], jaw_angle_rad)
+        for hold, (tool, target_kind, jaw_angle_rad, _) in zip(self.active.values(), stops, strict=True):
+            if target_kind == CATHETER_SEGMENT:
+                # Jaws that have closed a little more in the tick of the grasp are not opened by what they hold.
+                stop_rad = min(jaw_angle_rad, float(tools.proxy[tool, 3]))
+                tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], stop_rad)
+                tools.stop_arm_m[tool] = max(
+                    float(self._arrays.anchor[hold.slot, 2]), float(tools.radius_m[tool, JAW_A])
+                )
 
     def _free_jaws(self) -> None:
         """Let jaws collide at once with what they held until now: it may spring back against them in this step."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, NO_TOOL, SHAFT, ContactPairs
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, NO_TOOL, SHAFT, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, ToolGeometry, WallGeometry
@@ -41,7 +43,8 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
         row = append_row(rows, _UNILATERAL, identity)
         if row == NO_ROOM:
             continue
-        rows.pad_m[row] = _pad(geometry.tools, tool, segment, kind)
+        if tool != NO_TOOL and segment != SHAFT and kind == DUCT_TRIANGLE:
+            rows.pad_m[row] = _pad(geometry.tools, tool, segment, (pairs.tool_parameter[index], pairs.normal[index]))
         write_frame(pairs.normal[index], rows.frame[row])
         if tool != NO_TOOL:
             _tool_side(pairs, index, geometry.tools, rows, row)
@@ -62,10 +65,21 @@ def _touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
 
 
 @kernel
-def _pad(tools: ToolGeometry, tool: int, segment: int, kind: int) -> float:
-    """Return how deep a target may be in a segment of a tool, in m: more than nothing for a wall that jaws hold."""
-    holds_it = tool != NO_TOOL and segment != SHAFT and kind == DUCT_TRIANGLE and tools.held[tool, kind]
-    return float(tools.pad[tool]) if holds_it else 0.0
+def _pad(tools: ToolGeometry, tool: int, jaw: int, at: tuple[float, FloatArray]) -> float:
+    """Return how deep a wall may be in a jaw, in m: more than nothing where they hold it, or squeeze it between them.
+
+    ``at`` is the place along the jaw and the normal.
+    """
+    pad = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
+    opens = 0.0
+    for axis in range(3):
+        opens += at[1][axis] * tools.frame[tool, 0, axis]
+    if (opens > 0.0) == (jaw == JAW_A):
+        cell = min(max(at[0] * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
+        first = min(int(cell), N_CELLS - 2)
+        share = cell - first
+        pad = max(pad, (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1])
+    return float(pad)
 
 
 @kernel

@@ -74,19 +74,13 @@ def report(
     tools_address: Address[ToolArrays],
     report_address: Address[ReportArrays],
     dt_s: float,
-    wanted: tuple[bool, bool],
+    wants_stiffness: bool,
 ) -> float:
-    """Write what the tools feel; return how deep the catheter overlaps wall or itself at the start of the step, in m.
-
-    ``wanted`` says whether something held keeps jaws from closing, and whether stiffnesses are wanted.
-    """
-    holding, wants_stiffness = wanted
+    """Write what the tools feel; return how deep the catheter overlaps wall or itself at the start of a step, in m."""
     state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
     _moments(state.rows, state.force_n, tools.port, out.port_moment)
     for tool in range(out.loads.shape[0]):
         out.grasp_torque[tool] = out.loads[tool, 3]
-        if holding:
-            out.grasp_torque[tool] += tools.stiffness[tool, 3] * _squeeze(tools, tool)
         _follow_force(tools.present[tool], out.loads[tool], FORCE_RATE_N_S * dt_s, out.force[tool])
         for axis in range(3):
             out.proxy_position[tool, axis] = tools.proxy[tool, axis]
@@ -111,13 +105,6 @@ def _follow_force(is_present: bool, load: FloatArray, most: float, out: FloatArr
             out[axis] = load[axis]
         else:
             out[axis] += share * (load[axis] - out[axis])
-
-
-@kernel
-def _squeeze(tools: ToolArrays, tool: int) -> float:
-    """How far the hand asks jaws to close beyond where something held keeps them, in rad."""
-    squeeze: float = max(tools.jaw_stop[tool] - tools.hand[tool, 3], 0.0)
-    return squeeze
 
 
 @kernel
@@ -146,12 +133,11 @@ def local_stiffness(
     The rows of a tool that carry force (normals; tangents too while they stick; holds that do not slip) stay
     closed when the hand moves by dx, so their forces change by :math:`-S^{-1} G\,dx` with S their compliance.
     S contains the couplings as they act over one step, dampers included; what a damper adds is taken
-    out (1/K minus the step's compliance is put in), so that the result is a spring. Jaws that something held
-    stops do not follow the hand: it meets the coupling alone.
+    out (1/K minus the step's compliance is put in), so that the result is a spring.
     """
     for tool in range(report.stiffness.shape[0]):
         report.stiffness[tool] = 0.0
-        report.grasp_stiffness[tool] = tools.stiffness[tool, 3] if _squeeze(tools, tool) > 0.0 else 0.0
+        report.grasp_stiffness[tool] = 0.0
         n = _count_closed(rows, slides, tool)
         if n == 0:
             continue
@@ -164,16 +150,8 @@ def local_stiffness(
                 for j in range(3):
                     for k in range(n):
                         report.stiffness[tool, i, j] += G[k, i] * G[k, j]
-            if _follows_hand(tools, tool, 3):
-                for k in range(n):
-                    report.grasp_stiffness[tool] += G[k, 3] * G[k, 3]
-
-
-@kernel
-def _follows_hand(tools: ToolArrays, tool: int, coordinate: int) -> bool:
-    """Whether a coordinate of the proxy moves with the hand: jaws at the stop of something held do not."""
-    follows: bool = tools.compliance[tool, coordinate] > 0.0
-    return follows
+            for k in range(n):
+                report.grasp_stiffness[tool] += G[k, 3] * G[k, 3]
 
 
 @kernel
@@ -230,8 +208,6 @@ def _fill_closed(
 def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
     """Add what the coupling's spring gives way beyond spring and damper in one step."""
     for coordinate in range(G.shape[1]):
-        if not _follows_hand(tools, tool, coordinate):
-            continue
         excess = 1.0 / tools.stiffness[tool, coordinate] - tools.compliance[tool, coordinate]
         for i in range(S.shape[0]):
             for j in range(S.shape[0]):

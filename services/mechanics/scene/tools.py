@@ -33,7 +33,7 @@ class GraspHold:
     limit_n : float
         Largest force the hold carries before it slips: grip friction times the squeeze.
     jaw_angle_rad : float
-        Opening at which the held thing stops the jaws.
+        Opening at which the grasp closed; there a catheter stops the jaws.
     """
 
     hold_id: int

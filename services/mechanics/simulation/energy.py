@@ -50,8 +50,9 @@ class EnergyFlow:
     released_j
         What holds had stored that were let go, and couplings of tools that came back elsewhere.
     numerical_j
-        What implicit steps take out: of the catheter, the couplings, the grips and the residual compliance; and what
-        kicks of the wall miss of the energy that they are the gradient of.
+        What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance and a wall that
+        is squeezed, with what that loses where it slides out from between jaws; and what kicks of the wall miss of the
+        energy that they are the gradient of.
     """
 
     input_j: float = 0.0
@@ -109,6 +110,7 @@ class EnergyBook:
         self._before = _Snapshot.of(self.simulation, self._rod)
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
+        self._squeezed_j = self.simulation.squeeze.dissipated_j
 
     def end(self, dt_s: float) -> None:
         """Enter a part of a step."""
@@ -119,6 +121,7 @@ class EnergyBook:
         self._enter_duct(before, dt_s)
         self._enter_contacts(before, dt_s)
         self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
+        self.flow.numerical_j += self.simulation.squeeze.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = self._stored_j() - self._opening_j
 
@@ -183,7 +186,10 @@ class EnergyBook:
         taken_j, gone_j = enter_grips(self.simulation, before.grips)
         self.flow.numerical_j += taken_j
         self.flow.released_j += gone_j
-        rows, own = system.rows, {*self.simulation.holds.rows, *self.simulation.seal.rows}
+        rows, own = (
+            system.rows,
+            {*self.simulation.holds.rows, *self.simulation.seal.rows, *self.simulation.squeeze.rows},
+        )
         self.flow.friction_j -= _anchor_energy_j(self.simulation) - before.anchors_j
         for row in range(rows.n_contacts):
             force = rows.force_n[row]
@@ -243,6 +249,7 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
         "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
         "grips": stored_in_grips(simulation).total_j,
+        "squeeze": simulation.squeeze.stored_j,
         "anchors": _anchor_energy_j(simulation),
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}

@@ -134,6 +134,7 @@ class Healer:
         world.holds.lose()
         world.system.forget()
         world.seal.forget()
+        world.squeeze.forget()
         if self._in_a_row >= RESTING:
             self._rest_left = REST_STEPS << min(self._rests_in_a_row, 32)
             self._rests_in_a_row += 1

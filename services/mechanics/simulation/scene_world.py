@@ -15,6 +15,7 @@ from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.holds import HoldRegistry
 from services.mechanics.contact.seal import IntroducerSeal
 from services.mechanics.contact.search import ContactSearch, DuctSearch
+from services.mechanics.contact.squeeze import JawSqueeze
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.effects import Effect, by_stage
@@ -48,6 +49,7 @@ def build_world(
         system=system,
         holds=HoldRegistry(scene.forceps, system),
         seal=IntroducerSeal(catheter, system),
+        squeeze=JawSqueeze(scene.duct, scene.forceps, system),
         search=search or DuctSearch(scene, duct),
         pairs=ContactPairs.allocate(capacity),
         acceleration_m_s2=_body_acceleration_m_s2(stages["body_acceleration_m_s2"]),

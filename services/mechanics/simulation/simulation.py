@@ -75,7 +75,7 @@ class Simulation:
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
         self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
-        self.seal = world.seal
+        self.seal, self.squeeze = world.seal, world.squeeze
         segment_length_m = self.catheter.properties.segment_length_m
         self.grasps = tuple(
             Grasp(tool, each.jaws, duct.mesh, segment_length_m)
@@ -285,6 +285,7 @@ class Simulation:
         system.let_go_of_tools()
         system.clear()
         self.seal.append_row()
+        self.squeeze.append_rows(self.tools)
         self.search.start(self.duct)
         if pairs is None or self.tools.is_behind:  # others look for pairs where the hand is
             pairs = self._tool_pairs
@@ -374,10 +375,12 @@ class Simulation:
 
     def _correct(self, dt_s: float) -> None:
         system = self.system
+        self.squeeze.react()
         self.seal.slide()
         self.holds.slide()
         self._manifold.keep(system.rows)
         system.apply(self._tool_force)
+        self.squeeze.follow(self.tools, dt_s)
         for effect in self._stages["after_solve"]:
             effect.after_solve(self.world, dt_s)
 
@@ -385,7 +388,7 @@ class Simulation:
         """Write what the tools feel."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
         wants_stiffness = self.system.strategy.knows_stiffness
-        self.max_penetration_m = report(*addresses, dt_s, (bool(self.holds.active), wants_stiffness))
+        self.max_penetration_m = report(*addresses, dt_s, wants_stiffness)
 
 
 def _stages_without(effects: Mapping[str, Effect], resting: Sequence[str]) -> dict[str, tuple[Effect, ...]]:

@@ -97,7 +97,7 @@ def test_the_recorded_runs_go_through_what_they_are_for(name):
         assert run.values["inserted_m"].max() > 20e-3
         assert np.ptp(run.values["stone_m"][:, 0], axis=0).max() > 0.5e-3
     if name == "pinch":
-        assert np.abs(run.values["grasp_torque_nm"]).max(axis=0).min() > 20e-3
+        assert np.abs(run.values["grasp_torque_nm"]).max(axis=0).min() > 4e-3, "what the wall pushes, and nothing else"
 
 
 def test_a_change_of_the_last_bit_is_noticed(tmp_path):

@@ -52,7 +52,8 @@ class Grasp:
             if jaws.asked_angle_rad > stop + self.forceps.release_angle_rad:
                 self.holds.clear()
             else:
-                self._set_limit(stop - jaws.asked_angle_rad)
+                is_wall = self.holds[0].target_kind == DUCT_TRIANGLE  # which goes on giving way
+                self._set_limit((jaws.proxy_angle_rad if is_wall else stop) - jaws.asked_angle_rad)
         elif self._torque_nm(jaws.proxy_angle_rad - jaws.asked_angle_rad) >= self.forceps.grasp_torque_nm:
             self._try_to_close(pairs, jaws)
         return self.holds

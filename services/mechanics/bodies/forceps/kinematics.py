@@ -15,6 +15,7 @@ from services.mechanics.compiled import kernel
 
 N_SEGMENTS = 3
 N_COORDINATES = 4  # J and the opening angle
+N_CELLS = 20  # along the jaws, in each of which there is something between them, or nothing
 
 
 @kernel

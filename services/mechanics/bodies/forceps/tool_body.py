@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.bodies.forceps.kinematics import N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
+from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
@@ -32,6 +32,7 @@ class ToolArrays(Struct):
     port: Annotated[FloatArray, N_TOOLS, 3]
     jaw_length: Annotated[FloatArray, N_TOOLS]
     is_sphere: Annotated[BoolArray, N_TOOLS]  # whether the shaft's segment is but a point, J
+    jaw_radius: Annotated[FloatArray, N_TOOLS]
     stiffness: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # of the couplings
     damping: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     present: Annotated[BoolArray, N_TOOLS]
@@ -47,6 +48,7 @@ class ToolArrays(Struct):
     motion: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     compliance: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     jaw_stop: Annotated[FloatArray, N_TOOLS]
+    stop_arm: Annotated[FloatArray, N_TOOLS]
     frame: Annotated[FloatArray, N_TOOLS, 3, 3]
     length: Annotated[FloatArray, N_TOOLS]
     segments: Annotated[FloatArray, N_TOOLS, N_SEGMENTS, 2, 3]
@@ -76,8 +78,12 @@ class ToolBody:
         Whether the jaws of each tool hold wall (`DUCT_TRIANGLE`) or catheter (`CATHETER_SEGMENT`).
     pad_m : (2,) float64
         How deep a wall that they hold may be in them before they push it, see `contact.pads`.
+    thinned_m : (2, N_CELLS) float64
+        How much nearer the middle of a wall is to jaws that squeeze it, cell by cell along them.
     jaw_stop_rad : (2,) float64
-        Opening below which something held keeps the jaws; -inf where nothing does.
+        Opening below which a catheter that they hold resists the jaws; -inf where they hold none.
+    stop_arm_m : (2,) float64
+        How far from the hinge it is, along the shaft.
     frame : (2, 3, 3) float64
         Rows b, h, d of each tool.
     segments : (2, 3, 2, 3) float64
@@ -101,13 +107,14 @@ class ToolBody:
         jaws = [f.jaws for f in forceps]
         self.radius_m = np.array([[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
-        self.pad_m = np.zeros(N_TOOLS)
+        self.pad_m, self.thinned_m = np.zeros(N_TOOLS), np.zeros((N_TOOLS, N_CELLS))
         self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
         self._flags = 0
         a.port[:] = [f.port_position_m for f in forceps]
         a.is_sphere[:] = [not f.touches_along_shaft for f in forceps]
         a.jaw_length[:] = [j.jaw_length_m if j else 0.0 for j in jaws]
+        a.jaw_radius[:] = [j.jaw_radius_m if j else 0.0 for j in jaws]
         a.stiffness[:, :3] = [[f.coupling_stiffness_n_m] for f in forceps]
         a.damping[:, :3] = [[f.coupling_damping_n_s_m] for f in forceps]
         a.stiffness[:, 3] = [j.jaw_stiffness_nm_rad if j else NO_JAWS_NM_RAD for j in jaws]
@@ -115,7 +122,7 @@ class ToolBody:
         self.port_m, self.present, self.waiting, self.roll_rad = a.port, a.present, a.waiting, a.roll
         self.stiffness, self.damping, self.compliance = a.stiffness, a.damping, a.compliance
         self.hand, self.stretch, self.proxy, self.free, self.motion = a.hand, a.stretch, a.proxy, a.free, a.motion
-        self.jaw_stop_rad = a.jaw_stop
+        self.jaw_stop_rad, self.stop_arm_m = a.jaw_stop, a.stop_arm
         self.frame, self.length_m, self.segments = a.frame, a.length, a.segments
 
     @property
@@ -142,8 +149,8 @@ class ToolBody:
         """Move the hands and find where the proxies go without contact; poses stay those of the start.
 
         A hand that is further away than a hand can come in a step is followed at `FASTEST_HAND_M_S`. A tool that
-        appears starts with its proxy at the hand. Jaws that hold something do not close further. A tool whose input is
-        refused stays where it was, and is absent when that has gone on for `LONGEST_UNSOUND_S`.
+        appears starts with its proxy at the hand. A tool whose input is refused stays where it was, and is absent when
+        that has gone on for `LONGEST_UNSOUND_S`.
         """
         position, opening, roll = inputs.position_m, inputs.jaw_angle_rad, inputs.roll_rad
         present = inputs.present & self._is_named if self._missing else inputs.present
@@ -209,11 +216,6 @@ def predict_proxies(
             tools.compliance[tool, axis] = 1.0 / (tools.stiffness[tool, axis] + rate)
             spring_back = tools.compliance[tool, axis] * rate * tools.stretch[tool, axis]
             tools.free[tool, axis] = tools.hand[tool, axis] + spring_back
-        # Jaws that have closed a little more in the tick of the grasp are not opened by what they hold.
-        stop = min(tools.jaw_stop[tool], tools.proxy[tool, 3])
-        if tools.free[tool, 3] < stop:
-            tools.free[tool, 3] = stop
-            tools.compliance[tool, 3] = 0.0
         for axis in range(tools.hand.shape[1]):
             tools.motion[tool, axis] = tools.free[tool, axis] - tools.proxy[tool, axis]
     _update_poses(tools)

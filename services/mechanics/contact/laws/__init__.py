@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from services.mechanics.compiled import made_kernel
-from services.mechanics.contact.laws import film, hold, seal, unilateral
+from services.mechanics.contact.laws import film, hold, seal, squeeze, unilateral
 from services.mechanics.contact.laws.law import ContactLaw, Kernel
 
 LAWS: dict[str, ContactLaw] = {
@@ -18,6 +18,7 @@ LAWS: dict[str, ContactLaw] = {
     "hold": hold.LAW,
     "film": film.LAW,
     "seal": seal.LAW,
+    "squeeze": squeeze.LAW,
 }
 
 

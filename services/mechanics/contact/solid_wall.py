@@ -1,0 +1,154 @@
+r"""Two layers of wall between two jaws, once their inner sides have met: how they resist being squeezed together.
+
+A jaw is a round bar of radius r, the layers an elastic foundation between two of them (Johnson, "Contact Mechanics",
+1985, 4.3): what is squeezed by the share :math:`\epsilon = 1 - h / H` of its thickness H = 2 t is wider the more it is
+squeezed, and per length of jaw
+
+.. math:: w = \tfrac43 \frac{E}{1 - \nu^2} \sqrt{r H} \; \frac{\epsilon^{3/2}}{1 - \epsilon} .
+
+The first part is that of a linear foundation of modulus E / (1 - nu^2), plane strain as the jaws are long, between
+parabolas; it begins without a kink. The divisor relates a further squeeze to the thickness that is left: a nearly
+incompressible wall is never squeezed to nothing. Strain-stiffening of real tissue under graspers (an exponential in
+Rosen et al., J. Biomech. Eng. 130:021020, 2008) would come on top; for a duct's wall nobody has published it.
+
+Jaws open like scissors: at a distance s from the hinge they are :math:`h = 2 s \sin(\theta / 2) - 2 r` apart.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
+from services.mechanics.scene.tools import N_TOOLS
+
+_FULL = 1.0 - 1e-9  # jaws that something else shuts: what they store is a number
+
+
+class SolidWall(Struct):
+    """Cells of both tools' jaws, and the wall in them.
+
+    Attributes
+    ----------
+    occupied : (2, N_CELLS) float64
+        How much of each cell has wall in it, 0 to 1.
+    free_m : (2, N_CELLS) float64
+        Thickness of what is in each cell while nothing squeezes it: that of both layers, or less where they came
+        between jaws that had less room.
+    length_m, radius_m : (2,) float64
+        Of the jaws.
+    thickness_m : float
+        Of both layers.
+    modulus_pa : float
+        E / (1 - nu^2).
+    """
+
+    occupied: Annotated[FloatArray, N_TOOLS, N_CELLS]
+    free_m: Annotated[FloatArray, N_TOOLS, N_CELLS]
+    length_m: Annotated[FloatArray, N_TOOLS]
+    radius_m: Annotated[FloatArray, N_TOOLS]
+    thickness_m: float
+    modulus_pa: float
+
+
+@kernel
+def cell_m(wall: SolidWall, tool: int, cell: int) -> float:
+    """Return how far from the hinge the middle of a cell is."""
+    place: float = wall.length_m[tool] * (cell + 0.5) / N_CELLS
+    return place
+
+
+@kernel
+def apart_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
+    """Return how far apart the jaws are in a cell; below zero near the hinge, where they are as thick as that."""
+    apart: float = 2.0 * (cell_m(wall, tool, cell) * math.sin(0.5 * opening_rad) - wall.radius_m[tool])
+    return apart
+
+
+@kernel
+def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
+    """Return the strain of what is in a cell: positive if squeezed, 1 or more if there is no room for it, or 0.0."""
+    if wall.occupied[tool, cell] == 0.0:
+        return 0.0
+    strain: float = 1.0 - apart_m(wall, tool, cell, opening_rad) / wall.free_m[tool, cell]
+    return strain
+
+
+@kernel
+def write_thinned(wall: SolidWall, tool: int, opening_rad: float, out: FloatArray) -> None:
+    """Write how much nearer than half its thickness the middle of each layer is to its jaw, (N_CELLS,) in m."""
+    for cell in range(N_CELLS):
+        thinner = wall.thickness_m - max(apart_m(wall, tool, cell, opening_rad), 0.0)
+        out[cell] = 0.25 * wall.occupied[tool, cell] * max(thinner, 0.0)
+
+
+@kernel
+def resist(wall: SolidWall, tool: int, opening_rad: float) -> tuple[float, float, float]:
+    """Return torque that opens the jaws (N m), its fall with the opening (N m/rad), and the force on each jaw (N).
+
+    Infinite where there is no room for the wall.
+    """
+    torque, fall, total = 0.0, 0.0, 0.0
+    cosine, sine = math.cos(0.5 * opening_rad), math.sin(0.5 * opening_rad)
+    for cell in range(N_CELLS):
+        strain = _strain(wall, tool, cell, opening_rad)
+        if strain <= 0.0:
+            continue
+        if strain >= 1.0:
+            return math.inf, math.inf, math.inf
+        force = _scale_n(wall, tool, cell) * strain * math.sqrt(strain) / (1.0 - strain)
+        arm = cell_m(wall, tool, cell)
+        total += force
+        torque += force * arm * cosine
+        steep = force * (1.5 / strain + 1.0 / (1.0 - strain)) / wall.free_m[tool, cell]
+        fall += steep * (arm * cosine) ** 2 + 0.5 * force * arm * sine
+    return torque, fall, total
+
+
+@kernel
+def stored_in(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
+    """Return the energy of a cell in J: the integral of its force."""
+    strain = _strain(wall, tool, cell, opening_rad)
+    if strain <= 0.0:
+        return 0.0
+    root = math.sqrt(min(strain, _FULL))
+    scale = 2.0 * _scale_n(wall, tool, cell) * wall.free_m[tool, cell]
+    energy: float = scale * (math.atanh(root) - root - strain * root / 3.0)
+    return energy
+
+
+@kernel
+def stored(wall: SolidWall, tool: int, opening_rad: float) -> float:
+    """Return the energy of all cells of a tool in J."""
+    total = 0.0
+    for cell in range(N_CELLS):
+        total += stored_in(wall, tool, cell, opening_rad)
+    return total
+
+
+@kernel
+def _scale_n(wall: SolidWall, tool: int, cell: int) -> float:
+    share = wall.occupied[tool, cell] * wall.length_m[tool] / N_CELLS
+    scale: float = 4.0 / 3.0 * wall.modulus_pa * math.sqrt(wall.radius_m[tool] * wall.free_m[tool, cell]) * share
+    return scale
+
+
+@kernel
+def yields_to(wall: SolidWall, tool: int, free_rad: float, compliance: float) -> float:
+    """Return the opening at which the wall alone holds jaws that would go to ``free_rad``, at most 1e-8 too small.
+
+    They give way by ``compliance`` (rad/(N m)): the root of ``opening - free - compliance torque``, which only rises.
+    """
+    low, high = free_rad, free_rad + 1.0
+    if resist(wall, tool, low)[0] == 0.0:
+        return free_rad
+    while high - low > 1e-8:
+        middle = 0.5 * (low + high)
+        if middle - free_rad < compliance * resist(wall, tool, middle)[0]:
+            low = middle
+        else:
+            high = middle
+    return low

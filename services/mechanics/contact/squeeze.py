@@ -1,0 +1,312 @@
+r"""What is between the jaws of a tool resists their closing: one pair of opposite forces on both jaws each.
+
+A wall that is pinched shut is solid between them (`solid_wall`); a catheter that they hold stops them. The torque at
+the handle is the moment of these forces and of those of the other contacts, and nothing else.
+
+The wall's torque is a convex function of the opening. In a step it stands for the chord from where the jaws are to
+where the wall alone would let them go, or, where they open, for its tangent: both lie on the side where the jaws take
+out no more than the wall gives up, so a step is passive, whatever its length and whatever else pushes the jaws.
+
+Cells of the jaws are taken by the wall that is pressed from both sides in them, at no more than the thickness that
+there is room for, and given up gradually: what is squeezed never grows by more wall, which nobody would have squeezed.
+Jaws come as much nearer to the middle of each layer as that gets thinner.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.contact import laws
+from services.mechanics.contact.frames import write_frame
+from services.mechanics.contact.geometry import WallGeometry
+from services.mechanics.contact.identity import pair_identity, target_kind_of, target_of, tool_segment_of, with_law
+from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solid_wall import (
+    SolidWall,
+    apart_m,
+    cell_m,
+    resist,
+    stored,
+    write_thinned,
+    yields_to,
+)
+from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.contact.system import ContactSystem
+from services.mechanics.contact.writer import NO_ROOM, append_row
+from services.mechanics.scene import DuctScene, ToolScene
+from services.mechanics.scene.tools import N_TOOLS
+
+_SQUEEZE, _HOLD = number_of("squeeze"), number_of("hold")
+_NO_ROW = -1
+_WALL, _CATHETER = 0, 1
+# Wall that is not pressed any more gives up the cell that it is squeezed in within so long.
+LETS_GO_S = 0.05
+# Two layers do not slip in where there is less room than this share of their thickness.
+LEAST_ROOM = 0.2
+# Slower than this a torque is taken to be constant over a step.
+_SMALL_RAD = 1e-9
+
+
+class SqueezeArrays(Struct):
+    """What both tools squeeze, and the rows of this step: of the wall and of the catheter."""
+
+    wall: SolidWall
+    row: Annotated[IntArray, N_TOOLS, 2]
+    arm_m: Annotated[FloatArray, N_TOOLS, 2]
+    start_rad: Annotated[FloatArray, N_TOOLS]
+    stored_j: Annotated[FloatArray, N_TOOLS, 2]
+    reach: Annotated[FloatArray, 2, 2, 2]  # scratch: of sides of the surface and jaws, first and last place pressed
+    dissipated_j: float = 0.0
+    first: int = 0
+    count: int = 0
+
+
+squeeze_at = reader(SqueezeArrays)
+
+
+class JawSqueeze:
+    """What the jaws of both tools squeeze.
+
+    Attributes
+    ----------
+    occupied : (2, N_CELLS) float64
+        How much of each cell along the jaws has both layers of the wall in it, 0 to 1.
+    """
+
+    def __init__(self, duct: DuctScene, tools: tuple[ToolScene, ...], system: ContactSystem) -> None:
+        self._system = system
+        wall = SolidWall.zeros(
+            thickness_m=2.0 * duct.thickness_m, modulus_pa=duct.youngs_modulus_pa / (1.0 - duct.poisson_ratio**2)
+        )
+        for tool, each in enumerate(tools):
+            if each.jaws is not None:
+                wall.length_m[tool], wall.radius_m[tool] = each.jaws.jaw_length_m, each.jaws.jaw_radius_m
+        self._arrays = SqueezeArrays.zeros(wall=wall)
+        self._arrays.row[:] = _NO_ROW
+        self.occupied = wall.occupied
+
+    @property
+    def rows(self) -> range:
+        """Rows of this step: pairs of a force on jaw A and the opposite one on jaw B."""
+        return range(self._arrays.first, self._arrays.first + self._arrays.count)
+
+    @property
+    def stored_j(self) -> float:
+        """What the squeezed wall stores."""
+        return float(self._arrays.stored_j.sum())
+
+    @property
+    def dissipated_j(self) -> float:
+        """What steps, and cells that were given up, have taken out so far."""
+        return self._arrays.dissipated_j
+
+    def forget(self) -> None:
+        """Squeeze nothing."""
+        arrays = self._arrays
+        arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
+        arrays.row[:] = _NO_ROW
+        arrays.put_zero("first", "count")
+
+    def append_rows(self, tools: ToolBody) -> None:
+        """Append the rows of what may be squeezed in this step."""
+        append_squeezes(self._system.address, tools.address, self._arrays.address)
+
+    def follow(self, tools: ToolBody, dt_s: float) -> None:
+        """Enter what the jaws have done, once they have, and see where there is wall between them."""
+        follow_squeezes(self._system.address, tools.address, self._arrays.address, dt_s)
+
+    def react(self) -> None:
+        """Write the forces on the other jaws, once the solve has found those on the first ones."""
+        if self._arrays.count:
+            write_reactions(self._system.address, self._arrays.address)
+
+
+@kernel
+def append_squeezes(
+    state_address: Address[ContactState], tools_address: Address[ToolArrays], squeeze_address: Address[SqueezeArrays]
+) -> None:
+    """Append a pair of rows for each tool's wall, and for its catheter, if the jaws may squeeze it in this step."""
+    state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
+    rows = state.rows
+    squeeze.first = rows.n_contacts
+    for tool in range(tools.present.shape[0]):
+        squeeze.row[tool, _WALL] = squeeze.row[tool, _CATHETER] = _NO_ROW
+        squeeze.start_rad[tool] = tools.proxy[tool, 3]
+        write_thinned(squeeze.wall, tool, tools.proxy[tool, 3], state.geometry.tools.thinned[tool])
+        if tools.present[tool]:
+            _append_catheter(rows, tools, squeeze, tool)
+            _append_wall(rows, tools, squeeze, tool)
+    squeeze.count = rows.n_contacts - squeeze.first
+
+
+@kernel
+def _append_catheter(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int) -> None:
+    stop = tools.jaw_stop[tool]
+    if tools.free[tool, 3] < stop:
+        row = _append_pair(rows, tools, tool, (CATHETER_SEGMENT, tools.stop_arm[tool], stop))
+        squeeze.row[tool, _CATHETER] = row
+
+
+@kernel
+def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, tool: int) -> None:
+    wall, start, free = squeeze.wall, tools.proxy[tool, 3], tools.free[tool, 3]
+    torque, fall, force = resist(wall, tool, start)
+    if not torque < math.inf or (torque == 0.0 and resist(wall, tool, free)[0] == 0.0):
+        return
+    end = yields_to(wall, tool, free, tools.compliance[tool, 3])
+    place = start
+    if end < start - _SMALL_RAD:
+        reached, _, _ = resist(wall, tool, end)
+        fall, place = (reached - torque) / (start - end), end
+    if not fall > 0.0:
+        return
+    at_place, _, force = resist(wall, tool, place)
+    arm = at_place / force
+    row = _append_pair(rows, tools, tool, (DUCT_TRIANGLE, arm / math.cos(0.5 * place), start + torque / fall))
+    squeeze.row[tool, _WALL] = row
+    if row != NO_ROOM:
+        lever = _lever_m(rows, row)
+        rows.softness_m_n[row, 0] = lever * lever / fall
+        for axis in range(1, 3):
+            rows.softness_m_n[row, axis] = lever * lever * (1.0 / fall + tools.compliance[tool, 3])
+
+
+@kernel
+def _lever_m(rows: ContactRows, row: int) -> float:
+    """Return how far the jaws part at a row per radian of opening."""
+    lever, normal = rows.lever[row], rows.frame[row, 0]
+    total: float = normal[0] * lever[0, 3] + normal[1] * lever[1, 3] + normal[2] * lever[2, 3]
+    return total
+
+
+@kernel
+def _append_pair(rows: ContactRows, tools: ToolArrays, tool: int, what: tuple[int, float, float]) -> int:
+    """Append a force on jaw A and the row of its reaction on jaw B; return the first row, or `NO_ROOM`.
+
+    ``what`` is squeezed: its kind, how far along the jaws, and the opening at which it would resist no more.
+    """
+    kind, along, opening = what
+    if rows.n_contacts + 2 > rows.gap_m.shape[0]:
+        rows.dropped += 2
+        return NO_ROOM
+    half, frame, first = 0.5 * tools.proxy[tool, 3], tools.frame[tool], rows.n_contacts
+    lever = along * math.cos(half)
+    apart = along * math.sin(half) - tools.jaw_radius[tool]
+    for side in range(2):
+        segment, law = (JAW_A, _SQUEEZE) if side == 0 else (JAW_B, _HOLD)
+        row = append_row(rows, law, with_law(pair_identity(tool, segment, -1, kind, 0), _SQUEEZE))
+        sign = 1.0 - 2.0 * side
+        rows.tool[row] = tool
+        write_frame(frame[0], rows.frame[row])
+        for axis in range(3):
+            out = tools.proxy[tool, axis] + lever * frame[2, axis]
+            rows.point_m[row, axis] = out + sign * apart * frame[0, axis]
+            for coordinate in range(rows.lever.shape[2]):
+                rows.lever[row, axis, coordinate] = 0.0
+    for axis in range(3):
+        # The whole opening counts on jaw A; the reaction, which no solve knows of, moves nothing.
+        rows.lever[first, axis, 3] = lever * frame[0, axis]
+        rows.slip_m[first, axis] = lever * (tools.free[tool, 3] - opening) * frame[0, axis]
+    rows.force_limit_n[first + 1] = 0.0
+    return first
+
+
+@kernel
+def write_reactions(state_address: Address[ContactState], squeeze_address: Address[SqueezeArrays]) -> None:
+    """Write on every jaw B what is opposite to the force on jaw A."""
+    state, squeeze = state_at(state_address), squeeze_at(squeeze_address)
+    for row in range(squeeze.first, squeeze.first + squeeze.count, 2):
+        for axis in range(3):
+            state.rows.force_n[row + 1, axis] = -state.rows.force_n[row, axis]
+            state.force_n[row + 1, axis] = -state.force_n[row, axis]
+
+
+@kernel
+def follow_squeezes(
+    state_address: Address[ContactState],
+    tools_address: Address[ToolArrays],
+    squeeze_address: Address[SqueezeArrays],
+    dt_s: float,
+) -> None:
+    """Enter the energies of the step, and let cells be taken and given up by what was pressed in it."""
+    state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
+    rows = state.rows
+    for tool in range(tools.present.shape[0]):
+        opening, before = tools.proxy[tool, 3], squeeze.stored_j[tool, _WALL] + squeeze.stored_j[tool, _CATHETER]
+        squeeze.stored_j[tool, _CATHETER] = 0.0
+        for what in range(2):
+            row = squeeze.row[tool, what]
+            if row != _NO_ROW:
+                force = rows.force_n[row, 0]
+                squeeze.dissipated_j += force * _lever_m(rows, row) * (squeeze.start_rad[tool] - opening)
+                if what == _CATHETER:
+                    squeeze.stored_j[tool, what] = 0.5 * rows.softness_m_n[row, 0] * force * force
+        if tools.present[tool] and not tools.waiting[tool]:
+            _find_wall(rows, state.geometry.wall, tools, squeeze.reach, tool)
+            _occupy(squeeze, tool, opening, dt_s)
+        else:
+            squeeze.wall.occupied[tool] = 0.0
+        squeeze.stored_j[tool, _WALL] = stored(squeeze.wall, tool, opening)
+        squeeze.dissipated_j += before - squeeze.stored_j[tool, _WALL] - squeeze.stored_j[tool, _CATHETER]
+
+
+@kernel
+def _find_wall(rows: ContactRows, wall: WallGeometry, tools: ToolArrays, reach: FloatArray, tool: int) -> None:
+    """Write where along the jaws of a tool wall that is between them is pressed, on each side of its surface."""
+    reach[:, :, 0], reach[:, :, 1] = math.inf, -math.inf
+    cosine = math.cos(0.5 * tools.proxy[tool, 3])
+    for row in range(rows.n_contacts):
+        if rows.tool[row] != tool or not laws.HAS_GAP[rows.law[row]] or rows.force_n[row, 0] <= 0.0:
+            continue
+        segment, normal = tool_segment_of(rows.identity[row]), rows.frame[row, 0]
+        is_wall = target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
+        if not is_wall or segment not in (JAW_A, JAW_B) or _lever_m(rows, row) <= 0.0:
+            continue
+        jaw = 0 if segment == JAW_A else 1
+        side = 1 if _is_outside(wall, target_of(rows.identity[row]), normal) else 0
+        place = 0.0
+        for axis in range(3):
+            place += (rows.point_m[row, axis] - tools.proxy[tool, axis]) * tools.frame[tool, 2, axis] / cosine
+        reach[side, jaw, 0] = min(reach[side, jaw, 0], place)
+        reach[side, jaw, 1] = max(reach[side, jaw, 1], place)
+
+
+@kernel
+def _is_outside(wall: WallGeometry, triangle: int, normal: FloatArray) -> bool:
+    """Return whether a normal points to the side of the surface that its triangles' own normals, at rest, point to."""
+    corners = wall.triangles[triangle]
+    total = 0.0
+    for axis in range(3):
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        p, q, r = wall.vertices[corners[0]], wall.vertices[corners[1]], wall.vertices[corners[2]]
+        total += normal[axis] * ((q[j] - p[j]) * (r[k] - p[k]) - (q[k] - p[k]) * (r[j] - p[j]))
+    return bool(total > 0.0)
+
+
+@kernel
+def _occupy(squeeze: SqueezeArrays, tool: int, opening_rad: float, dt_s: float) -> None:
+    """Take cells with two layers between both jaws, at the thickness they have then, and give up those without wall."""
+    wall, reach = squeeze.wall, squeeze.reach
+    beside = 0.5 * wall.length_m[tool] / N_CELLS
+    for cell in range(N_CELLS):
+        place = cell_m(wall, tool, cell)
+        is_between = is_touched = False
+        for side in range(2):
+            first, last = reach[side, :, 0], reach[side, :, 1]
+            is_between |= max(first[0], first[1]) - beside <= place <= min(last[0], last[1]) + beside
+            for jaw in range(2):
+                is_touched |= first[jaw] - beside <= place <= last[jaw] + beside
+        apart = apart_m(wall, tool, cell, opening_rad)
+        is_free = wall.occupied[tool, cell] == 0.0 or apart >= wall.free_m[tool, cell]
+        if is_between and is_free and apart >= LEAST_ROOM * wall.thickness_m:
+            wall.occupied[tool, cell], wall.free_m[tool, cell] = 1.0, min(apart, wall.thickness_m)
+        elif not is_touched:
+            wall.occupied[tool, cell] = max(wall.occupied[tool, cell] - dt_s / LETS_GO_S, 0.0)

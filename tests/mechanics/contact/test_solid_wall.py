@@ -1,0 +1,74 @@
+"""The law of two layers of wall between jaws: against its own energy, and against an elastic foundation."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.contact.solid_wall import SolidWall, apart_m, cell_m, resist, stored, yields_to
+
+TOOL = 1
+MODULUS, LAYERS, RADIUS, LENGTH = 3e5, 2e-3, 1e-3, 15e-3
+
+
+@pytest.fixture(params=[3, 8, 21])
+def wall(request):
+    """Cells beyond the middle of the jaw, with the share of wall that they have in them drawn."""
+    rng = np.random.default_rng(request.param)
+    wall = SolidWall.zeros(thickness_m=LAYERS, modulus_pa=MODULUS)
+    wall.length_m[:], wall.radius_m[:] = LENGTH, RADIUS
+    wall.occupied[TOOL, 10:] = rng.uniform(0.1, 1.0, N_CELLS - 10)
+    wall.free_m[TOOL] = rng.uniform(0.6, 1.0, N_CELLS) * LAYERS
+    return wall
+
+
+def openings(wall, n=40):
+    """From where the first cell has no room left to where nothing is squeezed."""
+    solid = 2.0 * math.asin(RADIUS / cell_m(wall, TOOL, 10))
+    return np.linspace(solid + 2e-3, solid + 0.3, n)
+
+
+def test_torque_is_the_slope_of_the_energy_and_falls_as_said(wall):
+    for opening in openings(wall):
+        d = 1e-6
+        torque, fall, _ = resist(wall, TOOL, opening)
+        slope = (stored(wall, TOOL, opening - d) - stored(wall, TOOL, opening + d)) / (2.0 * d)
+        assert torque == pytest.approx(slope, rel=1e-4, abs=1e-9)
+        torques = [resist(wall, TOOL, opening + sign * d)[0] for sign in (-1.0, 1.0)]
+        assert fall == pytest.approx((torques[0] - torques[1]) / (2.0 * d), rel=1e-3, abs=1e-6)
+
+
+def test_the_torque_is_convex_so_that_its_chords_and_tangents_are_on_the_passive_side(wall):
+    torques = np.array([resist(wall, TOOL, opening)[0] for opening in openings(wall, 400)])
+    assert np.all(np.diff(torques) <= 0.0)
+    assert np.all(np.diff(torques, 2) >= -1e-9 * torques.max())
+
+
+def test_a_little_squeeze_is_that_of_an_elastic_foundation_between_two_bars(wall):
+    """Integrated over the width in which the bars are nearer than the wall is thick."""
+    wall.occupied[TOOL] = 0.0
+    cell = 15
+    wall.occupied[TOOL, cell], wall.free_m[TOOL, cell] = 1.0, LAYERS
+    depth = 1e-4 * LAYERS
+    opening = 2.0 * math.asin((0.5 * (LAYERS - depth) + RADIUS) / cell_m(wall, TOOL, cell))
+    assert apart_m(wall, TOOL, cell, opening) == pytest.approx(LAYERS - depth, rel=1e-9)
+    half = math.sqrt(RADIUS * depth)
+    line, _ = quad(lambda x: MODULUS * (depth - x * x / RADIUS) / LAYERS, -half, half)
+    assert resist(wall, TOOL, opening)[2] == pytest.approx(line * LENGTH / N_CELLS, rel=1e-3)
+
+
+def test_nothing_is_squeezed_to_nothing(wall):
+    solid = openings(wall)[0] - 2e-3
+    assert resist(wall, TOOL, solid - 1e-6)[0] == math.inf
+    assert resist(wall, TOOL, solid + 1e-4)[0] > 10.0 * resist(wall, TOOL, solid + 5e-2)[0]
+
+
+@pytest.mark.parametrize("compliance", [0.5, 2.5, 50.0])
+def test_jaws_stop_where_coupling_and_wall_balance_and_never_before(wall, compliance):
+    for free in (-0.5, 0.0, 0.2):
+        opening = yields_to(wall, TOOL, free, compliance)
+        after = opening + 2e-8
+        assert opening - free <= compliance * resist(wall, TOOL, opening)[0] + 1e-15
+        assert after - free >= compliance * resist(wall, TOOL, after)[0]
