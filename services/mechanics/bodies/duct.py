@@ -45,7 +45,7 @@ class DuctLoads(Struct):
     motion: Annotated[FloatArray, "c", 3]
     node: Annotated[IntArray, "l"]
     force: Annotated[FloatArray, "l", 3]
-    count: Annotated[LongArray, 1]
+    count: Annotated[LongArray, 2]  # of nodes with loads, and of those that contacts of this step load
     slot: Annotated[IntArray, "n"]  # scratch, all -1
 
 
@@ -103,7 +103,7 @@ class DuctBody:
         self.load_nodes = np.zeros(3 * capacity, np.int32)
         self.load_force_n = np.zeros((3 * capacity, 3))
         self._let_go = np.zeros((capacity, 3))
-        self._n_loads = np.zeros(1, np.int64)
+        self._n_loads = np.zeros(2, np.int64)
         self._gains = np.zeros((3, n_modes))
         self._gains_dt_s = 0.0
         self._free = DuctMotion(
@@ -143,6 +143,7 @@ class DuctBody:
         """Step the modes without contact forces."""
         if dt_s != self._gains_dt_s:
             self.change_step(dt_s)
+        self._n_loads[1] = 0
         self._motion.update(self.state.q)
         integrator = self.integrator
         if type(integrator) is Newmark:
@@ -250,6 +251,11 @@ class DuctBody:
         """Nodes that contacts load."""
         return int(self._n_loads[0])
 
+    @property
+    def n_contact_loads(self) -> int:
+        """Nodes, the first of them, that contacts have loaded in this step; others may bear what an effect left."""
+        return int(self._n_loads[1])
+
     def rate(self) -> FloatArray:
         """Return the rates (r,) of the modes halfway between the impulses of two steps.
 
@@ -332,7 +338,7 @@ def gather_kept(duct: DuctLoads, kept: Address[NodeArrays], nodes: IntArray, wei
 def correct(address: Address[DuctLoads], nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
     """Apply the reactions to ``forces`` (k, 3) at barycentric points (k, 3); see `DuctBody.correct`."""
     out = loads_at(address)
-    out.count[0] = _spread_loads(nodes, weights, forces, out)
+    out.count[0] = out.count[1] = _spread_loads(nodes, weights, forces, out)
     _write_modal_force(out, forces)
     _add_impulse(out)
 

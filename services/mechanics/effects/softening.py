@@ -53,15 +53,13 @@ class Softening(Effect):
 
     def prepare(self, world: World) -> None:
         """Take the wall's softening on."""
-        from services.mechanics.reduction.softened_wall.follow import follow_loads
-        from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
+        from services.mechanics.reduction.softened_wall.followed_wall import FollowedWall
 
         duct = world.duct
         # Read by name: no effect needs another's file.
         lasting = 1.0 - sum(getattr(self.scene.effects.get("viscoelasticity"), "g", ()))
         softening, load = self._fetch(duct.reduced), duct.constant_modal_force
-        self._wall = SoftenedWall.of(duct.reduced, softening, load, duct.integrator, lasting)
-        self._follow, self._spent, self._stored = follow_loads, SPENT, STORED
+        self._wall = FollowedWall(duct.reduced, softening, load, duct.integrator, lasting)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Push the modes."""
@@ -72,8 +70,8 @@ class Softening(Effect):
         duct, n = world.duct, world.duct.n_loads
         loads = duct.load_nodes[:n], duct.load_force_n[:n]
         motion = duct.state.q, duct.q_start, duct.state.qdot, duct.state.qddot
-        self._follow(self._wall.address, loads, duct.contact_impulse, motion, dt_s)
-        self.dissipated_j = float(self._wall.books[self._spent])
+        self._wall.follow(loads, duct.contact_impulse, motion, dt_s)
+        self.dissipated_j = self._wall.dissipated_j
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return forces followed, force on the modes, and the books."""
@@ -81,7 +79,7 @@ class Softening(Effect):
 
     def potential_energy_j(self, world: World) -> float:
         """Return what the wall stores less than a linear one that is displaced as far."""
-        return float(self._wall.books[self._stored])
+        return self._wall.stored_j
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:
         from services.mechanics.reduction.softening.training import fetch_softening

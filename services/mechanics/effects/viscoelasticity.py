@@ -62,9 +62,7 @@ class Viscoelasticity(Effect):
         """Let the wall relax towards where it is."""
         duct = world.duct
         self._modes.relax(duct.state.q, dt_s)
-        # Without contact rows the loads are those that were left here.
-        n_loads = duct.n_loads if _has_contacts(world) else 0
-        loads = duct.load_nodes, duct.load_force_n, n_loads
+        loads = duct.load_nodes, duct.load_force_n, duct.n_contact_loads
         duct.replace_loads(self._loads.relax(loads, duct.reduced.residual.store, dt_s))
         self.dissipated_j = self._modes.dissipated_j + self._loads.dissipated_j
 
@@ -78,9 +76,3 @@ class Viscoelasticity(Effect):
         unrelaxed_j = duct.state.strain_energy_j(duct.reduced.basis.omega_rad_s)
         lagging_j = self._loads.extra_energy_j(duct.reduced.residual.store)
         return self._modes.stored_energy_j(duct.state.q) - unrelaxed_j + lagging_j
-
-
-def _has_contacts(world: World) -> bool:
-    """Whether this step has contacts; a duct alone has no system of them."""
-    system = getattr(world, "system", None)
-    return system is not None and system.rows.n_contacts > 0
