@@ -141,14 +141,20 @@ def yields_to(wall: SolidWall, tool: int, free_rad: float, compliance: float) ->
     """Return the opening at which the wall alone holds jaws that would go to ``free_rad``, at most 1e-8 too small.
 
     They give way by ``compliance`` (rad/(N m)): the root of ``opening - free - compliance torque``, which only rises.
+    There is room for the wall there: of so little wall, or so soft a one, that it holds the jaws within 1e-8 of where
+    there is none, the opening is as much too large instead.
     """
     low, high = free_rad, free_rad + 1.0
-    if resist(wall, tool, low)[0] == 0.0:
+    torque = resist(wall, tool, low)[0]
+    if torque == 0.0:
         return free_rad
+    if high - free_rad < compliance * resist(wall, tool, high)[0]:
+        high = max(high, math.pi)  # jaws that open wider than others
     while high - low > 1e-8:
         middle = 0.5 * (low + high)
-        if middle - free_rad < compliance * resist(wall, tool, middle)[0]:
-            low = middle
+        at_middle = resist(wall, tool, middle)[0]
+        if middle - free_rad < compliance * at_middle:
+            low, torque = middle, at_middle
         else:
             high = middle
-    return low
+    return low if torque < math.inf else high

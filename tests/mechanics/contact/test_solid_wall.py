@@ -72,3 +72,30 @@ def test_jaws_stop_where_coupling_and_wall_balance_and_never_before(wall, compli
         after = opening + 2e-8
         assert opening - free <= compliance * resist(wall, TOOL, opening)[0] + 1e-15
         assert after - free >= compliance * resist(wall, TOOL, after)[0]
+
+
+@pytest.mark.parametrize("modulus_pa", [1e-3, 1.0, 1e3, MODULUS, 1e9])
+@pytest.mark.parametrize("share", [1e-15, 1e-6, 1.0])
+@pytest.mark.parametrize("free_rad", [-0.1, 0.0, 0.1])
+def test_there_is_room_for_the_wall_where_it_holds_the_jaws_however_little_or_soft_it_is(modulus_pa, share, free_rad):
+    """A torque without bounds would make a step's chord, and by it every number of the step, none."""
+    wall = SolidWall.zeros(thickness_m=LAYERS, modulus_pa=modulus_pa)
+    wall.length_m[:], wall.radius_m[:] = LENGTH, RADIUS
+    wall.occupied[TOOL, 10:], wall.free_m[TOOL] = share, LAYERS
+    compliance = 2.5
+    opening = yields_to(wall, TOOL, free_rad, compliance)
+    assert math.isfinite(resist(wall, TOOL, opening)[0])
+    assert opening - 2e-8 - free_rad <= compliance * resist(wall, TOOL, opening - 2e-8)[0]
+    assert opening + 2e-8 - free_rad >= compliance * resist(wall, TOOL, opening + 2e-8)[0] or opening > math.pi - 1e-7
+
+
+def test_a_wall_near_the_hinge_of_jaws_that_open_wide_has_room_too():
+    """It keeps them open by more than a radian."""
+    wall = SolidWall.zeros(thickness_m=LAYERS, modulus_pa=MODULUS)
+    wall.length_m[:], wall.radius_m[:] = LENGTH, RADIUS
+    wall.occupied[TOOL, 2], wall.free_m[TOOL] = 1.0, 0.6e-3
+    assert math.isinf(resist(wall, TOOL, 1.0)[0])
+    opening = yields_to(wall, TOOL, 0.0, 2.5)
+    torque = resist(wall, TOOL, opening)[0]
+    assert 1.0 < opening < 1.5
+    assert opening == pytest.approx(2.5 * torque, rel=1e-4)
