@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from services.mechanics.scene import DuctScene, ForcepsScene
 from services.mechanics.scene.cells import accurate_cells
 from services.runtime import config
+from services.scenes.limits import LARGEST
 
 AUTO = "auto"
 
@@ -15,7 +15,7 @@ AUTO = "auto"
 def take_automatic_cells(data: dict[str, Any], origins: config.Origins) -> None:
     """Put numbers of cells where ``data`` says ``auto``; they follow from radius, length and the narrowest jaw.
 
-    What is no positive number is left to the check that follows: cells are then those of a duct with the usual value.
+    What is no length is left to the check that follows: cells are then those of a duct with the usual value.
     """
     duct = data.get("duct")
     if not isinstance(duct, dict):
@@ -37,5 +37,6 @@ def _narrowest_jaw_m(forceps: object) -> float:
 
 
 def _positive(value: object, otherwise: float) -> float:
-    is_usable = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0
-    return float(value) if isinstance(value, int | float) and is_usable else otherwise
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return otherwise
+    return float(value) if 1.0 / LARGEST <= value <= LARGEST else otherwise
