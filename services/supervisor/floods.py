@@ -12,10 +12,10 @@ _SAY_EVERY_S = 10.0
 
 
 class Floods:
-    """Compares what readers count, which only grows, with what they had counted."""
+    """Compares what readers count, which only grows, with what they had counted: a number a reader and topic."""
 
     def __init__(self) -> None:
-        self._counted: dict[tuple[str, int, str], float] = {}
+        self._counted: dict[tuple[str, str], tuple[int, float]] = {}
         self._said_s: dict[str, float] = {}
 
     def told(self, health: bodies.Health, now_s: float) -> list[str]:
@@ -28,9 +28,12 @@ class Floods:
         """Return what there is to say of the frames beyond the rate of each topic that a process has counted."""
         sentences = []
         for topic, frames in floods.items():
-            new = frames - self._counted.get((reader, pid, topic), 0.0)
-            self._counted[reader, pid, topic] = frames
-            if new <= 0 or topic not in TOPICS or now_s - self._said_s.get(topic, float("-inf")) < _SAY_EVERY_S:
+            if topic not in TOPICS:
+                continue
+            before_pid, before = self._counted.get((reader, topic), (pid, 0.0))
+            self._counted[reader, topic] = pid, frames
+            new = frames - (before if pid == before_pid else 0.0)
+            if new <= 0 or now_s - self._said_s.get(topic, float("-inf")) < _SAY_EVERY_S:
                 continue
             self._said_s[topic] = now_s
             row = TOPICS[topic]
