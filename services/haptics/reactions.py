@@ -30,14 +30,16 @@ class Reactions:
         self._bytes = flat_view(self.rows).cast("B")
 
     def take(self, table: Array) -> None:
-        """Take over a table (n, REACTION_COLUMNS); of tools that it does not have, what was known stays."""
+        """Take over a table (n, REACTION_COLUMNS); nothing is known any more of tools that it does not have."""
         data = table.data
         if len(data) > len(self._bytes):
             data = data[: len(self._bytes)]
+        elif len(data) < len(self._bytes):
+            self.forget()
         self._bytes[: len(data)] = data
 
     def forget(self) -> None:
-        """Physics is silent: no force is known any more."""
+        """No force is known any more: physics is silent."""
         self.rows[:] = self._none
 
 

@@ -11,7 +11,7 @@ import pytest
 from protocol.bodies import GatewayState, InstrumentState, ToolReaction, ToolState
 from protocol.bodies.physics import reaction_table
 from services.haptics.instruments import InstrumentTable
-from services.haptics.reactions import Reactions
+from services.haptics.reactions import CONTACTS, Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.mechanics.scene import ForcepsScene, SceneModel
 
@@ -157,9 +157,11 @@ def test_more_instruments_than_tools_are_left_out(tracker: Tracked) -> None:
     np.testing.assert_array_equal(junctions(tracker), [HIP, OTHER])
 
 
-def test_of_a_tool_that_physics_does_not_name_what_was_known_stays(tracker: Tracked) -> None:
-    """As of one that has just come: nothing is solved for it yet."""
-    tracker.take_reactions((ToolReaction(), HELD_BACK))
-    tracker.take_reactions((HELD_BACK,))
-    rows = [ToolReaction.from_row(row) for row in tracker.reactions.rows.tolist()]
-    assert rows == [HELD_BACK, HELD_BACK]
+def test_nothing_is_known_of_a_tool_that_physics_no_longer_tells_of(tracker: Tracked) -> None:
+    """Its hand may have gone far since: a force about where it was would be none of the tissue's."""
+    tracker.take_reactions([HELD_BACK, HELD_BACK])
+    tracker.take_reactions([HELD_BACK])
+    assert tracker.reactions.rows[0, CONTACTS] == 1.0
+    np.testing.assert_array_equal(tracker.reactions.rows[1], ToolReaction().row())
+    tracker.take_reactions([])
+    np.testing.assert_array_equal(tracker.reactions.rows[0], ToolReaction().row())
