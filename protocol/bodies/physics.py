@@ -113,6 +113,6 @@ class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     catheter: Catheter
     contacts: ContactForces
 
-    def reactions(self) -> tuple[ToolReaction, ...]:
-        """Return what the tools feel by its names, of a checked body."""
-        return tuple(map(ToolReaction.from_row, self.tools.view().tolist()))
+    def reactions(self, most: int | None = None) -> tuple[ToolReaction, ...]:
+        """Return what the tools, or the first ``most`` of them, feel by its names, of a checked body."""
+        return tuple(map(ToolReaction.from_row, self.tools.view()[:most].tolist()))

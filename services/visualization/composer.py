@@ -79,7 +79,8 @@ class Composer:
             picture.inserted_length_m = catheter.inserted_length_m
         if gateway is not None:
             picture.tick = gateway.tick
-            self._pose_tools(picture, gateway.instruments, () if physics is None else physics.reactions())
+            reactions = () if physics is None else physics.reactions(len(gateway.instruments))
+            self._pose_tools(picture, gateway.instruments, reactions)
         return picture
 
     def instruments(self) -> tuple[bodies.InstrumentState, ...]:

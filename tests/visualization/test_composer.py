@@ -147,6 +147,17 @@ def test_a_tool_in_free_space_is_where_the_hand_is_and_a_touching_one_where_its_
     np.testing.assert_array_equal(picture.force_n[0], [1.0, 2.0, 3.0])
 
 
+def test_of_a_table_of_thousands_of_tools_those_are_read_that_there_are(monkeypatch):
+    """A frame has room for 4,800 of them: read all, they took as long as four pictures."""
+    rig, read = Rig(), []
+    from_row = bodies.ToolReaction.from_row
+    monkeypatch.setattr(bodies.ToolReaction, "from_row", lambda row: read.append(row) or from_row(row))
+    rig.hold(bodies.InstrumentState(name="left", position_m=(0.0, 0.0, 0.0)))
+    rig.react(*[bodies.ToolReaction(force_n=(1.0, 2.0, 3.0))] * 4000)
+    np.testing.assert_array_equal(rig.composer.compose().force_n, [[1.0, 2.0, 3.0]])
+    assert len(read) == 1
+
+
 def test_jaws_open_as_the_handle_asks_until_something_is_between_them():
     rig = Rig()
     forceps = SceneModel().forceps[0]
