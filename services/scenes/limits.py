@@ -29,6 +29,7 @@ _NOT_NEGATIVE = {
 MOST_RUNGS = 16
 """As many as the wire can name."""
 _AT_MOST: dict[str, dict[str, float]] = {
+    "duct": {"n_modes": 2000},  # a step with these takes longer than a millisecond, and finding more takes many minutes
     "catheter": {"spectral_radius": 1.0, "n_segments": 1000},
     "contact": {"recovery": 1.0, "capacity": 1000},  # the matrix of all contacts is dense: 72 MB
 }
