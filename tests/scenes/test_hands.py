@@ -33,6 +33,12 @@ def played(scene, cache):
     return simulation, largest_n
 
 
+def displaced_m(simulation):
+    """Return how far the wall is at most from where it is at rest."""
+    moved_m = simulation.duct.surface_m() - simulation.duct.reduced.mesh.vertices_m
+    return float(np.linalg.norm(moved_m, axis=1).max())
+
+
 def test_the_mouth_of_a_tube_is_at_its_end_and_the_way_in_is_its_axis():
     mouth = mouth_opening(scene_mesh(DuctScene(length_m=30e-3, radius_m=3e-3, n_around=16, n_along=20)))
     assert mouth.centre_m == pytest.approx([30e-3, 0.0, 0.0], abs=1e-12)
@@ -72,8 +78,7 @@ def test_a_pinch_presses_the_duct_together_and_touches_nothing_else(tmp_path):
     scene = replace(insertion_scene(), hands="pinch")
     simulation, largest_n = played(replace(scene, duct=replace(scene.duct, n_modes=30)), tmp_path)
     assert 0.01 < largest_n < 1.0
-    moved_m = np.linalg.norm(simulation.duct.surface_m() - simulation.duct.reduced.mesh.vertices_m, axis=1)
-    assert moved_m.max() > 1e-3
+    assert displaced_m(simulation) > 1e-3
     assert not simulation.tools.present[0]
 
 
@@ -82,8 +87,7 @@ def test_a_probe_presses_the_duct_from_outside(tmp_path, tools):
     scene = load_scene("probe", SMALLER)
     simulation, largest_n = played(replace(scene, forceps=scene.forceps[tools]), tmp_path)
     assert 3e-3 < largest_n < 0.1
-    moved_m = np.linalg.norm(simulation.duct.surface_m() - simulation.duct.reduced.mesh.vertices_m, axis=1)
-    assert moved_m.max() > 1e-3
+    assert displaced_m(simulation) > 1e-3
 
 
 def test_shut_jaws_press_as_a_probe_does(tmp_path):
@@ -232,6 +236,8 @@ def test_one_hand_alone_inserts_the_catheter(tmp_path):
 def test_one_hand_alone_pinches(tmp_path):
     scene = load_scene("pinch", SMALLER)
     simulation, largest_n = played(replace(scene, forceps=scene.forceps[1:]), tmp_path)
-    # 0.048 or 0.050 N, by the last digits of the compliance: where friction stops these jaws.
-    assert largest_n > 0.03
+    # Where friction stops these jaws, and with it the force at their hinge, hangs on the last digits of the compliance;
+    # how far they press the wall together does not.
+    assert 0.01 < largest_n < 1.0
+    assert displaced_m(simulation) > 1e-3
     assert not simulation.tools.present[1]
