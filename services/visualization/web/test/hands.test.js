@@ -37,6 +37,7 @@ test("held depth lets a tool swing about its port only", () => {
 test("a tool without jaws is steered by its tip", () => {
   const grip = new Grip({ name: "probe", position_m: [0.07, 0, 0.02], roll_rad: 0 }, { port: PORT, jawLength: 0 });
   assert.equal(grip.hasJaws, false);
+  assert.doesNotMatch(grip.hint, /jaws|close/);
   near(grip.jaws, [70, 0, 20]);
   grip.move([5, -3, 8]);
   const [name, junction, , opening] = grip.row();

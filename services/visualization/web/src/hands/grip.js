@@ -18,6 +18,14 @@ export class Grip {
     this.depth = null; // held, from the port
   }
 
+  // How a person moves it.
+  get hint() {
+    const what = this.hasJaws
+      ? "the jaws, wheel to lower or raise them, click to close or open them"
+      : "the tip, wheel to lower or raise it";
+    return `Drag to move ${what}, Tab for the other hand.`;
+  }
+
   // Moves the jaws by (3,) millimetres; returns by how much they moved.
   move(by, toolAt) {
     const before = this.jaws;

@@ -92,9 +92,7 @@ export class Hands {
     this.view.stage.giveLeftButton(on);
     $("hands").classList.toggle("taken", on);
     $("take-hands").textContent = on ? "Let go" : "Take the instruments";
-    $("hand-hint").textContent = on
-      ? "Drag to move the jaws, wheel to lower or raise them, click to close or open them, Tab for the other hand."
-      : "Move the forceps yourself: take the catheter, and slide it into the duct.";
+    if (!on) $("hand-hint").textContent = "Move the forceps yourself: take the catheter, and slide it into the duct.";
   }
 
   get grip() {
@@ -105,6 +103,7 @@ export class Hands {
     this.active = which % Math.max(1, this.grips.length);
     if (!this.grip) return;
     $("hand-which").textContent = `Hand: ${this.grip.name}`;
+    $("hand-hint").textContent = this.grip.hint;
     this.showJaws();
     [...$("tools").children].forEach((row, i) => row.classList.toggle("active", i === this.grip.at));
   }
