@@ -140,7 +140,7 @@ def test_same_inputs_give_the_same_bits(with_effects, small_duct):
 @pytest.mark.parametrize("pull_m", [2e-3, -2e-3])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_held_point_of_the_wall_comes_along_to_where_the_jaws_are(small_scene, small_duct, axis, pull_m):
-    """To what the grip gives way, in every direction: its row has no gap, though its wall has moved."""
+    """To what the grip gives way: its row has no gap, though its wall has moved. Where jaws close it only guides."""
     simulation, tools = Simulation(small_scene, small_duct), ToolInputs()
     triangle = 200
     rest = small_duct.mesh.vertices_m[small_duct.mesh.triangles[triangle]].mean(axis=0)
@@ -155,5 +155,8 @@ def test_a_held_point_of_the_wall_comes_along_to_where_the_jaws_are(small_scene,
     force = simulation.contact_force_n[row]
     held = duct_points(simulation, duct_state(simulation), simulation.contacts, row + 1)[row]
     in_jaws = simulation.contacts.point_m[row]
-    assert np.linalg.norm(force) > 5e-3
-    np.testing.assert_allclose(in_jaws - held, -simulation.contacts.softness_m_n[row] * force, atol=2e-6)
+    frame = simulation.contacts.frame[row]
+    is_guided = abs(frame[0, axis]) > 0.9
+    assert np.linalg.norm(force) > (1e-3 if is_guided else 5e-3)
+    gives_way = simulation.contacts.softness_m_n[row] * (frame @ force)
+    np.testing.assert_allclose(frame @ (in_jaws - held), -gives_way, atol=2e-6)
