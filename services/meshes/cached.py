@@ -6,8 +6,6 @@ import dataclasses
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from services.cache_directory import cache_directory
 from services.mechanics.reduction.cache import Entry, fetch
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
@@ -54,5 +52,5 @@ def load_mesh(
         entry.describe(path=str(path), sets=list(duct.mesh.vertex_sets), actions=duct.actions)
 
     entry = fetch(cache_dir or cache_directory(), name, make)
-    sets = {set_name: np.array(entry.load(f"set-{set_name}")) for set_name in entry.facts["sets"]}
-    return TriangleMesh(np.array(entry.load("vertices_m")), np.array(entry.load("triangles")), sets)
+    sets = {set_name: entry.load(f"set-{set_name}") for set_name in entry.facts["sets"]}
+    return TriangleMesh(entry.load("vertices_m"), entry.load("triangles"), sets)

@@ -1,4 +1,4 @@
-"""Results kept on disk by name: numpy files, memory mapped, made once and never half visible.
+"""Results kept on disk by name: numpy files, the large ones memory mapped, made once and never half visible.
 
 An entry is a folder of ``.npy`` arrays and a ``manifest.json``. It is written beside its place and renamed
 into it, so a reader sees all of it or nothing; a lock file keeps processes that start together from making
@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -45,21 +45,37 @@ class Entry:
         (self.folder / MANIFEST).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
     def load(self, name: str) -> np.ndarray[Any, Any]:
-        """Map one array into memory, copy on write, and touch its pages so that no later read waits for the disk.
+        """Read one array into memory of this process.
 
         Raises
         ------
         CacheError
             The file is missing or damaged.
         """
+        return self._read(name, None)
+
+    def share(self, name: str) -> np.ndarray[Any, Any]:
+        """Map one large array read-only and touch its pages, so that no later read waits for the disk.
+
+        All processes that map it have it in memory once. A mapping that may be written to, copy on write, would become
+        each one's own as soon as its memory is locked: the kernel then writes to every such page.
+
+        Raises
+        ------
+        CacheError
+            The file is missing or damaged.
+        """
+        array = np.asarray(self._read(name, "r"))
+        words_a_page = max(4096 // array.itemsize, 1)
+        array.reshape(-1)[::words_a_page].sum()
+        return array
+
+    def _read(self, name: str, mmap_mode: Literal["r"] | None) -> np.ndarray[Any, Any]:
         try:
-            array = np.load(self._file(name), mmap_mode="c", allow_pickle=False)
+            array: np.ndarray[Any, Any] = np.load(self._file(name), mmap_mode=mmap_mode, allow_pickle=False)
         except (OSError, ValueError) as error:
             raise CacheError(f"cache entry {self.folder} is damaged, remove it: {error}") from error
-        plain = np.asarray(array)
-        words_a_page = max(4096 // plain.itemsize, 1)
-        plain.reshape(-1)[::words_a_page].sum()
-        return plain
+        return array
 
     @property
     def facts(self) -> dict[str, Any]:

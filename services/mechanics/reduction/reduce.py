@@ -75,7 +75,7 @@ def fetch_residual_displacement(
 
     folder = cache_dir or cache_directory()
     entry = cache.fetch(folder, f"rest-{hash_content(basis.content_hash, recipe.key(), load_n)}", solve)
-    return np.array(entry.load("displacement"))
+    return entry.load("displacement")
 
 
 def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> tuple[Residual, PatchError | None]:
@@ -86,11 +86,11 @@ def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> tuple[Res
     if kind == "full":
         name = f"residual-{hash_content(basis.content_hash, kind)}"
         entry = cache.fetch(folder, name, partial(maker.make_full_residual, basis))
-        return Residual.full(entry.load("blocks")), None
+        return Residual.full(entry.share("blocks")), None
     size = choice.patch_radius_m or choice.budget_bytes
     name = f"residual-{hash_content(basis.content_hash, kind, size, PATCH_FORMAT)}"
     entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
-    patches = Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.load("blocks"))
+    patches = Residual.patches(entry.load("starts"), entry.load("neighbours"), entry.share("blocks"))
     return patches, PatchError(entry.facts["error_kept"], entry.facts["error_dropped"])
 
 

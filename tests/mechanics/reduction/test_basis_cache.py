@@ -3,6 +3,7 @@
 import dataclasses
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,6 +60,25 @@ def test_long_stages_tell_how_far_they_are(tmp_path):
         assert len(fractions) >= 3, told
         assert fractions == sorted(fractions)
         assert (fractions[0] < 1.0, fractions[-1]) == (True, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["full", "patches"])
+def test_processes_have_the_blocks_in_memory_once_and_nobody_writes_to_them(tmp_path, kind):
+    """What may be written to, on no matter what condition, is each process's own as soon as its memory is locked."""
+    recipe = small_recipe(residual=ResidualChoice(kind, patch_radius_m=4e-3))
+    for residual in (reduce_duct(recipe, 0.05, tmp_path).residual for _ in ("made", "found")):
+        with pytest.raises(ValueError, match="read-only"):
+            residual.blocks[0, 0, 0] = 1.0
+        mapped = [line.split() for line in Path("/proc/self/maps").read_text().splitlines()]
+        access = {fields[1] for fields in mapped if fields[-1].startswith(str(tmp_path)) and "residual-" in fields[-1]}
+        assert access == {"r--s"}
+
+
+def test_modes_are_memory_of_the_process(tmp_path):
+    """Kernels are handed the modes in every tick, and an array that cannot be written to is another kind of array."""
+    for basis in (reduce_duct(small_recipe(), 0.05, tmp_path).basis for _ in ("made", "found")):
+        assert basis.Phi.flags.writeable
+        assert "/phi.npy" not in Path("/proc/self/maps").read_text()
 
 
 @pytest.mark.parametrize(

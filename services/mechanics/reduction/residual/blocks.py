@@ -25,7 +25,9 @@ BlockStore = tuple[BlockArray, IntArray, IntArray, int]
 class Residual:
     """R as 3 x 3 blocks between pairs of nodes, in m/N: all pairs, or those within a patch radius.
 
-    Reading blocks allocates nothing and costs the same whatever the size of the mesh.
+    Reading blocks allocates nothing and costs the same whatever the size of the mesh. The arrays are read-only here,
+    whatever they were made of: blocks from the cache are memory that processes share, and a kernel is compiled for one
+    kind of array.
 
     Attributes
     ----------
@@ -43,6 +45,12 @@ class Residual:
     blocks: BlockArray
     starts: IntArray
     neighbours: IntArray
+
+    def __post_init__(self) -> None:
+        for name in ("blocks", "starts", "neighbours"):
+            view = getattr(self, name).view()
+            view.flags.writeable = False
+            object.__setattr__(self, name, view)
 
     @classmethod
     def full(cls, blocks: BlockArray) -> Residual:
