@@ -6,12 +6,19 @@ counts references (`docs/decisions/kernels-without-runtime.md`). What kernels ar
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
 from numba import njit
+
+_LINKED: dict[str, Any] = {}
+with contextlib.suppress(ImportError):  # of numba's compiler: without it, kernels are compiled in the usual way
+    from services.mechanics.compiled.linked import LinkedCompiler
+
+    _LINKED = {"pipeline_class": LinkedCompiler}
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -47,16 +54,17 @@ def building_kernel(function: F) -> F:
 
 
 def _compiled(function: F, options: dict[str, Any]) -> F:
-    """Return the function as Python calls it; kernels that call it are given a twin without an entry for Python.
+    """Return the function as Python calls it; kernels that call it are given a twin that Python cannot call.
 
-    Nine kernels of ten are called by kernels only, and what takes arguments from Python's objects into a kernel is a
-    fifth of what there is to compile.
+    Nine kernels of ten are called by kernels only: these have neither what takes arguments from Python's objects, which
+    is a fifth of what there is to compile, nor machine code of their own.
     """
     compiled = njit(cache=True, **options)(function)
 
     @functools.cache
     def twin() -> Any:
-        return njit(cache=True, no_cpython_wrapper=True, **options)(_renamed(cast(FunctionType, function)))
+        linked = njit(cache=True, no_cpython_wrapper=True, **_LINKED, **options)
+        return linked(_renamed(cast(FunctionType, function)))
 
     compiled.get_call_template = lambda args, keywords: twin().get_call_template(args, keywords)
     compiled.get_overload = lambda signature: twin().get_overload(signature)

@@ -13,8 +13,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Generic, NoReturn, Self, TypeVar, dataclass_transform
 
 import numpy as np
-from numba import types
-from numba.extending import NativeValue, intrinsic, register_jitable, typeof_impl, unbox
+from numba.extending import NativeValue, intrinsic, typeof_impl, unbox
 
 from services.mechanics.compiled.layout import (
     ArrayField,
@@ -189,25 +188,15 @@ def reader(kind: type[S_co]) -> Callable[[Address[S_co]], S_co]:
     message = f"the address of a {kind.__name__} is wanted"
 
     @intrinsic
-    def begins_with(_context: Any, address: Any) -> Any:
+    def read(_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             pointer = builder.inttoptr(arguments[0], context.get_value_type(struct))
-            return load_word(builder, pointer, 0, is_constant=True)
-
-        return types.int64(address), generate
-
-    @intrinsic
-    def found_at(_context: Any, address: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.inttoptr(arguments[0], context.get_value_type(struct))
+            found = load_word(builder, pointer, 0, is_constant=True)
+            with builder.if_then(builder.icmp_signed("!=", found, found.type(tag)), likely=False):
+                context.call_conv.return_user_exc(builder, TypeError, (message,))
+            return pointer
 
         return struct(address), generate
-
-    @register_jitable
-    def read(address: Any) -> Any:
-        if begins_with(address) != tag:
-            raise TypeError(message)
-        return found_at(address)
 
     checked: Callable[[Address[S_co]], S_co] = read
     return checked

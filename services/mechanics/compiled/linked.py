@@ -1,0 +1,84 @@
+"""Kernels that only kernels call have no machine code of their own: they are optimised, kept, and linked into callers.
+
+numba links the optimised code of a callee into its caller, optimises the whole anew and makes machine code of it, which
+for nine kernels of ten nobody runs: of 500 kernels of the default scene Python calls 50.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+from llvmlite import binding as llvm
+from llvmlite import ir
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+
+_ENVIRONMENT = "_ZN08NumbaEnv"
+
+#: What is used of numba here has no public name. Where another version lacks it, kernels are compiled in the usual way.
+_ANOTHER_NUMBA = (AttributeError, TypeError)
+
+
+class LinkedCompiler(CompilerBase):  # type: ignore[misc]  # numba has no types
+    """The usual compiler, which puts its code into a `_LinkedLibrary`: for `njit`'s option ``pipeline_class``."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return numba's usual passes."""
+        with contextlib.suppress(*_ANOTHER_NUMBA):
+            self.state.library = _library(self.state)
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
+class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Code for callers; what machine code is made of is a stub, the place of the function's environment alone.
+
+    numba keeps both on disk, as of every kernel, and a process that reads them cannot tell the difference.
+    """
+
+    _final_module: Any
+    _linked: Any = None
+
+    def _finalize_final_module(self) -> None:
+        with contextlib.suppress(*_ANOTHER_NUMBA):
+            self._separate()
+        super()._finalize_final_module()
+
+    def _separate(self) -> None:
+        """Keep the code for callers, and put the stub in its place; if a part of numba is missing, neither."""
+        _ = super()._get_module_for_linking
+        stub = _stub(self._codegen, self.name, self._final_module)
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._linked, self._final_module = _for_linking(self._final_module), stub
+
+    def _get_module_for_linking(self) -> Any:
+        self._ensure_finalized()
+        return super()._get_module_for_linking() if self._linked is None else self._linked
+
+
+def _library(state: Any) -> Any:
+    """Return the library of the kernel that is compiled, which is to be kept on disk."""
+    library = _LinkedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+    library.enable_object_caching()
+    return library
+
+
+def _for_linking(module: Any) -> Any:
+    """Return a module whose functions callers may define too: each has its own copy."""
+    for function in module.functions:
+        if not function.is_declaration and function.linkage == llvm.Linkage.external:
+            function.linkage = llvm.Linkage.linkonce_odr
+    return module
+
+
+def _stub(codegen: Any, name: str, module: Any) -> Any:
+    """Return a module that defines nothing but the environments of `module`."""
+    stub = codegen._create_empty_module(name)  # noqa: SLF001
+    for variable in module.global_variables:
+        if variable.name.startswith(_ENVIRONMENT) and not variable.is_declaration:
+            place = ir.GlobalVariable(stub, ir.IntType(8).as_pointer(), variable.name)
+            place.linkage, place.initializer = "common", ir.Constant(place.value_type, None)
+    parsed = llvm.parse_assembly(str(stub))
+    parsed.name = module.name
+    return parsed

@@ -1,0 +1,103 @@
+"""A kernel that only kernels call has no machine code of its own, and is linked alike from memory and from disk."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from llvmlite import binding as llvm
+
+from services.mechanics.compiled import kernel
+
+ROOT = Path(__file__).parents[3]
+CALL = """
+from numba.core import codegen, event
+{before}
+from tests.mechanics.compiled.test_linked import {name}
+
+with event.install_recorder("numba:compile") as compiled:
+    print({name}(16.0))
+    try:
+        {name}(-1.0)
+    except ValueError as error:
+        print(error)
+print(sum(each.is_start for _, each in compiled.buffer))
+"""
+
+
+@kernel
+def root_of(x: float) -> float:
+    """Is called by kernels, here never by Python."""
+    if x < 0.0:
+        raise ValueError("below zero")
+    return x**0.5
+
+
+@kernel
+def half_root_of(x: float) -> float:
+    """Return half of it."""
+    return 0.5 * root_of(x)
+
+
+@kernel
+def twice_root_of(x: float) -> float:
+    """Return twice of it."""
+    return 2.0 * root_of(x)
+
+
+def _call(name: str, kernels: Path, before: str = "") -> list[str]:
+    """Return what a kernel says in another process: its value, its error, and how many kernels were compiled for it."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(kernels)}
+    done = subprocess.run(
+        [sys.executable, "-c", CALL.format(name=name, before=before)],
+        env=environment,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+#: What another numba may lack, by what is done to this one.
+OTHER_NUMBAS = {
+    "no such class": "del codegen.JITCodeLibrary",
+    "a library is made in another way": """
+class Library(codegen.JITCodeLibrary):
+    def __init__(self, codegen, name, more):
+        super().__init__(codegen, name)
+codegen.JITCodeLibrary = Library
+""",
+    "a part of a library is missing": """
+from services.mechanics.compiled import linked
+def missing(codegen, *_):
+    return codegen.no_such_part
+linked._stub = missing
+""",
+}
+
+
+def _machine_code_bytes(kernels: Path, name: str) -> int:
+    (file,) = kernels.glob(f"*/test_linked.{name}-*.nbc")
+    (_, kind, (machine_code, _)), *_ = pickle.loads(file.read_bytes())
+    assert kind == "object"
+    return sum(each.size() for each in llvm.ObjectFileRef.from_data(machine_code).sections() if each.is_text())
+
+
+def test_what_kernels_call_is_compiled_once_and_is_machine_code_in_its_callers_only(tmp_path: Path) -> None:
+    assert _call("half_root_of", tmp_path) == ["2.0", "below zero", "2"]
+    assert _machine_code_bytes(tmp_path, "half_root_of") > 0
+    assert _machine_code_bytes(tmp_path, "root_of.within_kernels") == 0
+    assert _call("half_root_of", tmp_path) == ["2.0", "below zero", "0"]
+    assert _call("twice_root_of", tmp_path) == ["8.0", "below zero", "1"], "the root is linked from disk"
+
+
+@pytest.mark.parametrize("before", OTHER_NUMBAS.values(), ids=OTHER_NUMBAS.keys())
+def test_with_another_numba_all_have_machine_code_and_do_the_same(before: str, tmp_path: Path) -> None:
+    assert _call("half_root_of", tmp_path, before) == ["2.0", "below zero", "2"]
+    assert _machine_code_bytes(tmp_path, "root_of.within_kernels") > 0
+    assert _call("twice_root_of", tmp_path) == ["8.0", "below zero", "1"], "the root is linked from disk"
