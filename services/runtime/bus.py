@@ -149,6 +149,7 @@ class Inbox:
         now = time.monotonic_ns()
         if self._refilled(now) < 1.0:
             self.refused[Reason.FLOOD] += 1
+            self._is_refusing = True  # which may be this reader's lateness
             return None
         self._tokens -= 1.0
         try:
@@ -160,6 +161,9 @@ class Inbox:
         self.last = frame
         self.received += 1
         self.age.record(now - frame.sent_ns)
+        if self._is_refusing:
+            self._is_refusing = False
+            self._look_for_flood(frame)
         return frame
 
     def accept_all(self, batch: Sequence[bytes]) -> list[Frame]:
