@@ -27,3 +27,10 @@ def test_beside_the_other_file_each_loop_gets_the_device_and_nothing_else() -> N
     loops = {name for name in rig if name.partition("-")[0] in ("physics", "haptics", "gateway")}
     assert awake.keys() == loops
     assert all(each == {"devices": [str(DMA_LATENCY)]} for each in awake.values())
+
+
+def test_only_one_container_fills_a_new_cache_from_the_image() -> None:
+    """The engine copies for each container that may, at once: one found the folders of another, and `up` ended."""
+    mounts = {name: each["volumes"] for name, each in _services("docker-compose.yml").items()}
+    caches = {name: next(mount for mount in some if mount.startswith("cache:")) for name, some in mounts.items()}
+    assert [name for name, mount in caches.items() if not mount.endswith(":nocopy")] == ["physics"]
