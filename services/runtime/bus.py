@@ -152,18 +152,9 @@ class Inbox:
             self._is_refusing = True  # which may be this reader's lateness
             return None
         self._tokens -= 1.0
-        try:
-            frame = protocol.decode(data, self.row.name, used=self._used)
-            self._order(frame)
-        except FrameError as error:
-            self.refused[error.reason] += 1
-            return None
-        self.last = frame
-        self.received += 1
-        self.age.record(now - frame.sent_ns)
-        if self._is_refusing:
-            self._is_refusing = False
-            self._look_for_flood(frame)
+        frame = self._decoded(data)
+        if frame is not None:
+            self._count(frame, 1, now)
         return frame
 
     def accept_all(self, batch: Sequence[bytes]) -> list[Frame]:
@@ -173,23 +164,29 @@ class Inbox:
         if within < len(batch):
             self.refused[Reason.FLOOD] += len(batch) - within
             self._is_refusing = True  # which may be this reader's lateness
-        frames = []
-        for data in batch[:within]:
-            try:
-                frame = protocol.decode(data, self.row.name, used=self._used)
-                self._order(frame)
-            except FrameError as error:
-                self.refused[error.reason] += 1
-                continue
-            self.last = frame
-            frames.append(frame)
+        frames = [frame for data in batch[:within] if (frame := self._decoded(data)) is not None]
         if frames:
-            self.received += len(frames)
-            self.age.record(now - frames[-1].sent_ns)
-            if self._is_refusing:
-                self._is_refusing = False
-                self._look_for_flood(frames[-1])
+            self._count(frames[-1], len(frames), now)
         return frames
+
+    def _decoded(self, data: bytes) -> Frame | None:
+        """Return the frame in `data`, from now on the last, if it may be used, else None with the reason counted."""
+        try:
+            frame = protocol.decode(data, self.row.name, used=self._used)
+            self._order(frame)
+        except FrameError as error:
+            self.refused[error.reason] += 1
+            return None
+        self.last = frame
+        return frame
+
+    def _count(self, last: Frame, n: int, now: int) -> None:
+        """Count `n` frames of which `last` is the last; after refused ones see whether their publisher floods."""
+        self.received += n
+        self.age.record(now - last.sent_ns)
+        if self._is_refusing:
+            self._is_refusing = False
+            self._look_for_flood(last)
 
     def follow(self, run: Run) -> bool:
         """Count frames that somebody else has looked into, if they follow on the last one; else count nothing."""

@@ -70,27 +70,23 @@ def _steadying_hand(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> To
 
 
 def _pinch(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
-    tool = len(scene.forceps) - 1  # the only one, or the second
-    hand = _closing_hand(scene, tool, mesh, mouth, PINCH_M)
-    return Scenario(
-        name="pinch",
-        what="one forceps closes round the duct and presses it together",
-        duration_s=1.2,
-        scene=scene,
-        motions=(None, hand) if tool else (hand, None),
-    )
+    hand = _closing_hand(scene, _last_tool(scene), mesh, mouth, PINCH_M)
+    return _by_last_tool(scene, "pinch", "one forceps closes round the duct and presses it together", hand)
 
 
 def _press(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
-    tool = len(scene.forceps) - 1  # the only one, or the second
-    hand = _pressing_hand(scene, tool, mesh, mouth)
-    return Scenario(
-        name="press",
-        what="the tip of one tool touches the duct from outside and presses on it",
-        duration_s=1.2,
-        scene=scene,
-        motions=(None, hand) if tool else (hand, None),
-    )
+    hand = _pressing_hand(scene, _last_tool(scene), mesh, mouth)
+    return _by_last_tool(scene, "press", "the tip of one tool touches the duct from outside and presses on it", hand)
+
+
+def _last_tool(scene: SceneModel) -> int:
+    """Return the only one, or the second."""
+    return len(scene.forceps) - 1
+
+
+def _by_last_tool(scene: SceneModel, name: str, what: str, hand: ToolMotion | None) -> Scenario:
+    motions = (None, hand) if _last_tool(scene) else (hand, None)
+    return Scenario(name=name, what=what, duration_s=1.2, scene=scene, motions=motions)
 
 
 def _pressing_hand(scene: SceneModel, at: int, mesh: TriangleMesh, mouth: Opening) -> ToolMotion:

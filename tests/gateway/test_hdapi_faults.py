@@ -16,6 +16,13 @@ UNKNOWN = 0x0777
 LATCHED = [*sorted(set(ERRORS) - {*REFUSALS, *SCHEDULER, WARM}), UNKNOWN]
 
 
+def taken_in_a_tick_j(arms: HdapiBench) -> float:
+    """Wait for the left arm's next tick and return the work that its force does on the hand in it, in J."""
+    before = arms.standin.look(1)
+    arms.wait(1)
+    return float(before.force_n @ (arms.standin.look(1).position_m - before.position_m))
+
+
 @pytest.mark.parametrize("code", [*REFUSALS, WARM], ids=hex)
 def test_a_refusal_of_force_is_survived(pushing: HdapiBench, code: int) -> None:
     pushing.c.standin_inject(1, code)
@@ -125,7 +132,7 @@ def test_no_error_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, cod
     arms.by_law, arms.damping_n_s_m = True, 5.0
     arms.open()
     arms.run(300, FREE, FREE)
-    taken_j, returns, last_m = 0.0, 0, arms.standin.look(1).position_m
+    taken_j, returns = 0.0, 0
     for k in range(2000):
         arms.standin.put("hand", 1, np.array([0.0, -0.006 * np.sin(4 * np.pi * 1e-3 * k) ** 2, 0.0]))
         if k % 137 == 0:
@@ -135,11 +142,7 @@ def test_no_error_makes_an_arm_give_more_than_it_was_given(arms: HdapiBench, cod
             arms.left.clear_fault()
         arms.left.read(0, arms.readings[arms.left])
         arms.order(arms.left, np.zeros(3), stiffness_n_m)
-        force_n = arms.standin.look(1).force_n
-        arms.wait(1)
-        position_m = arms.standin.look(1).position_m
-        taken_j += force_n @ (position_m - last_m)
-        last_m = position_m
+        taken_j += taken_in_a_tick_j(arms)
     assert taken_j < 1e-4 + returns * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m
     assert arms.largest_step_n() <= STEP_N
 
@@ -232,7 +235,7 @@ def test_no_failure_of_the_line_makes_an_arm_give_more_than_it_was_given(arms: H
     arms.by_law, arms.damping_n_s_m = True, 5.0
     arms.open()
     arms.run(300, FREE, FREE)
-    last_m, silent_until = arms.standin.look(1).position_m, 0
+    silent_until = 0
     for k in range(2000):
         arms.standin.put("hand", 1, np.array([0.0, -0.006 * np.sin(4 * np.pi * 1e-3 * k) ** 2, 0.0]))
         begins, ends = k % 137 == 60, k % 137 == 90
@@ -250,10 +253,6 @@ def test_no_failure_of_the_line_makes_an_arm_give_more_than_it_was_given(arms: H
         if k >= silent_until:
             arms.left.read(0, arms.readings[arms.left])
             arms.order(arms.left, np.zeros(3), stiffness_n_m)
-        force_n = arms.standin.look(1).force_n
-        arms.wait(1)
-        position_m = arms.standin.look(1).position_m
-        taken_j += force_n @ (position_m - last_m)
-        last_m = position_m
+        taken_j += taken_in_a_tick_j(arms)
     assert np.abs(arms.forces).max() > 0.5
     assert taken_j < 1e-4 + times * 0.5 * SMALL_FORCE_N**2 / stiffness_n_m
