@@ -129,8 +129,10 @@ class Recording:
             self._due_ns = 0
 
     def _look_for_losses(self, now_ns: int) -> None:
-        for loss in self._losses.update(counts(self._process.bus.reports(), self._writer.lost), now_ns):
+        new = self._losses.update(counts(self._process.bus.reports(), self._writer.lost), now_ns)
+        for loss in new:
             self._writer.note(loss)
+        for loss in self._losses.to_say(new, now_ns):
             self._process.log.warning("lost %d frames of %s: %s", loss.frames, loss.topic, loss.why)
 
     def close(self) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import protocol.bodies as bodies
 
 #: Why frames are lost, where the bus does not name the reason for which it refused them.
 QUEUES = "the recorder was not run for longer than the queues hold"
 DISK = "the disk is too slow"
+#: What is lost again and again is said so often, with what has come together.
+_SAY_EVERY_NS = 10_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,8 @@ class Losses:
     def __init__(self, now_ns: int) -> None:
         self.total: Counter[tuple[str, str]] = Counter()
         self._looked_ns = now_ns
+        self._unsaid: dict[tuple[str, str], Loss] = {}
+        self._said_ns: dict[tuple[str, str], int] = {}
 
     def update(self, counts: Mapping[tuple[str, str], int], now_ns: int) -> list[Loss]:
         """Return what was lost since the last call, given frames by topic and reason."""
@@ -37,6 +41,19 @@ class Losses:
         new = Counter(counts) - self.total
         self.total += new
         return [Loss(topic, frames, why, since_ns, now_ns) for (topic, why), frames in new.items()]
+
+    def to_say(self, new: Iterable[Loss], now_ns: int) -> list[Loss]:
+        """Return what is to be said of what was lost: at once, and what goes on every ten seconds, together.
+
+        A line each second would leave room for nothing else in the rig's history.
+        """
+        for loss in new:
+            key = loss.topic, loss.why
+            kept = self._unsaid.get(key, replace(loss, frames=0))
+            self._unsaid[key] = replace(loss, frames=kept.frames + loss.frames, from_ns=kept.from_ns)
+        due = [key for key in self._unsaid if now_ns - self._said_ns.get(key, -_SAY_EVERY_NS) >= _SAY_EVERY_NS]
+        self._said_ns |= dict.fromkeys(due, now_ns)
+        return [self._unsaid.pop(key) for key in due]
 
     def sentence(self) -> str:
         """Return what was lost altogether, empty for nothing."""

@@ -205,7 +205,7 @@ class Crew:
                     self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
                 self._warn(self._floods.told(health, now_s))
                 if member.child is None:  # whose own words nobody reads here
-                    self._warn(member.new_detail())
+                    self._warn(member.new_detail(now_s))
                 self.on_report(member.name, health)
                 if health.state != "starting":
                     self._prepared.add(member.name)

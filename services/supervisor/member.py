@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -12,6 +13,9 @@ from services.supervisor.launcher import Child
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.restarts import RestartPolicy
 from services.supervisor.window import Window
+
+#: What a process says is wrong with it is told again so late where nothing but its numbers has changed.
+_AGAIN_S = 10.0
 
 
 class MemberState(StrEnum):
@@ -52,6 +56,8 @@ class Member:
     stalls_s: list[float] = field(default_factory=list)  # when silences ended that it came back from by itself
     _stalls_told: int = 0  # index of the loop's last stall that was
     _detail_told: str = ""
+    _detail_told_s: float = 0.0
+    _detail_ended: bool = True
 
     @property
     def name(self) -> str:
@@ -93,11 +99,22 @@ class Member:
         self._stalls_told = max((stall.index for stall in new), default=self._stalls_told)
         return new if self.came_up else []
 
-    def new_detail(self) -> list[str]:
-        """Return what it says is wrong with it, where that was not returned before."""
+    def new_detail(self, now_s: float) -> list[str]:
+        """Return what it says is wrong with it, where that was not returned before.
+
+        The same words with other numbers, of a count that goes on, are new after ten seconds only: a line each second
+        would leave room for nothing else in the history.
+        """
         detail = self.health.detail if self.health is not None and self.health.state == "degraded" else ""
-        is_new, self._detail_told = bool(detail) and detail != self._detail_told, detail
-        return [f"{self.name}: {detail}"] if is_new else []
+        if not detail:
+            self._detail_ended = True
+            return []
+        if detail == self._detail_told and not self._detail_ended:
+            return []
+        if now_s - self._detail_told_s < _AGAIN_S and _words(detail) == _words(self._detail_told):
+            return []
+        self._detail_told, self._detail_told_s, self._detail_ended = detail, now_s, False
+        return [f"{self.name}: {detail}"]
 
     def starved_s(self) -> float:
         """Return for how long our child has waited for a processor since it was last heard, or started."""
@@ -124,3 +141,8 @@ class Member:
         return bodies.ProcessReport(
             name=self.name, state=self.state, pid=self.pid, restarts=self.restarts.count, reason=self.reason[:256]
         )
+
+
+def _words(detail: str) -> list[str]:
+    """Return what is said beside numbers, in any order."""
+    return sorted(re.findall(r"[^\W\d]+", detail))

@@ -109,6 +109,15 @@ def test_losses_are_told_once_each_with_their_time() -> None:
     assert Losses(0).sentence() == ""
 
 
+def test_what_goes_on_being_lost_is_said_at_once_and_then_every_ten_seconds_together() -> None:
+    losses, said = Losses(0), []
+    for second in range(25):
+        lost = {(STATE, DISK): min(second + 1, 12)} | ({(STATE, QUEUES): 4} if second >= 3 else {})
+        now_ns = second * 1_000_000_000
+        said += [(second, each.frames, each.why) for each in losses.to_say(losses.update(lost, now_ns), now_ns)]
+    assert said == [(0, 1, DISK), (3, 4, QUEUES), (10, 10, DISK), (20, 1, DISK)]
+
+
 def test_what_was_refused_is_not_counted_again_as_missing() -> None:
     report = bodies.TopicReport(topic=STATE, received=90, dropped=10, refused={"flood": 7})
     assert counts([report], {}) == {(STATE, QUEUES): 3, (STATE, "refused: flood"): 7}

@@ -385,3 +385,19 @@ def test_what_a_process_of_another_container_says_is_wrong_with_it_is_in_the_his
     assert [e.text for e in bench.supervisor.events if "disk" in e.text] == [
         "recorder: the disk has held a write for 30 ms"
     ]
+
+
+def test_a_count_of_another_container_that_goes_on_leaves_room_in_the_history() -> None:
+    bench = running(Bench(rig()))
+    recorder = bench.peers["recorder"]
+    recorder.state = "degraded"
+    for second in range(40):
+        recorder.detail = f"lost {second + 1} frames: {second + 1} of physics.state (the disk is too slow)"
+        bench.run(1.0)
+    bench.run(11.0)
+    told = [e.text for e in bench.supervisor.events if "lost" in e.text]
+    assert told[0].startswith("recorder: lost 1 frames")
+    assert told[-1].startswith("recorder: lost 40 frames"), "the last number is told though it changes no more"
+    assert 4 <= len(told) <= 6
+    recorder.detail = "lost 40 frames: 40 of gateway.state (the recorder was not run)"
+    assert bench.run(1.0, lambda: "gateway.state" in bench.supervisor.events[-1].text) <= 0.12, "other words: at once"
