@@ -69,6 +69,14 @@ def test_schemas(trocar: Trocar) -> None:
         ("duct.mesh_file=nowhere.stl", "nowhere.stl: no such file"),
         ("duct.n_modes=6000", "n_modes: must not be above 2000, is 6000"),
         ("duct.poisson_ratio=0.6", "poisson_ratio of an isotropic material must not exceed 0.5"),
+        (
+            "effects.large_rotations={n_sections: 500}",
+            "effects.large_rotations: the mesh is too coarse for 500 cross-sections: one of them holds no node",
+        ),
+        (
+            "effects.large_rotations={n_sections: 1000000000}",
+            "effects.large_rotations: the mesh is too coarse for 1000000000 cross-sections: it has 3192 nodes",
+        ),
     ],
 )
 @pytest.mark.parametrize("by", ["scene", "rig"])

@@ -75,6 +75,9 @@ class Effect:
     def wake(self) -> None:
         """Act again after a rung of the quality ladder on which the effect rested: what it remembers is old."""
 
+    def check_mesh(self, mesh: TriangleMesh) -> None:
+        """Raise a ValueError for a mesh of the duct that this cannot act on: before its modes are computed."""
+
     def modify_section(self, section: ShellSection) -> ShellSection:
         """Return the wall's thickness and material, before the duct is meshed into elements."""
         raise NotImplementedError

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from services.mechanics.effects.base import Effect
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.large_rotations.sections import refuse_unless_tube
+from services.mechanics.reduction.large_rotations.sections import cut_sections, refuse_unless_tube
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
+from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.world import World
 
 
@@ -32,23 +35,37 @@ class LargeRotations(Effect):
     Settings = LargeRotationsSettings
     of_wall = True
 
-    def modify_duct(self, duct: ReducedDuct) -> ReducedDuct:
-        """Return the duct with its warp.
+    def check_mesh(self, mesh: TriangleMesh) -> None:
+        """Refuse a mesh whose cross-sections cannot be told apart.
 
         Raises
         ------
         ValueError
             The surface is not a tube held at one end, or its mesh is too coarse for the sections.
         """
+        held = mesh.vertex_sets["clamped"]
+        with _named():
+            refuse_unless_tube(mesh, held)
+            cut_sections(mesh, held, self.settings.n_sections)
+
+    def modify_duct(self, duct: ReducedDuct) -> ReducedDuct:
+        """Return the duct with its warp; raises as `check_mesh` does."""
         held = duct.mesh.vertex_sets["clamped"]
-        try:
+        with _named():
             refuse_unless_tube(duct.mesh, held)
             warp = TubeWarp.from_basis(duct.mesh, duct.basis, held, self.settings.n_sections)
-        except ValueError as error:
-            raise ValueError(f"effects.large_rotations: {error}") from error
         return replace(duct, warp=warp)
 
     def prepare(self, world: World) -> None:
         """Refuse a duct that was reduced for another scene."""
         if world.duct.reduced.warp is None:
             raise ValueError("effects.large_rotations: the duct was built without it, use build_scene_duct")
+
+
+@contextmanager
+def _named() -> Iterator[None]:
+    """Say of a ValueError which effect it is about."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"effects.large_rotations: {error}") from error

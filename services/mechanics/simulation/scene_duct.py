@@ -75,10 +75,13 @@ def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> Non
     ValueError
         As `build_scene_duct`, for all that is known before the eigenvalues are.
     """
-    stages = by_stage(build_effects(scene).values())
+    effects = build_effects(scene).values()
+    stages = by_stage(effects)
     recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, stages["modify_section"])
     with _about_the_duct():
         check_n_modes(recipe.model(), recipe.n_modes)
+    for effect in effects:
+        effect.check_mesh(recipe.mesh)
     if not scene.duct_alone:
         mouth_opening(recipe.mesh)
 

@@ -61,7 +61,14 @@ def cut_sections(mesh: TriangleMesh, held: IntArray, n_segments: int) -> Section
         Nodes of the held end.
     n_segments : int
         At least two.
+
+    Raises
+    ------
+    ValueError
+        A section would hold no node.
     """
+    if n_segments > mesh.n_vertices:
+        raise ValueError(f"the mesh is too coarse for {n_segments} cross-sections: it has {mesh.n_vertices} nodes")
     place = np.clip(axial_coordinate(mesh, held) * n_segments, 0.0, n_segments)
     segment = np.minimum(place.astype(np.int32), n_segments - 1)
     fraction = place - segment
