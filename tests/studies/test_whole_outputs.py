@@ -20,7 +20,10 @@ from services.whole_file import whole_file, whole_lines
 
 DRAW = Draw(Size.SMALLEST, 0)
 ROWS = [Row("modes", "20 modes", "residual", "force", 1.0, "%", cost=Cost(1.0, 2.0, 0.1), choices={})]
-WRITTEN = ("table.csv", "run.json", "modes.svg", "modes.png", "index.html", "report.md", "report/modes.svg", "duct.vtu")
+WRITTEN = (
+    *("table.csv", "run.json", "modes.svg", "modes.png", "index.html", "report.md", "report/modes.svg"),
+    *("report/modes.json", "duct.vtu"),
+)
 
 
 def write_all(folder: Path) -> None:

@@ -50,10 +50,15 @@ def insertion_tick(scene: SceneModel, draw: Draw, dt_s: float = TICK_S) -> Tick:
     for tick in range(round(draw.pick(_SHORT_S, SLIDING_S, SLIDING_S) / TICK_S)):
         hands.write_inputs((tick + 1) * TICK_S, tools)
         simulation.step(tools, None, TICK_S)
+    return in_steps(simulation, tools, dt_s)
+
+
+def in_steps(simulation: Simulation, tools: ToolInputs, dt_s: float) -> Tick:
+    """Return a millisecond of a simulation, hands held still, in steps of a whole part of it."""
     per_tick = max(1, round(TICK_S / dt_s))
 
-    def step() -> None:
+    def tick() -> None:
         for _ in range(per_tick):
             simulation.step(tools, None, dt_s)
 
-    return step
+    return tick

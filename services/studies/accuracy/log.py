@@ -16,6 +16,15 @@ from services.whole_file import whole_file, whole_lines
 class Log:
     """Results in a folder: one line of JSON each, references as arrays.
 
+    Attributes
+    ----------
+    errors : dict
+        By study and setting, then by quantity.
+    costs : dict
+        By study, then by setting.
+    timed : set
+        Studies and groups of settings of which the costs are known.
+
     Raises
     ------
     ValueError
@@ -33,6 +42,7 @@ class Log:
         self._folder, self._file = folder, folder / "results.jsonl"
         self.errors: dict[tuple[str, str], dict[str, Error]] = {}
         self.costs: dict[str, dict[str, Cost]] = {}
+        self.timed: set[tuple[str, str]] = set()
         for line in whole_lines(self._file):
             self._take(json.loads(line))
 
@@ -41,16 +51,24 @@ class Log:
             errors = {name: Error(**each) for name, each in entry["errors"].items()}
             self.errors[entry["study"], entry["setting"]] = errors
         else:
-            self.costs[entry["study"]] = {name: Cost(**each) for name, each in entry["costs"].items()}
+            self._add_costs(entry["study"], {name: Cost(**each) for name, each in entry["costs"].items()})
+            self.timed.add((entry["study"], entry["group"]))
+
+    def _add_costs(self, study: str, costs: dict[str, Cost]) -> None:
+        """Take the costs of a group; what stood beside several groups is told as it was beside the slowest."""
+        known = self.costs.setdefault(study, {})
+        known |= {
+            name: max(known.get(name, cost), cost, key=lambda each: each.median_us) for name, cost in costs.items()
+        }
 
     def keep_errors(self, study: str, setting: str, errors: dict[str, Error]) -> None:
         """Write the errors of a setting down."""
         told = {name: asdict(each) for name, each in errors.items()}
         self._keep({"study": study, "setting": setting, "errors": told})
 
-    def keep_costs(self, study: str, costs: dict[str, Cost]) -> None:
-        """Write the costs of a study down."""
-        self._keep({"study": study, "costs": {name: asdict(each) for name, each in costs.items()}})
+    def keep_costs(self, study: str, group: str, costs: dict[str, Cost]) -> None:
+        """Write the costs of a group of a study's settings down."""
+        self._keep({"study": study, "group": group, "costs": {name: asdict(each) for name, each in costs.items()}})
 
     def _keep(self, entry: dict[str, Any]) -> None:
         self._take(entry)

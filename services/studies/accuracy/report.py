@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.frontier import frontier
-from services.studies.accuracy.study import Row, load_study
+from services.studies.accuracy.sections import Section, read_section, write_section
+from services.studies.accuracy.study import Row, load_study, study_names
 from services.whole_file import whole_file
 
 BUDGET_US = 500.0
@@ -18,41 +20,45 @@ SLOWER = 2.0
 
 
 def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figures: Path, path: Path) -> None:
-    """Write the page to ``path``, and beside it, in a folder of its name, the figures that lie in ``figures``."""
+    """Write the page to ``path``, and beside it, in a folder of its name, what it is made of.
+
+    Those are the rows of each study and the figures that lie in ``figures``. Studies of the folder that are not among
+    ``names`` stay as they are, with what they were made with.
+
+    Raises
+    ------
+    ValueError
+        The folder holds a study that cannot be read.
+    """
     folder = path.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         with whole_file(folder / f"{name}.svg") as half:
             shutil.copyfile(figures / f"{name}.svg", half)
+        own = replace(facts, floors={k: floor for k, floor in facts.floors.items() if k == name})
+        write_section([row for row in rows if row.study == name], own, folder / f"{name}.json")
+    files = {name: folder / f"{name}.json" for name in study_names()}
+    sections = {name: read_section(file) for name, file in files.items() if file.exists()}
     lines = [
         "# What accuracy costs in time",
         "",
-        f"Made by `{facts.command}`; not to be edited by hand. The same run also makes one page on which every point",
-        "can be chosen, and the whole table as CSV.",
-        "",
-        *(f"- {line}" for line in facts.lines()),
-        *_not_timed(rows),
+        "Made by `trocar study ... --report`, each part by the command that it names; not to be edited by hand. A run",
+        "also makes one page on which every point can be chosen, and the whole table as CSV.",
         "",
         "A cost is that of a millisecond of the scene: median, 99 %, and as noise half the range of the medians of",
         "eight interleaved repeats. An error is against the reference that each section names. In bold is what is on",
         "the frontier: no other setting of its study beats it in both.",
         "",
     ]
-    for name in names:
-        lines += _study(name, [row for row in rows if row.study == name], folder.name)
-    lines += slower_machine(rows, names)
+    for name, section in sections.items():
+        lines += _study(name, section, folder.name)
+    lines += slower_machine([row for section in sections.values() for row in section.rows])
     with whole_file(path) as half:
         half.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
 
 
-def _not_timed(rows: Sequence[Row]) -> list[str]:
-    """Say which studies were ended before their costs were measured: the run goes on there when it is called again."""
-    missing = {row.study for row in rows} - {row.study for row in rows if row.cost is not None}
-    return [f"- not timed yet, this run was ended before: {', '.join(sorted(missing))}"] if missing else []
-
-
-def _study(name: str, rows: Sequence[Row], folder: str) -> list[str]:
-    study = load_study(name)
+def _study(name: str, section: Section, folder: str) -> list[str]:
+    study, rows = load_study(name), section.rows
     findings = getattr(study, "findings", None)
     told = [f"- {line}" for line in findings(rows)] if findings else []
     return [
@@ -65,6 +71,9 @@ def _study(name: str, rows: Sequence[Row], folder: str) -> list[str]:
         f"![{study.TITLE}]({folder}/{name}.svg)",
         "",
         *table(rows),
+        "",
+        *(f"- {line}" for line in section.made_with),
+        *([] if any(row.cost for row in rows) else ["- not timed: the run was ended before"]),
         "",
     ]
 
@@ -100,7 +109,7 @@ def number(value: float) -> str:
     return f"{value:.3g}" if 1e-4 <= abs(value) < 1e5 or value == 0.0 else f"{value:.1e}"
 
 
-def slower_machine(rows: Sequence[Row], names: Sequence[str]) -> list[str]:
+def slower_machine(rows: Sequence[Row]) -> list[str]:
     """Return which setting to choose here, and on a machine that takes twice as long."""
     lines = [
         "## Which rung to choose on a machine twice as slow",
@@ -111,7 +120,7 @@ def slower_machine(rows: Sequence[Row], names: Sequence[str]) -> list[str]:
         "| study | quantity | here | error | us | twice as slow | error | us there |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
-    for place in dict.fromkeys((row.study, row.quantity) for row in rows if row.study in names):
+    for place in dict.fromkeys((row.study, row.quantity) for row in rows):
         best = frontier([row for row in rows if (row.study, row.quantity) == place])
         cells = [_choice(best, 1.0), _choice(best, SLOWER)]
         if best and place[0] != "integrator":

@@ -49,25 +49,25 @@ def _references(names: Sequence[str], draw: Draw, log: Log, workers: Workers, te
 
 
 def fill_costs(names: Sequence[str], draw: Draw, log: Log, tell: Tell) -> None:
-    """Measure what the log lacks of costs: here, alone, all settings of a study in turns."""
-    missing = [name for name in names if name not in log.costs]
-    for done, name in enumerate(missing):
+    """Measure what the log lacks of costs: here, alone, all settings of a group in turns."""
+    every = [(name, group) for name in names for group in _groups(name, draw)]
+    missing = [place for place in every if place not in log.timed]
+    for done, (name, group) in enumerate(missing):
         tell(f"costs, {name}", done, len(missing))
-        log.keep_costs(name, study_costs(name, draw))
+        log.keep_costs(name, group, group_costs(name, group, draw))
     tell("costs", len(missing), len(missing))
 
 
-def study_costs(name: str, draw: Draw) -> dict[str, Cost]:
-    """Return the costs of a study's settings, group by group."""
+def _groups(name: str, draw: Draw) -> list[str]:
+    return list(dict.fromkeys(setting.group for setting in load_study(name).settings(draw)))
+
+
+def group_costs(name: str, group: str, draw: Draw) -> dict[str, Cost]:
+    """Return the costs of the settings of one group of a study."""
     study = load_study(name)
-    costs: dict[str, Cost] = {}
-    settings = study.settings(draw)
-    for group in dict.fromkeys(setting.group for setting in settings):
-        ticks = {setting.name: study.tick(setting, draw) for setting in settings if setting.group == group}
-        timed = {setting: tick for setting, tick in ticks.items() if tick is not None}
-        if timed:
-            costs |= measure_costs(timed, draw.pick(24, 240, 1200))
-    return costs
+    ticks = {setting.name: study.tick(setting, draw) for setting in study.settings(draw) if setting.group == group}
+    timed = {setting: tick for setting, tick in ticks.items() if tick is not None}
+    return measure_costs(timed, draw.pick(24, 240, 1200)) if timed else {}
 
 
 def table(names: Sequence[str], draw: Draw, log: Log) -> list[Row]:

@@ -15,11 +15,11 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.scenes.hands import hands_of
 from services.studies.accuracy.costs import measure_costs
+from services.studies.accuracy.insertions import TICK_S, in_steps
 from services.studies.accuracy.study import Cost, Tick
 from services.studies.insertion_steps import rms
 
 BuildDuct = Callable[[SceneModel], ReducedDuct]
-TICK_S = 1e-3
 HELD_AT = 0.73
 """Share of what the hands do after which they hold still, while ticks are timed: most of it is done by then."""
 SAMPLES = 150
@@ -92,15 +92,16 @@ class Trial:
 
     def costs(self, scenes: Sequence[tuple[SceneModel, int]]) -> list[Cost]:
         """Return what a tick costs in the middle of what the hands do."""
-        costs = measure_costs({str(k): self._tick(*each) for k, each in enumerate(scenes)}, SAMPLES)
+        costs = measure_costs({str(k): self.tick(*each) for k, each in enumerate(scenes)}, SAMPLES)
         return [costs[str(k)] for k in range(len(scenes))]
 
-    def _tick(self, scene: SceneModel, level: int) -> Tick:
+    def tick(self, scene: SceneModel, level: int = 0, dt_s: float = TICK_S) -> Tick:
+        """Return a millisecond of a scene in steps of ``dt_s``, most of what its hands do being done."""
         simulation, hands, tools = self._begin(scene, level)
         for tick in range(round(HELD_AT * hands.duration_s / TICK_S)):
             hands.write_inputs((tick + 1) * TICK_S, tools)
             simulation.step(tools, None, TICK_S)
-        return lambda: simulation.step(tools, None, TICK_S)
+        return in_steps(simulation, tools, dt_s)
 
     def _begin(self, scene: SceneModel, level: int) -> tuple[Simulation, Any, ToolInputs]:
         duct = self._build_duct(scene)
@@ -111,10 +112,11 @@ class Trial:
 
 def errors_of(run: Run, reference: Run) -> Errors:
     """Return how far a run is off; nothing felt, and nothing moved, in the reference is no error."""
-    motion = (_percent(run.tip_m, reference.tip_m), _percent(run.wall, reference.wall))
-    return Errors(_percent(run.force_n, reference.force_n), max(motion))
+    motion = (percent(run.tip_m, reference.tip_m), percent(run.wall, reference.wall))
+    return Errors(percent(run.force_n, reference.force_n), max(motion))
 
 
-def _percent(values: FloatArray, reference: FloatArray) -> float:
+def percent(values: FloatArray, reference: FloatArray) -> float:
+    """Return the root mean square difference of vectors (k, n) in per cent of that of the reference, 0 of nothing."""
     largest = rms(reference)
     return 100.0 * rms(values - reference) / largest if largest else 0.0

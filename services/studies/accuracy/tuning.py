@@ -13,8 +13,9 @@ from typing import Any
 
 from services.mechanics.effects import EFFECTS
 from services.mechanics.scene import QualityLevel, SceneModel
+from services.studies.accuracy.insertions import TICK_S
 from services.studies.accuracy.study import Cost
-from services.studies.accuracy.trial import TICK_S, Bench, Errors, Run, errors_of
+from services.studies.accuracy.trial import Bench, Errors, Run, errors_of
 from services.studies.tell import Tell
 
 LEAST_ERROR_PERCENT = 0.02

@@ -5,13 +5,17 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 from conftest import SMALLEST
 
 from services.cli.study import write_results
 from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.report import write_report
+from services.studies.accuracy.sections import read_section, write_section
 from services.studies.accuracy.study import Cost, Row
+from services.studies.accuracy.sweeps import mesh, modes
 
 
 def some_rows():
@@ -62,6 +66,55 @@ def test_the_page_needs_nothing_from_elsewhere_and_holds_every_point(written):
     data = json.loads(re.search(r"const data = (.*);\n", page)[1])
     assert len(data["rows"]) == 6
     assert data["studies"]["modes"]["title"]
+
+
+def facts_of(code):
+    return Facts.collect(f"trocar study at {code}", code, SMALLEST, {"modes": Cost(100.0, 120.0, 1.0)})
+
+
+def report_of(rows, code, folder):
+    """Write the page for the studies of these rows, by code of that name."""
+    names = list(dict.fromkeys(row.study for row in rows))
+    for name in names:
+        (folder / f"{name}.svg").write_text(f"{name} of {code}")
+    write_report(rows, names, facts_of(code), folder, folder / "page.md")
+    return (folder / "page.md").read_text()
+
+
+def rows_of(study, error):
+    return [replace(row, study=study, error=error) for row in some_rows() if row.quantity == "force"]
+
+
+def test_a_page_is_made_anew_in_parts(tmp_path, monkeypatch):
+    for study in (modes, mesh):
+        monkeypatch.setattr(study, "findings", lambda _: [])
+    report_of([*rows_of("modes", 0.125), *rows_of("mesh", 0.25)], "old", tmp_path)
+    page = report_of(rows_of("modes", 0.5), "new", tmp_path)
+    parts = dict(zip(("mesh", "modes", "slower"), page.split("\n## ")[1:], strict=True))
+    assert "| 20 modes | **0.25** | 100 |" in parts["mesh"]
+    assert "code old" in parts["mesh"]
+    assert "fixed arithmetic" not in parts["mesh"]  # that beside the other study is not told here
+    assert "| 20 modes | **0.5** | 100 |" in parts["modes"]
+    assert "code new" in parts["modes"]
+    assert "| mesh | force | 20 modes | 0.25 % |" in parts["slower"]
+    assert (tmp_path / "page" / "modes.svg").read_text() == "modes of new"
+    assert (tmp_path / "page" / "mesh.svg").read_text() == "mesh of old"
+
+
+def test_rows_beside_a_page_are_read_as_they_were_written(tmp_path):
+    rows = [*some_rows(), replace(some_rows()[0], cost=None, is_known=False)]
+    write_section(rows, facts_of("abc"), tmp_path / "modes.json")
+    section = read_section(tmp_path / "modes.json")
+    assert list(section.rows) == rows
+    assert "code abc" in section.made_with[0]
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"rows": []}', '{"made_with": [], "rows": [{"study": "modes"}]}'])
+def test_what_is_no_study_beside_a_page_is_one_sentence(text, tmp_path):
+    file = tmp_path / "modes.json"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=r"modes\.json is not a study beside a page: [^\n]+$"):
+        read_section(file)
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")

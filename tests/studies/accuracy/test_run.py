@@ -1,5 +1,7 @@
 """A run: what is kept, what is computed again, where, and that it comes out the same."""
 
+import json
+
 import pytest
 from conftest import SMALLEST
 
@@ -31,6 +33,25 @@ def test_what_a_folder_has_is_not_computed_again(run_smallest, tmp_path, monkeyp
     again, _ = run_smallest("integrator", folder=tmp_path / "log")
     assert computed == [0]
     assert again == first
+
+
+def test_a_run_that_was_ended_between_groups_times_the_others_only(run_smallest, tmp_path, monkeypatch):
+    first, _ = run_smallest("paper", folder=tmp_path / "log")
+    file = tmp_path / "log" / "results.jsonl"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join(lines[:-1]) + "\n")
+    timed, group_costs = [], run.group_costs
+    monkeypatch.setattr(run, "group_costs", lambda *args: timed.append(args[1]) or group_costs(*args))
+    again, log = run_smallest("paper", folder=tmp_path / "log")
+    assert timed == [""]  # the set-ups, which come last
+    kept = [r for r in first if r.series != "set-ups"]
+    assert kept
+    assert [r for r in again if r.series != "set-ups"] == kept
+    assert all(r.cost for r in again)
+    slowest = max(
+        json.loads(line)["costs"][FLOOR]["median_us"] for line in file.read_text().splitlines() if FLOOR in line
+    )
+    assert log.costs["paper"][FLOOR].median_us == slowest
 
 
 def test_a_folder_of_other_code_is_refused(tmp_path):

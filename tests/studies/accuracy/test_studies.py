@@ -1,14 +1,32 @@
 """Every study on its smallest size: what has to be seen in it, whatever the machine."""
 
 import math
+from dataclasses import replace
+from itertools import combinations
 
 import pytest
 from conftest import SMALLEST
 
-from services.studies.accuracy.study import load_study, study_names
-from services.studies.accuracy.sweeps import paper
+from services.mechanics.effects import EFFECTS, go_together
+from services.mechanics.scenarios import insertion_scene
+from services.scenes import load_scene
+from services.studies.accuracy.study import Draw, Size, load_study, study_names
+from services.studies.accuracy.sweeps import default as study_default
+from services.studies.accuracy.sweeps import mesh, paper
 
-WANTED = {"modes", "mesh", "element", "integrator", "timestep", "catheter", "contact", "effects", "paper", "softening"}
+WANTED = {
+    "modes",
+    "mesh",
+    "element",
+    "integrator",
+    "timestep",
+    "catheter",
+    "contact",
+    "effects",
+    "paper",
+    "softening",
+    "default",
+}
 
 
 def errors_of(rows, quantity):
@@ -57,6 +75,43 @@ def test_the_papers_triangle_is_stiffer_in_bending_than_ours(run_smallest):
     rows, _ = run_smallest("element", costs=False)
     pinch = errors_of(rows, "force at the tool, pinch")
     assert pinch["andes, tocher, 12 x 16"] != pinch["andes, dkt, 12 x 16"]
+
+
+def test_all_effects_and_all_pairs_that_go_together_are_tried():
+    tried = {setting.choices["changed"] for setting in load_study("effects").settings(Draw(Size.FULL, 1))}
+    pairs = {f"{one} {other}" for one, other in combinations(EFFECTS, 2) if go_together(one, other)}
+    assert tried == {"", *EFFECTS, *pairs}
+    assert len(pairs) > 60
+
+
+def test_the_rule_for_cells_is_among_the_meshes_and_finer_than_all_but_the_references():
+    quick = load_study("mesh").settings(Draw(Size.QUICK, 1))
+    cells = {setting.name: setting.choices["duct.n_around"] * setting.choices["duct.n_along"] for setting in quick}
+    assert max(cells, key=cells.get).startswith("auto, ")
+
+
+def test_the_limit_of_a_pinch_is_beyond_the_finest_mesh_that_leads_to_it():
+    duct = insertion_scene().duct
+    limit, coarse, fine = (
+        each["pinch_m"][0]
+        for each in (
+            mesh.limit_figures(duct, SMALLEST),
+            *(mesh.full_figures(replace(duct, n_around=n, n_along=m)) for n, m in ((16, 20), (24, 30))),
+        )
+    )
+    assert limit > fine > coarse
+    finer = mesh.full_figures(replace(duct, n_around=40, n_along=52))["pinch_m"][0]
+    assert limit / finer == pytest.approx(1.0, abs=0.03)
+
+
+def test_the_default_scene_is_itself_and_each_choice_is_made():
+    default = load_scene("default")
+    scenes = {
+        setting.name: study_default.scene_of(setting.choices, Draw(Size.FULL, 1))
+        for setting in study_default.settings(Draw(Size.FULL, 1))
+    }
+    assert replace(scenes[study_default.AS_IT_IS], duct=replace(default.duct)) == default
+    assert len({repr(scene) for name, scene in scenes.items() if "steps" not in name}) == len(scenes) - 1
 
 
 def test_what_is_changed_by_nothing_is_nothing(run_smallest):

@@ -25,6 +25,9 @@ WHAT = (
     "moved furthest. The cost is that of the whole tick; the first setting is what to compare with."
 )
 UNCHANGED = "unchanged"
+_SERIES = UNCHANGED, "one effect", "two effects"
+_TIMED_TOGETHER = 5
+"""Settings in turns: more push one another out of the caches, and a tick then takes nearly twice as long."""
 FORCE, TIP, DEPTH, WALL = "change of force", "change of the tip's way", "change of depth", "change of the wall"
 
 
@@ -37,18 +40,13 @@ def settings(draw: Draw) -> Sequence[Setting]:
         drawn = np.random.default_rng(draw.seed).permutation(len(pairs))[:n_pairs]
         pairs = [pairs[k] for k in sorted(drawn)]
     singles = draw.pick(names[:3], names, names)
-    return [
-        Setting(UNCHANGED, {"effects": _listed("")}, UNCHANGED),
-        *(Setting(_word(name), {"changed": name, "effects": _listed(name)}, "one effect") for name in singles),
-        *(
-            Setting(
-                f"{_word(one)}, {_word(other)}",
-                {"changed": f"{one} {other}", "effects": _listed(f"{one} {other}")},
-                "two effects",
-            )
-            for one, other in pairs
-        ),
-    ]
+    changes: list[tuple[str, ...]] = [(), *((name,) for name in singles), *pairs]
+    return [_setting(changed, group=str(k // _TIMED_TOGETHER)) for k, changed in enumerate(changes)]
+
+
+def _setting(changed: tuple[str, ...], group: str) -> Setting:
+    name, told = ", ".join(_word(each) for each in changed) or UNCHANGED, " ".join(changed)
+    return Setting(name, {"changed": told, "effects": _listed(told)}, _SERIES[len(changed)], group)
 
 
 def reference(draw: Draw) -> Reference:
@@ -59,7 +57,7 @@ def reference(draw: Draw) -> Reference:
 
 def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
     """Return what has changed."""
-    run = _run(str(setting.choices.get("changed", "")), draw)
+    run = _run(str(setting.choices["changed"]), draw)
     wall = np.linalg.norm(run.wall_m - reference["wall_m"], axis=1)
     return {
         FORCE: Error(1e3 * rms(run.force_n - reference["force_n"]), "mN", is_known=False),
@@ -71,7 +69,7 @@ def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Erro
 
 def tick(setting: Setting, draw: Draw) -> Tick:
     """A tick of the insertion with these effects."""
-    return insertions.insertion_tick(_scene(str(setting.choices.get("changed", ""))), draw)
+    return insertions.insertion_tick(_scene(str(setting.choices["changed"])), draw)
 
 
 def _run(changed: str, draw: Draw) -> Inserted:

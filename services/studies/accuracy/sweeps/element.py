@@ -12,13 +12,13 @@ from services.mechanics.scene import DuctScene, SceneModel
 from services.studies.accuracy import insertions, pinches
 from services.studies.accuracy.report import number, values
 from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
-from services.studies.accuracy.sweeps.mesh import full_figures, reduced_errors
+from services.studies.accuracy.sweeps.mesh import limit_figures, reduced_errors
 
 TITLE = "Triangles of the wall"
 WHAT = (
     "Every membrane with every bending triangle, on coarser and finer meshes, with 60 modes and residual. All are "
-    "compared with the default triangles on a mesh much finer than any of them. A triangle is paid for when the modes "
-    "are computed; a tick does not know which it was."
+    "compared with the limit that two finer meshes of the default triangles lead to. A triangle is paid for when the "
+    "modes are computed; a tick does not know which it was."
 )
 _N_MODES = 60
 
@@ -39,9 +39,8 @@ def settings(draw: Draw) -> Sequence[Setting]:
 
 
 def reference(draw: Draw) -> Reference:
-    """Return the finest mesh's pinch and frequencies."""
-    around, along = draw.pick((24, 32), (56, 72), (80, 104))
-    return full_figures(replace(insertion_scene().duct, n_around=around, n_along=along))
+    """Return the limits of pinch and frequencies."""
+    return limit_figures(insertion_scene().duct, draw)
 
 
 def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:

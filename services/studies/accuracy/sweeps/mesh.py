@@ -7,44 +7,65 @@ from dataclasses import replace
 
 import numpy as np
 
+from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.modes import compute_modes
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import DuctScene, SceneModel
+from services.mechanics.scene.cells import accurate_cells
 from services.studies.accuracy import insertions, pinches
 from services.studies.accuracy.report import costs_us, number, values
-from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
+from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Size, Tick
 
 TITLE = "Mesh of the duct"
 WHAT = (
-    "Cells round and along the insertion's duct, with 60 modes and residual. Pinch and frequencies are compared with "
-    "the unreduced model on a mesh much finer than any of them, the insertion with the same insertion on the finest "
-    "mesh that runs in a tick."
+    "Cells round and along the insertion's duct, with 60 modes and residual; `auto` are those that the rule for "
+    "`n_around: auto` gives it, as in the default scene. Pinch and frequencies are compared with the limit that two "
+    "finer meshes of the unreduced model lead to, the insertion with the same insertion on the finest mesh that runs "
+    "in a tick."
 )
+_FINER = 1.5
+"""Between the two meshes that lead to a limit; errors fall with the square of the cell."""
 N_FREQUENCIES = 6
 _N_MODES = 60
 
 
 def settings(draw: Draw) -> Sequence[Setting]:
-    """One series of meshes, all with about square cells."""
+    """One series of meshes, all with about square cells, and the rule's."""
     meshes = draw.pick(
         ((12, 16), (16, 20)),
         ((12, 16), (16, 20), (20, 26), (24, 32)),
         ((12, 16), (16, 20), (20, 26), (24, 32), (28, 36), (32, 42), (40, 52)),
     )
-    return [
-        Setting(f"{around} x {along} cells", {"duct.n_around": around, "duct.n_along": along})
-        for around, along in meshes
-    ]
+    chosen = {f"{around} x {along} cells": (around, along) for around, along in meshes}
+    if draw.size is not Size.SMALLEST:
+        around, along = automatic_cells()
+        chosen[f"auto, {around} x {along} cells"] = around, along
+    return [Setting(name, {"duct.n_around": around, "duct.n_along": along}) for name, (around, along) in chosen.items()]
+
+
+def automatic_cells() -> tuple[int, int]:
+    """Return the cells that the insertion's duct has by the rule."""
+    scene = insertion_scene()
+    jaw_radius_m = min(tool.jaws.jaw_radius_m for tool in scene.forceps if tool.jaws)
+    return accurate_cells(scene.duct.radius_m, scene.duct.length_m, jaw_radius_m)
 
 
 def reference(draw: Draw) -> Reference:
-    """Return the finest mesh's pinch, frequencies and insertion."""
-    finest = _duct(*draw.pick((24, 32), (56, 72), (80, 104)))
-    running = _duct(*draw.pick((20, 26), (32, 42), (48, 64)))
-    return {**full_figures(finest), **insertions.insertion_reference(_scene(running), draw)}
+    """Return the limits of pinch and frequencies, and the insertion on the finest mesh."""
+    running = _duct(*draw.pick((20, 26), (60, 62), (66, 68)))
+    finest = _scene(replace(running, residual="full"))
+    return {**limit_figures(running, draw), **insertions.insertion_reference(finest, draw)}
 
 
-def full_figures(duct: DuctScene) -> dict[str, np.ndarray]:
+def limit_figures(duct: DuctScene, draw: Draw) -> dict[str, FloatArray]:
+    """Return the limits of `full_figures` of a duct, whatever its own cells, that a mesh and a finer one lead to."""
+    around, along = draw.pick((16, 20), (40, 52), (56, 72))
+    coarse = full_figures(replace(duct, n_around=around, n_along=along))
+    fine = full_figures(replace(duct, n_around=round(_FINER * around), n_along=round(_FINER * along)))
+    return {name: fine[name] + (fine[name] - coarse[name]) / (_FINER**2 - 1.0) for name in fine}
+
+
+def full_figures(duct: DuctScene) -> dict[str, FloatArray]:
     """Return closing under a unit pinch (1,) in m and the lowest frequencies in Hz of an unreduced duct."""
     model = pinches.full_model(duct)
     pinch = pinches.Pinch.of(model.mesh, duct)

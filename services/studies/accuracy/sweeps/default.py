@@ -1,0 +1,134 @@
+"""The default scene: what a hand feels and the eye sees of it, beside the same with everything finer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import FloatArray
+from services.mechanics.scene import SceneModel
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.scenes import load_scene
+from services.studies.accuracy import pinches
+from services.studies.accuracy.insertions import TICK_S
+from services.studies.accuracy.report import number, values
+from services.studies.accuracy.study import Choice, Draw, Error, Reference, Row, Setting, Size, Tick
+from services.studies.accuracy.sweeps.mesh import limit_figures
+from services.studies.accuracy.trial import Trial, percent
+
+TITLE = "The default scene"
+WHAT = (
+    "The scene `default` with its own hands, and with one of its choices coarser or finer. The pinch is compared with "
+    "the limit that two finer meshes lead to, unreduced; the insertion with the same insertion with all choices finer "
+    "at once: cells, modes, segments, step and tolerance. `2 um wider` is the scene as it is with vertices 2 um "
+    "farther out: what differs there is no error but how far a quantity hangs on where jaws happen to meet edges."
+)
+AS_IT_IS, WIDER = "as it is", "2 um wider"
+INSERTING, CLOSING, STEADYING = (
+    "force of the inserting hand",
+    "force that closes the jaws",
+    "force of the steadying hand",
+)
+TIP, WALL = "way of the tip", "motion of the wall"
+_WIDER_M = 2e-6
+Overrides = Mapping[str, Choice]
+
+
+def settings(draw: Draw) -> Sequence[Setting]:
+    """As it is, wider, and one choice after another coarser or finer."""
+    varied: dict[str, Overrides] = {
+        AS_IT_IS: {},
+        WIDER: {"wider_m": _WIDER_M},
+        "20 x 26 cells": {"n_around": 20, "n_along": 26},
+        "60 x 62 cells": {"n_around": 60, "n_along": 62},
+        "30 modes": {"n_modes": 30},
+        "120 modes": {"n_modes": 120},
+        "80 segments": {"n_segments": 80},
+        "steps of 0.5 ms": {"dt_s": 0.5 * TICK_S},
+    }
+    names = draw.pick([AS_IT_IS, WIDER], [name for name in varied if "modes" not in name], list(varied))
+    return [Setting(name, varied[name]) for name in names]
+
+
+def reference(draw: Draw) -> Reference:
+    """Return the limit of the pinch, and the insertion with everything finer."""
+    around, along = draw.pick((14, 18), (66, 68), (72, 76))
+    finer: Overrides = {
+        "n_around": around,
+        "n_along": along,
+        "n_modes": draw.pick(40, 120, 160),
+        "n_segments": draw.pick(50, 80, 100),
+        "tolerance_n": 1e-8,
+    }
+    run = _trial().run(scene_of(finer, draw), draw.pick(1.0, 0.5, 0.25) * TICK_S)
+    pinch_m = limit_figures(load_scene("default").duct, draw)["pinch_m"]
+    return {"force_n": run.force_n, "tip_m": run.tip_m, "wall": run.wall, "pinch_m": pinch_m}
+
+
+def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
+    """Return how far off the pinch is, and what is felt and seen over the insertion, root mean square."""
+    scene = scene_of(setting.choices, draw)
+    duct = pinches.reduced(scene.duct)
+    pinch = pinches.Pinch.of(duct.mesh, scene.duct)
+    run = _trial().run(scene, float(setting.choices.get("dt_s", TICK_S)))
+    felt, wanted = run.force_n, np.asarray(reference["force_n"])
+    compared: dict[str, tuple[FloatArray, FloatArray]] = {
+        INSERTING: (felt[:, 0, :3], wanted[:, 0, :3]),
+        CLOSING: (felt[:, 1, 3:], wanted[:, 1, 3:]),
+        STEADYING: (felt[:, 1, :3], wanted[:, 1, :3]),
+        TIP: (run.tip_m, reference["tip_m"]),
+        WALL: (run.wall[:, None], reference["wall"][:, None]),
+    }
+    off = {name: Error(percent(found, true), "%") for name, (found, true) in compared.items()}
+    return {**pinches.static_errors(duct, pinch, float(reference["pinch_m"][0]), None), **off}
+
+
+def tick(setting: Setting, draw: Draw) -> Tick:
+    """A millisecond of the scene, most of the insertion done."""
+    return _trial().tick(scene_of(setting.choices, draw), dt_s=float(setting.choices.get("dt_s", TICK_S)))
+
+
+def _trial() -> Trial:
+    return Trial(lambda scene: build_scene_duct(scene, cache_directory() / "bases"))
+
+
+def scene_of(overrides: Overrides, draw: Draw) -> SceneModel:
+    """Return the default scene with these choices."""
+    scene = load_scene("default")
+    duct, catheter, contact = scene.duct, scene.catheter, scene.contact
+    if draw.size is Size.SMALLEST:
+        duct = replace(duct, n_around=12, n_along=16, n_modes=20)
+    return replace(
+        scene,
+        duct=replace(
+            duct,
+            n_around=int(overrides.get("n_around", duct.n_around)),
+            n_along=int(overrides.get("n_along", duct.n_along)),
+            n_modes=int(overrides.get("n_modes", duct.n_modes)),
+            radius_m=duct.radius_m + float(overrides.get("wider_m", 0.0)),
+            residual="full",  # whatever memory that takes: a reference has more nodes than are given it unasked
+        ),
+        catheter=replace(catheter, n_segments=int(overrides.get("n_segments", catheter.n_segments))),
+        contact=replace(contact, tolerance_n=float(overrides.get("tolerance_n", contact.tolerance_n))),
+    )
+
+
+def findings(rows: Sequence[Row]) -> list[str]:
+    """Say how far the scene as it is is off, and what only hangs on where vertices lie."""
+    quantities = list(dict.fromkeys(row.quantity for row in rows))
+    of = {quantity: values(rows, quantity) for quantity in quantities}
+    told = ", ".join(f"{quantity} {number(of[quantity][AS_IT_IS])} %" for quantity in quantities)
+    steadying, closing = (
+        ", ".join(f"{number(error)} % at {name}" for name, error in of[quantity].items())
+        for quantity in (STEADYING, CLOSING)
+    )
+    return [
+        f"As it is: {told}.",
+        f"The force of the steadying hand does not converge: {steadying}. Its jaws stand at more than the angle of "
+        "friction to each other, so that they push the duct out towards their tips, and hold it by friction that is "
+        "nearly used up: what the hand feels of forces that nearly cancel hangs on which of their contacts slide.",
+        f"What closes its jaws converges until they slip: {closing}.",
+    ]
