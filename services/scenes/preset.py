@@ -12,7 +12,8 @@ from services.runtime.errors import ConfigError
 def take_tissue(data: dict[str, Any], where: str, origins: config.Origins) -> None:
     """Write what ``duct.tissue`` says into ``data`` and ``origins``, beside what the file and the overrides say.
 
-    An orthotropic wall brings the effect ``anisotropy``; relaxation is taken where the scene has ``viscoelasticity``.
+    An orthotropic wall brings the effect ``anisotropy``; relaxation is taken where the scene has
+    ``viscoelasticity``, the exponent of stiffening where it has ``hyperelasticity``.
 
     Raises
     ------
@@ -34,7 +35,12 @@ def take_tissue(data: dict[str, Any], where: str, origins: config.Origins) -> No
         return
     if chosen.is_orthotropic:
         effects.setdefault("anisotropy", {})
-    for effect, said in (("anisotropy", _anisotropy(chosen)), ("viscoelasticity", _viscoelasticity(chosen))):
+    every = {
+        "anisotropy": _anisotropy(chosen),
+        "viscoelasticity": _viscoelasticity(chosen),
+        "hyperelasticity": {"exponent": chosen.stiffening_exponent.value},
+    }
+    for effect, said in every.items():
         if effect in effects:
             _fill(effects[effect], said, f"effects.{effect}", name, origins)
 

@@ -18,12 +18,14 @@ def written(tmp_path, text):
 
 @pytest.mark.parametrize("name", TISSUES)
 def test_the_wall_is_the_tissues(tmp_path, name):
-    scene = load_scene(written(tmp_path, f"{{duct: {{tissue: {name}}}, effects: {{viscoelasticity: {{}}}}}}"))
+    effects = "{viscoelasticity: {}, hyperelasticity: {}}"
+    scene = load_scene(written(tmp_path, f"{{duct: {{tissue: {name}}}, effects: {effects}}}"))
     wanted = TISSUES[name]
     assert scene.duct.thickness_m == wanted.thickness_m.value
     assert scene.duct.youngs_modulus_pa == wanted.axial_modulus_pa.value
     assert scene.duct.density_kg_m3 == wanted.density_kg_m3.value
     assert scene.effects["viscoelasticity"].series() == wanted.prony_series()
+    assert scene.effects["hyperelasticity"].exponent == wanted.stiffening_exponent.value
     if wanted.axial_modulus_pa.value == wanted.circumferential_modulus_pa.value:
         assert "anisotropy" not in scene.effects
     else:
@@ -31,7 +33,7 @@ def test_the_wall_is_the_tissues(tmp_path, name):
         assert modulus == pytest.approx(wanted.circumferential_modulus_pa.value)
 
 
-def test_relaxation_is_no_effect_that_a_tissue_brings(tmp_path):
+def test_relaxation_and_stiffening_are_no_effects_that_a_tissue_brings(tmp_path):
     scene = load_scene(written(tmp_path, "duct: {tissue: soft_cystic_duct}"))
     assert set(scene.effects) == {"anisotropy"}
 

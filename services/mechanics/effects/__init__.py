@@ -13,6 +13,7 @@ from services.mechanics.effects.friction import Friction
 from services.mechanics.effects.gallstones import Gallstones
 from services.mechanics.effects.grasp_slip import GraspSlip
 from services.mechanics.effects.gravity import Gravity
+from services.mechanics.effects.hyperelasticity import Hyperelasticity
 from services.mechanics.effects.insufflation import Insufflation
 from services.mechanics.effects.large_rotations import LargeRotations
 from services.mechanics.effects.mucus_drag import MucusDrag
@@ -48,6 +49,7 @@ EFFECTS: dict[str, EffectEntry] = {
     "viscoelasticity": EffectEntry(
         Viscoelasticity, "a wall that relaxes: Prony terms on modes and what they leave out"
     ),
+    "hyperelasticity": EffectEntry(Hyperelasticity, "tissue that stiffens as it is stretched: Fung's membrane"),
     "gallstones": EffectEntry(Gallstones, "rigid spheres that catheter and wall push about"),
     "self_contact": EffectEntry(SelfContact, "the catheter touching itself"),
     "mucus_drag": EffectEntry(MucusDrag, "viscous film between catheter and wall"),

@@ -46,6 +46,8 @@ class Tissue:
         Contraction along the softer direction per stretch along the stiffer one.
     relaxing_shares, relaxation_times_s : tuple of Quantity
         Prony series of the instantaneous modulus.
+    stiffening_exponent : Quantity
+        Exponent of Fung's law: pulled one way by e the wall is exp(a e^2) times as stiff as at rest.
     """
 
     thickness_m: Quantity
@@ -55,6 +57,7 @@ class Tissue:
     major_poisson_ratio: Quantity
     relaxing_shares: tuple[Quantity, ...]
     relaxation_times_s: tuple[Quantity, ...]
+    stiffening_exponent: Quantity
 
     def section(self, axis: FloatArray) -> ShellSection:
         """Return the shell section; ``axis`` (3,) or (m, 3) is the duct's axis, direction 1 of the material.
@@ -119,6 +122,13 @@ _TIMES = tuple(
     Quantity(time, 0.3 * time, 3.0 * time, "assumption; one time a decade over what a grasp lasts")
     for time in (0.1, 1.0, 10.0)
 )
+_EXPONENT = Quantity(
+    20.0,
+    1.0,
+    100.0,
+    f"assumption; ducts are exponential ({DUCH}), their exponents were not at hand; rabbit carotids have 1 over "
+    "strains of 1 (Chuong and Fung, J Biomech Eng 105:268, 1983)",
+)
 
 TISSUES: dict[str, Tissue] = {
     "reference_duct": Tissue(
@@ -129,6 +139,7 @@ TISSUES: dict[str, Tissue] = {
         _POISSON,
         _SHARES,
         _TIMES,
+        _EXPONENT,
     ),
     "porcine_common_bile_duct": Tissue(
         _WALL,
@@ -144,6 +155,7 @@ TISSUES: dict[str, Tissue] = {
         _POISSON,
         _SHARES,
         _TIMES,
+        _EXPONENT,
     ),
     "soft_cystic_duct": Tissue(
         _WALL,
@@ -153,6 +165,7 @@ TISSUES: dict[str, Tissue] = {
         _POISSON,
         _SHARES,
         _TIMES,
+        _EXPONENT,
     ),
 }
 

@@ -131,3 +131,27 @@ def test_the_stiffening_is_kept_where_the_modes_of_the_duct_are(with_effects, tm
 def test_a_duct_of_unknown_making_cannot_stiffen(with_effects, small_duct):
     with pytest.raises(ValueError, match=r"effects.nonlinear_membrane: .* use build_scene_duct"):
         Simulation(with_effects(nonlinear_membrane={}), replace(small_duct, recipe=None))
+
+
+def test_a_wall_that_stiffens_as_it_is_stretched_resists_more_and_its_books_balance(with_effects, small_duct):
+    """A tool bends the duct aside and lets it back; the bent duct is stretched on one side."""
+    force, flows = [], []
+    for effects in ({}, {"hyperelasticity": {"exponent": 200.0}}):
+        simulation, tools = Simulation(with_effects(**effects), small_duct), pressing_tools(None)
+        top_m = tools.position_m[0, 2]
+        simulation.step(tools)
+        book, largest = EnergyBook(simulation), 0.0
+        for tick in range(800):
+            tools.position_m[0, 2] = top_m - 6e-3 * max(0.0, 1.0 - abs(tick / 400.0 - 1.0))
+            book.step(tools)
+            largest = max(largest, float(np.linalg.norm(simulation.tool_results.force_n[0])))
+        force.append(largest)
+        flows.append(book.flow)
+    assert force[1] > 1.1 * force[0]
+    for flow in flows:
+        assert abs(flow.imbalance_j) < 0.01 * (flow.dissipated_j + flow.stored_j)
+
+
+def test_a_wall_of_unknown_making_has_no_law(with_effects, small_duct):
+    with pytest.raises(ValueError, match=r"effects.hyperelasticity: .* use build_scene_duct"):
+        Simulation(with_effects(hyperelasticity={}), replace(small_duct, recipe=None))

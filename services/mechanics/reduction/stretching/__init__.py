@@ -1,0 +1,1 @@
+"""A wall whose material stiffens as it is stretched: Fung's exponential membrane beyond its linear part."""

@@ -1,0 +1,230 @@
+r"""The stiffening in a step: an impulse on the modes at its start that is the force at its end.
+
+An explicit kick would be stable only while the stiffening is weaker than the linear wall, wherever the wall is stiff.
+Here the force f at the end of the step is sought, with x = p + G f, p where the wall goes without it, and G what an
+impulse moves it by: it minimises :math:`\frac12 f G f + E(p + G f)`, which is strictly convex as E is. Newton's method
+with conjugate gradients, begun with the last force, takes two products with the samples' strains an iteration.
+
+p takes the contact forces of the last step for those of this one. At rest the force is then that of the law, exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import AnyArray, FloatArray
+from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.reduction.stretching.law import beyond_linear
+from services.mechanics.reduction.stretching.samples import StretchSamples
+
+NEWTON_STEPS = 2
+GRADIENT_STEPS = 4
+SEARCH_STEPS = 6
+RELATIVE = 1e-3
+"""Residual over the force at which Newton's method ends; conjugate gradients end at a tenth of theirs."""
+UNBOUNDED = math.inf
+LEAST_GAIN = 1e-6
+"""Of the largest: an exact oscillator that turns round within a step has none."""
+
+
+class StretchedWall(Struct):
+    """k samples, n = 3 k of their strains, r modes."""
+
+    strain: Annotated[FloatArray, "n", "r"]
+    energy: Annotated[FloatArray, "k"]
+    scaled: Annotated[FloatArray, "n", "r"]  # strain per root of what an impulse moves a mode by
+    root: Annotated[FloatArray, "r"]
+    pull: Annotated[FloatArray, "r"]  # state: root times force
+    ahead: Annotated[FloatArray, "r"]
+    at: Annotated[FloatArray, "n"]
+    along: Annotated[FloatArray, "n"]
+    stress: Annotated[FloatArray, "n"]
+    residual: Annotated[FloatArray, "r"]
+    step: Annotated[FloatArray, "r"]
+    search: Annotated[FloatArray, "r"]
+    image: Annotated[FloatArray, "r"]
+
+    @classmethod
+    def of(cls, samples: StretchSamples) -> StretchedWall:
+        """Take the samples on, at rest; `take_gain` comes before the first step."""
+        k, r = len(samples.energy_j), samples.strain.shape[1]
+        strain, energy = np.ascontiguousarray(samples.strain), np.ascontiguousarray(samples.energy_j)
+        return cls.zeros(strain=strain, energy=energy, n=3 * k, k=k, r=r)
+
+    def take_gain(self, gain: FloatArray) -> None:
+        """Prepare for steps in which an impulse f dt moves the modes by ``gain`` (r,) times f."""
+        root = np.sqrt(np.maximum(gain, LEAST_GAIN * gain.max()))
+        force = np.divide(self.pull, self.root, out=np.zeros_like(root), where=self.root > 0.0)
+        self.root[:] = root
+        self.pull[:] = force * root
+        self.scaled[:] = self.strain * root
+
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays of the state."""
+        return (self.pull,)
+
+
+wall_at = reader(StretchedWall)
+
+
+@kernel
+def stretch_force(
+    address: Address[StretchedWall], free_end: FloatArray, contact_force: FloatArray, out: FloatArray
+) -> None:
+    """Write the modal force (r,) that is to act as an impulse at the start of the step.
+
+    ``free_end`` (r,) is where the modes come without it and without contacts, ``contact_force`` (r,) what contacts are
+    expected to do.
+    """
+    wall = wall_at(address)
+    for mode in range(wall.root.shape[0]):
+        wall.ahead[mode] = free_end[mode] / wall.root[mode] + wall.root[mode] * contact_force[mode]
+    for _ in range(NEWTON_STEPS):
+        if _newton_step(wall):
+            break
+    for mode in range(wall.root.shape[0]):
+        out[mode] = wall.pull[mode] / wall.root[mode]
+
+
+@kernel
+def stretch_energy(address: Address[StretchedWall], q: FloatArray) -> float:
+    """Return the energy beyond the linear one at modal coordinates (r,), in J."""
+    wall = wall_at(address)
+    _strains(wall.strain, q, wall.at)
+    total = 0.0
+    for sample in range(wall.energy.shape[0]):
+        total += wall.energy[sample] * beyond_linear(_form(wall.at, sample))[0]
+    return total
+
+
+@kernel
+def _newton_step(wall: StretchedWall) -> bool:
+    """Take one step towards the least of |h|^2 / 2 + E(ahead + h), h the pull; True when it was there already."""
+    residual, pull, step = wall.residual, wall.pull, wall.step
+    for mode in range(pull.shape[0]):
+        step[mode] = wall.ahead[mode] + pull[mode]
+        residual[mode] = -pull[mode]
+    _strains(wall.scaled, step, wall.at)
+    for sample in range(wall.energy.shape[0]):
+        slope = 2.0 * wall.energy[sample] * beyond_linear(_form(wall.at, sample))[1]
+        for i in range(3 * sample, 3 * sample + 3):
+            wall.stress[i] = slope * wall.at[i]
+    _add_pulls(wall.scaled, wall.stress, -1.0, residual)
+    size, wrong = 0.0, 0.0
+    for mode in range(pull.shape[0]):
+        size += pull[mode] * pull[mode]
+        wrong += residual[mode] * residual[mode]
+    if wrong <= RELATIVE * RELATIVE * size:
+        return True
+    _solve_tangent(wall, wrong)
+    length = _line_search(wall)
+    for mode in range(pull.shape[0]):
+        pull[mode] += length * step[mode]
+    return False
+
+
+@kernel
+def _solve_tangent(wall: StretchedWall, wrong: float) -> None:
+    """Write the step (1 + H) step = residual, by conjugate gradients, and its strains."""
+    residual, step, search, image = wall.residual, wall.step, wall.search, wall.image
+    step[:] = 0.0
+    for mode in range(step.shape[0]):
+        search[mode] = residual[mode]
+    left = wrong
+    for _ in range(GRADIENT_STEPS):
+        _apply_tangent(wall)
+        curvature = 0.0
+        for mode in range(step.shape[0]):
+            curvature += search[mode] * image[mode]
+        length, before = left / curvature, left
+        left = 0.0
+        for mode in range(step.shape[0]):
+            step[mode] += length * search[mode]
+            residual[mode] -= length * image[mode]
+            left += residual[mode] * residual[mode]
+        if left <= 0.01 * RELATIVE * wrong:
+            break
+        for mode in range(step.shape[0]):
+            search[mode] = residual[mode] + left / before * search[mode]
+    _strains(wall.scaled, step, wall.along)
+
+
+@kernel
+def _apply_tangent(wall: StretchedWall) -> None:
+    """Write image = (1 + H) search."""
+    search, image, at, along = wall.search, wall.image, wall.at, wall.along
+    for mode in range(image.shape[0]):
+        image[mode] = search[mode]
+    _strains(wall.scaled, search, along)
+    for sample in range(wall.energy.shape[0]):
+        _, slope, curvature = beyond_linear(_form(at, sample))
+        turned = 0.0
+        for i in range(3 * sample, 3 * sample + 3):
+            turned += at[i] * along[i]
+        for i in range(3 * sample, 3 * sample + 3):
+            wall.stress[i] = wall.energy[sample] * (2.0 * slope * along[i] + 4.0 * curvature * turned * at[i])
+    _add_pulls(wall.scaled, wall.stress, 1.0, image)
+
+
+@kernel
+def _line_search(wall: StretchedWall) -> float:
+    """Return how far to go along the step: Newton's method on a convex function of one number, within brackets."""
+    along_pull, along_itself = 0.0, 0.0
+    for mode in range(wall.pull.shape[0]):
+        along_pull += wall.pull[mode] * wall.step[mode]
+        along_itself += wall.step[mode] * wall.step[mode]
+    low, high, length = 0.0, UNBOUNDED, 1.0
+    for _ in range(SEARCH_STEPS):
+        slope, curvature = along_pull + length * along_itself, along_itself
+        for sample in range(wall.energy.shape[0]):
+            form, turned, own = 0.0, 0.0, 0.0
+            for i in range(3 * sample, 3 * sample + 3):
+                strain = wall.at[i] + length * wall.along[i]
+                form += strain * strain
+                turned += strain * wall.along[i]
+                own += wall.along[i] * wall.along[i]
+            _, first, second = beyond_linear(form)
+            slope += 2.0 * wall.energy[sample] * first * turned
+            curvature += wall.energy[sample] * (2.0 * first * own + 4.0 * second * turned * turned)
+        if abs(slope) <= RELATIVE * along_itself:
+            break
+        if slope > 0.0:
+            high = length
+        else:
+            low = length
+        length -= slope / curvature
+        if not low < length < high:
+            length = 0.5 * (low + high) if high < UNBOUNDED else 2.0 * low
+    return length
+
+
+@kernel
+def _form(strain: FloatArray, sample: int) -> float:
+    """Return Q of a sample."""
+    total = 0.0
+    for i in range(3 * sample, 3 * sample + 3):
+        total += strain[i] * strain[i]
+    return total
+
+
+@summing_kernel
+def _strains(rows: FloatArray, q: FloatArray, out: FloatArray) -> None:
+    """Write rows @ q."""
+    for i in range(rows.shape[0]):
+        total = 0.0
+        for mode in range(q.shape[0]):
+            total += rows[i, mode] * q[mode]
+        out[i] = total
+
+
+@kernel
+def _add_pulls(rows: FloatArray, stress: FloatArray, factor: float, out: FloatArray) -> None:
+    """Add factor times rows^T @ stress."""
+    for i in range(rows.shape[0]):
+        pull = factor * stress[i]
+        for mode in range(out.shape[0]):
+            out[mode] += rows[i, mode] * pull
