@@ -65,7 +65,10 @@ CRITERIA: dict[str, Criterion] = {
     ),
     "penetration_any": Criterion("the same at any input, over the wall's thickness", "", 0.5),
     "tool_penetration_hand": Criterion(
-        "overlap of a tool with anything, hands at most at 0.5 m/s and never jumping", "m", 0.1e-3
+        "overlap of a tool with anything, a wall that its jaws squeeze being as thick as that has left it, hands at "
+        "most at 0.5 m/s and never jumping",
+        "m",
+        0.1e-3,
     ),
     "tool_penetration_any": Criterion("the same at any input, over the wall's thickness", "", 0.5),
     "crossings": Criterion(

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.rod.model import RodModel
@@ -119,10 +119,20 @@ class Watch:
         rows = self._simulation.contacts
         n = rows.n_contacts
         if n:
-            depth_m = np.where(_HAS_GAP[rows.law[:n]], -rows.gap_m[:n], 0.0)
             by_tool = rows.tool[:n] != NO_TOOL
+            depth_m = np.where(_HAS_GAP[rows.law[:n]], -rows.gap_m[:n] - self._squeezed_m(by_tool), 0.0)
             self._keep("penetration", float(depth_m[~by_tool].max(initial=0.0)))
             self._keep("tool_penetration", float(depth_m[by_tool].max(initial=0.0)))
+
+    def _squeezed_m(self, by_tool: BoolArray) -> FloatArray:
+        """How much nearer jaws are to the middle of the wall where each contact is (k,), because they squeeze it.
+
+        Where a caller let them hold a wall that was in them already, it is in them still.
+        """
+        rows, tools = self._simulation.contacts, self._simulation.tools
+        n = rows.n_contacts
+        is_squeezed = by_tool & (tools.pad_m[rows.tool[:n]] == 0.0)
+        return np.where(is_squeezed, rows.pad_m[:n], 0.0)
 
 
 _HAS_GAP = np.array(HAS_GAP, dtype=np.bool_)

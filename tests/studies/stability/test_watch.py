@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.reduction import ModalState, Newmark
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.studies.stability.criteria import CRITERIA, failures
 from services.studies.stability.drive import Play, drive, reduced_duct, settling_s
-from services.studies.stability.situations import beside
+from services.studies.stability.situations import beside, threaded
 from services.studies.stability.watch import Watch
 
 
@@ -76,6 +77,30 @@ def test_the_figure_of_a_fault_fails_and_that_of_a_sound_state_does_not(spoil, c
     if watch.look(1e-3, None):
         watch.count_crossings()
     assert watch.worst[criterion] > CRITERIA[criterion].limit
+
+
+def test_jaws_are_as_deep_in_a_wall_that_they_squeeze_as_it_is_less_thick():
+    start, tools = threaded(), ToolInputs()
+    simulation = Simulation(start.scene, reduced_duct(start.scene))
+    hands = start.hands.with_jaws(1, np.linspace(1.15, 0.25, 150), 20)
+    for step in range(170):
+        hands.write(step, tools)
+        simulation.step(tools)
+    rows = simulation.contacts
+    n = rows.n_contacts
+    in_jaws = (rows.tool[:n] == 1) & np.array(HAS_GAP)[rows.law[:n]]
+    thinner, overlap = rows.pad_m[:n] * in_jaws, -rows.gap_m[:n] * in_jaws
+    assert thinner.max() > 0.1e-3
+
+    def found():
+        watch = Watch(simulation, 0.1)
+        watch.look(1e-3, None)
+        return watch.worst["tool_penetration"]
+
+    assert found() == pytest.approx((overlap - thinner).max(), abs=1e-9)
+    assert found() < overlap.max() - 0.05e-3
+    simulation.tools.pad_m[1] = 1e-3  # what a caller lets jaws hold that are in it is no squeezed wall
+    assert found() == pytest.approx(overlap.max(), abs=1e-9)
 
 
 @pytest.mark.parametrize("heavier", [1.0, 100.0])
