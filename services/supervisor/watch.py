@@ -16,6 +16,9 @@ STREAM_SILENCE_S = 0.06
 STALLS, STALLS_WITHIN_S = 3, 10.0
 #: Waiting for a processor so long since it was last heard is worth a word.
 _STARVED_MS = 10
+#: Who waited for a processor for so much of its silence starves, whatever it did with the rest: a hundredth of a core
+#: in which to make its first picture, in one that was ended for it and took a minute to be there again.
+_STARVES = 0.8
 _LIVING = ("ready", "running", "degraded")
 
 
@@ -59,11 +62,12 @@ def is_overdue(member: Member, now_s: float, limits: Limits) -> bool:
 def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) -> bool:
     """Return whether a hung process is to be ended: held by a signal, or silent altogether, for the heartbeat's limit.
 
-    Time that it waited for a processor does not count: on a busy machine a process starves without hanging, and to
-    start it anew would make matters worse.
+    Time that it waited for a processor does not count, and who waited for most of it is not judged: on a busy machine
+    a process starves without hanging, and to start it anew would make matters worse.
     """
-    hung_s, silent_s = now_s - member.since_s, now_s - member.heard_s - member.starved_s()
-    return hung_s >= limits.heartbeat_s and (stopped or silent_s >= limits.heartbeat_s)
+    hung_s, silent_s, starved_s = now_s - member.since_s, now_s - member.heard_s, member.starved_s()
+    hangs = silent_s - starved_s >= limits.heartbeat_s and starved_s < _STARVES * silent_s
+    return hung_s >= limits.heartbeat_s and (stopped or hangs)
 
 
 def recent_stalls(member: Member, now_s: float) -> list[float]:

@@ -72,6 +72,10 @@ def test_a_starving_process_is_not_ended_a_hanging_one_is() -> None:
     assert not watch.beyond_waiting(hung, False, 100.6, LIMITS)
     assert watch.beyond_waiting(hung, True, 100.6, LIMITS)  # held by a signal, whatever it waited
     assert watch.beyond_waiting(hung, False, 101.1, LIMITS)
+    hung.child.waited = 4.7  # type: ignore[union-attr]
+    assert not watch.beyond_waiting(hung, False, 105.3, LIMITS), "it was hardly run"
+    assert watch.beyond_waiting(hung, True, 105.3, LIMITS)
+    assert watch.beyond_waiting(hung, False, 106.0, LIMITS)
 
 
 def test_being_stopped_is_told_at_once_even_while_starting() -> None:
