@@ -20,7 +20,7 @@ from pathlib import Path
 from services.cache_directory import cache_directory
 from services.runtime import endpoints
 from services.runtime.errors import UserError
-from services.runtime.realtime import DMA_LATENCY
+from services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
 from services.runtime.rig import Rig
 from services.supervisor.holders import holders
 from services.supervisor.page_place import DIST
@@ -86,11 +86,7 @@ def scheduling() -> Iterator[Finding]:
     cores = len(os.sched_getaffinity(0))
     yield finding("cores", cores >= 2, str(cores), "two cores or more: the stub rig pins its loops to cores 0 and 1")
     yield _ladder()
-    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    enough = limit == resource.RLIM_INFINITY or os.geteuid() == 0 or limit >= 1 << 30
-    shown = "unlimited" if limit == resource.RLIM_INFINITY else f"{limit >> 20} MiB"
-    advice = "memlock unlimited in /etc/security/limits.conf; in a container: ulimits memlock -1"
-    yield finding("memlock", enough, shown if os.geteuid() else f"{shown}, but this is root", advice)
+    yield _memlock()
     slack = Path("/proc/self/timerslack_ns")
     yield Finding(
         "timer slack", Verdict.OK, f"{slack.read_text().strip() if slack.exists() else '?'} ns, the loops set 1"
@@ -102,6 +98,14 @@ def scheduling() -> Iterator[Finding]:
     if governor.exists():
         name = governor.read_text().strip()
         yield finding("governor", name == "performance", name, "cpupower frequency-set -g performance")
+
+
+def _memlock() -> Finding:
+    limit = lockable_bytes()
+    enough = limit is None or limit >= LOCKED_BYTES
+    shown = "as much as there is" if limit is None else f"{limit >> 20} MiB a process, {LOCKED_BYTES >> 20} are wanted"
+    advice = "memlock unlimited in /etc/security/limits.conf; in a container: ulimits memlock -1"
+    return finding("memlock", enough, shown, advice)
 
 
 def _ladder() -> Finding:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -66,6 +67,35 @@ def test_cores_that_sleep_are_reported(tmp_path: Path) -> None:
     fact = realtime.keep_awake(tmp_path / "nothing")
     assert not fact.ok
     assert "No such file" in fact.had
+
+
+@pytest.mark.parametrize(("limit", "refusal"), [(8 << 20, "8 MiB"), (1 << 30, "1024 MiB"), (2 << 30, ""), (None, "")])
+def test_memory_is_locked_where_there_is_room_for_what_comes(
+    limit: int | None, refusal: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Physics locks 983 MB: under a limit of 1 GiB an allocation in its loop would fail sooner or later."""
+    asked: list[int] = []
+
+    def mlockall(flags: int) -> int:
+        asked.append(flags)
+        return 0
+
+    monkeypatch.setattr(realtime, "_libc", SimpleNamespace(mlockall=mlockall))
+    monkeypatch.setattr(realtime, "lockable_bytes", lambda: limit)
+    fact = realtime._lock_memory()
+    assert (fact.ok, bool(asked)) == (not refusal, not refusal)
+    assert refusal in fact.had
+
+
+def test_who_has_no_right_to_lock_more_may_lock_the_limit() -> None:
+    code = (
+        "import os, resource; from services.runtime import realtime\n"
+        "hard = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]\n"
+        "resource.setrlimit(resource.RLIMIT_MEMLOCK, (1 << 20, hard))\n"
+        "os.geteuid() == 0 and os.setuid(65534)\n"
+        "print(realtime.lockable_bytes(), resource.getrlimit(resource.RLIMIT_MEMLOCK)[0])"
+    )
+    assert _in_child(code) == f"{1 << 20} {1 << 20}"
 
 
 def test_a_rig_may_let_its_cores_sleep() -> None:
