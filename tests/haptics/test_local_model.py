@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from protocol.bodies import InstrumentState, LocalModel, ToolReaction
+from services.mechanics.contact.lasting_compliance import LASTING_S
 from services.mechanics.scene import ForcepsScene
 from tests.haptics.models import local_model
 from tests.physics.conftest import Rig
@@ -107,27 +108,27 @@ def pressed(request: pytest.FixtureRequest, in_memory: type[Rig]) -> tuple[Rig, 
     return rig, request.param
 
 
-def test_it_predicts_the_force_on_a_tool_that_moves_within_a_tick(pressed: tuple[Rig, float]) -> None:
-    """K against the simulation itself: 5 um in one tick, which make nothing slide, change its force by -K (x - x0).
+def test_it_predicts_the_force_on_a_tool_that_moves_evenly_for_as_long_as_it_is_used(
+    pressed: tuple[Rig, float],
+) -> None:
+    """K against the simulation itself: 5 um in 5 ms, which make nothing slide, change its force by -K (x - x0).
 
-    K is the coupling's spring in series with the wall as it gives way within a tick. In that tick the simulation has
-    the coupling's damper b too, beside the spring: k becomes k + b / dt in that series.
+    K is the coupling's spring in series with the wall as it gives way over that time, taken as one step of backward
+    Euler: so nearly. What the wall gives way in one tick would be twice as stiff.
     """
-    rig, damping_n_s_m = pressed
-    spring_n_m = rig.physics.simulation.scene.forceps[0].coupling_stiffness_n_m
-    stiffer = 1.0 / (spring_n_m + damping_n_s_m / DT_S) - 1.0 / spring_n_m
+    rig, _ = pressed
+    ticks = round(LASTING_S / DT_S)
     for move_m in np.vstack([5e-6 * np.eye(3), -5e-6 * np.eye(3)]):
         for _ in range(100):  # back, and at rest
             rig.turn(CENTRE, FAR)
         model = rig.model()
         assert model.in_contact
         assert model.reference_position_m == CENTRE
-        K = np.reshape(model.stiffness_n_m, (3, 3))
-        within_tick = np.linalg.inv(np.linalg.inv(K) + stiffer * np.eye(3))
-        rig.turn(tuple((np.array(CENTRE) + move_m).tolist()), FAR)
-        predicted = -within_tick @ move_m
+        for tick in range(ticks):
+            rig.turn(tuple((np.array(CENTRE) + (tick + 1) / ticks * move_m).tolist()), FAR)
+        predicted = -np.reshape(model.stiffness_n_m, (3, 3)) @ move_m
         change = rig.physics.simulation.tool_results.force_n[0] - np.array(model.force_n)
-        assert np.linalg.norm(change - predicted) < 0.02 * np.linalg.norm(predicted)
+        assert np.linalg.norm(change - predicted) < 0.25 * np.linalg.norm(predicted)
 
 
 def test_its_stiffness_is_symmetric_and_a_spring_no_stiffer_than_the_coupling(pressed: tuple[Rig, float]) -> None:

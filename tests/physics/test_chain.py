@@ -40,7 +40,8 @@ def test_free_tools_feel_nothing(rig: Rig) -> None:
 def test_pressing_the_wall_pushes_back(rig: Rig) -> None:
     """The force grows with depth and lifts the tool; K lies between the static slope and the coupling's spring.
 
-    K is what the hand meets within a tick, when inertia still holds the wall: at least the slope of settled forces.
+    K is what the hand meets over some ticks, when inertia still holds some of the wall: at least the slope of settled
+    forces.
     """
     _press(rig, 200)
     forces = []

@@ -12,6 +12,7 @@ from protocol.bodies import InstrumentState, LocalModel, ToolReaction, ToolState
 from protocol.bodies.haptics import tool_table
 from services.cache_directory import cache_directory
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
+from services.mechanics.contact.lasting_compliance import LASTING_S
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.scene import ForcepsScene, SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
@@ -24,6 +25,7 @@ from tests.physics.conftest import SMALL
 RATIO = 1.6
 STEP_RAD = 1e-4
 TICKS = 60
+LASTING_TICKS = round(LASTING_S / 1e-3)
 
 Hands = Callable[[int, ToolInputs], None]
 
@@ -60,11 +62,11 @@ def _hold_catheter(tick: int, tools: ToolInputs) -> None:
 
 
 def _reaction(scene: SceneModel, duct: ReducedDuct, hands: Hands, turned_rad: float) -> ToolReaction:
-    """What physics says of the first tool if its jaws are asked for so much more in the last tick."""
+    """What physics says of the first tool if its jaws are asked for so much more, evenly over the last ticks."""
     simulation, tools = Simulation(scene, duct), ToolInputs()
     for tick in range(TICKS):
         hands(tick, tools)
-        tools.jaw_angle_rad[0] += turned_rad if tick == TICKS - 1 else 0.0
+        tools.jaw_angle_rad[0] += turned_rad * max(0.0, 1.0 - (TICKS - 1 - tick) / LASTING_TICKS)
         simulation.step(tools)
     told = ToolState(position_m=tuple(tools.position_m[0]), jaw_angle_rad=float(tools.jaw_angle_rad[0]))
     return Outputs(simulation, "").state(TICKS, tool_table([told])).reactions()[0]
@@ -81,15 +83,17 @@ def _torque_nm(reaction: ToolReaction, scene: SceneModel, handle_rad: float) -> 
     return model.grasp_torque_nm - model.grasp_stiffness_nm_rad * (handle_rad - model.reference_angle_rad)
 
 
-@pytest.mark.parametrize("hands", [_squeeze_wall, _hold_catheter])
-def test_the_model_predicts_the_torque_of_jaws_that_move(small: tuple[SceneModel, ReducedDuct], hands: Hands) -> None:
-    """Without dampers in the couplings a tick's change of torque is the spring's alone."""
+@pytest.mark.parametrize(("hands", "share"), [(_squeeze_wall, 0.25), (_hold_catheter, 1e-3)])
+def test_the_model_predicts_the_torque_of_jaws_that_move(
+    small: tuple[SceneModel, ReducedDuct], hands: Hands, share: float
+) -> None:
+    """Without dampers in the couplings the torque changes by the spring's alone; a wall lets go of its inertia."""
     scene, duct = _scene(small[0], coupling_damping_n_s_m=0.0, jaw_damping_nm_s_rad=0.0), small[1]
     before, after = (_reaction(scene, duct, hands, turned) for turned in (0.0, STEP_RAD))
     assert before.grasp_torque_nm > 1e-4, "nothing is squeezed"
     change = _torque_nm(before, scene, after.jaw_angle_rad / RATIO) - before.grasp_torque_nm * RATIO
     assert change < 0.0
-    assert change == pytest.approx((after.grasp_torque_nm - before.grasp_torque_nm) * RATIO, rel=1e-3)
+    assert change == pytest.approx((after.grasp_torque_nm - before.grasp_torque_nm) * RATIO, rel=share)
 
 
 @pytest.mark.parametrize("hands", [_squeeze_wall, _hold_catheter])

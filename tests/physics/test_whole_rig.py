@@ -88,7 +88,8 @@ def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch
     """The same poses of the devices, taken by the mechanics without processes between.
 
     Forces differ by what a frame takes: haptics sees shapes of a tick ago, and the arm a force that was solved two
-    ticks ago, carried on by its stiffness. An encoder's count is a fifth of the catheter's force, so they do jump.
+    ticks ago, carried on by its stiffness. Along the wall an encoder's count is a fifth of the largest force, so what
+    the arm applies there is on when it comes.
     """
     scenario = insertion()
     arm = {"scenario": "insertion", "pace": PACE}
@@ -99,11 +100,12 @@ def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch
     assert rig.moments[-1].solved.catheter.inserted_length_m == pytest.approx(inserted_m, abs=0.5e-3)
     solved_n = np.array([[tool.force_n for tool in moment.solved.reactions()] for moment in rig.moments])
     catheter, wall = relative(solved_n - alone_n, alone_n)
-    assert catheter.max() < 0.05, "at every tick"
+    assert catheter.max() < 0.05, "as it is solved, at every tick"
     assert np.mean(wall < 0.05) > 0.97
     assert wall.max() < 0.3, "when jaws close round the wall, a tick later than alone"
-    for late in relative(rig.forces_n()[2:] - alone_n[:-2], alone_n):
-        assert np.sqrt(np.mean(late**2)) < 0.15
+    catheter, wall = relative(rig.forces_n()[2:] - alone_n[:-2], alone_n)
+    assert catheter.max() < 0.05, "as the arm applies it, two ticks later, at every tick"
+    assert np.sqrt(np.mean(wall**2)) < 0.1
     assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
 
 

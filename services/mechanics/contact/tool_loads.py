@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.collision.pairs import NO_TOOL
@@ -19,7 +19,6 @@ from services.mechanics.scene.tools import N_TOOLS, ToolResults
 # What a hand of half a metre a second draws out of a coupling of 500 N/m. What snaps, as a grip that is lost, is felt
 # as a ramp of this slope instead of as a blow.
 FORCE_RATE_N_S = 250.0
-MOST_CLOSED = 72  # axes of the contacts of one tool that enter its local stiffness
 
 
 class ReportArrays(Struct):
@@ -33,7 +32,6 @@ class ReportArrays(Struct):
     proxy_position: Annotated[FloatArray, N_TOOLS, 3]
     proxy_jaw_angle: Annotated[FloatArray, N_TOOLS]
     loads: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # generalised contact forces
-    scratch: Annotated[FloatArray, MOST_CLOSED * (MOST_CLOSED + N_COORDINATES)]
 
     @classmethod
     def of(cls, results: ToolResults, loads: FloatArray) -> ReportArrays:
@@ -74,7 +72,6 @@ def report(
     tools_address: Address[ToolArrays],
     report_address: Address[ReportArrays],
     dt_s: float,
-    wants_stiffness: bool,
 ) -> float:
     """Write what the tools feel; return how deep the catheter overlaps wall or itself at the start of a step, in m."""
     state, tools, out = state_at(state_address), tools_at(tools_address), report_at(report_address)
@@ -85,9 +82,6 @@ def report(
         for axis in range(3):
             out.proxy_position[tool, axis] = tools.proxy[tool, axis]
         out.proxy_jaw_angle[tool] = tools.proxy[tool, 3]
-    if wants_stiffness:
-        size = 3 * state.rows.n_contacts
-        local_stiffness(state.rows, state.delassus[: size * size].reshape(size, size), state.slides, tools, out)
     return _deepest_overlap(state.rows)
 
 
@@ -122,120 +116,6 @@ def _moments(rows: ContactRows, forces: FloatArray, about: FloatArray, moment: F
         moment[tool, 0] += y * f[2] - z * f[1]
         moment[tool, 1] += z * f[0] - x * f[2]
         moment[tool, 2] += x * f[1] - y * f[0]
-
-
-@kernel
-def local_stiffness(
-    rows: ContactRows, W: FloatArray, slides: BoolArray, tools: ToolArrays, report: ReportArrays
-) -> None:
-    r"""Write the stiffness between each hand and the world: (2, 3, 3) in N/m at J, (2,) in N m/rad of the jaws.
-
-    The rows of a tool that carry force (normals; tangents too while they stick; holds that do not slip) stay
-    closed when the hand moves by dx, so their forces change by :math:`-S^{-1} G\,dx` with S their compliance.
-    S contains the couplings as they act over one step, dampers included; what a damper adds is taken
-    out (1/K minus the step's compliance is put in), so that the result is a spring.
-    """
-    for tool in range(report.stiffness.shape[0]):
-        report.stiffness[tool] = 0.0
-        report.grasp_stiffness[tool] = 0.0
-        n = _count_closed(rows, slides, tool)
-        if n == 0:
-            continue
-        S = report.scratch[: n * n].reshape(n, n)
-        G = report.scratch[n * n : n * (n + N_COORDINATES)].reshape(n, N_COORDINATES)
-        _fill_closed(rows, W, slides, tool, S, G)
-        _add_excess(tools, tool, S, G)
-        if _whiten(S, G):
-            for i in range(3):
-                for j in range(3):
-                    for k in range(n):
-                        report.stiffness[tool, i, j] += G[k, i] * G[k, j]
-            for k in range(n):
-                report.grasp_stiffness[tool] += G[k, 3] * G[k, 3]
-
-
-@kernel
-def _closed_axes(rows: ContactRows, slides: BoolArray, row: int, tool: int) -> int:
-    """How many of a row's three axes stay closed when the tool moves: 0, 1 (normal) or 3."""
-    if rows.tool[row] != tool:
-        return 0
-    closed: int = laws.closed_axes(rows.law[row], rows, row, slides[row])
-    return closed
-
-
-@kernel
-def _count_closed(rows: ContactRows, slides: BoolArray, tool: int) -> int:
-    count = 0
-    for row in range(rows.n_contacts):
-        axes = _closed_axes(rows, slides, row, tool)
-        if count + axes <= MOST_CLOSED:
-            count += axes
-    return count
-
-
-@kernel
-def _fill_closed(
-    rows: ContactRows,
-    W: FloatArray,
-    slides: BoolArray,
-    tool: int,
-    S: FloatArray,
-    G: FloatArray,
-) -> None:
-    """Fill the compliance S (n, n) and the levers G (n, 4) of the closed rows, in the contacts' frames."""
-    n = S.shape[0]
-    i = 0
-    for row in range(rows.n_contacts):
-        for a in range(_closed_axes(rows, slides, row, tool)):
-            if i == n:
-                break
-            for coordinate in range(G.shape[1]):
-                total = 0.0
-                for k in range(3):
-                    total += rows.frame[row, a, k] * rows.lever[row, k, coordinate]
-                G[i, coordinate] = total
-            j = 0
-            for other in range(row + 1):
-                for b in range(_closed_axes(rows, slides, other, tool)):
-                    if j <= i:
-                        S[i, j] = W[3 * row + a, 3 * other + b]
-                        S[j, i] = S[i, j]
-                        j += 1
-            i += 1
-
-
-@kernel
-def _add_excess(tools: ToolArrays, tool: int, S: FloatArray, G: FloatArray) -> None:
-    """Add what the coupling's spring gives way beyond spring and damper in one step."""
-    for coordinate in range(G.shape[1]):
-        excess = 1.0 / tools.stiffness[tool, coordinate] - tools.compliance[tool, coordinate]
-        for i in range(S.shape[0]):
-            for j in range(S.shape[0]):
-                S[i, j] += excess * G[i, coordinate] * G[j, coordinate]
-
-
-@kernel
-def _whiten(S: FloatArray, G: FloatArray) -> bool:
-    """Overwrite G (n, 4) by L^-1 G with S = L L^T (in place); False where S is not positive."""
-    n = S.shape[0]
-    for j in range(n):
-        pivot = S[j, j]
-        for k in range(j):
-            pivot -= S[j, k] * S[j, k]
-        if not pivot > 0.0:
-            return False
-        S[j, j] = math.sqrt(pivot)
-        for i in range(j + 1, n):
-            total = S[i, j]
-            for k in range(j):
-                total -= S[i, k] * S[j, k]
-            S[i, j] = total / S[j, j]
-        for coordinate in range(G.shape[1]):
-            total = G[j, coordinate]
-            for k in range(j):
-                total -= S[j, k] * G[k, coordinate]
-            G[j, coordinate] = total / S[j, j]
-    return True
 
 
 @kernel

@@ -83,7 +83,7 @@ class ToolResults:
     grasp_torque_nm : (2,) float64
         Torque that opens the jaws; positive pushes the handle open.
     stiffness_n_m : (2, 3, 3) float64
-        Local stiffness between the hand and the world at J, coupling included; zero out of contact.
+        Stiffness that a hand meets at J on an even way over 5 ms, coupling included; zero out of contact.
     grasp_stiffness_nm_rad : (2,) float64
         How much `grasp_torque_nm` falls per radian by which the hand opens the jaws, coupling included.
     proxy_position_m : (2, 3) float64

@@ -17,6 +17,7 @@ from services.mechanics.bodies.forceps.kinematics import N_COORDINATES
 from services.mechanics.bodies.mouth import Mouth
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.contact.engagement import engage_tools
+from services.mechanics.contact.local_stiffness import LocalStiffness
 from services.mechanics.contact.manifold import ContactManifold
 from services.mechanics.contact.pads import take_pads
 from services.mechanics.contact.rows import ContactRows
@@ -91,6 +92,7 @@ class Simulation:
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
+        self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) + 1)
         self._pace = Pace(world)
@@ -387,8 +389,9 @@ class Simulation:
     def _report(self, dt_s: float) -> None:
         """Write what the tools feel."""
         addresses = (self.system.address, self.tools.address, self._report_arrays.address)
-        wants_stiffness = self.system.strategy.knows_stiffness
-        self.max_penetration_m = report(*addresses, dt_s, wants_stiffness)
+        self.max_penetration_m = report(*addresses, dt_s)
+        if self.system.strategy.knows_stiffness:
+            self._stiffness.write()
 
 
 def _stages_without(effects: Mapping[str, Effect], resting: Sequence[str]) -> dict[str, tuple[Effect, ...]]:

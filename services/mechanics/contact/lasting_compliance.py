@@ -1,0 +1,172 @@
+r"""What wall and catheter give way over longer than a step, where a tool touches them.
+
+The Delassus operator of a step is that of an impulse: most of it is inertia, :math:`m / \Delta t^2` of what is touched,
+which a step later has given way. A hand goes on with a force that was solved for it for some ticks, along a way that
+is smooth over them; the stiffness that it then meets is that of one step of backward Euler as long as those ticks:
+:math:`\tau^2 (M + \tau C + \tau^2 K)^{-1}` for the catheter, :math:`\tau^2 / (1 + 2 \zeta \omega \tau + \omega^2
+\tau^2)` for a mode of the wall. Symmetric, positive, and for any longer step nearer to the static one, from above.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.catheter import CatheterTouch, touch_at
+from services.mechanics.bodies.duct import DuctLoads, loads_at
+from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.rod.contact_response import compliance, factor_for_contacts
+from services.mechanics.rod.model import RodModel, RodWork, work_at
+
+#: So long a servo goes on with a local model as it is.
+LASTING_S = 5e-3
+
+WallPlaces = Address[DuctLoads]
+RodPlaces = tuple[Address[CatheterTouch], Address[RodModel], Address[RodWork], bool]
+"""Where a catheter by implicit steps is, and whether it is one; of others a step's compliance is all that is known."""
+
+
+class LastingArrays(Struct):
+    """What modes (r,) give way over `LASTING_S`, and work space for m axes and a catheter of n particles."""
+
+    modes: Annotated[FloatArray, "r"]  # change of a mode per force on it that lasts
+    more: Annotated[FloatArray, "r"]  # the same, less what a step's impulse changes
+    shapes: Annotated[FloatArray, "m", "r"]  # of the modes, along the axes
+    slot: Annotated[IntArray, "n"]
+    particles: Annotated[IntArray, "n"]
+    compliance: Annotated[FloatArray, "9 n n"]
+    along: Annotated[FloatArray, "3 n"]
+
+    @classmethod
+    def of(cls, omega_rad_s: FloatArray, damping_ratio: FloatArray, n_particles: int, n_axes: int) -> LastingArrays:
+        """Return room for ``n_axes`` axes on modes of these angular frequencies and damping ratios, both (r,)."""
+        t, n = LASTING_S, n_particles
+        modes = t**2 / (1.0 + 2.0 * damping_ratio * omega_rad_s * t + (omega_rad_s * t) ** 2)
+        extents = {"9 n n": 9 * n * n, "3 n": 3 * n}
+        return cls.zeros(modes=np.asarray(modes, np.float64), m=n_axes, n=n, r=len(omega_rad_s), **extents)
+
+
+lasting_at = reader(LastingArrays)
+
+
+@kernel
+def add_of_wall(rows: ContactRows, closed: IntArray, wall: WallPlaces, lasting: LastingArrays, out: FloatArray) -> None:
+    """Add what the modes give way beyond a step to the compliance (k, k) of closed axes (k, 2), lower half."""
+    duct, n_modes = loads_at(wall), lasting.more.shape[0]
+    for mode in range(n_modes):
+        lasting.more[mode] = lasting.modes[mode] - duct.gains[0, mode]
+    for i in range(closed.shape[0]):
+        row, axis = closed[i, 0], closed[i, 1]
+        if not _is_on_wall(rows, row):
+            continue
+        x, y, z = rows.frame[row, axis, 0], rows.frame[row, axis, 1], rows.frame[row, axis, 2]
+        for mode in range(n_modes):
+            lasting.shapes[i, mode] = (
+                x * duct.modes[3 * row, mode] + y * duct.modes[3 * row + 1, mode] + z * duct.modes[3 * row + 2, mode]
+            )
+        for j in range(i + 1):
+            if _is_on_wall(rows, closed[j, 0]):
+                out[i, j] += _product(lasting.shapes[i], lasting.more, lasting.shapes[j])
+
+
+@kernel
+def _is_on_wall(rows: ContactRows, row: int) -> bool:
+    weight = rows.duct_weight[row]
+    return bool(weight[0] != 0.0 or weight[1] != 0.0 or weight[2] != 0.0)
+
+
+@summing_kernel
+def _product(first: FloatArray, gain: FloatArray, second: FloatArray) -> float:
+    total = 0.0
+    for mode in range(gain.shape[0]):
+        total += first[mode] * gain[mode] * second[mode]
+    return total
+
+
+@kernel
+def add_of_catheter(
+    rows: ContactRows, closed: IntArray, rod: RodPlaces, lasting: LastingArrays, is_factored: bool, out: FloatArray
+) -> bool:
+    """Add what the catheter gives way beyond a step to the compliance (k, k) of closed axes (k, 2), lower half.
+
+    ``is_factored`` says whether its matrix for `LASTING_S` is; returned is whether the one for the step is gone.
+    """
+    count = _list_particles(rows, closed, lasting) if rod[3] else 0
+    if count == 0 or not (is_factored or factor_for_contacts(rod[1:3], LASTING_S)):
+        return is_factored or count > 0
+    touch, size = touch_at(rod[0]), 3 * count
+    more = lasting.compliance[: size * size].reshape(size, size)
+    compliance(rod[1], work_at(rod[2]).band, LASTING_S**2, touch.columns, lasting.particles[:count], more)
+    _subtract_step(touch, lasting.particles[:count], more)
+    for i in range(closed.shape[0]):
+        row, axis = closed[i, 0], closed[i, 1]
+        if _move_particles(rows, row, axis, lasting.slot, more, lasting.along):
+            for j in range(i + 1):
+                out[i, j] += _moved_along(rows, closed[j, 0], closed[j, 1], lasting)
+    return True
+
+
+@kernel
+def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays) -> int:
+    """List the particles that closed axes act on, ascending, and their places; return how many."""
+    slot, count = lasting.slot, 0
+    slot[:] = -1
+    for i in range(closed.shape[0]):
+        row = closed[i, 0]
+        for point in range(rows.rod_node.shape[1]):
+            if rows.rod_weight[row, point] != 0.0:
+                slot[rows.rod_node[row, point]] = 0
+    for particle in range(slot.shape[0]):
+        if slot[particle] == 0:
+            slot[particle], lasting.particles[count] = count, particle
+            count += 1
+    return count
+
+
+@kernel
+def _subtract_step(touch: CatheterTouch, particles: IntArray, out: FloatArray) -> None:
+    """Take the compliance of the step, between all particles that contacts touch, out of ``out`` (3 p, 3 p)."""
+    size = 0
+    for particle in range(touch.slot.shape[0]):
+        size = max(size, 3 * (touch.slot[particle] + 1))
+    step = touch.compliance[: size * size].reshape(size, size)
+    for row in range(out.shape[0]):
+        at = 3 * touch.slot[particles[row // 3]] + row % 3
+        for column in range(out.shape[0]):
+            out[row, column] -= step[at, 3 * touch.slot[particles[column // 3]] + column % 3]
+
+
+@kernel
+def _move_particles(
+    rows: ContactRows, row: int, axis: int, slot: IntArray, between: FloatArray, out: FloatArray
+) -> bool:
+    """Write what a unit force along an axis moves the particles by (3 p,); False where it acts on none."""
+    acts = False
+    for column in range(between.shape[0]):
+        out[column] = 0.0
+    for point in range(rows.rod_node.shape[1]):
+        weight = rows.rod_weight[row, point]
+        if weight != 0.0:
+            acts = True
+            for k in range(3):
+                force, at = weight * rows.frame[row, axis, k], 3 * slot[rows.rod_node[row, point]] + k
+                for column in range(between.shape[0]):
+                    out[column] += force * between[at, column]
+    return acts
+
+
+@kernel
+def _moved_along(rows: ContactRows, row: int, axis: int, lasting: LastingArrays) -> float:
+    """What `_move_particles` has moved the point of an axis by, along it."""
+    total = 0.0
+    for point in range(rows.rod_node.shape[1]):
+        weight = rows.rod_weight[row, point]
+        if weight != 0.0:
+            for k in range(3):
+                at = 3 * lasting.slot[rows.rod_node[row, point]] + k
+                total += weight * rows.frame[row, axis, k] * lasting.along[at]
+    return total
