@@ -89,6 +89,9 @@ class Haptics:
         self._pairs.clear()
         if self.scene.has_catheter:
             tools = self.tools
+            for grasp in self._grasps:
+                if grasp.holds_catheter:
+                    self._detector.let_through(grasp.tool)
             self._detector.detect(tools.segments_m, tools.radius_m, self.scene.particles_m, self._pairs, tools.present)
             self._dropped_pairs += self._pairs.dropped
 

@@ -7,7 +7,7 @@ import numpy as np
 from services.mechanics.arrays import AnyArray, BoolArray, FloatArray
 from services.mechanics.collision.beside import Beside
 from services.mechanics.collision.capsules import CapsuleMemory
-from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.collision.pairs import JAW_A, JAW_B, ContactPairs
 from services.mechanics.collision.probes import Probes
 from services.mechanics.collision.surface import CollisionSurface
 from services.mechanics.collision.tools_kernels import N_SEGMENTS, PROBES_PER_TOOL, ToolDetection, detect_tools
@@ -58,6 +58,14 @@ class ToolContactDetector:
         """Forget the past: the next `detect` finds the sides from the positions alone."""
         self._detection.probes.reset()
         self._detection.capsules.reset()
+
+    def let_through(self, tool: int) -> None:
+        """Forget on which side of a tool's jaws the catheter is: while they hold it they do not push it back.
+
+        It may slip through them. Who says so before every `detect` then finds it where it is once they let go.
+        """
+        first = tool * N_SEGMENTS
+        self._detection.capsules.active[first + JAW_A : first + JAW_B + 1] = 0
 
     def state_arrays(self) -> list[AnyArray]:
         """Return the live arrays of the past."""

@@ -13,9 +13,10 @@ from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.bodies.wall import make_wall
 from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
-from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import N_TOOLS
 
 
 class SphereDetector(Protocol):
@@ -105,5 +106,8 @@ class DuctSearch:
         present = bool(tools.present.any())
         # An absent tool has to be told once, so that it loses its past.
         if present or self._had_tools:
+            for tool in range(N_TOOLS):
+                if tools.held[tool, CATHETER_SEGMENT]:
+                    self.tools.let_through(tool)
             self.tools.detect(tools.segments, tools.radius_m, catheter.start_m, pairs, tools.present)
         self._had_tools = present

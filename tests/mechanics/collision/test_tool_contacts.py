@@ -263,6 +263,32 @@ def test_no_catheter_passes_through_a_jaw(duct, speed_m_s):
     assert len(found) == 1
 
 
+def test_a_catheter_that_slipped_through_the_jaw_that_held_it_is_beyond_it_when_that_lets_go(duct):
+    detector = tool_detector(duct, 6)
+    catheter = np.stack([np.linspace(90e-3, 100e-3, 6), np.zeros(6), np.zeros(6)], axis=1)
+    for y in np.arange(1.5e-3, -1.4e-3, -0.2e-3):
+        detector.let_through(0)
+        (held,) = detect(detector, one_jaw([95.3e-3, y, -7e-3], [95.3e-3, y, 7e-3]), catheter)
+        assert held["gap_m"] == pytest.approx(abs(y) - JAW_M - CATHETER_M, abs=1e-12)
+    (row,) = detect(detector, one_jaw([95.3e-3, y, -7e-3], [95.3e-3, y, 7e-3]), catheter)
+    assert row["normal"][1] == pytest.approx(-1.0)
+    assert row["gap_m"] == pytest.approx(-y - JAW_M - CATHETER_M, abs=1e-12)
+    for back in np.arange(y, 1.0e-3, 0.2e-3):  # and from there it does not pass
+        (row,) = detect(detector, one_jaw([95.3e-3, back, -7e-3], [95.3e-3, back, 7e-3]), catheter)
+        assert row["normal"][1] == pytest.approx(-1.0)
+
+
+def test_the_shaft_and_the_other_tool_go_on_knowing_their_side(duct):
+    detector = tool_detector(duct, 6, n_tools=2)
+    catheter = np.stack([np.linspace(90e-3, 100e-3, 6), np.zeros(6), np.zeros(6)], axis=1)
+    for y in np.arange(1.5e-3, -0.5e-3, -0.2e-3):
+        detector.let_through(0)
+        shaft, jaw = ([[x, y, -7e-3], [x, y, 7e-3]] for x in (91.3e-3, 97.3e-3))
+        found = detect(detector, np.array([[shaft, AWAY, AWAY], [AWAY, jaw, AWAY]]), catheter)
+    assert {int(row["tool"]) for row in found} == {0, 1}
+    assert all(row["normal"][1] == pytest.approx(1.0) for row in found)
+
+
 def test_a_catheter_may_go_around_the_tip_of_a_jaw(duct):
     detector = tool_detector(duct, 2)
     catheter = np.array([[100e-3, 0.0, 0.0], [110e-3, 0.0, 0.0]])

@@ -53,6 +53,23 @@ def test_it_is_on_the_right_side(seed, family, case, gained, deep_m):
     assert result.figures["gain"] < 0.2 * gained
 
 
+# A catheter that slips through the jaws that hold it was taken for pressed right through them as soon as they let go,
+# and thrown back. Each with what it gained by that, and how deep it was.
+SLIPPED_THROUGH = [
+    (1, "stiffness", "1000 times as stiff, beside, number 1", 0.208, 4.0e-3),
+    (1, "stiffness", "1000 times as stiff, holding, number 3", 0.148, 4.0e-3),
+    (2, "stiffness", "1000 times as stiff, holding, number 5", 0.013, 3.6e-3),
+]
+
+
+@pytest.mark.parametrize(("seed", "family", "case", "gained", "deep_m"), SLIPPED_THROUGH)
+def test_jaws_that_let_go_meet_what_they_held_where_it_is(seed, family, case, gained, deep_m):
+    result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
+    assert not {"gain", "tool_penetration_any", "force_step"} & set(result.failed), result.figures
+    assert result.figures["gain"] < 0.5 * gained
+    assert result.figures["tool_penetration_any"] * 1e-3 < 0.1 * deep_m
+
+
 # What these cases asked was not what they did: the catheter on springs touched nothing, and at finer steps the hands
 # jerked a thousand times a second.
 ASKED = [

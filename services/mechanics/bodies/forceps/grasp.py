@@ -58,6 +58,11 @@ class Grasp:
             self._try_to_close(pairs, jaws)
         return self.holds
 
+    @property
+    def holds_catheter(self) -> bool:
+        """Whether the catheter is what is held."""
+        return bool(self.holds) and self.holds[0].target_kind == CATHETER_SEGMENT
+
     def let_go(self) -> None:
         """Hold nothing any more."""
         self.holds.clear()
