@@ -83,18 +83,21 @@ def place_of(at_sites: FloatArray) -> FloatArray:
     return share
 
 
-def fit_law(samples: Sequence[Sample], distance: FloatArray) -> SofteningLaw:
-    """Least squares with a Gaussian prior: coefficients vary smoothly over ``distance`` (m, m), in lumen's widths."""
+def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> SofteningLaw:
+    """Least squares with a Gaussian prior: coefficients vary smoothly over distances, in lumen's widths.
+
+    ``among`` (s, s) is that between the sites that the samples have, ``to`` (m, s) from those that the law is for.
+    """
     rho = np.array([sample.rho for sample in samples])
     share = np.array([sample.share for sample in samples])
     wanted = share * (np.array([sample.excess for sample in samples]) - FIRST * rho)
     seen = share * parts(rho)[1:]
     places = np.stack([sample.place for sample in samples])
-    smooth = np.exp(-0.5 * (distance / SMOOTH_WIDTHS) ** 2)
+    smooth, reached = (np.exp(-0.5 * (distance / SMOOTH_WIDTHS) ** 2) for distance in (among, to))
     kernel = MEAN_SCALE**2 + LOCAL_SCALE**2 * (places @ smooth @ places.T)
     covariance = kernel * (seen.T @ seen) + NOISE**2 * np.eye(len(rho))
     dual = np.linalg.solve(covariance, wanted)
-    at_sites = MEAN_SCALE**2 + LOCAL_SCALE**2 * (smooth @ places.T)
+    at_sites = MEAN_SCALE**2 + LOCAL_SCALE**2 * (reached @ places.T)
     fitted = at_sites @ (seen * dual).T
     coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
     grid = _grid(min(rho.min(), -0.05), max(rho.max(), 0.05))

@@ -18,6 +18,7 @@ from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.recipe import DuctRecipe
+from services.mechanics.reduction.softening.followed_wall import followed_recipe
 from services.mechanics.reduction.softening.law import Sample, SofteningLaw, fit_law, place_of
 from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites
 from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
@@ -87,19 +88,50 @@ def train_softening(
     ``own_m_n`` (n, 3, 3) is the displacement of each node under unit forces on it.
     """
     progress("cubic energy", 0.0)
-    model = recipe.model()
     lumen = Lumen.of(recipe.mesh)
-    inward = np.einsum("na,nab,nb->n", lumen.inward, own_m_n, lumen.inward)
-    sites, fields = place_sites(model, lumen, inward)
-    third = cubic_tensor(CorotationalShell(model), fields)
+    inward_m_n = np.einsum("na,nab,nb->n", lumen.inward, own_m_n, lumen.inward)
+    wall = _Wall.of(recipe, lumen, inward_m_n)
+    squeezed = followed_recipe(recipe)
+    followed = wall if squeezed is recipe else _Wall.of(squeezed, Lumen.of(squeezed.mesh))
     samples: list[Sample] = []
-    for done, squeeze in enumerate(draw_squeezes(recipe, lumen, sites.nodes, n_squeezes)):
+    for done, squeeze in enumerate(draw_squeezes(squeezed, followed.lumen, followed.sites.nodes, n_squeezes)):
         progress("squeezes of the wall", done / n_squeezes)
-        samples += _samples(model, sites, third, follow(recipe, lumen, squeeze))
+        samples += _samples(followed, follow(squeezed, followed.lumen, squeeze))
     progress("squeezes of the wall", 1.0)
-    at = recipe.mesh.vertices_m[sites.nodes]
-    distance = np.linalg.norm(at[:, None] - at[None], axis=2) / np.median(lumen.width_m)
-    return WallSoftening(sites, third, fit_law(samples, distance))
+    law = fit_law(samples, followed.distance(followed), wall.distance(followed))
+    return WallSoftening(wall.sites, wall.third, law)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wall:
+    """A wall with its sites and cubic energy."""
+
+    model: ShellModel
+    lumen: Lumen
+    sites: LoadSites
+    third: Float32Array
+
+    @classmethod
+    def of(cls, recipe: DuctRecipe, lumen: Lumen, inward_m_n: FloatArray | None = None) -> _Wall:
+        """Differentiate the energy; ``inward_m_n`` (n,) is what each node gives way inward, if it is known."""
+        model = recipe.model()
+        sites, fields = place_sites(model, lumen, _inward_m_n(model, lumen) if inward_m_n is None else inward_m_n)
+        return cls(model, lumen, sites, cubic_tensor(CorotationalShell(model), fields))
+
+    def distance(self, other: _Wall) -> FloatArray:
+        """(m, s) from its sites to another's, in widths of the lumen."""
+        mine, others = (wall.model.mesh.vertices_m[wall.sites.nodes] for wall in (self, other))
+        distance: FloatArray = np.linalg.norm(mine[:, None] - others[None], axis=2) / np.median(self.lumen.width_m)
+        return distance
+
+
+def _inward_m_n(model: ShellModel, lumen: Lumen) -> FloatArray:
+    """(n,) inward displacement of each node under a unit inward force on it."""
+    loads = np.zeros((model.mesh.n_vertices, model.mesh.n_vertices, 3))
+    loads[np.diag_indices(model.mesh.n_vertices)] = lumen.inward
+    moved = model.factor.solve(np.stack([free_load(model, load) for load in loads], axis=1))
+    own: FloatArray = np.einsum("nan,na->n", nodal_translations(model, moved), lumen.inward)
+    return own
 
 
 def own_compliance_m_n(duct: ReducedDuct) -> FloatArray:
@@ -114,15 +146,15 @@ def own_compliance_m_n(duct: ReducedDuct) -> FloatArray:
     return compliance
 
 
-def _samples(model: ShellModel, sites: LoadSites, third: Float32Array, states: list[SqueezedState]) -> list[Sample]:
-    samples = []
+def _samples(wall: _Wall, states: list[SqueezedState]) -> list[Sample]:
+    sites, samples = wall.sites, []
     for state in states:
         at_sites = sites.spread(state.nodes, state.force_n)
         V = 0.5 * float(at_sites @ sites.local_m_n @ at_sites)
         if V / state.work_j < LEAST_SHARE:
             continue
-        linear = _linear_work_j(model, state.nodes, state.force_n)
-        rho, excess = -_cubic(third, at_sites) / V, (state.work_j - linear) / V
+        linear = _linear_work_j(wall.model, state.nodes, state.force_n)
+        rho, excess = -_cubic(wall.third, at_sites) / V, (state.work_j - linear) / V
         samples.append(Sample(rho, excess, V / state.work_j, place_of(at_sites)))
     return samples
 

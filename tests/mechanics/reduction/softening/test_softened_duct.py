@@ -8,10 +8,11 @@ import pytest
 from services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
 from services.mechanics.reduction import DuctRecipe, reduce_duct
 from services.mechanics.reduction.softened_wall.wall import SPENT, STORED
+from services.mechanics.reduction.softening import followed_wall
 from services.mechanics.reduction.softening.law import parts
 from services.mechanics.reduction.softening.sites import Lumen
 from services.mechanics.reduction.softening.squeezes import Squeeze, follow
-from services.mechanics.reduction.softening.training import fetch_softening, own_compliance_m_n
+from services.mechanics.reduction.softening.training import fetch_softening, own_compliance_m_n, train_softening
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.studies.accuracy.squeezed_wall import DT_S, SqueezedWall
 
@@ -84,6 +85,46 @@ def test_force_is_that_of_the_nonlinear_shell(duct, lumen, softening, name, x_m,
         before = wanted
         true = np.sum(state.force_n * lines, axis=1).sum()
         assert force.sum() == pytest.approx(true, rel=0.12)
+
+
+@pytest.fixture(scope="module")
+def softening_of_fewer_nodes(duct):
+    """Trained on half the duct's nodes, as a duct of many is."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(followed_wall, "MOST_NODES", 200)
+        patch.setattr(followed_wall, "COARSE_NODES", 140)
+        followed = followed_wall.followed_recipe(duct.recipe)
+        assert followed.mesh.n_vertices < 180 < duct.mesh.n_vertices
+        held = followed.mesh.vertices_m[followed.supports[0].vertices, 0]
+        assert len(held) >= 6
+        assert np.allclose(held, 0.0)
+        return train_softening(duct.recipe, own_compliance_m_n(duct), 16)
+
+
+@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), [UNSEEN[0], UNSEEN[1], UNSEEN[4]])
+def test_squeezes_of_fewer_nodes_teach_as_much(
+    duct, lumen, softening_of_fewer_nodes, name, x_m, angle_rad, depth, is_pinch
+):
+    squeeze = Squeeze(node_at(duct.mesh, x_m, angle_rad), depth * WIDTH_M, 0.0, is_pinch)
+    nodes, lines = jaws(lumen, duct.mesh, squeeze)
+    wanted = np.full(len(nodes), squeeze.depth_m / len(nodes))
+    force, _ = SqueezedWall(duct, softening_of_fewer_nodes, nodes, lines).squeeze(wanted)
+    true = np.sum(follow(duct.recipe, lumen, squeeze)[-1].force_n * lines, axis=1).sum()
+    assert force.sum() == pytest.approx(true, rel=0.12)
+
+
+def test_a_wall_given_triangle_by_triangle_is_followed_with_what_lies_there(duct):
+    mesh = duct.mesh
+    thickness_m = np.where(mesh.vertices_m[mesh.triangles].mean(axis=1)[:, 0] < 15e-3, 0.5e-3, 1e-3)
+    section = replace(duct.recipe.section, thickness_m=thickness_m)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(followed_wall, "MOST_NODES", 200)
+        patch.setattr(followed_wall, "COARSE_NODES", 140)
+        followed = followed_wall.followed_recipe(replace(duct.recipe, section=section))
+    middle = followed.mesh.vertices_m[followed.mesh.triangles].mean(axis=1)[:, 0]
+    assert followed.section.thickness_m.shape == middle.shape
+    assert np.all(followed.section.thickness_m[middle < 13e-3] == 0.5e-3)
+    assert np.all(followed.section.thickness_m[middle > 17e-3] == 1e-3)
 
 
 def test_a_small_load_meets_the_linear_wall(duct, lumen, softening):

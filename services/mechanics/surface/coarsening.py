@@ -1,0 +1,97 @@
+"""The same surface on fewer of its own vertices: the dual of a partition into patches round evenly spread seeds.
+
+Patches are nearest by the way along edges, so that triangles join three neighbouring patches as in a Delaunay
+triangulation (Valette and Chassery, Computer Graphics Forum 23:381, 2004, without moving the seeds).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.surface.mesh import (
+    TriangleMesh,
+    boundary_loops,
+    triangle_areas_m2,
+    unique_edges,
+    vertex_components,
+)
+
+TRIES = (1.0, 0.9, 1.1, 0.8, 1.25)
+"""Parts of the number of vertices wanted that are tried until the surface keeps its topology."""
+FEWEST_ON_RIM = 6
+
+
+def coarsened(mesh: TriangleMesh, n_vertices: int) -> tuple[TriangleMesh, IntArray]:
+    """Return the surface on about ``n_vertices`` of its vertices, and which they are; its vertex sets keep theirs.
+
+    Raises
+    ------
+    ValueError
+        No such surface with the same holes and rims was found.
+    """
+    for part in TRIES:
+        seeds = _spread(mesh, int(part * n_vertices))
+        coarse = _dual(mesh, seeds)
+        if coarse is not None and _topology(coarse) == _topology(mesh):
+            return coarse, seeds
+    raise ValueError(f"mesh: no surface of about {n_vertices} of its vertices has the same rims")
+
+
+def _spread(mesh: TriangleMesh, n: int) -> IntArray:
+    """Seeds: evenly along every rim, then each the vertex that is furthest from those before it."""
+    x = mesh.vertices_m
+    spacing_m = np.sqrt(2.0 / np.sqrt(3.0) * triangle_areas_m2(mesh).sum() / n)
+    seeds: list[int] = []
+    distance = np.full(len(x), np.inf)
+    for rim in boundary_loops(mesh):
+        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x[[*rim, rim[0]]], axis=0), axis=1))])
+        k = min(len(rim), max(FEWEST_ON_RIM, round(way[-1] / spacing_m)))
+        seeds += np.unique(rim[np.searchsorted(way[:-1], np.arange(k) * way[-1] / k - 1e-12)]).tolist()
+        distance[rim] = 0.0
+    for seed in seeds:
+        distance = np.minimum(distance, np.linalg.norm(x - x[seed], axis=1))
+    if not seeds:
+        distance = np.linalg.norm(x - x.mean(axis=0), axis=1)
+    while len(seeds) < min(n, len(x)):
+        seeds.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(x - x[seeds[-1]], axis=1))
+    return np.array(seeds, np.int32)
+
+
+def _dual(mesh: TriangleMesh, seeds: IntArray) -> TriangleMesh | None:
+    """Join seeds whose patches meet in a triangle; None where that is no surface."""
+    patch = _patches(mesh, seeds)[mesh.triangles]
+    corners = patch[(patch[:, 0] != patch[:, 1]) & (patch[:, 1] != patch[:, 2]) & (patch[:, 2] != patch[:, 0])]
+    _, first = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+    if len(first) == 0:
+        return None
+    place = np.full(mesh.n_vertices, -1)
+    place[seeds] = np.arange(len(seeds))
+    sets = {name: place[ids][place[ids] >= 0].astype(np.int32) for name, ids in mesh.vertex_sets.items()}
+    return TriangleMesh(mesh.vertices_m[seeds], corners[first].astype(np.int32), sets)
+
+
+def _patches(mesh: TriangleMesh, seeds: IntArray) -> IntArray:
+    """(n,) the seed, by its place among them, that is nearest to each vertex along edges."""
+    edges, _ = unique_edges(mesh)
+    length: FloatArray = np.linalg.norm(mesh.vertices_m[edges[:, 0]] - mesh.vertices_m[edges[:, 1]], axis=1)
+    graph = coo_array((length, edges.T), shape=(mesh.n_vertices,) * 2).tocsr()
+    _, _, nearest = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
+    place = np.zeros(mesh.n_vertices, np.int32)
+    place[seeds] = np.arange(len(seeds))
+    return place[nearest]
+
+
+def _topology(mesh: TriangleMesh) -> tuple[int, int, int] | None:
+    """Pieces, rims and Euler's number; None where more than two triangles share an edge, or a rim branches."""
+    edges, shared = unique_edges(mesh)
+    try:
+        n_rims = len(boundary_loops(mesh))
+    except ValueError:
+        return None
+    if shared.max() > 2:
+        return None
+    return int(vertex_components(mesh).max()) + 1, n_rims, mesh.n_vertices - len(edges) + mesh.n_triangles
