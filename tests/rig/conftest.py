@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.bodies import GatewayState, SupervisorState
+from protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor.holders import holders
@@ -44,13 +44,19 @@ class Observer:
     bus: ZmqBus
     samples: list[Sample] = field(default_factory=list)
     states: list[tuple[int, SupervisorState]] = field(default_factory=list)
+    devices: list[GatewayState] | None = None  # kept for who wants them, as what physics said
+    solved: list[PhysicsState] | None = None
 
     def look(self) -> None:
         for frame in self.bus.drain("gateway.state"):
             body: GatewayState = frame.body
+            if self.devices is not None:
+                self.devices.append(body)
             left = body.instruments[0]
             times_ns = frame.sent_ns, frame.origin_ns
             self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, left.applied_force_n, left.state))
+        if self.solved is not None:
+            self.solved.extend(frame.body for frame in self.bus.drain("physics.state"))
         self.states.extend((frame.sent_ns, frame.body) for frame in self.bus.drain("supervisor.state"))
 
     def until(self, condition: Callable[[], bool], seconds: float, what: str) -> None:
@@ -93,10 +99,15 @@ def running_rig(
     scene: str,
     overrides: list[str],
     topics: tuple[str, ...] = (),
+    *,
+    keeps_solved: bool = False,
     rig: str = "stub",
     program: tuple[str, ...] = ("-m", "services.supervisor"),
 ) -> Iterator[Rig]:
-    """Launch a rig in `directory` and yield it once it runs; its observer may read more `topics` whole."""
+    """Launch a rig in `directory` and yield it once it runs.
+
+    Its observer may read more `topics` whole, or keep all that gateway and physics say.
+    """
     bus = directory / "bus"
     overrides = [
         f"transport.directory={bus}",
@@ -111,7 +122,10 @@ def running_rig(
         [sys.executable, *program, "--rig", rig, "--scene", scene, *options],
         stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
     )  # fmt: skip
-    observer = Observer(ZmqBus(Transport(directory=bus), reads_every=["gateway.state", "supervisor.state", *topics]))
+    read = ["gateway.state", "supervisor.state", *topics, *(["physics.state"] if keeps_solved else [])]
+    observer = Observer(ZmqBus(Transport(directory=bus), reads_every=read))
+    if keeps_solved:
+        observer.devices, observer.solved = [], []
     try:
         observer.until(
             lambda: observer.rig_state in ("running", "degraded") or process.poll() is not None, START_S, "run"

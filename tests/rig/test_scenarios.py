@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +13,10 @@ import pytest
 
 from protocol.bodies import Catheter, PhysicsState
 from tests.rig.conftest import Observer, running_rig
+from tests.rig.force_tracking import WITHIN, compare
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
 
-TOPICS = ("physics.state",)
 PACE = 0.25  # of the hands: where a busy machine loses ticks they move on by less
 LASTS_S = 90.0  # the scenarios take nine seconds at this pace
 FORCE_STEP_N = 0.3
@@ -28,17 +28,15 @@ class Course:
     """Everything that physics said of a scenario."""
 
     observer: Observer
-    states: list[PhysicsState] = field(default_factory=list)
 
-    def look(self) -> None:
-        self.states += [frame.body for frame in self.observer.bus.drain("physics.state")]
+    @property
+    def states(self) -> list[PhysicsState]:
+        return self.observer.solved or []
 
     def reaches(self, inserted_m: float) -> bool:
-        self.look()
         return bool(self.states) and self.states[-1].catheter.inserted_length_m >= inserted_m
 
     def is_bowed(self, by_m: float) -> bool:
-        self.look()
         return bool(self.states) and _bow_m(self.states[-1].catheter) > by_m
 
     @staticmethod
@@ -61,7 +59,7 @@ def course(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Course]:
         for device in ("arm", "grasp")
     ]
     overrides += [f"contracts.loops.{loop}.stop_miss_ratio=1" for loop in ("gateway", "haptics", "physics")]
-    with running_rig(tmp_path, name, overrides, TOPICS) as rig:
+    with running_rig(tmp_path, name, overrides, keeps_solved=True) as rig:
         yield Course(rig.observer)
 
 
@@ -73,6 +71,9 @@ def test_the_catheter_is_slid_20_mm_into_the_duct(course: Course) -> None:
     assert max(course.steps_n(course.states)) < FORCE_STEP_N
     pushes = [max(math.hypot(*body.reactions()[i].force_n) for body in course.states) for i in (0, 1)]
     assert min(pushes) > 2e-3, "both hands feel something"
+    catheter, _ = compare(course.observer.devices or [], course.states).solved
+    assert len(catheter) > 0.9 * len(course.states)
+    assert np.mean(catheter < WITHIN) > 0.99, "the forces are those of the mechanics alone"
 
 
 @pytest.mark.parametrize("course", ["miss"], indirect=True)
