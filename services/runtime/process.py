@@ -76,7 +76,7 @@ class Process:
         if meter is not None:
             self._share(meter.flight)
         if self._scheduling is not None:
-            self._scheduling.resume(alone=starts_others)
+            self._scheduling.resume(alone=starts_others, period_ns=meter.period_ns if meter is not None else 0)
             had = realtime.scheduling_fact(self._scheduling)
             self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))

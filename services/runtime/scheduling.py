@@ -27,7 +27,9 @@ _ATTRIBUTES = struct.Struct("=IIQiIQQQ")
 _SET_ATTRIBUTES = {"x86_64": (314, 315), "aarch64": (274, 275)}
 DEADLINE = 6
 _RESET_ON_FORK, _RECLAIM = 1, 2  # RECLAIM: a tick that takes longer has what others leave
-#: A share is of this period. With longer ones the earliest deadline is often another loop's, see docs/decisions.
+#: A share is of this period, or of its loop's where that is longer: who turns fifty times a second needs its time in
+#: one piece, and after those who are due sooner. With longer ones for all, the earliest deadline is often another
+#: loop's.
 PERIOD_NS = 1_000_000
 #: Of the threads beside the loop's own: ZeroMQ's.
 _BESIDE = 0.01
@@ -64,6 +66,7 @@ class Scheduling:
     _rung: int = 0
     _cores: frozenset[int] = frozenset()
     _niceness: int = 0
+    _period_ns: int = PERIOD_NS
 
     @classmethod
     def ask(cls, wish: Wish) -> Scheduling:
@@ -93,12 +96,14 @@ class Scheduling:
         if self.is_fifo:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
-    def resume(self, *, alone: bool = False) -> None:
+    def resume(self, *, alone: bool = False, period_ns: int = PERIOD_NS) -> None:
         """Take for the loop what was granted: for all threads, or with `alone` for none that this one starts.
 
+        `period_ns` is the loop's; what DEADLINE grants is a share of it, of a millisecond at least.
         What was granted before may be given to others by now (DEADLINE is admitted while there is room): then it is
         what comes next.
         """
+        self._period_ns = max(PERIOD_NS, period_ns)
         self._climb(reset=alone)
 
     def _climb(self, *, reset: bool) -> None:
@@ -140,7 +145,8 @@ class Scheduling:
                     thread,
                     DEADLINE,
                     _RESET_ON_FORK | _RECLAIM,
-                    runtime_ns=_runtime_ns(self.wish.share if own else _BESIDE),
+                    runtime_ns=round((self.wish.share if own else _BESIDE) * self._period_ns),
+                    period_ns=self._period_ns,
                 )
         except OSError:
             _make_ordinary(self._niceness)
@@ -159,10 +165,6 @@ class Scheduling:
         return f"nice {_NICE}, slice {slice_ns / 1e6:g} ms" if slice_ns else f"nice {_NICE}, the kernel's slice"
 
 
-def _runtime_ns(share: float) -> int:
-    return round(share * PERIOD_NS)
-
-
 def _own_thread() -> int:
     import threading
 
@@ -179,15 +181,17 @@ def _make_ordinary(niceness: int) -> None:
         set_attributes(thread, os.SCHED_OTHER, 0, nice=niceness)
 
 
-def set_attributes(thread: int, policy: int, flags: int, *, nice: int = 0, runtime_ns: int = 0) -> None:
-    """Call ``sched_setattr(2)``, which neither Python nor every C library has; DEADLINE's period is `PERIOD_NS`.
+def set_attributes(
+    thread: int, policy: int, flags: int, *, nice: int = 0, runtime_ns: int = 0, period_ns: int = PERIOD_NS
+) -> None:
+    """Call ``sched_setattr(2)``, which neither Python nor every C library has; the period is DEADLINE's alone.
 
     Raises
     ------
     OSError
         if the kernel refuses.
     """
-    period_ns = PERIOD_NS if policy == DEADLINE else 0
+    period_ns = period_ns if policy == DEADLINE else 0
     attributes = _ATTRIBUTES.pack(_ATTRIBUTES.size, policy, flags, nice, 0, runtime_ns, period_ns, period_ns)
     _call(0, thread, attributes, 0)
 

@@ -27,7 +27,7 @@ Scheduling._fifo = refused
 threading.Thread(target=threading.Event().wait, daemon=True).start()
 asked = Scheduling.ask(Wish(80, {share}, min(os.sched_getaffinity(0))))
 before = get_attributes(0)[1]
-asked.resume(alone={alone})
+asked.resume(alone={alone}, period_ns={period_ns})
 child = "from services.runtime.scheduling import get_attributes; print(get_attributes(0)[1], get_attributes(0)[3])"
 ran = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True, check=True).stdout.split()
 print(json.dumps(dict(
@@ -38,8 +38,8 @@ print(json.dumps(dict(
 """
 
 
-def take(share: float = 0.3, *, alone: bool = False, more: str = "") -> dict[str, Any]:
-    script = _TAKE.format(share=share, alone=alone, more=more)
+def take(share: float = 0.3, *, alone: bool = False, period_ns: int = 1_000_000, more: str = "") -> dict[str, Any]:
+    script = _TAKE.format(share=share, alone=alone, period_ns=period_ns, more=more)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     result: dict[str, Any] = json.loads(done.stdout)
@@ -91,6 +91,15 @@ def test_without_fifo_all_threads_of_a_loop_are_deadline_and_what_it_starts_is_n
     assert other[5] / other[7] == pytest.approx(0.01)
     assert had["cores"] == had["all"], "the kernel refuses it to a thread that is pinned"
     assert had["child"] == [os.SCHED_OTHER, 0]
+
+
+@needs_deadline
+@pytest.mark.parametrize(("asked_ns", "period_ns"), [(0, 1_000_000), (250_000, 1_000_000), (20_000_000, 20_000_000)])
+def test_a_slow_loop_has_its_share_in_one_piece_and_later_deadlines(asked_ns: int, period_ns: int) -> None:
+    had = take(0.1, period_ns=asked_ns)
+    assert [thread[5:] for thread in had["threads"]] == [
+        [pytest.approx(share * period_ns), period_ns, period_ns] for share in (0.1, 0.01)
+    ]
 
 
 @needs_deadline
