@@ -19,6 +19,10 @@ with contextlib.suppress(ImportError):  # of numba's compiler: without it, kerne
     from services.mechanics.compiled.linked import LinkedCompiler
 
     _LINKED = {"pipeline_class": LinkedCompiler}
+with contextlib.suppress(ImportError):
+    from services.mechanics.compiled import compile_time
+
+    compile_time.begin()
 
 F = TypeVar("F", bound=Callable[..., Any])
 
