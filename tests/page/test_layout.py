@@ -37,6 +37,11 @@ _COVERED = """
 }).map(({ id, textContent }) => id || textContent)
 """
 _TOO_WIDE = "document.documentElement.scrollWidth - innerWidth"
+#: Why the rig is degraded, and that a safe stop was not heard, is said there.
+_SAID = """(() => {
+  const said = document.getElementById('rig-reason'), { x, y, width, height } = said.getBoundingClientRect();
+  return width > 100 && height > 10 && document.elementFromPoint(x + 5, y + 0.5 * height) === said;
+})()"""
 
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):
@@ -65,3 +70,4 @@ def test_no_button_is_covered_and_nothing_too_wide(browser: Chromium, width: int
     browser.until(lambda: browser.evaluate("innerWidth") == width, 30, "the size was taken")
     assert browser.evaluate(_COVERED) == []
     assert browser.evaluate(_TOO_WIDE) <= 0
+    assert browser.evaluate(_SAID)

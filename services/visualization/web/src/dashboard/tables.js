@@ -29,6 +29,7 @@ export class Processes {
     text(rate, loop ? `${hz(loop.rate_hz)} of ${hz(loop.target_hz)} Hz` : "no loop");
     text(late, loop ? `late ${share(loop.miss_ratio)}` : "");
     text(rest, [`up ${duration(process.uptime_s)}`, `restarts ${count(process.restarts)}`, busLoad(process.gauges)].filter(Boolean).join(", "));
+    rest.title = rest.textContent;
     text(missed, losses(process.gauges));
     missed.title = missed.textContent;
   }
