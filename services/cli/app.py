@@ -233,7 +233,12 @@ def study(
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler whose workers compute errors; costs stay here.")
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="Write it as a page with figures, as docs/accuracy.md.")] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a page with figures, as docs/accuracy.md; studies of it that are not run stay as they are."
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Show what accuracy costs in time: error against a converged reference beside the cost of a tick."""

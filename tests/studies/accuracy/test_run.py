@@ -9,7 +9,7 @@ from services.studies.accuracy import run
 from services.studies.accuracy.costs import FLOOR, measure_costs
 from services.studies.accuracy.frontier import frontier
 from services.studies.accuracy.log import Log
-from services.studies.accuracy.study import Cost, Row
+from services.studies.accuracy.study import Cost, Row, Setting
 
 
 def row(setting, error, median_us, **kwargs):
@@ -35,23 +35,36 @@ def test_what_a_folder_has_is_not_computed_again(run_smallest, tmp_path, monkeyp
     assert again == first
 
 
-def test_a_run_that_was_ended_between_groups_times_the_others_only(run_smallest, tmp_path, monkeypatch):
-    first, _ = run_smallest("paper", folder=tmp_path / "log")
-    file = tmp_path / "log" / "results.jsonl"
+class InGroups:
+    """A study of two groups, of which one has nothing to be timed."""
+
+    def __init__(self):
+        self.prepared = []
+
+    def settings(self, draw):
+        return [Setting(name, {}, group=group) for name, group in (("a", "1"), ("b", "1"), ("c", "2"), ("d", "3"))]
+
+    def tick(self, setting, draw):
+        self.prepared.append(setting.name)
+        return None if setting.name == "d" else lambda: None
+
+
+def test_a_run_that_was_ended_between_groups_times_the_others_only(tmp_path, monkeypatch):
+    first, second = InGroups(), InGroups()
+    monkeypatch.setattr(run, "load_study", lambda name: first)
+    run.fill_costs(["study"], SMALLEST, Log(tmp_path, SMALLEST, "code"), lambda *_: None)
+    file = tmp_path / "results.jsonl"
     lines = file.read_text().splitlines()
-    file.write_text("\n".join(lines[:-1]) + "\n")
-    timed, group_costs = [], run.group_costs
-    monkeypatch.setattr(run, "group_costs", lambda *args: timed.append(args[1]) or group_costs(*args))
-    again, log = run_smallest("paper", folder=tmp_path / "log")
-    assert timed == [""]  # the set-ups, which come last
-    kept = [r for r in first if r.series != "set-ups"]
-    assert kept
-    assert [r for r in again if r.series != "set-ups"] == kept
-    assert all(r.cost for r in again)
-    slowest = max(
-        json.loads(line)["costs"][FLOOR]["median_us"] for line in file.read_text().splitlines() if FLOOR in line
-    )
-    assert log.costs["paper"][FLOOR].median_us == slowest
+    assert len(lines) == 3
+    file.write_text("\n".join(lines[:1]) + "\n")
+    monkeypatch.setattr(run, "load_study", lambda name: second)
+    log = Log(tmp_path, SMALLEST, "code")
+    run.fill_costs(["study"], SMALLEST, log, lambda *_: None)
+    assert (first.prepared, second.prepared) == (["a", "b", "c", "d"], ["c", "d"])
+    assert set(log.costs["study"]) == {"a", "b", "c", FLOOR}
+    floors = [json.loads(line)["costs"][FLOOR]["median_us"] for line in file.read_text().splitlines() if FLOOR in line]
+    assert log.costs["study"][FLOOR].median_us == max(floors)
+    assert Log(tmp_path, SMALLEST, "code").costs == log.costs
 
 
 def test_a_folder_of_other_code_is_refused(tmp_path):
