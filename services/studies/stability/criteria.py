@@ -79,8 +79,9 @@ CRITERIA: dict[str, Criterion] = {
     "force_step": Criterion("change of the force on a tool from tick to tick, per millisecond", "N", 0.3),
     "rest": Criterion("from the hands' leaving until nothing moves faster than 1 mm/s", "s", REST_S),
     "rest_damped": Criterion(
-        "the same over ln(1000) / (zeta omega), in which the wall's slowest mode falls from 1 m/s to 1 mm/s by its own "
-        "damping, where that takes more than 2 s",
+        "the same over the time in which what is there falls from 1 m/s to 1 mm/s by its own damping, where that takes "
+        "more than 2 s: ln(1000) / (zeta omega) for the wall's slowest mode, ln(1000) 2 m / c for a catheter whose "
+        "particles have mass m and drag c",
         "",
         1.0,
     ),

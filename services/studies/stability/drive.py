@@ -11,6 +11,7 @@ import numpy as np
 from services.cache_directory import cache_directory
 from services.mechanics.arrays import FloatArray
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.rod import RodProperties
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -107,7 +108,9 @@ class _Run:
     longest_s: float = REST_S
 
     def __post_init__(self) -> None:
-        self.longest_s = max(REST_S, settling_s(self.simulation.duct.reduced))
+        simulation = self.simulation
+        settling_times_s = wall_settling_s(simulation.duct.reduced), catheter_settling_s(simulation.catheter.properties)
+        self.longest_s = max(REST_S, *settling_times_s)
 
     def through_hands(self) -> bool:
         return all(self._step() for _ in range(1, len(self.play.hands)))
@@ -138,9 +141,22 @@ class _Run:
         return self.watch.look(play.dt_s, self.book.flow)
 
 
-def settling_s(duct: ReducedDuct) -> float:
+def wall_settling_s(duct: ReducedDuct) -> float:
     """In how long the slowest mode of a wall comes to rest by its own damping: it falls as exp(-zeta omega t)."""
-    rate_1_s = float(np.min(duct.damping_ratio * duct.basis.omega_rad_s))
+    return _settling_s(float(np.min(duct.damping_ratio * duct.basis.omega_rad_s)))
+
+
+def catheter_settling_s(rod: RodProperties) -> float:
+    """In how long a catheter comes to rest whose material, and whose supports, damp it nowhere: by its drag alone.
+
+    Drag is proportional to mass along a uniform rod, so every one of its vibrations, whatever bends or hangs it, falls
+    as exp(-c t / 2 m) at least, c and m being the drag and the mass of a particle. The material's damping comes on top.
+    """
+    return _settling_s(float(np.min(rod.particle_drag_n_s_m() / rod.particle_mass_kg())) / 2.0)
+
+
+def _settling_s(rate_1_s: float) -> float:
+    """In how long what falls at a rate comes to rest from the speed that hands leave behind."""
     return math.log(FASTEST_M_S / REST_SPEED_M_S) / rate_1_s if rate_1_s > 0.0 else math.inf
 
 

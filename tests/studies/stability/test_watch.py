@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.mechanics.bodies.catheter import initial_state, rod_properties
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.reduction import ModalState, Newmark
+from services.mechanics.rod import Supports, build_integrator
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.studies.stability.criteria import CRITERIA, failures
-from services.studies.stability.drive import Play, drive, reduced_duct, settling_s
+from services.studies.stability.criteria import CRITERIA, REST_S, failures
+from services.studies.stability.drive import Play, catheter_settling_s, drive, reduced_duct, wall_settling_s
 from services.studies.stability.situations import beside, threaded
 from services.studies.stability.watch import Watch
 
@@ -111,10 +113,29 @@ def test_a_wall_settles_by_its_own_damping_in_the_time_that_it_is_given(heavier)
     state, none = ModalState.at_rest(reduced.basis.n_modes), np.zeros(reduced.basis.n_modes)
     modes, rates = Newmark(reduced.basis.omega_rad_s, reduced.damping_ratio), []
     state.qdot[:] = 1.0
-    steps = round(settling_s(reduced) / 1e-3)
+    steps = round(wall_settling_s(reduced) / 1e-3)
     for _ in range(steps):
         modes.predict(state, none, 1e-3)
         rates.append(np.abs(state.qdot[:2]).max())
     swing = round(2.0 * np.pi / reduced.basis.omega_rad_s[0] / 1e-3)
     assert max(rates[-swing:]) < 2.5e-3
     assert max(rates[: steps // 2][-swing:]) > 20e-3
+
+
+@pytest.mark.parametrize("heavier", [1.0, 10.0])
+def test_a_catheter_settles_by_its_drag_in_the_time_that_it_is_given(heavier):
+    scene = beside().scene.catheter
+    scene = replace(scene, density_kg_m3=heavier * scene.density_kg_m3, internal_damping_s=0.0)
+    rod = rod_properties(scene)
+    settling_s = catheter_settling_s(rod)
+    assert (settling_s > REST_S) == (heavier > 1.0)
+    integrator = build_integrator("implicit", rod, Supports(held=(0,), start_direction=scene.direction), 1.0)
+    state, speeds = initial_state(scene, rod), []
+    along = np.linspace(0.0, 1.0, len(state.position_m))
+    state.velocity_m_s[:, 2] = along**2
+    for _ in range(round(settling_s / 1e-3)):
+        integrator.predict(state, np.zeros_like(state.position_m), 1e-3)
+        speeds.append(np.abs(state.velocity_m_s).max())
+    half, swing = len(speeds) // 2, len(speeds) // 8
+    assert max(speeds[-swing:]) < 3e-3
+    assert max(speeds[half - swing : half]) > 10e-3
