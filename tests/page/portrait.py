@@ -22,7 +22,7 @@ SIZE = (1440, 860)
 INSERTED_MM = 15.0
 _INSERTS_S, _DRAWS_S = 120.0, 15.0
 #: The finest look of `governor.js`, which is not to take a coarser one.
-_FINEST = """
+FINEST = """
 const {governor} = trocar.view;
 governor.steps = [{ratio: 1, look: "wet", shadows: true, hz: 4}];
 governor.coarser = () => false;
@@ -43,7 +43,7 @@ def portrait(path: Path) -> None:
         with running_rig(directory, "default", []), Chromium(directory / "profile", SIZE) as browser:
             browser.open(json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"])
             browser.until(lambda: inserted_mm(browser) > INSERTED_MM, _INSERTS_S, "the catheter is in the duct")
-            browser.evaluate(f"(() => {{{_FINEST}}})()")
+            browser.evaluate(f"(() => {{{FINEST}}})()")
             time.sleep(_DRAWS_S)  # the reflections are made once; curves fill meanwhile
             browser.screenshot(path)
 
