@@ -95,6 +95,53 @@ def test_it_says_in_small_print_how_it_draws_and_the_rig_sends_no_more_than_it_a
     browser.until(lambda: _loop(page, "visualization")["target_hz"] == asked_hz(), 40, "the rig makes as many pictures")
 
 
+#: Drawing a picture takes so many milliseconds longer.
+_BURDEN = """(() => {
+  const { stage } = trocar.view, draw = stage.draw;
+  stage.draw = () => {
+    draw.call(stage);
+    for (const until = performance.now() + 300; performance.now() < until;);
+  };
+  trocar.view.takeStep(3);
+})()"""
+#: Drawing takes no time and every picture that comes is painted, whatever else this machine does.
+_RELIEF = """(() => {
+  const { stage, governor } = trocar.view, look = governor.look;
+  stage.draw = () => {};
+  governor.look = (seen) => look.call(governor, { ...seen, cost: 0.1, painted: seen.offered });
+})()"""
+_AS_BEFORE = "(() => { const { stage, governor } = trocar.view; delete stage.draw; delete governor.look; })()"
+_DRAWN = """({
+  step: trocar.view.governor.at, width: document.querySelector('#scene').width,
+  words: document.querySelector('#drawn-how').textContent,
+})"""
+
+
+def test_the_resolution_falls_under_load_and_comes_back(page: Page) -> None:
+    """The load is drawing that takes long, whoever causes it: no more of what a machine does is seen by a page."""
+    browser = page.browser
+
+    def drawn() -> Any:
+        return browser.evaluate(_DRAWN)
+
+    began = drawn()["step"]
+    try:
+        browser.evaluate(_BURDEN)
+        before = drawn()
+        assert before["step"] == 3
+        browser.until(lambda: drawn()["step"] >= 6, 90, "it draws more coarsely")
+        loaded = drawn()
+        assert loaded["width"] < 0.8 * before["width"]
+        share = round(100 * loaded["width"] / browser.evaluate("document.querySelector('#scene').clientWidth"))
+        assert f" {share} % of the resolution" in loaded["words"], loaded
+        browser.evaluate(_RELIEF)
+        browser.until(lambda: drawn()["step"] == 3, 120, "it draws as before")
+        assert drawn() == before
+    finally:
+        browser.evaluate(_AS_BEFORE)
+        browser.evaluate(f"trocar.view.takeStep({began})")
+
+
 def _loop(page: Page, name: str) -> Any:
     (row,) = [row for row in page.state()["processes"] if row["name"] == name]
     return row["loop"]
