@@ -238,3 +238,15 @@ def test_a_hand_that_presses_feels_the_wall_and_no_damping_beside_it() -> None:
         force = law.force()
         assert force[0] == pytest.approx(-200.0 * law.motion[0])
     assert law.memory[layout.MEMORY_ENERGY] == pytest.approx(0.5 * 200.0 * law.motion[0] ** 2, rel=0.05)
+
+
+@pytest.mark.parametrize(("counts", "braked_n"), [(0.5, 0.0), (3.0, 0.1)])
+def test_what_a_force_does_over_a_count_of_the_encoder_is_noise_that_brakes_nobody(
+    counts: float, braked_n: float
+) -> None:
+    """More than that brakes: here with all of the 5 N s/m that an arm may be given, at 20 mm/s."""
+    law = Law()
+    law.load(force_n=(1.0, 0.0, 0.0), in_contact=True)
+    law.settle()
+    law.motion[0], law.motion[3] = counts * servo_law.COUNT_M, 0.02
+    assert 1.0 - law.force()[0] == pytest.approx(braked_n, abs=1e-9)
