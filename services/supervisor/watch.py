@@ -19,6 +19,9 @@ _STARVED_MS = 10
 #: Who waited for a processor for so much of its silence starves, whatever it did with the rest: a hundredth of a core
 #: in which to make its first picture, in one that was ended for it and took a minute to be there again.
 _STARVES = 0.8
+#: Who had so many heartbeats' limits to itself and still says nothing hangs, however busy the machine is: one that runs
+#: in circles waits for a processor as much as one that works.
+_MOST_LIMITS = 10.0
 _LIVING = ("ready", "running", "degraded")
 
 
@@ -62,11 +65,12 @@ def is_overdue(member: Member, now_s: float, limits: Limits) -> bool:
 def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) -> bool:
     """Return whether a hung process is to be ended: held by a signal, or silent altogether, for the heartbeat's limit.
 
-    Time that it waited for a processor does not count, and who waited for most of it is not judged: on a busy machine
-    a process starves without hanging, and to start it anew would make matters worse.
+    Time that it waited for a processor does not count, and who waited for most of it has ten times the limit: on a busy
+    machine a process starves without hanging, and to start it anew would make matters worse.
     """
     hung_s, silent_s, starved_s = now_s - member.since_s, now_s - member.heard_s, member.starved_s()
-    hangs = silent_s - starved_s >= limits.heartbeat_s and starved_s < _STARVES * silent_s
+    patience = _MOST_LIMITS if starved_s >= _STARVES * silent_s else 1.0
+    hangs = silent_s - starved_s >= patience * limits.heartbeat_s
     return hung_s >= limits.heartbeat_s and (stopped or hangs)
 
 

@@ -78,6 +78,18 @@ def test_a_starving_process_is_not_ended_a_hanging_one_is() -> None:
     assert watch.beyond_waiting(hung, False, 106.0, LIMITS)
 
 
+def test_who_runs_in_circles_is_ended_on_the_busiest_machine_too() -> None:
+    """It waits for nine tenths of the time, as all do there; in the tenth that it has it says nothing."""
+    hung = member("recorder", MemberState.HUNG)
+    ended_s = None
+    for second in range(1, 120):
+        hung.child.waited = 0.9 * second  # type: ignore[union-attr]
+        if watch.beyond_waiting(hung, False, 100.0 + second, LIMITS):
+            ended_s = second
+            break
+    assert ended_s == pytest.approx(50, abs=2)
+
+
 def test_being_stopped_is_told_at_once_even_while_starting() -> None:
     starting = member("physics", MemberState.STARTING)
     assert watch.hang(starting, True, 100.0, LIMITS).startswith("physics: process 7 is stopped by a signal")
