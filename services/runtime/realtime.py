@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import protocol.bodies as bodies
+from services import start_up
 from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, Wish, get_attributes, own_threads
 
 _PR_SET_TIMERSLACK = 29
@@ -116,9 +117,13 @@ def keep_awake(path: Path = DMA_LATENCY) -> Fact:
 
 
 def freeze_garbage_collector() -> Fact:
-    """Freeze what is alive and switch the collector off: to be called when a loop is warm and about to run."""
+    """Freeze what is alive and switch the collector off: to be called when a loop is warm and about to run.
+
+    Who switches it on again has Python's thresholds, not those of a start.
+    """
     gc.collect()
     gc.freeze()
+    start_up.over()
     gc.disable()
     return Fact("garbage collector", "off, start-up objects frozen", f"off, {gc.get_freeze_count()} frozen", True)
 

@@ -67,6 +67,18 @@ def test_what_lives_is_not_looked_through_again_and_again_while_a_process_builds
     assert (young > 0, middle > 0, all_there_is) == (True, True, 0)
 
 
+def test_who_collects_while_a_loop_runs_looks_through_little_at_once_and_at_all_there_is_some_time() -> None:
+    """The supervisor, for days: what has lived through two looks dies too."""
+    script = (
+        "import gc; pythons = gc.get_threshold()\n"
+        "from services import start_up; from services.runtime import realtime\n"
+        "start_up.end(); realtime.freeze_garbage_collector(); gc.enable()\n"
+        "print(gc.get_threshold() == pythons)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True"]
+
+
 @pytest.mark.parametrize("process", PROCESSES)
 def test_a_process_collects_garbage_again_before_it_begins(process: str) -> None:
     """Each file of a process reaches `end`: a command line that is refused tells that it came so far."""
