@@ -53,7 +53,7 @@ class _Remembered:
         """Return the method that stands in for `resolve`."""
 
         def get_call_type(function: Any, context: Any, arguments: Any, keywords: Any) -> Any:
-            if keywords:
+            if keywords or not isinstance(arguments, tuple):  # a list, as numba's stencils have it, is no key
                 return self._resolve(function, context, arguments, keywords)
             key = id(function), id(context), arguments, self._options_now()
             known = self._known.get(key)

@@ -64,6 +64,12 @@ def test_keywords_and_what_cannot_be_called_so_are_asked_for_each_time() -> None
     assert function.asked == 4
 
 
+def test_arguments_in_a_list_are_asked_for_each_time() -> None:
+    """As numba's stencils give them, whoever uses one in this process."""
+    ask, asked = compile_time._Remembered(lambda *all_of_it: all_of_it).ask(), [types.int64, types.intp]
+    assert ask("function", None, asked, {}) == ("function", None, asked, {})
+
+
 @kernel
 def _many_products(x: float) -> float:
     return x * x * x * x * x * x
