@@ -49,7 +49,8 @@ def _spread(mesh: TriangleMesh, n: int) -> IntArray:
     for rim in boundary_loops(mesh):
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x[[*rim, rim[0]]], axis=0), axis=1))])
         k = min(len(rim), max(FEWEST_ON_RIM, round(way[-1] / spacing_m)))
-        seeds += np.unique(rim[np.searchsorted(way[:-1], np.arange(k) * way[-1] / k - 1e-12)]).tolist()
+        following = np.searchsorted(way[:-1], np.arange(k) * way[-1] / k - 1e-12) % len(rim)  # of the last, the first
+        seeds += np.unique(rim[following]).tolist()
         distance[rim] = 0.0
     for seed in seeds:
         distance = np.minimum(distance, np.linalg.norm(x - x[seed], axis=1))

@@ -34,6 +34,22 @@ def test_a_duct_stays_a_duct(n_around, n_along, n, shape):
         assert len(coarse.vertex_sets[name]) >= 6
 
 
+@pytest.mark.parametrize("turn_rad", np.linspace(0.0, 6.0, 7))
+@pytest.mark.parametrize("n", [150, 600])
+def test_a_rim_may_have_long_edges_and_short_ones(turn_rad, n):
+    """Wherever it begins: its last edge may be longer than what lies between two seeds."""
+    even = parametric_duct(DuctGeometry(radius_m=4e-3, length_m=40e-3, n_around=24, n_along=40))
+    x, y, z = even.vertices_m.T
+    angle = np.arctan2(z, y)
+    angle += 0.8 * np.sin(angle - turn_rad)
+    round_it = np.hypot(y, z)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    mesh = TriangleMesh(np.column_stack([x, round_it]), even.triangles, even.vertex_sets)
+    coarse, kept = coarsened(mesh, n)
+    assert coarse.n_vertices == pytest.approx(n, rel=0.26)
+    for rim in boundary_loops(mesh):
+        assert len(set(kept) & set(rim.tolist())) >= 6
+
+
 def test_a_surface_that_so_few_vertices_cannot_make_is_refused():
     corners = np.concatenate([np.eye(3), -np.eye(3)])
     octahedron = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
