@@ -66,6 +66,10 @@ ELASTIC_FADE = 2.0 / 3.0
 HOT, COOL = 0.7, 0.5
 #: The rate limit counts at most this much time: a tick that comes late does not earn a larger step.
 MAX_STEP_S = 0.003
+#: And a torque never more than a tick's worth, though handles take turns: shut jaws let go of all their 48 mN m in one
+#: exchange that came late. Two handles in turn fade more than half of the largest torque in up to 40 ms, where a model
+#: lives 20; a drive lets go by itself after 50.
+MAX_TORQUE_STEP_S = 0.001
 #: Below this speed the observer's correction would be noise of the encoders.
 STILL_M_S = 0.01
 #: And so is what a force does over the count of an encoder: of what is owed, so much is left to the arm's friction.
@@ -148,7 +152,7 @@ def servo_torque(
         wanted = 0.0
     rate = limits[LIMIT_TORQUE_RATE]
     largest = min(limits[LIMIT_TORQUE], rate * max(0.0, now[NOW_TTL] - now[NOW_AGE]))
-    step = rate * min(now[NOW_DT], MAX_STEP_S)
+    step = rate * min(now[NOW_DT], MAX_TORQUE_STEP_S)
     wanted = min(max(wanted, -largest), largest)
     memory[MEMORY_TORQUE] = min(max(wanted, memory[MEMORY_TORQUE] - step), memory[MEMORY_TORQUE] + step)
 

@@ -136,3 +136,23 @@ def test_grasp_torque_goes_to_zero_when_its_drive_is_off() -> None:
     assert torques[149] == pytest.approx(0.1)
     assert torques[-1] == 0.0
     assert np.abs(np.diff(torques)).max() <= 0.02 + 1e-9
+
+
+STEP_NM = LIMITS.torque_nm * LIMITS.force_rate_n_s / LIMITS.force_n * 1e-3
+
+
+@pytest.mark.parametrize("late_ticks", [2, 3, 4, 12, 16, 30])
+def test_a_handle_that_is_served_late_is_not_let_go_at_once(late_ticks: int) -> None:
+    """Shut jaws, two handles in turn, and a gateway that is held up: models are old when it looks again."""
+    bench = Bench()
+    bench.engage()
+    bench.model = LocalModel(grasp_torque_nm=0.048, in_contact=True)
+    handle, torques = np.zeros(2), []
+    for k in range(200):
+        bench.run(1)
+        bench.run(1, late_ticks * TICK_NS if k == 150 else TICK_NS)
+        bench.servo.step_grasp(bench.now_ns, handle)
+        torques.append(bench.servo.torque_nm)
+    assert torques[149] == pytest.approx(0.048)
+    assert min(torques[150:]) < 0.048 or late_ticks < 6
+    assert np.abs(np.diff(torques)).max() <= STEP_NM * (1 + 1e-9)
