@@ -2,12 +2,14 @@
 
 Each rung is given time to show its effect, and more than one window: a single stall of the machine fills one window
 and climbs nothing. A breach that is only slight stays on the last quality level as DEGRADED with its reason: a restart
-would cost the hand more than it could gain. Which rung of quality is given up, and when it is taken back, is the
-governor's.
+would cost the hand more than it could gain. So does one that is severe for a moment on top of a slight one that stands,
+as on a machine that is too slow and then stalls: for a restart, severity itself has to stand. Which rung of quality is
+given up, and when it is taken back, is the governor's.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -59,6 +61,31 @@ class Ladder:
     hysteresis: Hysteresis = field(default_factory=Hysteresis)
 
 
+class Severity:
+    """Since when breaches have been severe. Less than `LAPSE_S` without ends nothing: ticks are lost in bursts."""
+
+    #: As long as the fast window is, which one tick more or less takes over the limit and back.
+    LAPSE_S = 1.0
+
+    def __init__(self) -> None:
+        self._spans: dict[str, tuple[float, float]] = {}
+
+    def see(self, now_s: float, standing: Sequence[Breach]) -> None:
+        """Take note of those that are severe now."""
+        self._spans = {key: span for key, span in self._spans.items() if now_s - span[1] < self.LAPSE_S}
+        for breach in standing:
+            if breach.severe:
+                self._spans[breach.key] = (self._spans.get(breach.key, (now_s,))[0], now_s)
+
+    def stands(self, breach: Breach, now_s: float, for_s: float) -> bool:
+        """Return whether `breach` is severe and has been for so long."""
+        return breach.severe and now_s - self._spans[breach.key][0] >= for_s
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._spans.clear()
+
+
 class Enforcement:
     """The ladder's memory: quality in force, who was restarted already, since when things stand as they do."""
 
@@ -67,6 +94,7 @@ class Enforcement:
         self.governor = Governor(ladder.levels, ladder.hysteresis)
         self._restarted: set[str] = set()
         self._standing_since_s: float | None = None
+        self._severity = Severity()
 
     @property
     def level(self) -> int:
@@ -75,6 +103,7 @@ class Enforcement:
 
     def decide(self, now_s: float, standing: list[Breach]) -> Action | None:
         """Return what to do now about the `standing` breaches of critical processes, worst first; mostly nothing."""
+        self._severity.see(now_s, standing)
         if not standing:
             self._standing_since_s = None
             return self._recover(now_s)
@@ -85,23 +114,28 @@ class Enforcement:
             return None
         self._standing_since_s = now_s
         self.governor.burns(now_s)
-        return self._climb(next((breach for breach in standing if breach.severe), standing[0]))
+        return self._give_up(standing) if self.governor.can_lower else self._climb(now_s, standing)
 
     def reset(self) -> None:
         """Begin at the first rung: a person has armed the rig anew. The quality level stays."""
         self._restarted.clear()
         self._standing_since_s = None
+        self._severity.clear()
 
     def _patience_s(self, standing: list[Breach]) -> float:
         may_be_quick = self.governor.can_lower and any(breach.sudden for breach in standing)
         return min(self.ladder.sudden_s, self.ladder.patience_s) if may_be_quick else self.ladder.patience_s
 
-    def _climb(self, worst: Breach) -> Action | None:
-        if self.governor.can_lower:
-            before = self.governor.rung
-            self.governor.lower()
-            return Action(Rung.LOWER, worst.process, "; now ".join((worst.text, _told(self.governor.rung, before))))
-        if not worst.severe:
+    def _give_up(self, standing: list[Breach]) -> Action:
+        worst = next((breach for breach in standing if breach.severe), standing[0])
+        before = self.governor.rung
+        self.governor.lower()
+        return Action(Rung.LOWER, worst.process, "; now ".join((worst.text, _told(self.governor.rung, before))))
+
+    def _climb(self, now_s: float, standing: list[Breach]) -> Action | None:
+        patience_s = self.ladder.patience_s
+        worst = next((breach for breach in standing if self._severity.stands(breach, now_s, patience_s)), None)
+        if worst is None:
             return None
         if self.ladder.may_restart and worst.process not in self._restarted:
             self._restarted.add(worst.process)

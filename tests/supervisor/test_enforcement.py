@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from services.supervisor.contracts import Breach
 from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
 from services.supervisor.governor import Hysteresis, Level
@@ -71,3 +73,30 @@ def test_arming_allows_a_restart_again() -> None:
     assert [action.rung for action in _climb(enforcement, [SEVERE], 2.2)] == [Rung.RESTART, Rung.SAFE_STOP]
     enforcement.reset()
     assert _climb(enforcement, [SEVERE], 1.2, 10.0)[0].rung is Rung.RESTART
+
+
+def _both(
+    enforcement: Enforcement, start_s: float, seconds: float, severe_from_s: float, severe_s: float
+) -> list[Action]:
+    """A slight breach that stands all the time, severe in the middle of it."""
+    actions = []
+    for step in range(round(seconds / 0.1)):
+        now_s = start_s + 0.1 * step
+        is_severe = severe_from_s <= now_s < severe_from_s + severe_s
+        action = enforcement.decide(now_s, [SEVERE if is_severe else replace(SEVERE, severe=False)])
+        if action is not None:
+            actions.append(action)
+    return actions
+
+
+def test_a_moment_of_severity_on_top_of_what_stands_restarts_nobody_whenever_it_comes() -> None:
+    for severe_from_s in (0.0, 3.0, 4.6, 9.3, 14.8):
+        enforcement = Enforcement(Ladder(levels=LEVELS[:1]))
+        assert _both(enforcement, 0.0, 40.0, severe_from_s, 2.0) == []
+
+
+def test_severity_that_stands_restarts_though_a_window_now_and_then_is_not_severe() -> None:
+    enforcement = Enforcement(Ladder(levels=LEVELS[:1], patience_s=1.0))
+    slight = replace(SEVERE, severe=False)
+    actions = [enforcement.decide(0.1 * step, [slight if step % 5 == 3 else SEVERE]) for step in range(40)]
+    assert Rung.RESTART in [action.rung for action in actions if action is not None]
