@@ -23,6 +23,9 @@ from services.mechanics.rod.free_step import FreeStep, begin_step, hangs_still, 
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import CatheterScene
 
+BEARING_DIAMETERS = 5.0
+"""Over so many of the catheter's outer diameters its introducer's wall bears, for friction."""
+
 
 class CatheterTouch(Struct):
     """Compliance between the particles of n that contacts touch, and scratch."""
@@ -268,7 +271,11 @@ def build_introducer(scene: CatheterScene) -> Introducer:
     exit_m = np.asarray(scene.tip_position_m) - scene.introducer_to_tip_m * direction
     entry_m = exit_m - scene.introducer_length_m * direction
     introducer = Introducer(
-        entry_m, exit_m, friction=scene.introducer_friction, seal_friction_n=scene.introducer_seal_friction_n
+        entry_m,
+        exit_m,
+        friction=scene.introducer_friction,
+        bearing_length_m=BEARING_DIAMETERS * scene.outer_diameter_m,
+        seal_friction_n=scene.introducer_seal_friction_n,
     )
     inside_m = min(2.0 * scene.length_m / scene.n_segments, 0.5 * scene.introducer_length_m)
     longest_m = scene.length_m - inside_m

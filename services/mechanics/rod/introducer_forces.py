@@ -9,14 +9,11 @@ energy: they take no work. Friction is none of theirs: it is solved with the con
 
 from __future__ import annotations
 
-import math
-
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, along, dot, scaled
 from services.mechanics.rod.curve import CurvePoint, closest_on_curve
 from services.mechanics.rod.introducer_passage import (
-    Passage,
     axial_position,
     closest_on_segment,
     depth_weight,
@@ -57,10 +54,10 @@ def introducer_energy(model: RodModel, x: FloatArray) -> float:
         o = offset_from_axis(model.introducer, x, i)
         total += depth_weight(model, i, axial_position(model.introducer, x, i))[0] * dot(o, o)
     if passage.has_entry:
-        o = _passing(x, passage.first - 1, end_point(model.introducer, 0.0)).offset
+        o = passing_point(x, passage.first - 1, end_point(model.introducer, 0.0)).offset
         total += dot(o, o)
     if passage.has_exit:
-        o = _passing(x, passage.last, end_point(model.introducer, model.introducer.length)).offset
+        o = passing_point(x, passage.last, end_point(model.introducer, model.introducer.length)).offset
         total += dot(o, o)
     over = stop_overlap(model, x, passage)[1]
     return 0.5 * float(model.introducer.stiffness * total + model.introducer.stop_stiffness * over * over)
@@ -95,7 +92,7 @@ def _quadratic_change(model: RodModel, work: RodWork, scale: float) -> float:
         (passage.has_exit, passage.last, introducer.length),
     ):
         if is_there:
-            point = _passing(x, i, end_point(introducer, axial))
+            point = passing_point(x, i, end_point(introducer, axial))
             total += _across(point.offset, _moved_point(work, point, scale), point.direction)
     i, over = stop_overlap(model, x, passage)
     way = dot(_moved(work, i, scale), axis) if over != 0.0 else 0.0
@@ -149,7 +146,7 @@ def _hold_particle(model: RodModel, work: RodWork, i: int, axial: float, scale: 
 @kernel
 def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float) -> None:
     """Hold the curve near segment i to an end of the axis where it is nearest to it: the push is normal to the rod."""
-    point = _passing(work.position, i, end_point(model.introducer, axial))
+    point = passing_point(work.position, i, end_point(model.introducer, axial))
     k = model.introducer.stiffness
     for particle in range(3):
         for c in range(3):
@@ -159,25 +156,9 @@ def _hold_end(model: RodModel, work: RodWork, i: int, axial: float, scale: float
 
 
 @kernel
-def _passing(x: FloatArray, i: int, end: Vector) -> CurvePoint:
+def passing_point(x: FloatArray, i: int, end: Vector) -> CurvePoint:
     """The point of the curve that is nearest to an end of the axis, where the polygon is with segment i."""
     return closest_on_curve(x, i, closest_on_segment(x, i, end)[0], end)
-
-
-@kernel
-def wall_push(model: RodModel, x: FloatArray, passage: Passage) -> float:
-    """Sum [N] of the pushes of the introducer's wall on the rod at ``x`` (n, 3)."""
-    introducer, total = model.introducer, 0.0
-    for i in range(passage.first, passage.last + 1):
-        o = offset_from_axis(introducer, x, i)
-        total += depth_weight(model, i, axial_position(introducer, x, i))[0] * math.sqrt(dot(o, o))
-    if passage.has_entry:
-        o = _passing(x, passage.first - 1, end_point(introducer, 0.0)).offset
-        total += math.sqrt(dot(o, o))
-    if passage.has_exit:
-        o = _passing(x, passage.last, end_point(introducer, introducer.length)).offset
-        total += math.sqrt(dot(o, o))
-    return float(introducer.stiffness * total)
 
 
 @kernel

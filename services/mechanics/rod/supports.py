@@ -20,6 +20,7 @@ class IntroducerSprings(Struct):
     length: float
     stiffness: float
     friction: float
+    bearing_length: float
     seal: float
     stop_stiffness: float
     least_tip: float
@@ -44,6 +45,9 @@ class Introducer:
     friction
         Coulomb coefficient against the wall, 0 for none. To the rod the introducer is smooth: this friction and that of
         the seal are solved with the contacts, see `services.mechanics.contact.seal`.
+    bearing_length_m
+        Over which a push of the wall is spread along the axis, for friction: finer than a few diameters a rod does not
+        know how it bears.
     seal_friction_n
         Friction of a seal at the exit, whatever the rod's push on the wall.
     stop_stiffness_n_m
@@ -56,6 +60,7 @@ class Introducer:
     exit_m: ArrayLike
     lateral_stiffness_n_m: float = 1e5
     friction: float = 0.0
+    bearing_length_m: float = 8e-3
     seal_friction_n: float = 0.0
     stop_stiffness_n_m: float = 2e4
     least_tip_m: float = 5e-3
@@ -73,8 +78,8 @@ class Introducer:
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
             raise ValueError("the entry and exit of an introducer must be apart")
-        if not min(self.lateral_stiffness_n_m, self.stop_stiffness_n_m) > 0.0:
-            raise ValueError("an introducer needs positive stiffnesses")
+        if not min(self.lateral_stiffness_n_m, self.stop_stiffness_n_m, self.bearing_length_m) > 0.0:
+            raise ValueError("an introducer needs positive stiffnesses, and a positive bearing_length_m")
         if not min(self.friction, self.seal_friction_n, self.least_tip_m) >= 0.0:
             raise ValueError("the friction of an introducer, of its seal, and least_tip_m must be at least 0")
         return IntroducerSprings(
@@ -83,6 +88,7 @@ class Introducer:
             length=length,
             stiffness=self.lateral_stiffness_n_m,
             friction=self.friction,
+            bearing_length=self.bearing_length_m,
             seal=self.seal_friction_n,
             stop_stiffness=self.stop_stiffness_n_m,
             least_tip=self.least_tip_m,
