@@ -100,6 +100,7 @@ class DuctAlone:
 
     def _step(self, dt_s: float) -> None:
         marks = [perf_counter_ns()]
+        self.duct.change_step(dt_s)  # before the effects, which ask what a force moves in a step
         begin_duct_loads(self.duct.motion_address)
         for effect in self._stages["add_loads"]:
             effect.add_loads(self._world, dt_s)
