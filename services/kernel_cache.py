@@ -156,7 +156,10 @@ def _is_writable(folder: Path) -> bool:
 
 def _forget_oldest(folder: Path, module: str) -> None:
     """Keep the last used few of a module's folders, and those in which somebody may be at work."""
-    ages = sorted((time.time() - path.stat().st_mtime, path) for path in folder.glob(f"{module}-*"))
-    for age_s, path in ages[_KEPT - 1 :]:
+    ages = []
+    for path in folder.glob(f"{module}-*"):
+        with contextlib.suppress(FileNotFoundError):  # another process forgets it, too
+            ages.append((time.time() - path.stat().st_mtime, path))
+    for age_s, path in sorted(ages)[_KEPT - 1 :]:
         if age_s > _IN_USE_S:
             shutil.rmtree(path, ignore_errors=True)

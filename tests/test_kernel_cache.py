@@ -133,3 +133,10 @@ def test_what_was_not_used_for_longest_is_forgotten_but_nothing_in_use(
     kept = sorted(path.name.rpartition("-")[2] for path in tmp_path.glob(f"{module}-*"))
     assert kept == ["00", "01", "02", "03", "04", "05", "19", "new"]
     assert (tmp_path / "services.mechanics.other-1").is_dir()
+
+
+def test_a_folder_that_another_process_forgets_meanwhile_is_no_fault(tmp_path: Path) -> None:
+    gone = tmp_path / "services.mechanics.example-gone"
+    gone.symlink_to(tmp_path / "removed")  # is listed, and is not there when it is looked at
+    kernel_cache._forget_oldest(tmp_path, "services.mechanics.example")
+    assert gone.is_symlink()
