@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.catheter import CatheterTouch, touch_at
+from services.mechanics.bodies.catheter import CatheterTouch, number_marked, touch_at
 from services.mechanics.bodies.duct import DuctLoads, loads_at
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
@@ -113,18 +113,14 @@ def add_of_catheter(
 @kernel
 def _list_particles(rows: ContactRows, closed: IntArray, lasting: LastingArrays) -> int:
     """List the particles that closed axes act on, ascending, and their places; return how many."""
-    slot, count = lasting.slot, 0
+    slot = lasting.slot
     slot[:] = -1
     for i in range(closed.shape[0]):
         row = closed[i, 0]
         for point in range(rows.rod_node.shape[1]):
             if rows.rod_weight[row, point] != 0.0:
                 slot[rows.rod_node[row, point]] = 0
-    for particle in range(slot.shape[0]):
-        if slot[particle] == 0:
-            slot[particle], lasting.particles[count] = count, particle
-            count += 1
-    return count
+    return number_marked(slot, lasting.particles)
 
 
 @kernel

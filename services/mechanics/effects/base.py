@@ -10,6 +10,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.fem import ShellSection
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.build import Progress
+from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.rod import RodProperties
 from services.mechanics.scene import SceneModel
 from services.mechanics.surface.mesh import TriangleMesh
@@ -33,6 +34,13 @@ def require_not_negative(settings: object, *names: str) -> None:
     for name in names:
         if not getattr(settings, name) >= 0.0:
             raise ValueError(f"{name} must not be negative, is {getattr(settings, name)}")
+
+
+def recipe_of(duct: ReducedDuct, name: str) -> DuctRecipe:
+    """Return what a duct was reduced from; raise a ValueError that names the effect where nothing says it."""
+    if duct.recipe is None:
+        raise ValueError(f"effects.{name}: the duct has no recipe, use build_scene_duct")
+    return duct.recipe
 
 
 class Effect:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import AnyArray
-from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.effects.base import Effect, recipe_of, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.nonlinear.polynomial import apply_impulse
@@ -77,6 +77,5 @@ class Hyperelasticity(Effect):
         return stretch_energy(self._wall.address, world.duct.state.q)
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> StretchSamples:
-        if duct.recipe is None:
-            raise ValueError("effects.hyperelasticity: the duct has no recipe, use build_scene_duct")
-        return fetch_samples(duct.recipe, duct.basis, self.settings.exponent, duct.cache_dir, progress)
+        recipe = recipe_of(duct, "hyperelasticity")
+        return fetch_samples(recipe, duct.basis, self.settings.exponent, duct.cache_dir, progress)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.effects.base import Effect, recipe_of, require_positive
 from services.mechanics.reduction.nonlinear.manifold import fetch_membrane_force
 from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
@@ -50,9 +50,7 @@ class NonlinearMembrane(Effect):
             Nothing says what the duct was reduced from.
         """
         duct = world.duct.reduced
-        if duct.recipe is None:
-            raise ValueError("effects.nonlinear_membrane: the duct has no recipe, use build_scene_duct")
-        recipe = replace(duct.recipe, mesh=duct.mesh)
+        recipe = replace(recipe_of(duct, "nonlinear_membrane"), mesh=duct.mesh)
         self._force = fetch_membrane_force(recipe, duct.basis, self.settings.n_coordinates, duct.cache_dir)
         self._damping = 2.0 * duct.basis.omega_rad_s * duct.damping_ratio
         self._scratch = np.zeros((3, duct.basis.n_modes))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from services.mechanics.arrays import AnyArray
-from services.mechanics.effects.base import Effect, require_positive
+from services.mechanics.effects.base import Effect, recipe_of, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.world import World
@@ -84,9 +84,8 @@ class Softening(Effect):
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:
         from services.mechanics.reduction.softening.training import fetch_softening
 
-        if duct.recipe is None:
-            raise ValueError("effects.softening: the duct has no recipe, use build_scene_duct")
+        recipe = recipe_of(duct, "softening")
         try:
-            return fetch_softening(duct.recipe, duct, self.settings.n_squeezes, duct.cache_dir, progress)
+            return fetch_softening(recipe, duct, self.settings.n_squeezes, duct.cache_dir, progress)
         except ValueError as error:
             raise ValueError(f"effects.softening: {error}") from error
