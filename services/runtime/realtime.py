@@ -18,6 +18,7 @@ from pathlib import Path
 
 import protocol.bodies as bodies
 from services import start_up
+from services.runtime.autogroup import set_group_niceness
 from services.runtime.scheduling import DEADLINE, RUNGS, Scheduling, Wish, get_attributes, own_threads
 
 _PR_SET_TIMERSLACK = 29
@@ -163,6 +164,7 @@ def _ordinary(nice: int | None) -> Fact:
     if asked:
         with contextlib.suppress(PermissionError):  # below 0 it is a right that a user may lack
             os.setpriority(os.PRIO_PROCESS, 0, asked)
+            set_group_niceness(asked)
     had = os.getpriority(os.PRIO_PROCESS, 0)
     return Fact("scheduling", f"OTHER, nice {asked}", f"OTHER, nice {had}", had <= asked or asked >= 0)
 

@@ -7,7 +7,7 @@
    may not be pinned (the kernel admits it to all cores of its root domain or to none) and does not fork, so its
    children are ordinary (`sched(7)`, Documentation/scheduler/sched-deadline.rst).
 3. **nice -20** with a slice of 0.1 ms (Linux 6.12; before, the slice is the kernel's): it is put before all others soon
-   after it wakes, but has to share.
+   after it wakes, but has to share. A group that the kernel made of its session gets that niceness too.
 4. **plain**.
 """
 
@@ -20,6 +20,8 @@ import platform
 import struct
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+from services.runtime.autogroup import set_group_niceness
 
 #: Of `struct sched_attr` (linux/sched/types.h), first version: size, policy, flags, nice, priority, runtime, deadline,
 #: period.
@@ -161,6 +163,7 @@ class Scheduling:
                 os.sched_setaffinity(thread, {self.wish.core})
         for thread in own_threads():
             set_attributes(thread, os.SCHED_OTHER, _RESET_ON_FORK if reset else 0, nice=_NICE, runtime_ns=_SLICE_NS)
+        set_group_niceness(_NICE)
         slice_ns = get_attributes(0)[5]
         return f"nice {_NICE}, slice {slice_ns / 1e6:g} ms" if slice_ns else f"nice {_NICE}, the kernel's slice"
 
@@ -179,6 +182,7 @@ def own_threads() -> list[int]:
 def _make_ordinary(niceness: int) -> None:
     for thread in own_threads():
         set_attributes(thread, os.SCHED_OTHER, 0, nice=niceness)
+    set_group_niceness(niceness)
 
 
 def set_attributes(

@@ -40,7 +40,8 @@ class Child:
                 stderr=sink,
                 env={**os.environ, **spec.environment},
                 pass_fds=pass_fds,
-                process_group=0,  # a Ctrl-C at the terminal is ours alone: children are ended in order
+                # A Ctrl-C at the terminal is ours alone, children are ended in order; and `services.runtime.autogroup`.
+                start_new_session=True,
             )
         self.pid = self._popen.pid
         self.descriptor = os.pidfd_open(self.pid)

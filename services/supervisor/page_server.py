@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import msgspec
 import uvicorn
 
+from services.runtime.autogroup import set_group_niceness
 from services.runtime.bus import Bus
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
@@ -96,6 +97,7 @@ def main(link_descriptor: int, socket_descriptor: int) -> int:
     """Serve until the supervisor goes; return the exit code."""
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
+        set_group_niceness(_NICE)
     link = Link(socket.socket(fileno=link_descriptor))
     sock = socket.socket(fileno=socket_descriptor)
     opening = link.wait(Opening, _OPENING_S)

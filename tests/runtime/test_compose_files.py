@@ -17,6 +17,13 @@ def _services(file: str) -> dict[str, dict[str, Any]]:
     return services
 
 
+def test_what_the_hand_feels_comes_before_what_else_the_host_computes() -> None:
+    """Where no real-time class is granted, a niceness would count beside the other processes of its container only."""
+    weights = {name: each.get("cpu_shares", 1024) for name, each in _services("docker-compose.yml").items()}
+    loops = {weights[name] for name in ("physics", "haptics", "gateway", "gateway-hardware")}
+    assert min(loops) > weights["recorder"] > weights["visualization"]
+
+
 def test_the_rig_starts_on_a_host_without_the_device() -> None:
     devices = [device for each in _services("docker-compose.yml").values() for device in each.get("devices", [])]
     assert not any(str(DMA_LATENCY) in device for device in devices)
