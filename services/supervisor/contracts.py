@@ -66,8 +66,11 @@ def _loss(window: Window, seconds: float, contract: LoopContract) -> _Loss | Non
     loop, counted_s = counted
     asked_hz = loop.target_hz if contract.follows_readers else contract.rate_hz
     due = min(contract.rate_hz, asked_hz) * counted_s
+    # A loop that runs faster than it must counts its misses of more ticks than are due; a stall that began before the
+    # window is counted when it ends.
+    missed = min(1.0, loop.misses / max(loop.target_hz * counted_s, due)) * due
     # One tick is what a count over a window can be off by.
-    return _Loss(max(loop.misses, due - loop.ticks - 1.0), due, counted_s)
+    return _Loss(max(missed, due - loop.ticks - 1.0), due, counted_s)
 
 
 def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | None:
