@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.runtime.flight import COLUMNS
-from services.runtime.flights import Flight, overrun_ns
+from services.runtime.flights import FAST_HZ, Flight, ThreadTime, overrun_ns
 
 #: Flights of the watchers that do nothing but wake: late ones are the machine's doing.
 FLOOR = "floor"
@@ -16,7 +16,10 @@ FLOOR = "floor"
 FLOOR_LATE_NS = 300_000
 #: Why a tick was late: nobody was woken on its core; it was working; or none of what is known (its frame was on its
 #: way, a bus thread ran, or a process that is no loop of the rig). The name of another loop: that had the core.
-MACHINE, OWN, UNKNOWN = "the machine", "its own work", "unknown"
+#: Of a process that the kernel says waited for a core in that time, this is what is not known otherwise.
+MACHINE, OWN, UNKNOWN, WAITED = "the machine", "its own work", "unknown", "no core"
+#: A process waits in earnest that waited for so much of the time.
+_WAITS = 0.25
 #: Ticks that are closer together than this belong to one incident.
 _APART_NS = 2_000_000
 
@@ -44,12 +47,23 @@ def is_floor(flight: Flight) -> bool:
     return flight.name.removeprefix(FLOOR).isdigit()
 
 
-def worst_ticks(flights: Sequence[Flight], count: int) -> list[BadTick]:
-    """Return the `count` ticks that were late by most periods of their loop, in the order of time."""
+def worst_ticks(flights: Sequence[Flight], count: int, threads: Sequence[ThreadTime] = ()) -> list[BadTick]:
+    """Return the `count` ticks that were late by most periods of their loop, in the order of time.
+
+    Of loops that the hand does not feel a quarter at most, while there are others: a picture or a recorder that is held
+    up for half a second again and again, as ordinary processes are, would leave room for nothing else.
+    """
     loops = [flight for flight in flights if not is_floor(flight)]
     found = [(float(over), flight, row) for flight in loops for over, row in _overdue(flight)]
     found.sort(key=lambda each: -each[0])
-    bad = [_bad_tick(flight, row, flights) for _, flight, row in found[:count]]
+    slow = [each for each in found if each[1].rate_hz < FAST_HZ]
+    fast = [each for each in found if each[1].rate_hz >= FAST_HZ]
+    slow = slow[: max(count // 4, count - len(fast))]
+    waiting = {each.process for each in threads if each.waited_s >= _WAITS * each.seconds}
+    bad = [
+        _bad_tick(flight, row, flights, flight.name in waiting)
+        for _, flight, row in [*fast[: count - len(slow)], *slow]
+    ]
     return sorted(bad, key=lambda tick: tick.due_ns)
 
 
@@ -58,7 +72,7 @@ def _overdue(flight: Flight) -> Iterator[tuple[float, int]]:
     return ((float(over[row]), int(row)) for row in np.flatnonzero(over > 0.0))
 
 
-def _bad_tick(flight: Flight, row: int, flights: Sequence[Flight]) -> BadTick:
+def _bad_tick(flight: Flight, row: int, flights: Sequence[Flight], waits: bool) -> BadTick:
     tick, due, began, ended, ran = (int(value) for value in flight.rows[row, : len(COLUMNS)])
     stages = flight.rows[row, len(COLUMNS) :]
     longest = int(stages.argmax()) if len(stages) else -1
@@ -75,12 +89,12 @@ def _bad_tick(flight: Flight, row: int, flights: Sequence[Flight]) -> BadTick:
         on_core_ns=min(ran, ended - began),
         longest_stage=flight.stages[longest] if longest >= 0 and stages[longest] > 0 else "",
         longest_stage_ns=int(stages[longest]) if longest >= 0 else 0,
-        why=_why(flight, (due, began, ended, ran), flights),
+        why=_why(flight, (due, began, ended, ran), flights, WAITED if waits else UNKNOWN),
     )
 
 
-def _why(flight: Flight, times_ns: tuple[int, int, int, int], flights: Sequence[Flight]) -> str:
-    """Return the largest of: the machine did not wake anybody; others had the core; somebody unknown had; own work."""
+def _why(flight: Flight, times_ns: tuple[int, int, int, int], flights: Sequence[Flight], else_: str) -> str:
+    """Return the largest of: the machine did not wake anybody; others had the core; own work; `else_`."""
     due, began, ended, ran = times_ns
     machine_ns = max((_machine_ns(f, due, ended) for f in flights if is_floor(f) and shares_core(f, flight)), default=0)
     if machine_ns > FLOOR_LATE_NS:
@@ -92,7 +106,7 @@ def _why(flight: Flight, times_ns: tuple[int, int, int, int], flights: Sequence[
     unknown_ns = max(0, ended - due - own_ns - sum(others.values()))
     if own_ns >= max(other_ns, unknown_ns):
         return f"{OWN} {_ms(own_ns)}"
-    return f"{other} {_ms(other_ns)}" if other_ns >= unknown_ns else f"{UNKNOWN} {_ms(unknown_ns)}"
+    return f"{other} {_ms(other_ns)}" if other_ns >= unknown_ns else f"{else_} {_ms(unknown_ns)}"
 
 
 def shares_core(one: Flight, other: Flight) -> bool:

@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from services.cli import targets
-from services.cli.incidents import FLOOR_LATE_NS, UNKNOWN, BadTick, incidents, is_floor, worst_ticks
+from services.cli.incidents import FLOOR_LATE_NS, UNKNOWN, WAITED, BadTick, incidents, is_floor, worst_ticks
 from services.cli.trace import trace
 from services.runtime import config, endpoints
 from services.runtime.errors import UserError
@@ -30,7 +30,7 @@ _WORDS = ("longest stage", "mostly")
 _LEGEND = (
     "s: before the end of what was kept; late: started after its time; ran: on the core since the tick before; "
     f"over: after its deadline. Mostly: what took most of the time from when it was due; {UNKNOWN!r} is its frame "
-    "on its way, a bus thread, or somebody who is no loop of the rig."
+    f"on its way, a bus thread, or somebody who is no loop of the rig; {WAITED!r}: it waited for one, says the kernel."
 )
 
 
@@ -91,7 +91,7 @@ def _now(request: Request) -> Flights:
 
 
 def _plain(taken: Flights, worst: int) -> dict[str, object]:
-    ticks = worst_ticks(taken.flights, worst)
+    ticks = worst_ticks(taken.flights, worst, taken.threads)
     return {
         "taken_at": taken.taken_at,
         "reason": taken.reason,
@@ -103,7 +103,7 @@ def _plain(taken: Flights, worst: int) -> dict[str, object]:
 
 def _show(console: Console, taken: Flights, worst: int) -> None:
     console.print(f"{taken.taken_at}  {taken.reason}", style="bold", markup=False)
-    ticks = worst_ticks(taken.flights, worst)
+    ticks = worst_ticks(taken.flights, worst, taken.threads)
     if not ticks:
         console.print("no tick was late in what was kept")
     else:

@@ -9,11 +9,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import protocol.bodies as bodies
-from services.runtime.flights import FILE_SUFFIX, Flights, ThreadTime, read_rings, to_bytes, worst_ns
+from services.runtime.flights import FAST_HZ, FILE_SUFFIX, Flights, ThreadTime, read_rings, to_bytes, worst_ns
 from services.runtime.private_directory import make_private, open_private
 
-#: Loops that the hand feels; a picture that is late is no accident.
-FAST_HZ = 500.0
 #: What follows a miss is waited for this long: rings hold two seconds.
 _AFTERMATH_S = 0.5
 #: Files are this far apart, and of all of a rig these are kept: the newest, and those with the worst ticks.

@@ -84,6 +84,26 @@ def test_the_worst_by_periods_are_taken_in_the_order_of_time_and_what_belongs_to
     assert [len(group) for group in incidents(ticks)] == [2, 1]
 
 
+def test_what_the_hand_does_not_feel_leaves_room_for_what_it_does() -> None:
+    held_up = {k: {"work": 900_000.0} for k in range(100)}
+    picture, physics = (
+        flight("visualization", 0, 200.0, held_up, rate=36.0),
+        flight("physics", 1, 300.0, {7: {"work": 1200.0}}),
+    )
+    assert [tick.process for tick in worst_ticks([picture], 8)] == ["visualization"] * 8
+    alone = flight("physics", 1, 300.0, {k: {"work": 1200.0} for k in range(50)})
+    assert [tick.process for tick in worst_ticks([picture, alone], 8)].count("visualization") == 2
+    assert [tick.process for tick in worst_ticks([picture, physics], 8)].count("visualization") == 7
+
+
+@pytest.mark.parametrize(("waited_s", "why"), [(1.5, "no core 2.32 ms"), (0.1, "unknown 2.32 ms")])
+def test_of_who_waited_for_a_core_the_kernel_says_so(waited_s: float, why: str) -> None:
+    late = flight("haptics", 0, 200.0, {50: {"work": 2500.0, "ran": 200.0}})
+    threads = [ThreadTime("haptics", "python3", 2.0, 0.4, waited_s, 1000), ThreadTime("physics", "x", 2.0, 0.1, 1.9, 9)]
+    (tick,) = worst_ticks([late], 10, threads)
+    assert tick.why == why
+
+
 def _check_event(event: dict[str, Any]) -> None:
     """What the Trace Event Format asks of the kinds that are used."""
     assert event["ph"] in "XiM"
