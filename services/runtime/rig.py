@@ -123,6 +123,15 @@ class GatewaySettings(Settings):
         2.0, description="every hand is let go when the supervisor has been silent for so long; null: there is none"
     )
 
+    @field_validator("instruments")
+    @classmethod
+    def _are_told_apart(cls, instruments: tuple[InstrumentSettings, ...]) -> tuple[InstrumentSettings, ...]:
+        names = [each.name for each in instruments]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:  # what is told of one would hide what is told of the other: a lost link, a hot motor
+            raise ValueError(f"two instruments are called {twice!r}")
+        return instruments
+
 
 class ViewSettings(Settings):
     """The picture.
@@ -226,6 +235,16 @@ class Rig(Settings):
     recorder: RecorderSettings = RecorderSettings()
     supervisor: SupervisorSettings = SupervisorSettings()
     contracts: Contracts = Contracts()
+
+    @model_validator(mode="after")
+    def _has_a_port_for_each(self) -> Self:
+        port, page = self.visualization.port, self.supervisor.web.port
+        beside = (
+            self.supervisor.mode == "launch" and self.process("visualization").enabled
+        )  # else each has its own host
+        if beside and port == page != 0:
+            raise ValueError(f"visualization.port: {port} is the page's already (supervisor.web.port)")
+        return self
 
     def process(self, name: str) -> ProcessSettings:
         """Return the settings of a process, defaults where the file names none."""

@@ -123,6 +123,33 @@ def test_a_merged_key_may_be_given_again(tmp_path: Path) -> None:
     assert (data["other"], data["last"]) == ({"core": 3, "nice": 2}, {"core": 3, "nice": 4})
 
 
+ARM = "{name: left, port_m: [0.0, 0.0, 0.1], arm: {driver: phantom_simulated}}"
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (
+            f"name: r\ngateway: {{instruments: [{ARM}, {ARM}]}}",
+            "gateway.instruments: two instruments are called 'left'",
+        ),
+        ("name: r\nvisualization: {port: 8080}", r"visualization.port: 8080 is the page's already"),
+    ],
+)
+def test_what_would_hide_or_shut_out_another_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
+    """Gauges of two arms of one name were one; of two servers on one port the second could not begin."""
+    with pytest.raises(ConfigError, match=sentence):
+        config.load(Rig, write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    "rest", ["visualization: {port: 8080}\nsupervisor: {mode: attach}", "processes: {visualization: {enabled: false}}"]
+)
+def test_containers_have_ports_of_their_own(tmp_path: Path, rest: str) -> None:
+    config.load(Rig, write(tmp_path, f"name: r\n{rest}"))
+    config.load(Rig, write(tmp_path, "name: r\nvisualization: {port: 0}\nsupervisor: {web: {port: 0}}"))
+
+
 def test_a_file_that_is_not_there_names_those_that_are() -> None:
     with pytest.raises(ConfigError, match=r"there is no rig 'nonsense' in .*configs/rigs; known: .*stub"):
         config.load_rig("nonsense")
