@@ -1,15 +1,36 @@
 // Who the rig is, and its state five times a second. A lost link is said and taken up again.
 
 const RETRY_MS = 1000;
+const LOOK_MS = 500;
 const SILENCE_MS = 3000;
+
+// For how long nobody was heard, looked at every `LOOK_MS`. Time in which this page itself was not run counts against nobody: on a
+// busy computer a browser stands still for seconds, and what was sent meanwhile is not read yet.
+export class Silence {
+  constructor(now) {
+    this.heard(now);
+  }
+
+  heard(now) {
+    this.ms = 0;
+    this.looked = now;
+  }
+
+  // Returns whether it is long enough to be told.
+  look(now) {
+    this.ms += Math.min(now - this.looked, LOOK_MS);
+    this.looked = now;
+    return this.ms > SILENCE_MS;
+  }
+}
 
 export class RigStream {
   // handlers: onRig(rig), onState(state), onLink(text or null)
   constructor(handlers) {
     this.handlers = handlers;
-    this.heard = performance.now();
+    this.silence = new Silence(performance.now());
     this.open();
-    setInterval(() => this.watch(), 500);
+    setInterval(() => this.silence.look(performance.now()) && this.lost(), LOOK_MS);
   }
 
   async open() {
@@ -28,7 +49,7 @@ export class RigStream {
   follow(address) {
     const source = new EventSource(address);
     source.addEventListener("state", ({ data }) => {
-      this.heard = performance.now();
+      this.silence.heard(performance.now());
       this.handlers.onLink(null);
       this.handlers.onState(JSON.parse(data));
     });
@@ -38,10 +59,6 @@ export class RigStream {
       source.close();
       setTimeout(() => this.open(), RETRY_MS);
     };
-  }
-
-  watch() {
-    if (performance.now() - this.heard > SILENCE_MS) this.lost();
   }
 
   lost() {
