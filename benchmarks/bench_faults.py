@@ -3,13 +3,14 @@
     python benchmarks/bench_faults.py [--faults 200] [--seed 14] [--minutes 5]
 
 A rig whose left hand presses on the duct, SIGKILL or SIGSTOP of one of the three at a random moment, then: how long
-until the supervisor says so, how long until forces are on again (the rig is RUNNING or DEGRADED), whether it was
-RUNNING within the seven seconds after that (DEGRADED is not), whether a force ever stepped by more than the rate
-limit, and how fast each loop runs between the fifth and the seventh second, beside a bare sleeper on each core above
-every process of the rig (`machine_floor`). Exit status 1 if any of it fails.
+until the supervisor says so, how long until forces are on again (the rig is RUNNING or DEGRADED), whether it is
+RUNNING within a minute (DEGRADED is not), whether a force ever stepped by more than the rate limit, and how fast each
+loop runs in the two seconds around the fifth after the fault, beside a bare sleeper on each core above every process of
+the rig (`machine_floor`). Where forces came back later than three seconds after the fault, the two seconds begin one
+second after that. Exit status 1 if any of it fails.
 
 Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped; one
-that is ended by SIGTERM takes its rig with it.
+that is ended by SIGTERM takes its rig with it. 200 faults take about 25 minutes.
 """
 
 from __future__ import annotations
@@ -22,22 +23,26 @@ import signal
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from machine_floor import Floor
-from report import RESULTS, Row, end_in_good_order, write_report
+from report import RESULTS, Row, commit, end_in_good_order, write_report
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' rig is launched as a user would
 
 from protocol.bodies import SupervisorState
+from services.runtime.flight import flight_directory
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_rates_n_s, rate_limit_n_s
 
 LOOPS = ("gateway", "haptics", "physics")
 SIGNALS = (signal.SIGKILL, signal.SIGSTOP)
-BACK_S, SETTLED_S, MEASURED_S, SLOWEST_HZ = 60.0, 5.0, 2.0, 990.0
+BACK_S, SLOWEST_HZ = 60.0, 990.0
+#: Rates are those of so long, around so long after a fault, and not before forces have been on for so long.
+MEASURED_S, JUDGED_S, SETTLED_S = 2.0, 5.0, 1.0
 NOTICE_S, LATEST_NOTICE_S = 0.05, 0.1
 
 
@@ -48,12 +53,13 @@ class Outcome:
     process: str
     signal: str
     forces_on_s: float  # RUNNING or DEGRADED
-    running_s: float | None  # RUNNING; None: not within the time that was watched
+    running_s: float | None  # RUNNING; None: not within `BACK_S`
     state: str  # of the rig at the end, and why
     fastest_n_s: float
     rates_hz: dict[str, float]
     noticed_s: float | None = None  # until the supervisor said that the process is not ready
     floor_late_percent: float | None = None  # wake-ups of a bare sleeper while the rates were measured, the worse core
+    commit: str = ""  # of the rig that was struck
 
     def failures(self) -> list[str]:
         """Return what went wrong, a sentence each."""
@@ -102,17 +108,31 @@ def strike(rig: Rig, process: str, number: signal.Signals, after_s: float) -> Ou
     except AssertionError as error:
         print(error, file=sys.stderr)
     again_s, noticed_s = time.monotonic() - struck, _noticed_s(observer.states[said:], process, pid, struck)
-    said = len(observer.states)
-    _ticks(rig, SETTLED_S)
-    with Floor(MEASURED_S) as floor:
+    said = len(observer.states) - 1  # the last is what `again_s` was read off
+    settled_s = max(JUDGED_S - MEASURED_S / 2, again_s + SETTLED_S)
+    with Floor(MEASURED_S, flight_directory(rig.directory / "bus"), struck + settled_s) as floor:
+        _ticks(rig, struck + settled_s - time.monotonic())
         seen = _ticks(rig, MEASURED_S)
-    running_ns = next((sent_ns for sent_ns, body in observer.states[said:] if body.state == "running"), None)
-    running_s = None if running_ns is None else max(again_s, 1e-9 * running_ns - struck)
+    running_s = _running_s(rig, said, struck)
     state = f"{observer.rig_state} {observer.states[-1][1].reason}".strip()
     fastest_n_s = max(force_rates_n_s(observer.samples), default=0.0)
     rates_hz = {name: _rate_hz(seen[name]) for name in LOOPS}
     late_percent = max(core["lost_percent"] for core in floor.cores)
-    return Outcome(process, number.name, again_s, running_s, state, fastest_n_s, rates_hz, noticed_s, late_percent)
+    return Outcome(
+        process, number.name, again_s, running_s, state, fastest_n_s, rates_hz, noticed_s, late_percent, commit()
+    )  # fmt: skip
+
+
+def _running_s(rig: Rig, said: int, struck_s: float) -> float | None:
+    """Return how long after `struck_s` the rig was RUNNING, and wait for it as long as it may take."""
+    observer = rig.observer
+
+    def since() -> list[int]:
+        return [sent_ns for sent_ns, body in observer.states[said:] if body.state == "running"]
+
+    with suppress(AssertionError):
+        observer.until(lambda: bool(since()), max(0.0, struck_s + BACK_S - time.monotonic()), "RUNNING")
+    return 1e-9 * since()[0] - struck_s if since() else None
 
 
 def _noticed_s(states: list[tuple[int, SupervisorState]], process: str, pid: int, struck_s: float) -> float | None:
@@ -153,15 +173,15 @@ def _rows(outcomes: list[Outcome]) -> list[Row]:
                 rows.append(Row(name, float(np.median(seconds)), "s", BACK_S, p99=float(seconds.max())))
     for loop in LOOPS:
         rates = np.array([o.rates_hz[loop] for o in outcomes])
-        name = f"{loop}: slowest five seconds later"
+        name = f"{loop}: slowest around five seconds later"
         rows.append(
             Row(name, float(rates.min()), "Hz", SLOWEST_HZ, at_least=True, extra={"p50": float(np.median(rates))})
         )
     rows += _floor_rows(outcomes)
     running = [o.running_s for o in outcomes if o.running_s is not None]
-    rows.append(Row("RUNNING within seven seconds of that", 100.0 * len(running) / len(outcomes), "%"))
+    rows.append(Row("RUNNING within a minute", 100.0 * len(running) / len(outcomes), "%", 100.0, at_least=True))
     if running:
-        rows.append(Row("RUNNING, of those, after", float(np.median(running)), "s", p99=max(running)))
+        rows.append(Row("RUNNING, of those, after", float(np.median(running)), "s", BACK_S, p99=max(running)))
     failed = sum(bool(o.failures()) for o in outcomes)
     return [*rows, Row(f"faults after which something failed, of {len(outcomes)}", float(failed), "", 0.0)]
 
@@ -222,7 +242,8 @@ def main() -> int:
         f"Seed {arguments.seed}, {len(outcomes)} of {arguments.faults} faults; the stub rig with the small scene, a "
         "hand that presses and lifts. Times are medians and, as 99 %, the longest; they include a restart's back-off. "
         "Forces are those of every device frame. After a fault the budget of a minute may keep the rig DEGRADED: "
-        "forces are on, but it is not counted as RUNNING."
+        "forces are on, but it is not counted as RUNNING. Rates are those of the two seconds around the fifth after "
+        f"the fault. Struck were rigs of {', '.join(sorted({o.commit or 'an earlier commit' for o in outcomes}))}."
     )
     write_report(arguments.name, "Kills and freezes", _rows(outcomes), notes)
     return 1 if any(outcome.failures() for outcome in outcomes) else 0

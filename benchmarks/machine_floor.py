@@ -1,11 +1,11 @@
 """What the machine itself costs: late wake-ups of a thread that does next to nothing, above everything else.
 
-``python benchmarks/machine_floor.py CORE SECONDS [PHASES]`` pins itself to a core at the highest real-time priority
-that it can have and prints one JSON object. Run beside a rig it says which of the rig's late ticks nobody could have
-avoided: no process of the rig comes before it. It wakes every 5 ms, so that it costs the rig less than a switch in a
-hundred; a wake-up that is over a millisecond late meets a stall with the same probability as the deadline of a tick
-does. Each time it counts to a few hundred: how long that takes says how fast the core is just now, whoever shares it
-unseen.
+``python benchmarks/machine_floor.py CORE SECONDS [PHASES] [--from-s TIME]`` pins itself to a core at the highest
+real-time priority that it can have and prints one JSON object. Run beside a rig it says which of the rig's late ticks
+nobody could have avoided: no process of the rig comes before it. It wakes every 5 ms, so that it costs the rig less
+than a switch in a hundred; a wake-up that is over a millisecond late meets a stall with the same probability as the
+deadline of a tick does. Each time it counts to a few hundred: how long that takes says how fast the core is just now,
+whoever shares it unseen.
 
 A wake-up in the midst of a tick costs that tick what it takes, and every fifth tick is a 99th percentile. PHASES is
 the file in which a rig says when in a millisecond nobody works on a core (`services.supervisor.floor.Phases`): it then
@@ -47,15 +47,16 @@ def next_at(phase_ns: int, from_ns: int) -> int:
     return from_ns + (phase_ns - from_ns) % floor.PERIOD_NS
 
 
-def watch(core: int, seconds: float, phases: Phases | None = None) -> dict[str, float]:
+def watch(core: int, seconds: float, phases: Phases | None = None, from_s: float = 0.0) -> dict[str, float]:
     """Sleep on an absolute grid and return what share of the wake-ups was over a millisecond late, and how long a
-    fixed piece of arithmetic took: median, and 99 % over median. The grid follows `phases`."""
+    fixed piece of arithmetic took: median, and 99 % over median. The grid follows `phases`, and begins at `from_s` of
+    the monotonic clock, if that is still to come."""
     if not pin_above_all(core):
         print("no real-time priority: this floor counts the rig's own work too", file=sys.stderr)
     gc.disable()
     late, worst_ns, ticks = 0, 0, round(seconds * 1e9 / PERIOD_NS)
     counted_ns: list[int] = []
-    due_ns, phase_ns = time.monotonic_ns() + PERIOD_NS, -1
+    due_ns, phase_ns = max(time.monotonic_ns(), int(1e9 * from_s)) + PERIOD_NS, -1
     for _ in range(ticks):
         if phases is not None and phases[core] != phase_ns:
             phase_ns = phases[core]
@@ -80,10 +81,11 @@ class Floor:
     """Watchers of both cores for as long as a ``with`` block lasts, at most `seconds`.
 
     `rings` is the directory of the flight rings of the rig beside which they watch: there it says when nobody works.
+    With `from_s`, a time of the monotonic clock, they are started before what they measure begins.
     """
 
-    def __init__(self, seconds: float, rings: Path | None = None) -> None:
-        self._seconds = seconds
+    def __init__(self, seconds: float, rings: Path | None = None, from_s: float = 0.0) -> None:
+        self._seconds, self._from_s = seconds, from_s
         phases = None if rings is None else rings / floor.PHASES
         self._phases = [str(phases)] if phases is not None and phases.exists() else []
         self.cores: list[dict[str, float]] = []
@@ -91,7 +93,10 @@ class Floor:
     def __enter__(self) -> Floor:
         command = [sys.executable, str(Path(__file__))]
         self._watchers = [
-            subprocess.Popen([*command, str(core), str(self._seconds), *self._phases], stdout=subprocess.PIPE)
+            subprocess.Popen(
+                [*command, str(core), str(self._seconds), *self._phases, "--from-s", str(self._from_s)],
+                stdout=subprocess.PIPE,
+            )
             for core in sorted(os.sched_getaffinity(0))[:2]
         ]
         return self
@@ -105,5 +110,6 @@ if __name__ == "__main__":
     parser.add_argument("core", type=int)
     parser.add_argument("seconds", type=float)
     parser.add_argument("phases", type=Path, nargs="?")
+    parser.add_argument("--from-s", type=float, default=0.0, help="time of the monotonic clock at which it begins")
     asked = parser.parse_args()
-    print(json.dumps(watch(asked.core, asked.seconds, Phases(asked.phases) if asked.phases else None)))
+    print(json.dumps(watch(asked.core, asked.seconds, Phases(asked.phases) if asked.phases else None, asked.from_s)))

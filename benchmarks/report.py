@@ -170,7 +170,7 @@ def describe_run() -> dict[str, str]:
     run = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": shlex.join(["python", *_relative(sys.argv)]),
-        "commit": _commit(),
+        "commit": commit(),
         "cpu": processor_name(),
         "cores": str(os.cpu_count()),
         "load": f"{os.getloadavg()[0]:.1f}",
@@ -238,7 +238,8 @@ def _relative(arguments: list[str]) -> list[str]:
     return [argument.removeprefix(root) for argument in arguments]
 
 
-def _commit() -> str:
+def commit() -> str:
+    """Return the abbreviated hash of what is checked out."""
     command = ["git", "rev-parse", "--short", "HEAD"]
     done = subprocess.run(command, cwd=RESULTS.parent, capture_output=True, text=True, check=False)
     return done.stdout.strip() or "unknown"
