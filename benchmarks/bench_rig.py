@@ -1,14 +1,16 @@
 """The whole rig for a minute: loops, paths, answered samples, context switches, processor time, beside the floor.
 
     python benchmarks/bench_rig.py [--seconds 60] [--runs 5] [trocar up's options]
-    python benchmarks/bench_rig.py --beside alone observers --name rig-observers
+    python benchmarks/bench_rig.py --beside alone observers
     python benchmarks/bench_rig.py --beside alone stress --name rig-stress
 
-Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians over the runs. ``--beside`` names what
-runs beside it, interleaved: ``observers`` are four readers of every frame of every topic and a fifth that never takes
-what it has subscribed to, ``stress`` is stress-ng (a Debian package) with two processes that compute and two that fill
-memory, on whatever core they get. A bare sleeper on each core, above every process of the rig, watches in every run
-what the machine takes (`machine_floor`), when nobody of the rig works: nobody's ticks can be better.
+Runs ``trocar up --seconds N --json FILE`` several times and tabulates medians over the runs; the table is written anew
+after each round. ``--beside`` names what runs beside it, interleaved: ``observers`` are four readers of every frame of
+every topic and a fifth that never takes what it has subscribed to, ``stress`` is stress-ng (a Debian package) with two
+processes that compute and two that fill memory, on whatever core they get. Where ``alone`` is among them, the table
+ends with what the others change: the median of the differences, each of two runs one after the other, beside how far
+the runs alone lie apart. A bare sleeper on each core, above every process of the rig, watches in every run what the
+machine takes (`machine_floor`), when nobody of the rig works: nobody's ticks can be better.
 """
 
 from __future__ import annotations
@@ -81,6 +83,8 @@ def run_rig(seconds: float, options: list[str], load: str) -> dict[str, Any]:
         if process.returncode != 0:
             raise SystemExit(f"trocar up ended with {process.returncode}:\n{said[-2000:]}")
         report: dict[str, Any] = json.loads(file.read_text())
+    for loop in report["loops"].values():
+        loop["miss_percent"] = 100.0 * loop["miss_ratio"]
     return {**report, "threads": threads, "floor": floor.cores, "load": load}
 
 
@@ -129,7 +133,7 @@ def _loop_rows(runs: list[dict[str, Any]], load: str) -> list[Row]:
     for loop, (core, p50, p99) in _LOOPS.items():
         floor = float(np.median(_values(runs, "floor", core, "lost_percent")))
         limit = _STRESS_PERCENT if load == "stress" else max(_TIMES_FLOOR * floor, _LEAST_PERCENT)
-        misses = [100 * ratio for ratio in _values(runs, "loops", loop, "miss_ratio")]
+        misses = _values(runs, "loops", loop, "miss_percent")
         rows.append(_row(f"{loop}: rate", _values(runs, "loops", loop, "rate_hz"), "Hz", 999.0, at_least=True))
         rows.append(_row(f"{loop}: late or lost ticks", misses, "%", limit))
         rows += _latency(runs, f"{loop}: work", ("loops", loop, "work_us"), (p50, p99))
@@ -170,6 +174,28 @@ def rows_of(runs: list[dict[str, Any]], load: str) -> list[Row]:
     return [Row(f"{load}: {row.name}", **{k: v for k, v in vars(row).items() if k != "name"}) for row in rows]
 
 
+#: What a load may not change for the three loops: name, unit, and where a run's report has it, in that unit.
+_UNCHANGED = (
+    *((f"{loop}: late or lost ticks", "%", ("loops", loop, "miss_percent")) for loop in _LOOPS),
+    *((f"{loop}: work, median", "us", ("loops", loop, "work_us", "p50")) for loop in _LOOPS),
+    *((f"{loop}: work, 99 %", "us", ("loops", loop, "work_us", "p99")) for loop in _LOOPS),
+    ("servo, 99 %", "us", ("paths", "servo", "p99")),
+    ("device_model, median", "us", ("paths", "device_model", "p50")),
+    ("device_model, 99 %", "us", ("paths", "device_model", "p99")),
+)
+
+
+def change_rows(alone: list[dict[str, Any]], runs: list[dict[str, Any]], load: str) -> list[Row]:
+    """Return what `load` changes: medians of the differences from the run alone before each, and as their limit how far
+    the runs alone lie apart."""
+    rows = []
+    for name, unit, keys in _UNCHANGED:
+        quiet, loaded = _values(alone, *keys), _values(runs, *keys)
+        change = float(np.median(np.subtract(loaded, quiet)))
+        rows.append(Row(f"what {load} change: {name}", change, unit, max(quiet) - min(quiet)))
+    return rows
+
+
 def main() -> None:
     """Measure and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -179,15 +205,27 @@ def main() -> None:
     parser.add_argument("--name", default="rig", help="of the table in benchmarks/results")
     arguments, options = parser.parse_known_args()
     end_in_good_order()
-    runs = [run_rig(arguments.seconds, options, load) for _ in range(arguments.runs) for load in arguments.beside]
-    rows = [row for load in arguments.beside for row in rows_of([run for run in runs if run["load"] == load], load)]
+    runs: list[dict[str, Any]] = []
+    for number in range(arguments.runs):
+        runs += [run_rig(arguments.seconds, options, load) for load in arguments.beside]
+        _write(arguments.name, runs, f"{number + 1} runs of {arguments.seconds:g} s each")
+
+
+def _write(name: str, runs: list[dict[str, Any]], what: str) -> None:
+    by_load = {
+        load: [run for run in runs if run["load"] == load] for load in dict.fromkeys(run["load"] for run in runs)
+    }
+    rows = [row for load, some in by_load.items() for row in rows_of(some, load)]
+    if len(by_load.get("alone", ())) > 1:
+        others = [load for load in by_load if load != "alone"]
+        rows += [row for load in others for row in change_rows(by_load["alone"], by_load[load], load)]
     notes = (
-        f"{arguments.runs} runs of {arguments.seconds:g} s each, all processes on this machine, web view, stub "
+        f"{what}, all processes on this machine, web view, stub "
         "devices; medians over the runs, noise is their range over the median. Of the gateway's work its part between "
         "ticks (handles, models, reports) is not counted. `device_model` is timed in one tick of 16."
     )
-    write_report(arguments.name, "The rig", rows, notes)
-    last = RESULTS / f"{arguments.name}-last-run.json"
+    write_report(name, "The rig", rows, notes)
+    last = RESULTS / f"{name}-last-run.json"
     last.write_text(json.dumps(runs[-1], indent=1) + "\n", encoding="utf-8")
 
 
