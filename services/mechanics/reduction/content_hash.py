@@ -25,9 +25,15 @@ def hash_content(*values: object) -> str:
     return digest.hexdigest()
 
 
-def hash_sources(*folders: Path) -> str:
-    """Return the hash of all Python files in and below some folders, so that changed code does not meet old results."""
-    files = sorted(path for folder in folders for path in folder.rglob("*.py"))
+def hash_sources(*places: Path) -> str:
+    """Return the hash of Python files and of all in and below folders, so that changed code does not meet old results.
+
+    Raises
+    ------
+    FileNotFoundError
+        A file that is named is not there.
+    """
+    files = sorted(path for place in places for path in (place.rglob("*.py") if place.is_dir() else (place,)))
     return hash_content([path.read_bytes() for path in files])
 
 

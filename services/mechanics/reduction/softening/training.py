@@ -23,6 +23,13 @@ from services.mechanics.reduction.softening.law import Sample, SofteningLaw, fit
 from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites
 from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
 
+_HERE = Path(__file__).parent
+SOURCES = (
+    _HERE,
+    _HERE.parent / "free_dofs.py",
+    *(_HERE.parents[1] / "surface" / f"{name}.py" for name in ("coarsening", "mesh")),
+)
+"""What the numbers follow from beside the elements, which the recipe's key holds."""
 LEAST_SHARE = 1e-3
 """Of the work that is local deformation: below it a state says nothing about the law."""
 
@@ -73,7 +80,7 @@ def fetch_softening(
         entry.save("third", made.third)
         entry.describe(recipe=recipe.key(), n_squeezes=n_squeezes)
 
-    name = f"softening-{hash_content(recipe.key(), n_squeezes, hash_sources(Path(__file__).parent))}"
+    name = f"softening-{hash_content(recipe.key(), n_squeezes, hash_sources(*SOURCES))}"
     entry = cache.fetch(cache_dir or cache_directory(), name, make)
     sites = LoadSites(**{name: entry.load(f"sites_{name}") for name in LoadSites.__slots__})
     law = SofteningLaw(**{name: entry.load(f"law_{name}") for name in SofteningLaw.__slots__})

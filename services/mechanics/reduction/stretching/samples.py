@@ -24,6 +24,14 @@ from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.stretching.law import MOST_Q
 from services.mechanics.surface.mesh import vertex_normals
 
+_HERE = Path(__file__).parent
+SOURCES = (
+    _HERE,
+    _HERE.parent / "free_dofs.py",
+    _HERE.parent / "nonlinear" / "membrane.py",
+    _HERE.parents[1] / "surface" / "mesh.py",
+)
+"""What the numbers follow from beside the modes and the elements, which are in the name."""
 SEED = 1
 PLACES = 100
 """Places on the wall that the loads of the training press and pull at, along three directions."""
@@ -70,8 +78,7 @@ def fetch_samples(
         entry.describe(content_hash=basis.content_hash, exponent=exponent)
         progress("stretch of the wall", 1.0)
 
-    sources = hash_sources(Path(__file__).parent)
-    name = f"stretch-{hash_content(basis.content_hash, recipe.key(), exponent, sources)}"
+    name = f"stretch-{hash_content(basis.content_hash, recipe.key(), exponent, hash_sources(*SOURCES))}"
     entry = cache.fetch(cache_dir or cache_directory(), name, make)
     return StretchSamples(entry.load("strain"), entry.load("energy_j"))
 
