@@ -70,7 +70,8 @@ class Softening(Effect):
         duct, n = world.duct, world.duct.n_loads
         loads = duct.load_nodes[:n], duct.load_force_n[:n]
         motion = duct.state.q, duct.q_start, duct.state.qdot, duct.state.qddot
-        self._wall.follow(loads, duct.contact_impulse, motion, dt_s)
+        drive = duct.modal_force, duct.position_gain * (duct.contact_impulse + duct.modal_kick)
+        self._wall.follow(loads, duct.contact_impulse, drive, motion, dt_s)
         self.dissipated_j = self._wall.dissipated_j
 
     def state_arrays(self) -> tuple[AnyArray, ...]:

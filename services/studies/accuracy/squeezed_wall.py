@@ -9,8 +9,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.reduction import Newmark, ReducedDuct
-from services.mechanics.reduction.softened_wall.follow import follow_loads
-from services.mechanics.reduction.softened_wall.wall import SoftenedWall
+from services.mechanics.reduction.softened_wall.followed_wall import FollowedWall
 from services.mechanics.reduction.softening.training import WallSoftening
 
 DT_S = 1e-3
@@ -36,7 +35,7 @@ class SqueezedWall:
         integrator = Newmark(basis.omega_rad_s, self.duct.damping_ratio)
         self.body = DuctBody(self.duct, integrator, n)
         if self.softening is not None:
-            self.wall = SoftenedWall.of(self.duct, self.softening, np.zeros(basis.n_modes), integrator)
+            self.wall = FollowedWall(self.duct, self.softening, np.zeros(basis.n_modes), integrator, 1.0)
         self._corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
         self._weights = np.tile([1.0, 0.0, 0.0], (n, 1))
 
@@ -57,7 +56,8 @@ class SqueezedWall:
         if self.softening is not None:
             loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
             motion = body.state.q, body.q_start, body.state.qdot, body.state.qddot
-            follow_loads(self.wall.address, loads, body.contact_impulse, motion, DT_S)
+            drive = body.modal_force, body.position_gain * body.contact_impulse
+            self.wall.follow(loads, body.contact_impulse, drive, motion, DT_S)
         return force_n
 
     def displacement_m(self) -> FloatArray:

@@ -9,8 +9,9 @@ Both are exact in time, so that nothing that was not put in comes out, whatever 
   more than P(q1) - P(q2), whatever the step and the motion.
 - When the pattern changes, P of the new one at the same displacement is compared with that of the old one. What is less
   is spent, or kept in the tank; what is more is taken from the tank, or the old pattern stays.
-- The potential of a wall that is pulled out is convex, and the step gives out a little more than it falls by. That
-  comes from the tank, or from the potential itself, of which less acts from then on.
+- The potential of a wall that is pulled out is convex. There the force is that of the end of the step, found ahead of
+  it with the contact forces of the last one (`push_ahead`): it too does no more work than the potential falls by. Where
+  contacts change so that it does, as where the wall is let go, the step is corrected by the force of where it has led.
 """
 
 from __future__ import annotations
@@ -21,7 +22,15 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.softened_wall.candidate import begin_candidate, continue_candidate
-from services.mechanics.reduction.softened_wall.pattern import GAIN, PART, Pattern, copy_pattern, evaluate
+from services.mechanics.reduction.softened_wall.pattern import (
+    GAIN,
+    PART,
+    Pattern,
+    copy_pattern,
+    evaluate,
+    evaluate_ahead,
+    stiffens,
+)
 from services.mechanics.reduction.softened_wall.wall import (
     POTENTIAL,
     SPENT,
@@ -47,9 +56,10 @@ def follow_loads(
     loads: tuple[IntArray, FloatArray],
     modal_force: FloatArray,
     motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    gains: tuple[FloatArray, FloatArray, FloatArray],
     dt_s: float,
 ) -> None:
-    """Write the modal force of the next step, and enter what that of the last one has done.
+    """Write the modal force of the next step, and enter what that of the last one has done; see `push_ahead` as well.
 
     Parameters
     ----------
@@ -60,22 +70,26 @@ def follow_loads(
         What they are on the modes.
     motion : (q (r,), q_start (r,), qdot (r,), qddot (r,))
         Modal coordinates at the end and at the start of the last step, and their rates and accelerations at its end.
-        The latter are changed: the next step takes from them the force that it begins with.
+        Changed are the accelerations, from which the next step takes the force that it begins with, and all but
+        ``q_start`` where the force of the last step is corrected.
+    gains : (position (r,), velocity (r,), acceleration (r,))
+        What a force that acts at the end of a step makes there, see `ModalGains`.
     dt_s : float
         Length of the last step.
     """
     wall = softened_wall_at(address)
-    q, q_start, qdot, qddot = motion
+    q, _, _, qddot = motion
     is_pressed = _follow(wall, loads, modal_force, 1.0 - math.exp(-dt_s / FOLLOW_S))
     if not is_pressed and wall.pattern.numbers[GAIN] == 0.0:
         return
-    _enter_step(wall, q, q_start)
+    _enter_step(wall, motion, gains)
     if is_pressed and (wall.made[0] > 0 or begin_candidate(wall)) and continue_candidate(wall):
         _try_candidate(wall, q)
     if not is_pressed:
         _try_to_forget(wall)
     _keep_tank(wall)
-    _push(wall, q, (qdot, qddot), dt_s)
+    if not stiffens(wall.pattern):
+        _push(wall, q, qddot)
 
 
 @kernel
@@ -107,13 +121,17 @@ def _follow(wall: SoftenedWall, loads: tuple[IntArray, FloatArray], modal_force:
 
 
 @kernel
-def _enter_step(wall: SoftenedWall, q: FloatArray, q_start: FloatArray) -> None:
+def _enter_step(
+    wall: SoftenedWall,
+    motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    gains: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
     """Enter the work of the last step: what it was less than the potential has fallen goes into the tank."""
-    work = 0.0
-    for mode in range(q.shape[0]):
-        work += wall.force[mode] * (q[mode] - q_start[mode])
-    books, numbers = wall.books, wall.pattern.numbers
-    potential = _potential(wall, wall.pattern, q)
+    books, numbers, q = wall.books, wall.pattern.numbers, motion[0]
+    work, potential = _work(wall, motion), _potential(wall, wall.pattern, q)
+    if stiffens(wall.pattern) and work + potential - books[POTENTIAL] > books[TANK] + CREDIT_J:
+        _correct_step(wall, motion, gains)
+        work, potential = _work(wall, motion), _potential(wall, wall.pattern, q)
     books[TANK] -= work + potential - books[POTENTIAL]
     if books[TANK] < -CREDIT_J and potential > 0.0:
         kept = max(0.0, 1.0 + (books[TANK] + CREDIT_J) / potential)
@@ -121,6 +139,52 @@ def _enter_step(wall: SoftenedWall, q: FloatArray, q_start: FloatArray) -> None:
         books[TANK] += (1.0 - kept) * potential
         potential *= kept
     books[POTENTIAL] = potential
+
+
+@kernel
+def _work(wall: SoftenedWall, motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray]) -> float:
+    """Return the work of the force in the last step."""
+    work, q, q_start = 0.0, motion[0], motion[1]
+    for mode in range(q.shape[0]):
+        work += wall.force[mode] * (q[mode] - q_start[mode])
+    return work
+
+
+@kernel
+def _correct_step(
+    wall: SoftenedWall,
+    motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    gains: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
+    """Put the force that belongs to where the step has led in the place of the one that was foretold.
+
+    What pulled was let go, say: the wall came back under a force that the contact was to hold.
+    """
+    q, _, qdot, qddot = motion
+    times, old = 2.0 if wall.takes_mean else 1.0, wall.foretold
+    for mode in range(q.shape[0]):
+        old[mode] = wall.force[mode]
+    _find_force(wall, q, gains[0])
+    for mode in range(q.shape[0]):
+        change = wall.force[mode] - old[mode]
+        q[mode] += times * gains[0][mode] * change
+        qdot[mode] += times * gains[1][mode] * change
+        qddot[mode] += (times * gains[2][mode] - (times - 1.0)) * change
+
+
+@kernel
+def _find_force(wall: SoftenedWall, end: FloatArray, position_gain: FloatArray) -> None:
+    """Write the force that belongs to where a step ends under it, ``end`` (r,) being where it ends under ``force``."""
+    pattern, times = wall.pattern, 2.0 if wall.takes_mean else 1.0
+    s, moves = _along(wall, pattern, end), 0.0
+    for mode in range(end.shape[0]):
+        moved = times * position_gain[mode] * pattern.direction[mode]
+        s -= moved * wall.force[mode]
+        moves += moved * pattern.direction[mode]
+    part = pattern.numbers[PART]
+    phi = part * evaluate_ahead(pattern, s, moves * part)
+    for mode in range(end.shape[0]):
+        wall.force[mode] = phi * pattern.direction[mode]
 
 
 @kernel
@@ -177,21 +241,34 @@ def _keep_tank(wall: SoftenedWall) -> None:
 
 
 @kernel
-def _push(wall: SoftenedWall, q: FloatArray, rates: tuple[FloatArray, FloatArray], dt: float) -> None:
+def _push(wall: SoftenedWall, q: FloatArray, qddot: FloatArray) -> None:
     """Write the force of the next step, and let the accelerations start with it."""
-    qdot, qddot = rates
-    pattern = wall.pattern
-    phi, potential = evaluate(pattern, _along(wall, pattern, q))
-    if phi < 0.0:
-        back = 0.0
-        for mode in range(q.shape[0]):
-            back -= pattern.direction[mode] * qdot[mode] * dt
-        # A wall that comes back this far in a step would be given more than the potential has.
-        if -phi * back > potential:
-            phi = -potential / back
-    phi *= pattern.numbers[PART]
+    phi, _ = evaluate(wall.pattern, _along(wall, wall.pattern, q))
+    phi *= wall.pattern.numbers[PART]
     for mode in range(q.shape[0]):
-        force = phi * pattern.direction[mode]
+        force = phi * wall.pattern.direction[mode]
         if wall.takes_mean:
             qddot[mode] += force - wall.force[mode]
         wall.force[mode] = force
+
+
+@kernel
+def push_ahead(address: Address[SoftenedWall], end: FloatArray, position_gain: FloatArray, qddot: FloatArray) -> None:
+    """Write the force of the next step, of a pattern that stiffens: that of its end.
+
+    Parameters
+    ----------
+    address : Address[SoftenedWall]
+    end : (r,) float64
+        Modal coordinates at the end of the step if the force stays that of the last one.
+    position_gain : (r,) float64
+        What a force that acts at the end of the step moves them by there, see `ModalGains`.
+    qddot : (r,) float64
+        Accelerations at the start of the step; changed, as the step takes from them the force that it begins with.
+    """
+    wall = softened_wall_at(address)
+    for mode in range(qddot.shape[0]):
+        qddot[mode] -= wall.force[mode] if wall.takes_mean else 0.0
+    _find_force(wall, end, position_gain)
+    for mode in range(qddot.shape[0]):
+        qddot[mode] += wall.force[mode] if wall.takes_mean else 0.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.softened_wall.follow import follow_loads
+from services.mechanics.reduction.softened_wall.follow import follow_loads, push_ahead
 from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
 from services.mechanics.reduction.softening.training import WallSoftening
-from services.mechanics.reduction.state import ModalIntegrator
+from services.mechanics.reduction.state import ModalIntegrator, ModalState
 
 
 class FollowedWall:
@@ -28,6 +28,8 @@ class FollowedWall:
         lasting: float,
     ) -> None:
         self._wall = SoftenedWall.of(duct, softening, constant_modal_force, integrator, lasting)
+        self._integrator = integrator
+        self._ahead = ModalState.at_rest(duct.basis.n_modes)
         self.force = self._wall.force
 
     @property
@@ -44,11 +46,25 @@ class FollowedWall:
         self,
         loads: tuple[IntArray, FloatArray],
         modal_force: FloatArray,
+        drive: tuple[FloatArray, FloatArray],
         motion: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
         dt_s: float,
     ) -> None:
-        """Follow the contact forces, and the wall, see `follow_loads`."""
-        follow_loads(self._wall.address, loads, modal_force, motion, dt_s)
+        """Follow the contact forces, and the wall, see `follow_loads` and `push_ahead`.
+
+        ``drive`` is what drove the modes in the last step, ``force`` included (r,), and what contacts and kicks moved
+        them by (r,): in the next step they are expected to do the same.
+        """
+        made, (driving, by_impulses) = self._integrator.gains(dt_s), drive
+        others = driving - self.force
+        gains = made.position, made.velocity, made.acceleration
+        follow_loads(self._wall.address, loads, modal_force, motion, gains, dt_s)
+        if self._wall.stiffens():
+            ahead, (q, _, qdot, qddot) = self._ahead, motion
+            ahead.q[:], ahead.qdot[:], ahead.qddot[:] = q, qdot, qddot
+            self._integrator.predict(ahead, others + self.force, dt_s)
+            ahead.q += by_impulses
+            push_ahead(self._wall.address, ahead.q, made.position, qddot)
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""

@@ -126,21 +126,44 @@ def _zero(pattern: Pattern) -> int:
 @kernel
 def evaluate(pattern: Pattern, s: float) -> tuple[float, float]:
     """Return phi and P at s; none for a wall that has moved the other way."""
+    theta = _solve_theta(pattern, s, 0.0)
+    if theta == 0.0:
+        return 0.0, 0.0
+    numbers = pattern.numbers
+    linear, rho = numbers[LINEAR], numbers[RHO]
+    work, area = read_law(pattern, theta * rho)
+    phi = numbers[GAIN] * theta * work
+    return phi, -(linear * numbers[GAIN] * area / (rho * rho) + 0.5 * phi * phi * numbers[DELIVERED])
+
+
+@kernel
+def stiffens(pattern: Pattern) -> bool:
+    """Whether there is a pattern, of a wall that is pulled out: its potential is convex."""
+    return bool(pattern.numbers[GAIN] != 0.0 and pattern.numbers[RHO] < 0.0)
+
+
+@kernel
+def evaluate_ahead(pattern: Pattern, s: float, moves: float) -> float:
+    """Return phi at s + ``moves`` phi, ``moves`` >= 0, of a pattern that stiffens."""
+    theta = _solve_theta(pattern, s, moves)
+    return float(pattern.numbers[GAIN] * theta * read_law(pattern, theta * pattern.numbers[RHO])[0])
+
+
+@kernel
+def _solve_theta(pattern: Pattern, s: float, moves: float) -> float:
+    """Return the theta at which the displacement is s + ``moves`` phi; 0 where the wall has moved the other way."""
     numbers = pattern.numbers
     linear, rho = numbers[LINEAR], numbers[RHO]
     if not s > 0.0 or numbers[GAIN] == 0.0:
-        return 0.0, 0.0
+        return 0.0
     low, high = 0.0, s / linear
     if rho < 0.0:
         high /= 1.0 - MOST_STIFFENING
     for _ in range(BISECTIONS):
         theta = 0.5 * (low + high)
         phi = numbers[GAIN] * theta * read_law(pattern, theta * rho)[0]
-        if theta * linear + phi * numbers[DELIVERED] < s:
+        if theta * linear + phi * (numbers[DELIVERED] - moves) < s:
             low = theta
         else:
             high = theta
-    theta = 0.5 * (low + high)
-    work, area = read_law(pattern, theta * rho)
-    phi = numbers[GAIN] * theta * work
-    return phi, -(linear * numbers[GAIN] * area / (rho * rho) + 0.5 * phi * phi * numbers[DELIVERED])
+    return float(0.5 * (low + high))

@@ -11,7 +11,7 @@ from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.newmark import Newmark
 from services.mechanics.reduction.softened_wall.delivery import delivery
-from services.mechanics.reduction.softened_wall.pattern import Pattern
+from services.mechanics.reduction.softened_wall.pattern import GAIN, RHO, Pattern
 from services.mechanics.reduction.softening.law import N_PARTS
 from services.mechanics.reduction.softening.sites import Lumen
 from services.mechanics.reduction.softening.training import WallSoftening
@@ -51,6 +51,7 @@ class SoftenedWall(Struct):
     quadratic: Annotated[FloatArray, "m"]
     moved: Annotated[FloatArray, "m"]
     shift: Annotated[FloatArray, "m"]
+    foretold: Annotated[FloatArray, "r"]
 
     @classmethod
     def of(
@@ -85,6 +86,11 @@ class SoftenedWall(Struct):
         takes_mean = isinstance(integrator, Newmark)
         plain |= {"takes_mean": takes_mean, "most_softening": MOST_SOFTENING * lasting}
         return cls.zeros(m=len(sites.nodes), **extents, **patterns, **plain)
+
+    def stiffens(self) -> bool:
+        """Whether what acts is a pattern of a wall that is pulled out."""
+        numbers = self.pattern.numbers
+        return bool(numbers[GAIN] != 0.0 and numbers[RHO] < 0.0)
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""

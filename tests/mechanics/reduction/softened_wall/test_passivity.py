@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
-from services.mechanics.reduction.softened_wall.follow import CREDIT_J, follow_loads
+from services.mechanics.reduction.softened_wall.follow import CREDIT_J, follow_loads, push_ahead
 from services.mechanics.reduction.softened_wall.pattern import Pattern
 from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, TANK, SoftenedWall
 from services.mechanics.reduction.softening.law import parts
@@ -83,12 +83,18 @@ def shake(seed, kind, dt_s, ways, coefficients, ticks=1500):
                 * np.abs(random.normal(size=(len(nodes), 3)))
                 * 10.0 ** random.uniform(-2, 0)
             )
-        if tick % 50 == 0:
+        if wall.stiffens():
+            ahead = state.copy()
+            integrator.predict(ahead, constant + wall.force, dt_s)
+            push_ahead(wall.address, ahead.q, integrator.gains(dt_s).position, state.qddot)
+        if tick % 50 == 0:  # unforeseen, as contacts that change are
             state.qdot += 0.03 * random.normal(size=MODES)
         before, spent, q_start = energy(), wall.books[SPENT], state.q.copy()
         integrator.predict(state, constant + wall.force, dt_s)
         modal = 0.01 * random.normal(size=MODES) + OMEGA**2 * (state.q - wall.rest_q)
-        follow_loads(wall.address, (nodes, forces), modal, (state.q, q_start, state.qdot, state.qddot), dt_s)
+        made = integrator.gains(dt_s)
+        gains = made.position, made.velocity, made.acceleration
+        follow_loads(wall.address, (nodes, forces), modal, (state.q, q_start, state.qdot, state.qddot), gains, dt_s)
         change = wall.books[SPENT] - spent
         seen.largest_j = max(seen.largest_j, energy())
         seen.fell_j = max(seen.fell_j, -change)

@@ -21,6 +21,11 @@ def bound(address: Address[Pattern], most_softening: float) -> None:
 
 
 @kernel
+def evaluate_ahead(address: Address[Pattern], s: float, moves: float) -> float:
+    return law.evaluate_ahead(pattern_at(address), s, moves)
+
+
+@kernel
 def evaluate(address: Address[Pattern], s: float) -> tuple[float, float]:
     return law.evaluate(pattern_at(address), s)
 
@@ -54,6 +59,18 @@ def test_the_law_is_met_where_it_is_within_the_bounds():
         work = np.interp(theta * 0.3, KNOTS, np.array((3.0, 1.0, 0.5, 2.0, -3.0)) @ parts(KNOTS))
         phi, _ = evaluate(pattern.address, theta + theta * work)
         assert phi == pytest.approx(theta * work, rel=1e-9)
+
+
+@pytest.mark.parametrize("delivered", [0.5, 2.0, 40.0])
+@pytest.mark.parametrize("moves", [0.0, 0.3, 30.0, 3000.0])
+def test_the_force_ahead_is_that_of_where_it_leads(delivered, moves):
+    pattern = made(-0.3, delivered)
+    for s in np.linspace(0.01, 6.0, 30):
+        phi = evaluate_ahead(pattern.address, s, moves)
+        assert phi < 0.0
+        assert s + moves * phi > 0.0
+        assert phi == pytest.approx(evaluate(pattern.address, s + moves * phi)[0], rel=1e-9)
+    assert evaluate_ahead(pattern.address, -1.0, moves) == 0.0
 
 
 def test_the_other_way_there_is_no_force():
