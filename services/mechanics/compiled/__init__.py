@@ -14,6 +14,10 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 
+from services.mechanics.compiled import names
+
+names.begin()
+
 _LINKED: dict[str, Any] = {}
 with contextlib.suppress(ImportError):  # of numba's compiler: without it, kernels are compiled in the usual way
     from services.mechanics.compiled.linked import LinkedCompiler
