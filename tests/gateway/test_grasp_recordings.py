@@ -27,7 +27,7 @@ from tests.gateway.test_instrument import FakeArm
 from tests.haptics.models import local_model
 
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared" / "data" / "grasp"
-NAMES = ("maryland_0p2hz_10pct", "maryland_0p5hz_60pct")
+NAMES = sorted(path.stem for path in RECORDINGS.glob("*.csv")) or ["any"]
 TICK_S = 1e-3
 TTL_S = 0.02
 COUNT_RAD = 2.0 * math.pi / ENCODER_COUNTS
@@ -37,8 +37,6 @@ MET_RAD, SPRING_NM_RAD = 0.7, 0.15
 #: A float of four bytes, turns to radians.
 ROUNDING = 1e-6
 SETTLING_TICKS = 400
-#: Two grasps of the slow recording, five of the other.
-TICKS = 10_000
 
 
 @dataclass(frozen=True)
@@ -53,8 +51,8 @@ class Course:
 def recording(name: str) -> np.ndarray:
     path = RECORDINGS / f"{name}.csv"
     if not path.is_file():
-        pytest.skip(f"there is no recording {path}")
-    return np.asarray(read_table(path, ("handle_angle_rad",))["handle_angle_rad"])[:TICKS]
+        pytest.skip(f"there is no recording in {RECORDINGS}")
+    return np.asarray(read_table(path, ("handle_angle_rad",))["handle_angle_rad"])
 
 
 def play(angles: np.ndarray, channel: str, monkeypatch: pytest.MonkeyPatch) -> Course:
