@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +12,8 @@ import can
 
 #: Frames that a handle which does not read lets pile up: what `canbus.drain` takes, and one so that it sees a pile.
 ROOM = 513
+#: Errors in a row after which an adapter is not there any more: whoever comes then opens it anew.
+_GONE = 16
 
 
 class SharedBus(can.BusABC):  # type: ignore[misc]  # python-can is not read by mypy
@@ -49,10 +52,18 @@ class _Adapter:
     def __init__(self, key: str, settings: dict[str, Any], bus: can.BusABC) -> None:
         self.key, self.settings, self.bus = key, settings, bus
         self.places: list[SharedBus] = []
+        self._errors = 0
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether nothing but errors has come of it lately, as of one that was pulled out."""
+        return self._errors >= _GONE
 
     def listen(self) -> None:
         """Hand the next frame that has come to everybody, without waiting."""
+        self._errors += 1
         message = self.bus.recv(0.0)
+        self._errors = 0
         if message is not None:
             for place in self.places:
                 place.heard.append(message)
@@ -61,15 +72,19 @@ class _Adapter:
         if place in self.places:
             self.places.remove(place)
             if not self.places:
-                del _open[self.key]
+                if _open.get(self.key) is self:  # else one that was pulled out, and is back
+                    del _open[self.key]
                 self.bus.shutdown()
 
 
 _open: dict[str, _Adapter] = {}
+_opening = threading.Lock()
 
 
 def share(settings: dict[str, Any], open_adapter: Callable[..., can.BusABC]) -> SharedBus:
     """Return a place on the adapter at ``settings["channel"]``, which is opened with `settings` by the first.
+
+    One that is gone is opened anew, whoever is still on it.
 
     Raises
     ------
@@ -77,9 +92,10 @@ def share(settings: dict[str, Any], open_adapter: Callable[..., can.BusABC]) -> 
         if it is open with other settings: an adapter has one bit rate.
     """
     key = os.path.realpath(str(settings["channel"]))
-    adapter = _open.get(key)
-    if adapter is None:
-        adapter = _open[key] = _Adapter(key, settings, open_adapter(**settings))
-    elif adapter.settings != settings:
-        raise ValueError(f"it is in use with other settings, {adapter.settings}")
-    return SharedBus(adapter)
+    with _opening:  # two handles may look for theirs at once
+        adapter = _open.get(key)
+        if adapter is None or adapter.is_gone:
+            adapter = _open[key] = _Adapter(key, settings, open_adapter(**settings))
+        elif adapter.settings != settings:
+            raise ValueError(f"it is in use with other settings, {adapter.settings}")
+        return SharedBus(adapter)

@@ -45,6 +45,10 @@ class VirtualNode:
         """Let time pass."""
         self.clock.sleep(seconds)
 
+    def power_up(self, bus: can.BusABC) -> None:
+        """Be switched on anew, on another bus: what it was told is forgotten, its handle is where it was."""
+        self._bus, self.drive = bus, EmulatedDrive(self.drive.node, _WATCHDOG_S, self.drive.handle)
+
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import time
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import can
@@ -27,14 +29,25 @@ TORQUE_NM = 0.1
 
 
 class OnSlcan:
-    """A drive behind an adapter behind a pseudo terminal."""
+    """A drive behind an adapter behind a pseudo terminal, by a name that stays, as those of /dev/serial/by-id."""
 
-    def __init__(self) -> None:
-        self.adapter = Adapter()
+    def __init__(self, folder: Path) -> None:
+        self.port = folder / "adapter"
+        self.adapter = self.plug_in()
         self.node = VirtualNode(self.adapter)
-        settings = {"interface": "slcan", "channel": self.adapter.port_name, "bitrate": 1_000_000}
+        settings = {"interface": "slcan", "channel": str(self.port), "bitrate": 1_000_000}
         self.grasp = load(settings | {"sleep_after_open": 0.0}, self.node)
         self.handle = np.zeros(2)
+
+    def plug_in(self) -> Adapter:
+        adapter = Adapter()
+        self.port.unlink(missing_ok=True)
+        self.port.symlink_to(adapter.port_name)
+        return adapter
+
+    def pull_out(self) -> None:
+        self.port.unlink()
+        self.adapter.shutdown()
 
     def run(self, ticks: int, torque_nm: float) -> None:
         for _ in range(ticks):
@@ -42,6 +55,25 @@ class OnSlcan:
             self.grasp.read(0, self.handle)
             self.grasp.write(torque_nm)
             self.adapter.hear()
+
+    def run_without(self, ticks: int) -> None:
+        """Tick without an adapter, or with one that nobody has opened."""
+        for _ in range(ticks):
+            self.node.advance()
+            self.grasp.read(0, self.handle)
+            self.grasp.write(0.0)
+
+    def replug(self) -> None:
+        """Plug in another adapter, and switch another drive on behind it: one of which nobody has asked anything."""
+        self.adapter = self.plug_in()
+        self.node.power_up(self.adapter)
+
+    def arm(self) -> None:
+        """Arm the rig and wait until the bus is open, or cannot be: what the kernel takes for it is no time of ours."""
+        self.grasp.clear_fault()
+        while self.grasp.is_opening:
+            time.sleep(1e-3)
+        self.grasp.read(0, self.handle)
 
     def close(self) -> None:
         self.grasp.close()
@@ -54,8 +86,8 @@ def load(bus: dict[str, Any], node: VirtualNode) -> Any:
 
 
 @pytest.fixture
-def slcan() -> Iterator[OnSlcan]:
-    bench = OnSlcan()
+def slcan(tmp_path: Path) -> Iterator[OnSlcan]:
+    bench = OnSlcan(tmp_path)
     bench.grasp.found_timeout_s = 300.0  # of the drive's time: the kernel hands on what is written when it likes
     bench.grasp.open()
     bench.adapter.hear()
@@ -119,6 +151,25 @@ def test_an_adapter_that_is_pulled_out_takes_the_torque(slcan: OnSlcan) -> None:
         slcan.grasp.write(0.0)
     assert not slcan.grasp.ready
     assert "CAN: the adapter does not listen" in slcan.grasp.fault
+
+
+def test_an_adapter_that_was_pulled_out_is_taken_up_again_when_the_rig_is_armed(slcan: OnSlcan) -> None:
+    """Whether the drive lost its power with it or not: one that did has forgotten that it is to follow torques."""
+    slcan.grasp.enable()
+    slcan.run(300, TORQUE_NM)
+    slcan.pull_out()
+    slcan.run_without(400)
+    slcan.arm()
+    assert re.fullmatch(r"CAN bus slcan \S+/adapter cannot be opened: .+", slcan.grasp.fault), "it is not there yet"
+    slcan.replug()
+    slcan.run_without(400)
+    assert not slcan.grasp.ready, "not by itself"
+    slcan.arm()
+    slcan.run(300, 0.0)
+    assert slcan.grasp.fault == ""
+    assert slcan.grasp.ready
+    slcan.run(300, TORQUE_NM)
+    assert slcan.node.drive.applied_nm == pytest.approx(TORQUE_NM)
 
 
 class TwoOnSlcan:

@@ -6,6 +6,7 @@ Arms of the vendor's library have drills of their own: `test_hdapi_faults`.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -274,6 +275,21 @@ def test_a_drive_that_comes_back_gets_its_torque_by_a_ramp(drill: Drill) -> None
     torques = [moment.state.applied_grasp_torque_nm for moment in drill.run(0.3)]
     assert torques[-1] > 0.02
     assert max(np.diff(torques)) < 1.5 * torques[-1] * TICK_NS * 1e-9 / 0.1, "within the 0.1 s of an engagement"
+
+
+def test_an_adapter_that_is_plugged_in_again_gets_its_torque_by_a_ramp_once_the_rig_is_armed(drill: Drill) -> None:
+    bus_off(drill)
+    drill.run(WRONG_S)
+    drill.tool.arm_anew()
+    while drill.grasp.is_opening:  # in a time that is none of the drill's
+        time.sleep(1e-3)
+    torques = [moment.state.applied_grasp_torque_nm for moment in drill.run(1.0)]
+    assert drill.grasp.fault == ""
+    assert torques[-1] > 0.02
+    assert max(np.diff(torques)) < 1.5 * max(torques) * TICK_NS * 1e-9 / 0.1, "within the 0.1 s of an engagement"
+    never_a_kick(drill.moments)
+    drill.run(ENDS_S - PRESSES_S - WRONG_S - 1.0)
+    assert drill.books.close().gained_j <= 0.0
 
 
 @pytest.mark.parametrize("lives", [True, False], ids=["drive goes on", "drive is dead"])

@@ -8,6 +8,7 @@ import struct
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +22,7 @@ from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import GraspHandle, Place
 from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE
+from services.gateway.opening import Opening
 from services.mechanics.arrays import FloatArray
 from services.runtime.errors import DeviceError
 from services.runtime.rig import DriverSettings, Settings
@@ -124,10 +126,13 @@ class OdriveGrasp(GraspHandle, ABC):
     """The drive's life: found, set up, armed when force begins, fed every tick, let go at the end.
 
     A disarm is latched in the drive. One by the watchdog (this gateway was held up) ends with the next engagement;
-    any other stays until a person has armed the rig.
+    any other stays until a person has armed the rig. That also opens the bus anew where the drive is silent: an adapter
+    that was pulled out and is back is another one to this host.
     """
 
     bitrate = canbus.DEFAULT_BITRATE
+    #: Whether a bus that is silent may be opened anew while the rig runs.
+    reopens = False
     #: A drive says that it is there every 0.1 s.
     found_timeout_s = 3.0
 
@@ -142,6 +147,8 @@ class OdriveGrasp(GraspHandle, ABC):
         self._rad_per_turn = sign * 2 * math.pi / file.motor_turns_per_handle_turn
         self._arming_until_ns = 0
         self._wanted = False
+        self._opening: Opening | None = None
+        self._not_opened = ""
 
     @abstractmethod
     def open_bus(self) -> can.BusABC:
@@ -149,10 +156,16 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def open(self) -> None:
         """Find the drive and set it up; it stays idle."""
-        link = OdriveLink(self.open_bus(), self.node, self._clock, self.file.watchdog_s, self.bitrate)
-        self._link = link
+        self._link = link = self._new_link(self.open_bus())
         if not self._find(link):
             raise DeviceError(f"{self.where}: no heartbeat of node {self.node} within {self.found_timeout_s:g} s")
+        self._set_up(link)
+
+    def _new_link(self, bus: can.BusABC) -> OdriveLink:
+        return OdriveLink(bus, self.node, self._clock, self.file.watchdog_s, self.bitrate)
+
+    def _set_up(self, link: OdriveLink) -> None:
+        """Say what a drive forgets that was without power: its limits, and that it is to follow torques."""
         link.send(cansimple.CLEAR_ERRORS, b"\0")
         link.send(
             cansimple.SET_LIMITS, cansimple.pack_floats(self.file.max_motor_turns_s, self.file.max_motor_current_a)
@@ -178,38 +191,92 @@ class OdriveGrasp(GraspHandle, ABC):
         if link is None or link.errors & ~AxisError.WATCHDOG_TIMER_EXPIRED:
             return
         self._wanted = True
-        self._arm(link)
+        if self._has_bus:
+            self._arm(link)
+
+    @property
+    def is_opening(self) -> bool:
+        """Whether its bus is just being opened anew; `read` takes it then."""
+        return self._opening is not None and not self._opening.done
+
+    @property
+    def _has_bus(self) -> bool:
+        """Whether the link's bus is open, and not one that was given up for another."""
+        return self._opening is None and not self._not_opened
 
     def _arm(self, link: OdriveLink) -> None:
         try:
-            link.send(cansimple.CLEAR_ERRORS, b"\0")
-            link.send_torque(0.0)
+            self._set_up(link)
             link.send(cansimple.SET_AXIS_STATE, cansimple.pack_word(AxisState.CLOSED_LOOP))
         except can.CanError as error:
             self.fault = f"CAN: {error}"
         self._arming_until_ns = self._clock.monotonic_ns() + round(_ARM_TIMEOUT_S * 1e9)
 
     def clear_fault(self) -> None:
-        """Clear what is latched in the drive, e-stop included: a person has armed the rig."""
+        """Clear what is latched in the drive, e-stop included, and look for one that is silent: the rig was armed."""
         super().clear_fault()
-        if self._link is not None and self._wanted:
-            self._arm(self._link)
+        link = self._link
+        if link is None or self._opening is not None:
+            return
+        if self.reopens and self._is_silent(link, self._clock.monotonic_ns()):
+            self._opening = Opening(partial(self._open_anew, link.bus))
+        elif self._wanted:
+            self._arm(link)
+
+    def _open_anew(self, old: can.BusABC) -> can.BusABC:
+        with contextlib.suppress(can.CanError, OSError):  # an adapter that was pulled out cannot even be closed
+            old.shutdown()
+        return self.open_bus()
+
+    def _go_on(self, opening: Opening) -> OdriveLink | None:
+        """Return a link by the bus that was opened anew, if there is one; the handle is where it was till it speaks."""
+        self._opening = None
+        bus, problem = opening.take()
+        self._not_opened = problem.removeprefix(f"{self.where}: ")
+        old = self._link
+        if bus is None or old is None:
+            return None
+        self._link = link = self._new_link(bus)
+        link.angle_turns = old.angle_turns
+        self._arming_until_ns = self._clock.monotonic_ns() + round(self.found_timeout_s * 1e9)
+        return link
 
     def read(self, time_ns: int, handle: FloatArray) -> None:
         """Write the newest estimates; `ready` says whether they are young and the loop is closed."""
         link = self._link
         if link is None:
             return
-        link.receive()
+        if self._opening is not None and self._opening.done:
+            link = self._go_on(self._opening) or link
+        if self._has_bus:
+            self._listen(link)
         handle[HANDLE_ANGLE] = self._rad_per_turn * (link.angle_turns - self.file.shut_at_motor_turns)
         handle[HANDLE_RATE] = self._rad_per_turn * link.rate_turns_s
         self._judge(link, self._clock.monotonic_ns())
 
+    def _listen(self, link: OdriveLink) -> None:
+        """Take what has come; a drive that speaks soon after a person has had its bus opened anew is armed."""
+        unknown = link.state is None
+        link.receive()
+        is_soon = self._clock.monotonic_ns() < self._arming_until_ns
+        if unknown and link.state is not None and self._wanted and is_soon:
+            self._arm(link)
+
+    def _is_silent(self, link: OdriveLink, now_ns: int) -> bool:
+        return now_ns - link.heartbeat_ns > self.file.heartbeat_timeout_s * 1e9
+
+    def _silence(self) -> str:
+        if self._opening is not None:
+            return f"the bus of the grasp drive (node {self.node}) is being opened anew"
+        return self._not_opened or (
+            f"the grasp drive (node {self.node}) has been silent for {self.file.heartbeat_timeout_s} s"
+        )
+
     def _judge(self, link: OdriveLink, now_ns: int) -> None:
         young = now_ns - link.estimated_ns < self.file.feedback_timeout_s * 1e9
         closed = link.state == AxisState.CLOSED_LOOP
-        if now_ns - link.heartbeat_ns > self.file.heartbeat_timeout_s * 1e9:
-            self.fault = f"the grasp drive (node {self.node}) has been silent for {self.file.heartbeat_timeout_s} s"
+        if self._opening is not None or self._is_silent(link, now_ns):
+            self.fault = self._silence()
         elif link.errors:
             self.fault = f"the grasp drive (node {self.node}) let go: {cansimple.error_names(link.errors)}"
         elif self._wanted and not closed and now_ns > self._arming_until_ns:
@@ -224,7 +291,7 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def write(self, torque_nm: float) -> None:
         """Send a torque: also what feeds the drive's watchdog."""
-        if self._link is None:
+        if self._link is None or not self._has_bus:
             return
         turn_nm = torque_nm / self.file.motor_turns_per_handle_turn
         try:
@@ -234,9 +301,11 @@ class OdriveGrasp(GraspHandle, ABC):
 
     def close(self) -> None:
         """Zero torque, idle, bus given up."""
+        if self._opening is not None:
+            self._go_on(self._opening)
         link, self._link = self._link, None
         self.ready = False
-        if link is None:
+        if link is None or not self._has_bus:
             return
         try:
             link.send_torque(0.0)
@@ -250,6 +319,8 @@ class OdriveGrasp(GraspHandle, ABC):
 
 class Driver(OdriveGrasp):
     """The handle that a rig file names."""
+
+    reopens = True
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         own = driver.read_settings(OdriveSettings, settings, place)
