@@ -2,54 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
 
-from services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
+from services.mechanics.arrays import AnyArray, FloatArray, IntArray
+from services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, correct, motion_at
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.newmark import Newmark, newmark_step
-from services.mechanics.reduction.node_compliance import NodeArrays, gather_and_displace
-from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
-
-
-class DuctMotion(Struct):
-    """The modes from the start of a step to its end without contact forces, and what drives them."""
-
-    q: Annotated[FloatArray, "r"]
-    qdot: Annotated[FloatArray, "r"]
-    qddot: Annotated[FloatArray, "r"]
-    start: Annotated[FloatArray, "r"]
-    change: Annotated[FloatArray, "r"]
-    constant: Annotated[FloatArray, "r"]  # loads in every step
-    force: Annotated[FloatArray, "r"]
-    kick: Annotated[FloatArray, "r"]
-    given_back: Annotated[FloatArray, "r"]
-
-
-motion_at = reader(DuctMotion)
-
-
-class DuctLoads(Struct):
-    """Where contact forces come from and go: points of contact, nodes, and the modes at the end of the step."""
-
-    free: DuctMotion
-    gains: Annotated[FloatArray, 3, "r"]  # change of these three per modal contact force
-    impulse: Annotated[FloatArray, "r"]  # the modal contact force
-    modes: Annotated[FloatArray, "3 c", "r"]
-    displacement: Annotated[FloatArray, "c", 3]
-    motion: Annotated[FloatArray, "c", 3]
-    node: Annotated[IntArray, "l"]
-    force: Annotated[FloatArray, "l", 3]
-    count: Annotated[LongArray, 2]  # of nodes with loads, and of those that contacts of this step load
-    slot: Annotated[IntArray, "n"]  # scratch, all -1
-
-
-loads_at = reader(DuctLoads)
 
 
 class DuctBody:
@@ -82,6 +44,8 @@ class DuctBody:
         Force that effects applied as an impulse at the start of this step, as contacts do.
     given_back : (r,) float64
         Rates that were taken back at the start of this step, see `end_forces`.
+    taken : (r,) float64
+        Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
 
     def __init__(self, reduced: ReducedDuct, integrator: ModalIntegrator, capacity: int) -> None:
@@ -97,6 +61,8 @@ class DuctBody:
         self.contact_impulse = np.zeros(n_modes)
         self.modal_kick = np.zeros(n_modes)
         self.given_back = np.zeros(n_modes)
+        self.taken = np.zeros(n_modes)
+        self._debt = np.zeros(1)
         self.modes = np.zeros((3 * capacity, n_modes))
         self.displacement_m = np.zeros((capacity, 3))
         self.motion_m = np.zeros((capacity, 3))
@@ -116,12 +82,17 @@ class DuctBody:
             force=self.modal_force,
             kick=self.modal_kick,
             given_back=self.given_back,
+            before=np.zeros(n_modes),
+            taken=self.taken,
         )
         self.motion_address = self._free.address
         self._loads = DuctLoads(
             free=self._free,
             gains=self._gains,
             impulse=self.contact_impulse,
+            last=np.zeros(n_modes),
+            damping=2.0 * reduced.basis.omega_rad_s * reduced.damping_ratio,
+            debt=self._debt,
             modes=self.modes,
             displacement=self.displacement_m,
             motion=self.motion_m,
@@ -150,7 +121,8 @@ class DuctBody:
             predict_by_newmark(self._free.address, integrator.constants(dt_s), dt_s)
             return
         self.q_start[:] = self.state.q
-        self.given_back[:] = 0.0
+        self.given_back[:] = self.taken[:] = 0.0
+        self._free.before[:] = self.state.qdot
         integrator.predict(self.state, self.modal_force, dt_s)
         np.subtract(self.state.q, self.q_start, out=self.dq_free)
 
@@ -197,7 +169,7 @@ class DuctBody:
 
     def correct(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
         """Apply the contact forces (k, 3) on the first bodies, reversed, to modes and loads; points as in `gather`."""
-        correct(self._loads.address, nodes, weights, forces)
+        correct(self._loads.address, nodes, weights, forces, self.dt_s)
 
     def end_forces(self, forces: FloatArray) -> None:
         """Take back the half impulses with which contact forces (k, 3) of the last step have left the rates.
@@ -243,8 +215,15 @@ class DuctBody:
 
     def halt(self) -> None:
         """Stop where it is."""
+        self._debt[:] = 0.0
         self.state.qdot[:] = -self._half_impulse()
         self.state.qddot[:] = self.constant_modal_force - self.reduced.basis.omega_rad_s**2 * self.state.q
+        self.state.qddot -= self._loads.damping * self.state.qdot
+
+    @property
+    def owed_j(self) -> float:
+        """What contacts have put in beyond their work, and the rates did not hold, see `pay_for_impulses`."""
+        return float(self._debt[0])
 
     @property
     def n_loads(self) -> int:
@@ -320,69 +299,8 @@ def predict_by_newmark(address: Address[DuctMotion], constants: FloatArray, dt_s
     """Note the start, step the modes with the ``constants`` of `Newmark`, and note the change."""
     modes = motion_at(address)
     for mode in range(modes.q.shape[0]):
-        modes.start[mode], modes.given_back[mode] = modes.q[mode], 0.0
+        modes.start[mode], modes.before[mode], modes.given_back[mode] = modes.q[mode], modes.qdot[mode], 0.0
+        modes.taken[mode] = 0.0
     newmark_step(modes.q, modes.qdot, modes.qddot, modes.force, constants, dt_s)
     for mode in range(modes.q.shape[0]):
         modes.change[mode] = modes.q[mode] - modes.start[mode]
-
-
-@kernel
-def gather_kept(duct: DuctLoads, kept: Address[NodeArrays], nodes: IntArray, weights: FloatArray) -> bool:
-    """Do as `DuctBody.gather` for points (k, 3); False, with residuals left out, where a node has no place."""
-    n, count, free = nodes.shape[0], duct.count[0], duct.free
-    loads, out = (duct.node[:count], duct.force[:count]), (duct.modes[: 3 * n], duct.displacement[:n], duct.motion[:n])
-    return bool(gather_and_displace(kept, (nodes, weights), (free.start, free.change), loads, out))
-
-
-@kernel
-def correct(address: Address[DuctLoads], nodes: IntArray, weights: FloatArray, forces: FloatArray) -> None:
-    """Apply the reactions to ``forces`` (k, 3) at barycentric points (k, 3); see `DuctBody.correct`."""
-    out = loads_at(address)
-    out.count[0] = out.count[1] = _spread_loads(nodes, weights, forces, out)
-    _write_modal_force(out, forces)
-    _add_impulse(out)
-
-
-@kernel
-def _spread_loads(nodes: IntArray, weights: FloatArray, forces: FloatArray, out: DuctLoads) -> int:
-    """Write the reactions on the duct's nodes, each node once, and return how many."""
-    load_nodes, loads, slot = out.node, out.force, out.slot
-    count = 0
-    for row in range(forces.shape[0]):
-        if forces[row, 0] == 0.0 and forces[row, 1] == 0.0 and forces[row, 2] == 0.0:
-            continue
-        for corner in range(3):
-            weight = weights[row, corner]
-            if weight == 0.0:
-                continue
-            place = number_node(nodes[row, corner], slot, load_nodes, count)
-            if place == count:
-                loads[place] = 0.0
-                count += 1
-            for axis in range(3):
-                loads[place, axis] -= weight * forces[row, axis]
-    forget_numbers(slot, load_nodes, count)
-    return count
-
-
-@kernel
-def _write_modal_force(out: DuctLoads, forces: FloatArray) -> None:
-    """Write the modal force (r,) of the reactions to ``forces`` (k, 3)."""
-    modes, impulse = out.modes, out.impulse
-    impulse[:] = 0.0
-    for row in range(forces.shape[0]):
-        for axis in range(3):
-            force = forces[row, axis]
-            if force != 0.0:
-                for mode in range(impulse.shape[0]):
-                    impulse[mode] -= modes[3 * row + axis, mode] * force
-
-
-@kernel
-def _add_impulse(out: DuctLoads) -> None:
-    """Add to the end state, in place, what the modal contact force changes."""
-    gains, force, state = out.gains, out.impulse, out.free
-    for mode in range(force.shape[0]):
-        state.q[mode] += gains[0, mode] * force[mode]
-        state.qdot[mode] += gains[1, mode] * force[mode]
-        state.qddot[mode] += gains[2, mode] * force[mode]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.bodies.duct import DuctBody, DuctLoads, loads_at
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.collision import CollisionSurface
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.tick import start_tick

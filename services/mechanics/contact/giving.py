@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies import duct
+from services.mechanics.bodies import duct_loads
 from services.mechanics.bodies.catheter import spread_rod_forces
-from services.mechanics.bodies.duct import DuctLoads
+from services.mechanics.bodies.duct_loads import DuctLoads
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, correct_proxies
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
@@ -22,6 +22,7 @@ def give_forces(
     rod: Addresses,
     motion: Motion,
     step: tuple[float, bool],
+    dt_s: float,
     tool_force: FloatArray,
 ) -> bool:
     """Correct the end of the step of all bodies; ``tool_force`` (2, 4) takes the generalised forces on the tools.
@@ -34,7 +35,7 @@ def give_forces(
     spread_rod_forces(rows.rod_node[:k], rows.rod_weight[:k], forces, catheter.contact)
     if not contact_response.correct(rod, motion, catheter.contact, step):
         return False
-    duct.correct(addresses[1], rows.duct_node[:k], rows.duct_weight[:k], forces)
+    duct_loads.correct(addresses[1], rows.duct_node[:k], rows.duct_weight[:k], forces, dt_s)
     load_tools(addresses[0], tool_force)
     correct_proxies(addresses[3], tool_force)
     return True

@@ -15,7 +15,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, number_marked, touch_at
-from services.mechanics.bodies.duct import DuctLoads, loads_at
+from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.rows import ContactRows

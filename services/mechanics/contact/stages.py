@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.bodies.duct import DuctLoads, gather_kept, loads_at
+from services.mechanics.bodies.duct_loads import DuctLoads, gather_kept, loads_at
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address

@@ -179,7 +179,7 @@ class ContactSystem:
                 (rod.velocity_gain_s, rod.is_factored),
             )
             addresses = (self.address, bodies.duct.loads_address, catheter.step_address, bodies.tools.address)
-            rod.note_factors(give_forces(addresses, rod.addresses, motion, step, tool_force))
+            rod.note_factors(give_forces(addresses, rod.addresses, motion, step, bodies.duct.dt_s, tool_force))
             catheter.note_contacts(k)
         else:
             if k or self._gave_forces:  # once without any, so that the last ones are taken back

@@ -11,7 +11,8 @@ from time import perf_counter_ns
 from typing import Annotated, cast
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.bodies.duct import DuctBody, DuctMotion, motion_at
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.duct_loads import DuctMotion, motion_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.effects import Effect, build_effects, by_stage

@@ -161,14 +161,16 @@ class EnergyBook:
         duct = self.simulation.duct
         basis, kick = duct.reduced.basis, dt_s * (duct.contact_impulse + duct.modal_kick)
         jumped, rate = before.modal.qdot + duct.given_back + kick, duct.rate()
-        mean_rate = 0.5 * (jumped + duct.state.qdot)
+        end, end_rate = duct.state.qdot - duct.taken, rate - duct.taken
+        mean_rate = 0.5 * (jumped + end)
         damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio
         self.flow.duct_j += dt_s * float(np.sum(damping * mean_rate**2))
         change = duct.state.q - before.modal.q
         # The impulse acts at the start of the step; the rows below count its force over the whole of it.
-        kicked = jumped**2 - before.duct_rate**2 + rate**2 - duct.state.qdot**2
+        kicked = jumped**2 - before.duct_rate**2 + end_rate**2 - end**2
         kicked_j = float(duct.modal_kick @ change)
         self.flow.impact_j += float(duct.contact_impulse @ change - 0.5 * np.sum(kicked)) + kicked_j
+        self.flow.numerical_j += 0.5 * float(np.sum(end_rate**2 - rate**2))
         self.flow.numerical_j += before.kicks_j - _kick_energy_j(self.simulation) - kicked_j
         self._enter_residual(before)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.mechanics.bodies.duct import DuctMotion, motion_at
+from services.mechanics.bodies.duct_loads import DuctMotion, motion_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.free_step import FreeStep, step_at

@@ -17,7 +17,8 @@ OPEN: dict[tuple[str, str], set[str]] = {
     ("abuse", "all contacts at once, number 0"): TOOLS | {"penetration_hand"},
     # Jaws have contacts with the fold that they hold: 0.11 mm deep in it where 0.1 is asked. Since they close on it
     # until it is solid (walls that meet) it is 0.48, and so is the catheter at their tips in the wall (0.06 before).
-    ("abuse", "jammed, number 0"): {"tool_penetration_hand", "penetration_hand"},
+    # Since what impulses swing is paid for, the catheter slips 4.3 mm deep into jaws once, and that gains 2.3 % (0.3).
+    ("abuse", "jammed, number 0"): TOOLS | {"penetration_hand", "gain"},
     ("abuse", "all contacts at once, wall gives way, number 0"): TOOLS,
     ("grasping", "number 0"): TOOLS,
     # 1.1 % of 34 uJ, where a sphere that touches the wall at speed meets a second triangle a tick later, in overlap.

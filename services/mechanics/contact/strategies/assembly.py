@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, list_particles, touch_at
-from services.mechanics.bodies.duct import DuctLoads, loads_at
+from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
