@@ -35,15 +35,23 @@ def test_the_inserted_length_is_measured_between_two_ticks_and_sixty_times_a_sec
     assert sorted(set(told)) == pytest.approx([0.0, 0.01, 0.02, 0.03])
 
 
-def test_between_the_same_two_ticks_it_measures_or_reports(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both together ran into the next tick where the host was slow."""
+def test_between_the_same_two_ticks_it_measures_looks_for_orders_or_reports(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two of them together ran into the next tick where the host was slow."""
     done: list[tuple[int, str]] = []
     monkeypatch.setattr(Simulation, "inserted_length_m", property(lambda _: done.append((rig.tick, "measured")) or 0.0))
     health = rig.physics_process.health
     monkeypatch.setattr(health, "send_in_halves", lambda: done.append((rig.tick, "reported")), raising=False)
+    drain = rig.physics_process.bus.drain
+    monkeypatch.setattr(
+        rig.physics_process.bus, "drain", lambda topic: done.append((rig.tick, f"looked at {topic}")) or drain(topic)
+    )
     for _ in range(40):
         rig.turn(FAR, FAR)
+        before = len(done)
         rig.physics.settle()
+        assert len(done) == before + 1
     ticks = [tick for tick, _ in done]
     assert len(set(ticks)) == len(ticks) == 40
-    assert {what for _, what in done} == {"measured", "reported"}
+    assert {what for _, what in done} == {"measured", "looked at supervisor.state", "reported"}
