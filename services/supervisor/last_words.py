@@ -8,11 +8,19 @@ from pathlib import Path
 
 from services.supervisor.member import Member
 
+_LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
+
 
 def level_of(line: str, name: str) -> str:
     """Return how loud a line is: only warnings are. What libraries print and last words stay in the log file."""
     loud = line.startswith((f"{name}: WARNING", f"{name}: ERROR", f"{name}: CRITICAL"))
     return "warning" if loud else "debug"
+
+
+def _is_sentence(line: str, name: str) -> bool:
+    """Return whether a line is what a process says when it gives up, and none of its log."""
+    mark, _, rest = line.partition(": ")
+    return mark == name and rest.partition(" ")[0] not in _LEVELS
 
 
 def how_it_ended(status: int, lines: Sequence[str]) -> str:
@@ -25,7 +33,9 @@ def how_it_ended(status: int, lines: Sequence[str]) -> str:
 
 def start_sentence(member: Member, status: int, log_file: Path) -> str:
     """Return what a person is told of a process that ended while starting: its own sentence where it had one."""
-    last = member.last_lines[-1] if member.last_lines else "it said nothing"
-    if last.startswith(f"{member.name}: ") and not any(line.startswith("Traceback") for line in member.last_lines):
-        return last
+    lines = list(member.last_lines)
+    own = [line for line in lines if _is_sentence(line, member.name)]
+    if own and not any(line.startswith("Traceback") for line in lines):
+        return own[-1]  # a library may have had a word after it
+    last = lines[-1] if lines else "it said nothing"
     return f"{member.name} ended with exit code {status} while starting: {last} (see {log_file})"

@@ -7,6 +7,7 @@ would stall a 1 kHz loop on its next warning) nor break its writes.
 from __future__ import annotations
 
 import os
+import re
 import select
 import signal
 import subprocess
@@ -22,6 +23,8 @@ from services.supervisor.processes import ProcessSpec
 #: Beyond this a line is cut: nothing a child writes takes memory without bound.
 _LINE_MAX = 2000
 _READ_BYTES = 1 << 16
+#: What some libraries mark their lines with, for a terminal.
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class Child:
@@ -92,7 +95,8 @@ class Child:
         if self._popen.returncode is not None or len(self._rest) > _LINE_MAX:
             whole.append(self._rest)
             self._rest = b""
-        return [line[:_LINE_MAX].decode("utf-8", "replace").rstrip() for line in whole if line.strip()]
+        texts = (_COLOURS.sub("", line[:_LINE_MAX].decode("utf-8", "replace")).rstrip() for line in whole)
+        return [text for text in texts if text]
 
     def close(self) -> None:
         """Let go of the descriptors of a process that has ended."""
