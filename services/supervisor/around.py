@@ -48,7 +48,7 @@ class Around:
         pids = {member.name: member.pid for member in notes.members}
         self.threads.turn(now_s, {**pids, "supervisor": os.getppid()})
         if self._floor is not None:
-            self._floor.turn(now_s)
+            self._floor.turn(now_s, below_loops=stand_above_all(heard))
         if self._files is None or (self._writing is not None and not self._writing.done()):
             return
         down = {m.name: m.reason or m.state for m in notes.members if not m.up and notes.state in _AT_WORK}
@@ -72,3 +72,9 @@ class Around:
         """End what was started."""
         if self._floor is not None:
             self._floor.close()
+
+
+def stand_above_all(heard: Mapping[str, bodies.Health]) -> bool:
+    """Return whether loops of the rig come before any thread with a priority: those that have SCHED_DEADLINE."""
+    facts = (fact for health in heard.values() for fact in health.realtime)
+    return any(fact.name == "scheduling" and fact.had.startswith("DEADLINE") for fact in facts)

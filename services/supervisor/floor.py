@@ -2,9 +2,12 @@
 
 A thread a core does nothing but sleep to a grid, above every process of the rig: where it wakes late, nobody of the
 rig could have run. It writes when it was due and when it woke into a flight ring (`floor0`, `floor1`, ...), so that
-misses of the rig and of the machine lie on one time line. Where in a millisecond it wakes it is told by whoever started
-it, in a file of a number a core (`Phases`): a wake-up takes 75 us, so it is best where nobody works
-(`services.supervisor.quiet`). It ends with whoever started it.
+misses of the rig and of the machine lie on one time line. In the place of how long it ran it writes for how long it was
+runnable and waited, as the kernel counts it: beside loops with SCHED_DEADLINE, which come before any priority, or where
+SCHED_FIFO is refused, that part is the doing of whoever had the core, and only the rest is the machine's.
+
+Where in a millisecond it wakes it is told by whoever started it, in a file of a number a core (`Phases`): a wake-up
+takes 75 us, so it is best where nobody works (`services.supervisor.quiet`). It ends with whoever started it.
 """
 
 from __future__ import annotations
@@ -75,9 +78,26 @@ def pin_above_all(core: int) -> bool:
     return False
 
 
+class Waiting:
+    """For how long the calling thread was runnable and waited for its core, as the kernel counts it."""
+
+    def __init__(self) -> None:
+        path = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")
+        self._file = os.open(path, os.O_RDONLY) if path.is_file() else None
+        self._seen_ns = self._counted()
+
+    def _counted(self) -> int:
+        return 0 if self._file is None else int(os.pread(self._file, 128, 0).split()[1])
+
+    def since_ns(self) -> int:
+        """Return what was added since this was last asked; 0 where the kernel does not count."""
+        before, self._seen_ns = self._seen_ns, self._counted()
+        return self._seen_ns - before
+
+
 def watch(core: int, ring: FlightRing, parent: int, phases: Phases) -> None:
     """Sleep and note, on `core`, until the parent is another."""
-    pin_above_all(core)
+    is_above_all, waiting = pin_above_all(core), Waiting()
     period_ns = round(1e9 / ring.rate_hz)
     due_ns = time.monotonic_ns() + period_ns + core * period_ns // (os.cpu_count() or 1)  # not both at once
     tick, phase_ns = 0, -1
@@ -87,7 +107,9 @@ def watch(core: int, ring: FlightRing, parent: int, phases: Phases) -> None:
             due_ns += (phase_ns - due_ns) % PERIOD_NS
         time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
         now_ns = time.monotonic_ns()
-        ring.write(tick, due_ns, now_ns, now_ns, 0, ())
+        waited_ns = waiting.since_ns()
+        woken_ns = now_ns if is_above_all else max(due_ns, now_ns - waited_ns)
+        ring.write(tick, due_ns, woken_ns, now_ns, waited_ns, ())
         behind = max(0, now_ns - due_ns) // period_ns
         tick += 1 + behind
         due_ns += (1 + behind) * period_ns

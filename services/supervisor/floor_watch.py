@@ -9,6 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from services.runtime.flight import SUFFIX
 from services.runtime.flights import read_ring, read_rings
 from services.runtime.histogram import LatencyHistogram
@@ -34,14 +36,18 @@ class Core:
     kept: deque[tuple[float, Latencies]] = field(default_factory=deque)
     seen_ns: int = 0
 
-    def take(self, path: Path, now_s: float) -> None:
-        """Count what the ring at `path` has that was not seen."""
+    def take(self, path: Path, now_s: float, *, below_loops: bool = False) -> None:
+        """Count what the ring at `path` has that was not seen.
+
+        With `below_loops` the time in which the watcher waited for its core does not count: the rig's loops had it.
+        """
         flight = read_ring(path)
         if flight is None:
             return
         due, woke = flight.column("due_ns"), flight.column("began_ns")
         new = woke > self.seen_ns
-        for lateness in (woke - due)[new].tolist():
+        late = np.maximum(0, woke - due - flight.column("ran_ns")) if below_loops else woke - due
+        for lateness in late[new].tolist():
             self.counts.record(lateness)
         self.seen_ns = int(woke.max(initial=self.seen_ns))
         self.kept.append((now_s, Latencies.of(self.counts.body())))
@@ -65,14 +71,14 @@ class FloorWatch:
         )
         self.cores: dict[int, Core] = {}
 
-    def turn(self, now_s: float) -> None:
+    def turn(self, now_s: float, *, below_loops: bool = False) -> None:
         """Count what has come; now and then find out when looking costs the rig least."""
         if now_s >= self._look_s:
             self._look_s = now_s + _LOOK_EVERY_S
             self._choose_phases()
         for path in sorted(self._directory.glob(f"{floor.NAME}[0-9]*{SUFFIX}")):
             number = int(path.name.removeprefix(floor.NAME).removesuffix(SUFFIX))
-            self.cores.setdefault(number, Core(number)).take(path, now_s)
+            self.cores.setdefault(number, Core(number)).take(path, now_s, below_loops=below_loops)
 
     def _choose_phases(self) -> None:
         flights = read_rings(self._directory)

@@ -19,6 +19,7 @@ from services.runtime.flights import Flight, read_file, read_ring
 from services.runtime.loop import LoopMeter
 from services.runtime.stage_times import StageTimes
 from services.supervisor import flight_files
+from services.supervisor.around import stand_above_all
 from services.supervisor.dashboard import Heard
 from services.supervisor.figures import Latencies
 from services.supervisor.flight_files import FlightFiles
@@ -231,6 +232,76 @@ def test_the_newest_and_the_worst_are_kept(directory: Path) -> None:
     left = {path.name for path in files.directory.iterdir()}
     worst = sorted(made, key=lambda name: name[-14:])[-flight_files.WORST :]
     assert left == {newest, *made[-flight_files.NEWEST + 1 :], *worst}
+
+
+#: Takes its core from whoever has no priority for a third of a second, again and again.
+_HOG = """
+import os, sys, time
+os.sched_setaffinity(0, {int(sys.argv[1])})
+os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+for _ in range(3):
+    until = time.monotonic() + 0.33
+    while time.monotonic() < until: pass
+    time.sleep(0.1)
+"""
+#: The floor where SCHED_FIFO is refused.
+_ORDINARY = """
+import os, sys
+from pathlib import Path
+from services.supervisor import floor
+floor.pin_above_all = lambda core: os.sched_setaffinity(0, {core})
+floor.main(Path(sys.argv[1]))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").is_file(), reason="this kernel does not count waiting")
+@pytest.mark.skipif(os.geteuid() != 0, reason="takes the right to starve somebody")
+def test_who_waits_for_its_core_does_not_blame_the_machine(directory: Path) -> None:
+    core = max(os.sched_getaffinity(0))
+    Phases(directory / PHASES, create=True)
+    watcher = subprocess.Popen([sys.executable, "-c", _ORDINARY, str(directory)])
+    try:
+        eventually(lambda: _ticks(directory / f"floor{core}.flight") > 5, 60.0)
+        subprocess.run([sys.executable, "-c", _HOG, str(core)], check=True)
+        eventually(lambda: _longest_wait_ns(directory / f"floor{core}.flight") > 200 * MS)
+    finally:
+        watcher.kill()
+        watcher.wait()
+    flight = read_ring(directory / f"floor{core}.flight")
+    assert flight is not None
+    row = int(flight.column("ran_ns").argmax())
+    assert flight.column("ended_ns")[row] - flight.column("due_ns")[row] > 200 * MS, "so late it was"
+    assert flight.column("began_ns")[row] - flight.column("due_ns")[row] < 100 * MS, "and so late it was woken"
+
+
+def _longest_wait_ns(path: Path) -> int:
+    flight = read_ring(path)
+    return 0 if flight is None else int(flight.column("ran_ns").max(initial=0))
+
+
+@pytest.mark.parametrize(("below_loops", "late"), [(False, 2), (True, 1)])
+def test_below_loops_with_deadlines_only_what_nobody_of_the_rig_had_is_the_machines(
+    directory: Path, *, below_loops: bool, late: int
+) -> None:
+    ring = FlightRing(100.0)
+    ring.share(directory / "floor1.flight")
+    for tick, (late_ns, waited_ns) in enumerate([(40_000, 0), (3 * MS, 3 * MS - 50_000), (4 * MS, 10_000)]):
+        due = 10 * MS * (tick + 1)
+        ring.write(tick, due, due + late_ns, due + late_ns, waited_ns, ())
+    core = Core(1)
+    core.take(directory / "floor1.flight", 1.0, below_loops=below_loops)
+    counted = Latencies.of(core.counts.body())
+    assert (counted.total, counted.late) == (3, late)
+
+
+def test_a_loop_with_a_deadline_stands_above_the_watchers() -> None:
+    def had(text: str) -> dict[str, bodies.Health]:
+        fact = bodies.RealtimeFact(name="scheduling", asked="FIFO 60", had=text, ok=False)
+        return {"physics": bodies.Health(process="physics", pid=7, state="ready", realtime=(fact,))}
+
+    assert stand_above_all(had("DEADLINE 70 % of a core; fifo: refused"))
+    assert not stand_above_all(had("FIFO 60"))
+    assert not stand_above_all(had("nice -20, slice 0.1 ms; fifo: refused; deadline: DEADLINE refused"))
 
 
 def test_metrics_and_dashboard_tell_the_same_of_stages_threads_and_floor() -> None:
