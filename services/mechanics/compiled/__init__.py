@@ -19,15 +19,23 @@ from services.mechanics.compiled import names
 names.begin()
 
 _LINKED: dict[str, Any] = {}
+_SIMPLIFIED: dict[str, Any] = {}
 with contextlib.suppress(ImportError):  # of numba's compiler: without it, kernels are compiled in the usual way
-    from services.mechanics.compiled.linked import LinkedCompiler
+    from services.mechanics.compiled.linked import LinkedCompiler, SimplifyingCompiler
 
-    _LINKED = {"pipeline_class": LinkedCompiler}
+    _LINKED, _SIMPLIFIED = {"pipeline_class": LinkedCompiler}, {"pipeline_class": SimplifyingCompiler}
+with contextlib.suppress(ImportError):
+    from services.mechanics.compiled import compile_time
+
+    compile_time.begin()
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: No kernel is handed to others by its address, so none needs an entry for that.
 _OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+#: What kernels alone call is only simplified before it is linked, but for detection and its vectors: detection made so
+#: was slower in the slowest hundredth of ticks (`docs/decisions/kernel-cache.md`).
+_OPTIMISED_BY_THEMSELVES = ("services.mechanics.collision.", "services.mechanics.compiled.")
 
 
 def kernel(function: F) -> F:
@@ -67,7 +75,8 @@ def _compiled(function: F, options: dict[str, Any]) -> F:
 
     @functools.cache
     def twin() -> Any:
-        linked = njit(cache=True, no_cpython_wrapper=True, **_LINKED, **options)
+        pipeline = _LINKED if function.__module__.startswith(_OPTIMISED_BY_THEMSELVES) else _SIMPLIFIED
+        linked = njit(cache=True, no_cpython_wrapper=True, **pipeline, **options)
         return linked(_renamed(cast(FunctionType, function)))
 
     compiled.get_call_template = lambda args, keywords: twin().get_call_template(args, keywords)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from llvmlite import binding as llvm
 
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import kernel, summing_kernel
 
 ROOT = Path(__file__).parents[3]
 CALL = """
@@ -47,6 +47,21 @@ def half_root_of(x: float) -> float:
 def twice_root_of(x: float) -> float:
     """Return twice of it."""
     return 2.0 * root_of(x)
+
+
+@summing_kernel
+def triangle_of(x: float) -> float:
+    """Return a sum that an optimiser takes several terms at once of: 0 + 1 + ... + x - 1."""
+    total = 0.0
+    for k in range(int(x)):
+        total += float(k)
+    return total
+
+
+@kernel
+def half_triangle_of(x: float) -> float:
+    """Return half of it."""
+    return 0.5 * triangle_of(x)
 
 
 def _call(name: str, kernels: Path, before: str = "") -> list[str]:
@@ -86,6 +101,23 @@ def _machine_code_bytes(kernels: Path, name: str) -> int:
     (_, kind, (machine_code, _)), *_ = pickle.loads(file.read_bytes())
     assert kind == "object"
     return sum(each.size() for each in llvm.ObjectFileRef.from_data(machine_code).sections() if each.is_text())
+
+
+def _vectors(kernels: Path, name: str) -> bool:
+    """Whether a kernel's code for callers computes with several numbers at once."""
+    (file,) = kernels.glob(f"*/test_linked.{name}-*.nbc")
+    (_, _, (_, for_callers)), *_ = pickle.loads(file.read_bytes())
+    return "x double>" in str(llvm.parse_bitcode(for_callers))
+
+
+@pytest.mark.parametrize("optimised", [False, True])
+def test_what_kernels_call_is_optimised_in_its_callers_and_alone_only_where_detection_is(
+    optimised: bool, tmp_path: Path
+) -> None:
+    here = "import services.mechanics.compiled as c; c._OPTIMISED_BY_THEMSELVES = ('tests.',)" if optimised else ""
+    assert _call("half_triangle_of", tmp_path, here)[0] == "60.0"
+    assert _vectors(tmp_path, "triangle_of.within_kernels") == optimised
+    assert _vectors(tmp_path, "half_triangle_of")
 
 
 def test_what_kernels_call_is_compiled_once_and_is_machine_code_in_its_callers_only(tmp_path: Path) -> None:
