@@ -60,6 +60,7 @@ def test_a_little_squeeze_is_that_of_an_elastic_foundation_between_two_bars(wall
 
 
 def test_nothing_is_squeezed_to_nothing(wall):
+    wall.occupied[TOOL, 10:] = 1.0
     solid = openings(wall)[0] - 2e-3
     assert resist(wall, TOOL, solid - 1e-6)[0] == math.inf
     assert resist(wall, TOOL, solid + 1e-4)[0] > 10.0 * resist(wall, TOOL, solid + 5e-2)[0]
@@ -99,3 +100,19 @@ def test_a_wall_near_the_hinge_of_jaws_that_open_wide_has_room_too():
     torque = resist(wall, TOOL, opening)[0]
     assert 1.0 < opening < 1.5
     assert opening == pytest.approx(2.5 * torque, rel=1e-4)
+
+
+@pytest.mark.parametrize("compliance", [0.5, 5.0, 50.0])
+def test_wall_that_is_given_up_lets_the_jaws_shut_little_by_little(wall, compliance):
+    """In 50 ticks, to the last of which a law that only got weaker would hold them apart."""
+    wall.occupied[TOOL] = 0.0
+    wall.occupied[TOOL, 5:9] = 1.0
+    openings_rad = []
+    for left in np.linspace(1.0, 0.0, 51):
+        wall.occupied[TOOL, 5:9] = left
+        openings_rad.append(yields_to(wall, TOOL, 0.0, compliance))
+    steps = -np.diff(openings_rad)
+    assert openings_rad[0] > 0.2
+    assert openings_rad[-1] == pytest.approx(0.0, abs=2e-8)
+    assert np.all(steps >= -2e-8)
+    assert steps.max() < 0.06 * openings_rad[0]
