@@ -69,7 +69,7 @@ UNSEEN = [
     ("pinch near the clamp", 9e-3, 0.0, 0.4, True),
     ("poke in the middle", 17e-3, 4.0, 0.4, False),
     ("poke at the mouth", 30e-3, 5.0, 0.4, False),
-    ("pull near the clamp", 6e-3, 1.2, -0.2, False),
+    ("pull", 10e-3, 1.2, -0.15, False),
 ]
 
 
