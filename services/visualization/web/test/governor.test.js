@@ -46,7 +46,7 @@ test("in software at least ten are held where it can be, and fewer asked for tha
     const { governor, run } = computer(true, cost);
     run(60);
     const { hz } = governor.step, took = 1 + cost * weight(governor.step);
-    assert.ok(hz >= 10 && hz <= 20);
+    assert.ok(hz >= 12 && hz <= 20, "who asks for ten has fewer whenever one is late");
     assert.ok(Math.min(hz, 1000 / took) >= 0.99 * 10, `${cost}`);
     assert.match(governor.words(true), /on the processor: .*pictures a second asked for/);
   }
