@@ -70,10 +70,16 @@ def distance2_below(
 
 
 @kernel
-def join_children(body: Body, patch: Patch, node: int) -> None:
-    """Replace what was last seen of a node by what was since seen of its children."""
+def join_children(body: Body, patch: Patch, node: int, limit2: float) -> None:
+    """Replace what was last seen of a node by what was since seen of its children.
+
+    Not where it is tight enough as it is for a search of this squared distance: a node of the wall that nobody else
+    needs would have to be placed.
+    """
     left, right = patch.child[node, 0], patch.child[node, 1]
     stale = 0.5 * _drift(body, patch, node)
+    if stale < 0.5 * _LOOSE * math.sqrt(limit2):
+        return
     if not (_drift(body, patch, left) < math.inf and _drift(body, patch, right) < math.inf):
         return
     shift_left, tight_left = _motion_since(body, patch, left)

@@ -11,7 +11,7 @@ from services.mechanics.collision.inside import Lumen, cap_clearance, follow_cap
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import (
-    EARLY_SEARCHES,
+    EARLY,
     MINIMA,
     SKIN_M,
     Probes,
@@ -60,7 +60,7 @@ def detect_catheter(
     for i in range(positions.shape[0]):
         put_row(detection.motion, i, motion_to(detection.probes, i, row(positions, i)))
     detect_rims(detection.shell, detection.rims, positions, detection.motion, sizes, pairs)
-    detection.probes.early = EARLY_SEARCHES
+    detection.probes.due = EARLY
     for i in range(positions.shape[0]):
         p = row(positions, i)
         if is_near(p):

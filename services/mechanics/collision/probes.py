@@ -49,8 +49,9 @@ SKIN_M = 1e-3
 # A longer jump in one tick is not motion: 20 m/s.
 JUMP_M = 20e-3
 ROOM_M = 1e3
-# Searches done ahead of need in a tick, so that probes that move together do not all search together.
-EARLY_SEARCHES = 4
+# Who has used this part of its slack may search ahead of need, so that probes that move together do not all search
+# together. Each search of a tick halves what the next may have left.
+EARLY = 0.5
 _NEW = 2  # no side
 
 
@@ -67,7 +68,7 @@ class Probes(Struct):
     weights: Annotated[FloatArray, "n", MINIMA, 3]  # barycentric
     normal: Annotated[FloatArray, "n", MINIMA, 3]  # towards the probe
     distance: Annotated[FloatArray, "n", MINIMA]  # signed, from the mid-surface to the axis
-    early: int = 0  # searches that may still be done ahead of need in this tick
+    due: float = EARLY  # part of its slack from which a probe searches, in this tick
 
     @classmethod
     def allocate(cls, n: int) -> Self:
@@ -177,12 +178,10 @@ def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector],
 @kernel
 def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
     used, slack = _used(body, probes, i, ends), probes.seen[i] - reach
-    if not used < slack:
-        return True
-    if used > 0.5 * slack and probes.early > 0:
-        probes.early -= 1
-        return True
-    return False
+    is_due = not used < probes.due * slack
+    if is_due:
+        probes.due = 0.5 * (1.0 + probes.due)
+    return is_due
 
 
 @kernel

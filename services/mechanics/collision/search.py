@@ -150,7 +150,7 @@ def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direct
             continue
         near = distance2_below(body, patch, left, a, b, best[1], direction)
         far = distance2_below(body, patch, right, a, b, best[1], direction)
-        join_children(body, patch, node)
+        join_children(body, patch, node, best[1])
         if near > far:
             near, far, left, right = far, near, right, left
         if far < best[1]:

@@ -23,7 +23,7 @@ from services.mechanics.collision.capsules import CapsuleMemory, Tools, detect_c
 from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.primitives import index
-from services.mechanics.collision.probes import EARLY_SEARCHES, MINIMA, Probes, advance, forget
+from services.mechanics.collision.probes import EARLY, MINIMA, Probes, advance, forget
 from services.mechanics.collision.search import NOT_FOUND, touch_triangle
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.sides import TOUCHING_M, UNKNOWN
@@ -69,7 +69,7 @@ def detect_tools(
 
 @kernel
 def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) -> None:
-    detection.probes.early = EARLY_SEARCHES
+    detection.probes.due = EARLY
     for tool in range(tools[0].shape[0]):
         first = tool * PROBES_PER_TOOL
         for segment in range(N_SEGMENTS):

@@ -147,6 +147,25 @@ def test_a_tick_costs_about_the_same_on_a_finer_mesh():
     assert visits[2] < 4.0 * visits[0], f"boxes visited a tick: {visits}"
 
 
+def test_probes_that_move_together_search_one_after_another():
+    """21 particles in line, all near the wall, use up their slack in the same tick: no tick may pay for all of them."""
+    surface = wavy_surface(duct_mesh(), np.random.default_rng(1))
+    detector, pairs = CatheterContactDetector(surface, 21, 0.8e-3, 0.5e-3), ContactPairs.allocate(64)
+    q, searches = random_coordinates(np.random.default_rng(2), 1e-4), []
+    x = np.zeros((21, 3))
+    x[:, 1] = -2.6e-3
+    for tick in range(400):
+        surface.update(q)
+        x[:, 0] = np.linspace(10e-3, 38e-3, 21) - tick * 0.02e-3
+        pairs.clear()
+        before = surface.cost.searches
+        detector.detect(x, pairs)
+        searches.append(surface.cost.searches - before)
+    assert searches[0] == 21
+    assert sum(searches[1:]) > 100
+    assert max(searches[1:]) <= 2
+
+
 def test_a_cap_of_least_area_closes_a_rim():
     mesh = duct_mesh(n_around=36)
     rim = mesh.vertex_sets["mouth"]
