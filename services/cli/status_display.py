@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from types import TracebackType
 from typing import Self
 
@@ -14,8 +13,6 @@ from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Event, Supervisor
 
 _STYLES = {"warning": "yellow", "error": "red"}
-#: Where there are no bars, a start says what it waits for so often.
-_SAY_EVERY_S = 10.0
 
 
 class StatusDisplay:
@@ -34,7 +31,6 @@ class StatusDisplay:
         self._state: RigState | None = None
         self._shown = False
         self._announced = False
-        self._say_s = 0.0
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:
@@ -56,8 +52,6 @@ class StatusDisplay:
         """Follow the rig."""
         if self._shown:
             self._show_progress(supervisor)
-        elif not self._announced:
-            self._say_progress(supervisor, time.monotonic())
         if supervisor.state is not self._state:
             self._state = supervisor.state
             if self._state is RigState.RUNNING:
@@ -80,20 +74,6 @@ class StatusDisplay:
             if member.up:
                 stage, fraction = "ready", 1.0
             self._bars.update(self._tasks[name], description=stage, completed=fraction or 0.0)
-
-    def _say_progress(self, supervisor: Supervisor, now_s: float) -> None:
-        """Say, now and then, who is not ready and what it does."""
-        if now_s < self._say_s:
-            return
-        if not self._say_s and supervisor.page_address:
-            self._console.print(
-                f"the rig {supervisor.rig.name!r} is starting: open {supervisor.page_address}", markup=False
-            )
-        self._say_s = now_s + _SAY_EVERY_S
-        members = [member for member in supervisor.crew.members.values() if not member.up]
-        waits = "; ".join(f"{each.name}: {each.progress[0] if each.progress else each.state}" for each in members)
-        if waits:
-            self._console.print(f"{now_s - supervisor.started_s:7.2f} s  {waits}", markup=False)
 
     def _end_bars(self) -> None:
         if self._shown:
