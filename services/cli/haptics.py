@@ -12,9 +12,11 @@ from pathlib import Path
 from rich.console import Console
 
 import services.runtime  # noqa: F401 - keeps linear algebra to one thread before numpy is loaded
+from services.cache_directory import cache_directory
 from services.cli import targets
 from services.cli.progress import progress_line
 from services.gateway.feel.figures import draw_borders, draw_energies, draw_transparency
+from services.gateway.feel.late import answer_late, solve
 from services.gateway.feel.measure import energies, passive_borders, stable_borders, transparency
 from services.gateway.feel.report import Felt, write_page
 from services.studies.accuracy.facts import Facts
@@ -45,7 +47,8 @@ def run_haptics(request: Request) -> None:
     figures = request.out.absolute().parent / request.out.stem
     targets.make_folder("--out", figures)
     with progress_line() as tell, ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as executor:
-        felt = Felt(passive_borders(), stable_borders(), transparency(), energies(request.hands, executor, tell))
+        late = answer_late(solve(cache_directory() / "bases"))
+        felt = Felt(passive_borders(), stable_borders(), transparency(), energies(request.hands, executor, tell), late)
     draw = Draw(Size.FULL, 0)
     facts = Facts.collect(f"trocar haptics --hands {request.hands}", code_version(Path(__file__).parents[2]), draw, {})
     if request.json:

@@ -13,6 +13,7 @@ from services.cli.haptics import Request, run_haptics
 from services.gateway import servo_law
 from services.gateway.feel import measure
 from services.gateway.feel.hands import attack_servo, random_attack
+from services.gateway.feel.late import TICK_S, TOOLS, Late, Solved, answer_late, newest_answer
 from services.gateway.feel.report import Felt, write_page
 from services.gateway.feel.wall import (
     Wall,
@@ -93,11 +94,36 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
     books = tuple(attack_servo(random_attack(seed), ticks=100) for seed in (0, 1))
     found = measure.Energies("local model, controller", (random_attack(0), random_attack(1)), books)
     rendered = [measure.Rendered(name, 5e-4, 1.0, 500.0 + 0j) for name, _ in measure.WAYS]
-    write_page(Felt([border], [border], rendered, [found]), ["made so"], tmp_path / "felt", tmp_path / "felt.md")
+    late = [Late(tool, 5, 0, np.array([0.01, 0.2]), np.array([0.5, 0.01])) for tool in TOOLS]
+    write_page(Felt([border], [border], rendered, [found], late), ["made so"], tmp_path / "felt", tmp_path / "felt.md")
     page = (tmp_path / "felt.md").read_text(encoding="utf-8")
     assert "theory is **4.0 %**" in " ".join(page.split())
     assert f"| local model, controller | **{found.gaining}** of 2 |" in page
+    assert "| 5 | 50.0%, 20.0% | 50.0%, 50.0% | 50.0%, 20.0% | 50.0%, 50.0% |" in page
     assert max(map(len, page.splitlines())) <= 120
+
+
+def test_answers_come_as_late_as_is_added_and_the_newest_counts() -> None:
+    assert newest_answer(6, 0, 0, np.random.default_rng(0)).tolist()[1:] == [0, 1, 2, 3, 4]
+    assert newest_answer(6, 2, 0, np.random.default_rng(0)).tolist()[3:] == [0, 1, 2]
+    newest = newest_answer(2000, 3, 10, np.random.default_rng(1))
+    ages = np.arange(2000)[50:] - newest[50:]
+    assert (ages.min(), np.diff(newest).min()) == (4, 0)
+    assert 4 < ages.mean() < 9, "an answer that overtakes others counts"
+
+
+def test_a_local_model_that_is_late_follows_a_wall_and_a_force_alone_is_where_it_was() -> None:
+    """A hand that moves evenly in a spring: exact at 5 ms, and nothing beyond the life of a model."""
+    n, stiffness = 400, 100.0
+    places = np.zeros((n, 2, 3))
+    places[:, :, 2] = -1e-5 * np.arange(n)[:, None]
+    K = np.tile(np.diag([0.0, 0.0, stiffness]).ravel(), (n, 2, 1))
+    solved = Solved(places, np.diff(places, axis=0, prepend=places[:1]) / TICK_S, -stiffness * places, K)
+    at_5, at_50 = (answer_late(solved, [(ms, 0)])[0] for ms in (4, 50))
+    assert at_5.local[100:].max() < 1e-3
+    np.testing.assert_allclose(at_5.force_alone[100:], 5.0 / (n - 1))
+    np.testing.assert_allclose(at_50.local[100:], np.arange(n)[100:] / (n - 1))
+    np.testing.assert_allclose(at_50.force_alone[100:], 51.0 / (n - 1))
 
 
 def test_a_page_in_a_folder_that_is_not_there_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
