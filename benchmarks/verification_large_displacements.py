@@ -7,6 +7,7 @@ from verification_table import Entry, Table
 
 from services.mechanics.fem.nonlinear import PathSettings, trace_path
 from services.studies.large_displacement_problems import (
+    HALF_CYLINDER,
     HEMISPHERE,
     PINCH,
     PULLED,
@@ -17,6 +18,7 @@ from services.studies.large_displacement_problems import (
     hemisphere,
     hinged_roof,
     pulled_cylinder,
+    pushed_half_cylinder,
     slit_plate,
     squeezed_duct,
 )
@@ -25,7 +27,15 @@ SZE = "Sze, Liu and Lo 2004"
 
 
 def tables() -> list[Table]:
-    entries = [*_cantilevers(), *_slit_plate(), *_hemisphere(), *_pulled_cylinder(), *_roofs(), *_duct()]
+    entries = [
+        *_cantilevers(),
+        *_slit_plate(),
+        *_hemisphere(),
+        *_pulled_cylinder(),
+        *_half_cylinder(),
+        *_roofs(),
+        *_duct(),
+    ]
     about = (
         "Corotated triangles (`docs/decisions/nonlinear-shell.md`), the values of the same command with "
         "`analysis: nonlinear`. Displacements in the units of the source."
@@ -93,6 +103,16 @@ def _pulled_cylinder() -> list[Entry]:
                 quantity = f"cylinder pulled apart at {point.part:.2g} of its load, {name}"
                 entries.append(Entry(quantity, f"andes, {n_around} x {n_along} an eighth", value, published, SZE))
     return sorted(entries, key=lambda entry: entry.quantity)
+
+
+def _half_cylinder() -> list[Entry]:
+    entries = []
+    for n in (12, 16, 24):
+        problem = pushed_half_cylinder(n, n)
+        end = trace_path(problem.shell, problem.load, PathSettings(n_steps=10))[-1]
+        value, published = -problem.moved(end)[0, 2], HALF_CYLINDER[end.part]
+        entries.append(Entry("half cylinder pushed at its free end", f"andes, {n} x {n} a half", value, published, SZE))
+    return entries
 
 
 def _roofs() -> list[Entry]:

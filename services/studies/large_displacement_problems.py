@@ -31,6 +31,10 @@ PULLED = {0.25: (2.180, 3.087, 3.310), 1.0: (2.768, 4.551, 3.269)}
 
 Of Sze, Liu and Lo, as the regression tests of MBDyn hold their table."""
 
+HALF_CYLINDER = {0.05: 5.421, 0.2: 37.582, 0.5: 132.653, 1.0: 171.505}
+"""Half cylinder pushed at its free end: how far the force has moved, by part of its load (their table, as
+M. Neunteufel's collection of shells for NGSolve holds it)."""
+
 Place = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
 
 
@@ -128,6 +132,24 @@ def pulled_cylinder(n_around: int, n_along: int, membrane: str = "andes") -> Pro
     dead[index[0, 0], 2] = 40e3 / 4.0
     watched = np.array([index[0, 0], index[-1, 0], index[-1, -1]])
     return Problem(_shell(mesh, 0.094, 10.5e6, 0.3125, supports, membrane), _dead(dead), watched)
+
+
+def pushed_half_cylinder(n_around: int, n_along: int, membrane: str = "andes") -> Problem:
+    """Half of the half cylinder R 101.6, L 304.8, t 3, E 2068.5, nu 0.3, pushed by 2000 at its free end.
+
+    The other end is clamped, the straight edges are planes of symmetry: two such forces press the whole cylinder.
+    """
+    mesh, index = grid(
+        lambda u, v: (101.6 * np.sin(0.5 * np.pi * u), 304.8 * v, 101.6 * np.cos(0.5 * np.pi * u)), n_around, n_along
+    )
+    supports = [
+        Support(index[:, -1]),
+        Support(index[0, :-1], ("ux", "ry", "rz")),
+        Support(index[-1, :-1], ("uz", "rx", "ry")),
+    ]
+    dead = np.zeros((mesh.n_vertices, 6))
+    dead[index[0, 0], 2] = -2000.0 / 2.0
+    return Problem(_shell(mesh, 3.0, 2068.5, 0.3, supports, membrane), _dead(dead), index[:1, 0])
 
 
 def hinged_roof(thickness: float, n: int = 8) -> Problem:
