@@ -17,7 +17,7 @@ OPEN: dict[tuple[str, str], set[str]] = {
     ("abuse", "all contacts at once, number 0"): TOOLS | {"penetration_hand"},
     # Jaws have contacts with the fold that they hold: 0.11 mm deep in it where 0.1 is asked. Since they close on it
     # until it is solid (walls that meet) it is 0.48, and so is the catheter at their tips in the wall (0.06 before).
-    # Since what impulses swing is paid for, the catheter slips 4.3 mm deep into jaws once, and that gains 2.3 % (0.3).
+    # Since impulses are paid for, a heal at tick 423 leaves a tool 1.6 mm deep, and that gains 2.0 % (0.3 before).
     ("abuse", "jammed, number 0"): TOOLS | {"penetration_hand", "gain"},
     ("abuse", "all contacts at once, wall gives way, number 0"): TOOLS,
     ("grasping", "number 0"): TOOLS,
