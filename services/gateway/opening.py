@@ -7,8 +7,6 @@ from collections.abc import Callable
 
 import can
 
-from services.runtime.errors import DeviceError
-
 
 class Opening:
     """Opens a bus, and keeps it until it is taken.
@@ -16,7 +14,7 @@ class Opening:
     Parameters
     ----------
     open_bus
-        Returns the bus, or raises DeviceError.
+        Returns the bus; what it raises is why there is none.
     """
 
     def __init__(self, open_bus: Callable[[], can.BusABC]) -> None:
@@ -40,5 +38,5 @@ class Opening:
     def _run(self) -> None:
         try:
             self._bus = self._open_bus()
-        except DeviceError as error:
-            self._problem = str(error)
+        except Exception as error:  # whatever it is: the servo goes on, and without a bus
+            self._problem = str(error) or type(error).__name__

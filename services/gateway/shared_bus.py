@@ -69,16 +69,20 @@ class _Adapter:
                 place.heard.append(message)
 
     def leave(self, place: SharedBus) -> None:
-        if place in self.places:
+        with _opening:  # another may just be taking its place here
+            if place not in self.places:
+                return
             self.places.remove(place)
-            if not self.places:
-                if _open.get(self.key) is self:  # else one that was pulled out, and is back
-                    del _open[self.key]
-                self.bus.shutdown()
+            if self.places:
+                return
+            if _open.get(self.key) is self:  # else one that was pulled out, and is back
+                del _open[self.key]
+            self.bus.shutdown()
 
 
 _open: dict[str, _Adapter] = {}
-_opening = threading.Lock()
+#: Of one thread more than once: a place that nobody keeps is given up wherever that thread is.
+_opening = threading.RLock()
 
 
 def share(settings: dict[str, Any], open_adapter: Callable[..., can.BusABC]) -> SharedBus:
