@@ -8,7 +8,9 @@ the rig is the leader of a session, and its group has its niceness. Containers h
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +18,7 @@ from pathlib import Path
 _OURS = Path("/proc/self/autogroup")
 #: Who is no administrator may change a group ten times a second, all of them together.
 _TRIES, _APART_S = 10, 0.1
+_PR_SET_PDEATHSIG = 1
 
 
 def set_group_niceness(niceness: int, path: Path = _OURS) -> bool:
@@ -34,3 +37,11 @@ def set_group_niceness(niceness: int, path: Path = _OURS) -> bool:
             else:
                 return True
     return False
+
+
+def end_with_parent() -> None:
+    """Let the kernel end this process when the thread that started it ends, by whatever end.
+
+    Helpers of a process are ended with its group; one that leads a session of its own is in none but its own.
+    """
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)

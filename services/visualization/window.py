@@ -132,6 +132,7 @@ class WindowOutput:
             stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             # Threads of the software renderer would push the loops aside: 4 instead of 1 ms of lateness were measured.
             env={**os.environ, "LP_NUM_THREADS": "1"},
+            start_new_session=True,  # `services.runtime.autogroup`
         )  # fmt: skip
         sending = asyncio.ensure_future(self._send(worker))
         try:

@@ -1,17 +1,21 @@
 """The process that draws in a window: reads view messages on stdin, answers on stdout with each picture it has drawn.
 
 Opening a window, its first frames and a slow driver hold up nobody else here, and a display that goes away ends this
-process alone.
+process alone. It leads a session: what the kernel makes a group of has the niceness of this process, which otherwise
+would count beside its parent only.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import select
 import sys
 import time
 
+from services.runtime.autogroup import end_with_parent, set_group_niceness
+from services.runtime.scheduling import own_threads
 from services.visualization import cameras, codec
 from services.visualization.display import display_name
 from services.visualization.overlay import Overlay
@@ -22,6 +26,9 @@ from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPE
 
 _SIZE, _SOFTWARE_SIZE = (1280, 800), (960, 600)
 _EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25
+#: Pictures come after the rest of the rig, not after everything on the machine: at 19, a 68th of whoever else computes,
+#: the first was seen after 90 s.
+_NICENESS = 5
 
 
 class Window:
@@ -119,8 +126,10 @@ class Window:
 
 def main() -> int:
     """Show what comes until the pipe ends or the window is closed."""
+    end_with_parent()
+    set_group_niceness(os.nice(0))  # the parent's, as opening is work that somebody waits for
     window, splitter = Window(), Splitter()
-    os.nice(max(0, 19 - os.nice(0)))  # opening was work that somebody waits for; pictures come after everybody else
+    _come_after(max(_NICENESS, os.nice(0)))
     _answer(pack(OPEN, b""))
     while not window.closed:
         sequence = None
@@ -138,6 +147,14 @@ def main() -> int:
         window.answer_events()
     _answer(pack(CLOSED, b""))
     return 0
+
+
+def _come_after(niceness: int) -> None:
+    """Take a niceness, with the threads of the software renderer and the group of this session."""
+    for thread in own_threads():
+        with contextlib.suppress(ProcessLookupError):  # it ended meanwhile
+            os.setpriority(os.PRIO_PROCESS, thread, niceness)
+    set_group_niceness(niceness)
 
 
 def _answer(data: bytes) -> None:

@@ -2,10 +2,12 @@
 
 import logging
 import os
+import select
 import shutil
 import signal
 import struct
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -228,6 +230,36 @@ def children() -> list[int]:
         ["pgrep", "-P", str(os.getpid()), "-f", "window_worker"], capture_output=True, text=True, check=True
     )
     return [int(word) for word in found.stdout.split()]
+
+
+def test_who_draws_comes_after_the_view_and_not_after_everybody(window: WindowOutput, display: Display) -> None:
+    (worker,) = children()
+    asked = max(5, os.getpriority(os.PRIO_PROCESS, 0))
+    threads = [int(task.name) for task in Path(f"/proc/{worker}/task").iterdir()]
+    assert {os.getpriority(os.PRIO_PROCESS, thread) for thread in threads} == {asked}
+    assert os.getsid(worker) == worker, "its niceness counts beside other sessions, not beside its parent only"
+    group = Path(f"/proc/{worker}/autogroup")
+    if group.is_file():
+        assert group.read_text().split()[-1] == str(asked)
+
+
+def test_a_window_that_stands_still_goes_with_the_view(display: Display) -> None:
+    """It is in no group of the view's, and does not see its pipe end."""
+    code = (
+        "import time; from tests.visualization.test_window import children, open_window;"
+        "window = open_window(); print(*children(), flush=True); time.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as view:
+        assert view.stdout is not None
+        worker = int(view.stdout.readline())
+        os.kill(worker, signal.SIGSTOP)
+        descriptor = os.pidfd_open(worker)
+        view.kill()
+    ended = bool(select.select([descriptor], [], [], PATIENCE_S)[0])
+    if not ended:
+        signal.pidfd_send_signal(descriptor, signal.SIGKILL)
+    os.close(descriptor)
+    assert ended, "it lives on without anybody"
 
 
 def test_closing_the_window_is_told(window: WindowOutput, display: Display) -> None:
