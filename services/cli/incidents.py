@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.runtime.flight import COLUMNS
 from services.runtime.flights import FAST_HZ, Flight, ThreadTime, overrun_ns
@@ -114,8 +115,14 @@ def shares_core(one: Flight, other: Flight) -> bool:
     return len(one.cores) == 1 and one.cores == other.cores
 
 
+def woken_ns(floor: Flight) -> NDArray[np.int64]:
+    """Return when the machine woke a watcher, (n,): while that was runnable and waited, somebody else had the core."""
+    woken: NDArray[np.int64] = np.maximum(floor.column("due_ns"), floor.column("began_ns") - floor.column("ran_ns"))
+    return woken
+
+
 def _machine_ns(floor: Flight, from_ns: int, to_ns: int) -> int:
-    due, woke = floor.column("due_ns"), floor.column("began_ns")
+    due, woke = floor.column("due_ns"), woken_ns(floor)
     inside = (due < to_ns) & (woke > from_ns)
     return int((woke - due)[inside].max(initial=0))
 

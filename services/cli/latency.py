@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from services.cli import targets
-from services.cli.incidents import FLOOR_LATE_NS, UNKNOWN, WAITED, BadTick, incidents, is_floor, worst_ticks
+from services.cli.incidents import FLOOR_LATE_NS, UNKNOWN, WAITED, BadTick, incidents, is_floor, woken_ns, worst_ticks
 from services.cli.trace import trace
 from services.runtime import config, endpoints
 from services.runtime.errors import UserError
@@ -154,8 +154,10 @@ def _cells(flight: Flight, from_ns: int, to_ns: int) -> list[str]:
     step = (to_ns - from_ns) / _LINE
     cells = [" "] * _LINE
     due, began, ended = (flight.column(name) for name in ("due_ns", "began_ns", "ended_ns"))
-    waiting, working = ("!", "!") if is_floor(flight) else ("░", "█")
-    least_ns = FLOOR_LATE_NS if is_floor(flight) else 0
+    waiting, working, least_ns = "░", "█", 0
+    if is_floor(flight):
+        began = ended = woken_ns(flight)
+        waiting, working, least_ns = "!", "!", FLOOR_LATE_NS
     for row in ((due < to_ns) & (ended > from_ns) & (began - due >= least_ns)).nonzero()[0]:
         for mark, first, last in ((waiting, due[row], began[row]), (working, began[row], ended[row])):
             for cell in range(max(0, int((first - from_ns) / step)), min(_LINE, int((last - from_ns) / step) + 1)):

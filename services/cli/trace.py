@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from services.cli.incidents import FLOOR, is_floor
+from services.cli.incidents import FLOOR, is_floor, woken_ns
 from services.runtime.flight import COLUMNS
 from services.runtime.flights import Flight, Flights
 
@@ -62,7 +62,7 @@ def _floor(flight: Flight, origin_ns: int) -> Iterator[dict[str, Any]]:
     core = int(flight.name.removeprefix(FLOOR))
     yield _named(_MACHINE, core, "process_name", "the machine")
     yield _named(_MACHINE, core, "thread_name", f"core {core} wakes nobody")
-    for _tick, due, woke, *_rest in flight.rows.tolist():
+    for due, woke in zip(flight.column("due_ns").tolist(), woken_ns(flight).tolist(), strict=True):
         if woke - due >= _WORTH_NS:
             yield _span(_MACHINE, core, "late", due - origin_ns, woke - due, {})
 

@@ -2,9 +2,10 @@
 
 A thread a core does nothing but sleep to a grid, above every process of the rig: where it wakes late, nobody of the
 rig could have run. It writes when it was due and when it woke into a flight ring (`floor0`, `floor1`, ...), so that
-misses of the rig and of the machine lie on one time line. In the place of how long it ran it writes for how long it was
-runnable and waited, as the kernel counts it: beside loops with SCHED_DEADLINE, which come before any priority, or where
-SCHED_FIFO is refused, that part is the doing of whoever had the core, and only the rest is the machine's.
+misses of the rig and of the machine lie on one time line. For how long it was runnable and waited, as the kernel counts
+it, is the doing of whoever had the core, and only the rest the machine's. Where SCHED_FIFO is refused it is woken by so
+much earlier; where it has a priority, before which only loops with SCHED_DEADLINE come, it writes that in the place of
+how long it ran.
 
 Where in a millisecond it wakes it is told by whoever started it, in a file of a number a core (`Phases`): a wake-up
 takes 75 us, so it is best where nobody works (`services.supervisor.quiet`). It ends with whoever started it.
@@ -108,8 +109,10 @@ def watch(core: int, ring: FlightRing, parent: int, phases: Phases) -> None:
         time.sleep(max(0, due_ns - time.monotonic_ns()) * 1e-9)
         now_ns = time.monotonic_ns()
         waited_ns = waiting.since_ns()
-        woken_ns = now_ns if is_above_all else max(due_ns, now_ns - waited_ns)
-        ring.write(tick, due_ns, woken_ns, now_ns, waited_ns, ())
+        if is_above_all:
+            ring.write(tick, due_ns, now_ns, now_ns, waited_ns, ())
+        else:
+            ring.write(tick, due_ns, max(due_ns, now_ns - waited_ns), now_ns, 0, ())
         behind = max(0, now_ns - due_ns) // period_ns
         tick += 1 + behind
         due_ns += (1 + behind) * period_ns

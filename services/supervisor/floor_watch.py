@@ -39,7 +39,8 @@ class Core:
     def take(self, path: Path, now_s: float, *, below_loops: bool = False) -> None:
         """Count what the ring at `path` has that was not seen.
 
-        With `below_loops` the time in which the watcher waited for its core does not count: the rig's loops had it.
+        With `below_loops` the time in which a watcher with a priority waited for its core does not count: the rig's
+        loops had it.
         """
         flight = read_ring(path)
         if flight is None:

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from services.cli.app import app
 from services.cli.incidents import incidents, worst_ticks
+from services.cli.latency import _cells
 from services.cli.trace import trace
 from services.runtime.flight import COLUMNS, FlightRing, flight_directory, remove_rings
 from services.runtime.flights import Flight, Flights, ThreadTime, to_bytes
@@ -73,6 +74,17 @@ def test_the_machine_is_to_blame_where_it_woke_nobody_on_that_core() -> None:
     assert tick.why.startswith("unknown")
     (tick,) = worst_ticks([late, floor(1, {9: 2800.0})], 10)  # at another time
     assert tick.why.startswith("unknown")
+
+
+def test_while_a_watcher_was_runnable_and_waited_the_machine_is_not_to_blame() -> None:
+    """Loops with SCHED_DEADLINE come before it."""
+    late, watcher = flight("physics", 1, 300.0, {50: {"late": 3000.0}}), floor(1, {5: 2800.0})
+    watcher.rows[5, COLUMNS.index("ran_ns")] = 2700 * 1000
+    (tick,) = worst_ticks([late, watcher], 10)
+    assert tick.why.startswith("unknown")
+    events = trace(Flights((late, watcher), 0, "now", "why"))["traceEvents"]
+    assert max(event["dur"] for event in events if event["name"] == "late") == pytest.approx(100.0)
+    assert "!" not in "".join(_cells(watcher, START + 45 * MS, START + 60 * MS))
 
 
 def test_the_worst_by_periods_are_taken_in_the_order_of_time_and_what_belongs_together_is() -> None:

@@ -255,9 +255,11 @@ floor.main(Path(sys.argv[1]))
 
 
 @pytest.mark.skipif(not Path("/proc/self/schedstat").is_file(), reason="this kernel does not count waiting")
-@pytest.mark.skipif(os.geteuid() != 0, reason="takes the right to starve somebody")
 def test_who_waits_for_its_core_does_not_blame_the_machine(directory: Path) -> None:
     core = max(os.sched_getaffinity(0))
+    may_starve = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"  # root in a container may not
+    if subprocess.run([sys.executable, "-c", may_starve], capture_output=True, check=False).returncode != 0:
+        pytest.skip("this system refuses SCHED_FIFO")
     Phases(directory / PHASES, create=True)
     watcher = subprocess.Popen([sys.executable, "-c", _ORDINARY, str(directory)])
     try:
@@ -269,14 +271,15 @@ def test_who_waits_for_its_core_does_not_blame_the_machine(directory: Path) -> N
         watcher.wait()
     flight = read_ring(directory / f"floor{core}.flight")
     assert flight is not None
-    row = int(flight.column("ran_ns").argmax())
+    row = int((flight.column("ended_ns") - flight.column("began_ns")).argmax())
     assert flight.column("ended_ns")[row] - flight.column("due_ns")[row] > 200 * MS, "so late it was"
     assert flight.column("began_ns")[row] - flight.column("due_ns")[row] < 100 * MS, "and so late it was woken"
+    assert not flight.column("ran_ns").any(), "nobody takes the waiting off once more"
 
 
 def _longest_wait_ns(path: Path) -> int:
     flight = read_ring(path)
-    return 0 if flight is None else int(flight.column("ran_ns").max(initial=0))
+    return 0 if flight is None else int((flight.column("ended_ns") - flight.column("began_ns")).max(initial=0))
 
 
 @pytest.mark.parametrize(("below_loops", "late"), [(False, 2), (True, 1)])
