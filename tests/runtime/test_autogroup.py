@@ -49,9 +49,20 @@ def test_who_waits_its_turn_gets_it(monkeypatch: pytest.MonkeyPatch, tmp_path: P
             raise BlockingIOError
         return len(text)
 
+    group = tmp_path / "autogroup"
+    group.write_text("/autogroup-7 nice 0\n")
     monkeypatch.setattr(Path, "write_text", write)
-    assert autogroup.set_group_niceness(-10, tmp_path / "autogroup")
+    assert autogroup.set_group_niceness(-10, group)
     assert asked == ["-10"] * 3
+
+
+def test_a_group_that_has_its_niceness_is_not_written_to(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Of all groups of the machine ten are changed in a second: those who ask for nothing new kept others waiting."""
+    group = tmp_path / "autogroup"
+    group.write_text("/autogroup-7 nice 0\n")
+    monkeypatch.setattr(os, "getsid", lambda _pid: os.getpid())
+    monkeypatch.setattr(Path, "write_text", lambda *_: pytest.fail("it was written to"))
+    assert autogroup.set_group_niceness(0, group)
 
 
 def test_a_kernel_without_groups_and_one_that_refuses_are_no_error(
