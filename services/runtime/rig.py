@@ -239,9 +239,8 @@ class Rig(Settings):
     @model_validator(mode="after")
     def _has_a_port_for_each(self) -> Self:
         port, page = self.visualization.port, self.supervisor.web.port
-        beside = (
-            self.supervisor.mode == "launch" and self.process("visualization").enabled
-        )  # else each has its own host
+        is_served = self.process("visualization").enabled and self.visualization.viewer in ("web", "auto")
+        beside = is_served and self.supervisor.mode == "launch"  # else each has its own host
         if beside and port == page != 0:
             raise ValueError(f"visualization.port: {port} is the page's already (supervisor.web.port)")
         return self

@@ -143,9 +143,14 @@ def test_what_would_hide_or_shut_out_another_is_refused(tmp_path: Path, text: st
 
 
 @pytest.mark.parametrize(
-    "rest", ["visualization: {port: 8080}\nsupervisor: {mode: attach}", "processes: {visualization: {enabled: false}}"]
+    "rest",
+    [
+        "supervisor: {mode: attach, web: {port: 8081}}",
+        "supervisor: {web: {port: 8081}}\nprocesses: {visualization: {enabled: false}}",
+        "supervisor: {web: {port: 8081}}\nvisualization: {viewer: native}",
+    ],
 )
-def test_containers_have_ports_of_their_own(tmp_path: Path, rest: str) -> None:
+def test_containers_and_a_window_take_no_port_of_the_page(tmp_path: Path, rest: str) -> None:
     config.load(Rig, write(tmp_path, f"name: r\n{rest}"))
     config.load(Rig, write(tmp_path, "name: r\nvisualization: {port: 0}\nsupervisor: {web: {port: 0}}"))
 
