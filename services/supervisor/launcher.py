@@ -80,7 +80,7 @@ class Child:
         return self._kernel.is_stopped()
 
     def waited_s(self) -> float:
-        """Return for how long the main thread has waited for a processor since its start, 0 where unknown."""
+        """Return for how long its loop and its bus have waited for a processor since their start, 0 where unknown."""
         return self._kernel.waited_s()
 
     def send(self, number: signal.Signals) -> None:

@@ -6,13 +6,17 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
+from services.supervisor import thread_waits
 from services.supervisor.kernel_word import KernelWord
+from services.supervisor.thread_waits import BusWaits, ThreadWait
 
 SPIN = "while True: pass"
 STARVED_S = 0.2
@@ -103,3 +107,75 @@ def test_a_process_that_sleeps_for_good_waits_for_nobody() -> None:
         assert not word.is_stopped(), "of one that has ended nothing is said"
         assert word.waited_s() == 0.0
         word.close()
+
+
+#: Begins a thread of this name when it is asked to, which computes beside a main thread that sleeps.
+SPINNER = """
+import sys, threading, time
+def spin():
+    open(f"/proc/self/task/{threading.get_native_id()}/comm", "w").write(sys.argv[1])
+    print(threading.get_native_id(), flush=True)
+    while True: pass
+sys.stdin.readline()
+threading.Thread(target=spin, daemon=True).start()
+time.sleep(600)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="this kernel keeps no statistics of waits")
+@pytest.mark.parametrize(("name", "counts"), [("ZMQbg/IO/0", True), ("compiler", False)])
+def test_the_thread_that_sends_the_heartbeats_counts_from_when_it_is_there(name: str, counts: bool) -> None:
+    core = min(os.sched_getaffinity(0))
+    command = ["taskset", "-c", str(core), sys.executable, "-I", "-S", "-c", SPINNER, name]
+    with running(SPIN, core=core), subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as victim:
+        assert victim.stdin is not None
+        assert victim.stdout is not None
+        word = KernelWord(victim.pid)
+        word.waited_s()
+        victim.stdin.write(b"\n")
+        victim.stdin.flush()
+        schedule = Path(f"/proc/{victim.pid}/task/{int(victim.stdout.readline())}/schedstat")
+        deadline = time.monotonic() + 30.0
+
+        def waited_s() -> float:
+            return int(schedule.read_text().split()[1]) * 1e-9
+
+        began_s, before_s, of_main_s = waited_s(), word.waited_s(), word._main.waited_s()
+        while waited_s() - began_s < 0.1:
+            assert time.monotonic() < deadline, "nobody waits on this machine"
+            time.sleep(1e-3)
+        least_s = waited_s() - began_s
+        counted_s = word.waited_s() - before_s - (word._main.waited_s() - of_main_s)
+        victim.kill()
+        word.close()
+    if counts:
+        assert counted_s > 0.8 * least_s
+    else:
+        assert counted_s == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_thread_of_the_bus_that_ended_keeps_what_it_waited_and_one_not_yet_named_is_looked_at_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    go = threading.Event()
+    thread = threading.Thread(target=go.wait)
+    thread.start()
+    comm = Path(f"/proc/self/task/{thread.native_id}/comm")
+    comm.write_text("ZMQbg/IO/0")
+    tasks = os.open("/proc/self/task", os.O_RDONLY)
+    monkeypatch.setattr(thread_waits, "_NAMED_AFTER_NS", 10**18)  # as if nobody had run for long enough
+    waits = BusWaits(tasks)
+    waits.waited_s()
+    assert list(waits._threads) == [thread.native_id]
+    assert waits._links == -1, "the others are looked at again"
+    waits._threads[thread.native_id or 0]._waited_ns = 0
+    monkeypatch.setattr(ThreadWait, "look", lambda self: setattr(self, "_waited_ns", 3_000_000_000))
+    assert waits.waited_s() == 3.0
+    go.set()
+    thread.join()
+    while comm.exists():
+        time.sleep(1e-3)
+    assert waits.waited_s() == 3.0
+    assert not waits._threads
+    waits.close()
+    os.close(tasks)
