@@ -29,6 +29,7 @@ from services.supervisor.metrics import RigSource, Source, registry
 from services.supervisor.quiet import quiet_phase_ns
 from services.supervisor.state_machine import RigState
 from services.supervisor.threads import Counts, ThreadWatch
+from tests.real_time import fifo_is_granted
 from tests.supervisor.made_up import MS, health, histogram, loop_report
 
 
@@ -255,11 +256,9 @@ floor.main(Path(sys.argv[1]))
 
 
 @pytest.mark.skipif(not Path("/proc/self/schedstat").is_file(), reason="this kernel does not count waiting")
+@pytest.mark.skipif(not fifo_is_granted(), reason="this system refuses SCHED_FIFO")
 def test_who_waits_for_its_core_does_not_blame_the_machine(directory: Path) -> None:
     core = max(os.sched_getaffinity(0))
-    may_starve = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"  # root in a container may not
-    if subprocess.run([sys.executable, "-c", may_starve], capture_output=True, check=False).returncode != 0:
-        pytest.skip("this system refuses SCHED_FIFO")
     Phases(directory / PHASES, create=True)
     watcher = subprocess.Popen([sys.executable, "-c", _ORDINARY, str(directory)])
     try:

@@ -25,14 +25,9 @@ from services.supervisor.member import MemberState
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
+from tests.real_time import fifo_is_granted
 
 pytestmark = pytest.mark.rig
-
-
-def _fifo_is_granted() -> bool:
-    """Return whether a process of this user may have SCHED_FIFO; asked of one that ends at once."""
-    script = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))"
-    return subprocess.run([sys.executable, "-c", script], capture_output=True, check=False).returncode == 0
 
 
 HERE = Path(__file__).parent
@@ -406,7 +401,7 @@ def _children(module: str) -> list[int]:
     return [int(pid) for pid in children if module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
-@pytest.mark.skipif(not _fifo_is_granted(), reason="this system refuses SCHED_FIFO")
+@pytest.mark.skipif(not fifo_is_granted(), reason="this system refuses SCHED_FIFO")
 def test_it_judges_in_real_time_and_what_it_starts_is_ordinary(fakes: Fakes) -> None:
     with open(fakes.options.rig, "a") as file:
         file.write("processes: {supervisor: {priority: 10}}\n")
