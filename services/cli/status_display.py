@@ -1,7 +1,9 @@
-"""What `trocar up` shows: progress while the rig starts, the address when it runs, warnings."""
+"""What `trocar up` shows: progress while the rig starts, the address, warnings."""
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from types import TracebackType
 from typing import Self
@@ -16,7 +18,11 @@ _STYLES = {"warning": "yellow", "error": "red"}
 
 
 class StatusDisplay:
-    """Standard error for people, on a terminal with bars; elsewhere one line per change."""
+    """Standard error for people, on a terminal with bars; elsewhere one line per change.
+
+    Without bars the address is told at once on standard output: a first start compiles for a minute, and what goes to
+    standard error of one that fails is one sentence.
+    """
 
     def __init__(self) -> None:
         self._console = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -30,7 +36,7 @@ class StatusDisplay:
         self._tasks: dict[str, TaskID] = {}
         self._state: RigState | None = None
         self._shown = False
-        self._announced = False
+        self._announced = self._told_start = False
 
     def __enter__(self) -> Self:
         if self._console.is_terminal:
@@ -52,12 +58,21 @@ class StatusDisplay:
         """Follow the rig."""
         if self._shown:
             self._show_progress(supervisor)
+        elif not self._told_start and not self._announced:
+            self._tell_start(supervisor)
         if supervisor.state is not self._state:
             self._state = supervisor.state
             if self._state is RigState.RUNNING:
                 self._end_bars()
                 if not self._announced:
                     self._announce(supervisor)
+
+    def _tell_start(self, supervisor: Supervisor) -> None:
+        self._told_start = True
+        if supervisor.page_address and sys.stdout is not None:
+            said = f"the rig {supervisor.rig.name!r} is starting: open {supervisor.page_address}\n"
+            with contextlib.suppress(OSError):  # nobody reads it any more, which is no reason to end the rig
+                os.write(sys.stdout.fileno(), said.encode())  # past the buffer, which would fail again in the end
 
     def _announce(self, supervisor: Supervisor) -> None:
         self._announced = True

@@ -310,6 +310,35 @@ def test_up_announces_the_page_and_ctrl_c_still_writes_the_report(fakes: Fakes, 
     assert json.loads(file.read_text())["loops"]["gateway"]["ticks"] > 0
 
 
+def test_a_start_without_a_terminal_says_first_where_to_look(fakes: Fakes) -> None:
+    said: list[str] = []
+    with subprocess.Popen(_command(fakes), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as up:
+        assert up.stdout is not None
+        while not said or "is running: open" not in said[-1]:
+            said.append(up.stdout.readline())
+            assert said[-1], "it ended"
+        up.send_signal(signal.SIGINT)
+        assert up.wait(20) == 0
+    (starts,) = (line for line in said if " is starting: open http://127.0.0.1:" in line)
+    assert starts.split("open ")[1].strip() == said[-1].split("open ")[1].split()[0]
+
+
+@pytest.mark.parametrize("where", ["closed", "a pipe that nobody reads"])
+def test_a_start_whose_output_nobody_takes_goes_on(fakes: Fakes, where: str) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    command = ["sh", "-c", 'exec "$@" >&-' if where == "closed" else 'exec "$@"', "sh", *_command(fakes)]
+    with subprocess.Popen(command, stdout=write, stderr=subprocess.PIPE, text=True) as up:
+        os.close(write)
+        assert up.stderr is not None
+        line = "-"
+        while "is running: open" not in line:
+            line = up.stderr.readline()
+            assert line, "it ended"
+        up.send_signal(signal.SIGINT)
+        assert up.wait(20) == 0
+
+
 def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes) -> None:
     up = subprocess.Popen(_command(fakes), stderr=subprocess.PIPE, text=True)
     assert up.stderr is not None
