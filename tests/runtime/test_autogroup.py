@@ -34,6 +34,19 @@ def test_a_process_with_a_session_of_its_own_is_as_nice_to_others_as_to_its_own(
     assert _in_child(f"{_SET}; {_TELL}", session=True).endswith("nice 7")
 
 
+_CLIMB = "from services.runtime.scheduling import Scheduling, Wish; s = Scheduling.ask(Wish(5, 0.1, None, ('nice',)))"
+
+
+@needs_groups
+@pytest.mark.parametrize("leads", [True, False])
+def test_a_judge_on_the_rung_of_niceness_has_it_beside_other_sessions_only_where_it_leads_one(leads: bool) -> None:
+    """As one that a service manager or `setsid` starts does; in a terminal the group is the shell's."""
+    *had, group = _in_child(f"{_CLIMB}; s.resume(); print(s.had); {_TELL}", session=leads).splitlines()
+    if not had[0].startswith("nice -20"):
+        pytest.skip("this user may not be less nice")
+    assert group.endswith("nice -20") is leads
+
+
 @needs_groups
 def test_the_session_of_somebody_else_stays_as_it_is() -> None:
     before = GROUP.read_text()
