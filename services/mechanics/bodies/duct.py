@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray
@@ -182,6 +184,23 @@ class DuctBody:
             end += gain * ended
         self.dq_free += self._gains[0] * ended
         self.given_back += self.dt_s * ended
+
+    def change_kick(self, change: FloatArray) -> None:
+        """Let the step end as if the kick at its start had been another by ``change`` (r,), contact forces the same."""
+        for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):
+            end += gain * change
+        self.modal_kick += change
+
+    def take_out(self, energy_j: float) -> float:
+        """Take energy out of the rates at the end of the step, in J, and return how much of it they held."""
+        rate = self.rate()
+        kinetic_j = 0.5 * float(rate @ rate)
+        paid = min(energy_j / kinetic_j, 1.0) if kinetic_j > 0.0 else 0.0
+        change = (math.sqrt(1.0 - paid) - 1.0) * rate
+        self.state.qdot += change
+        self.state.qddot -= self._loads.damping * change
+        self.taken += change
+        return paid * kinetic_j
 
     def point_at_start(self, triangle: int, weights: FloatArray) -> FloatArray:
         """Return where a point of a triangle was at the start of the step, (3,) in m; not for every tick."""

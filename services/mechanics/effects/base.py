@@ -138,6 +138,10 @@ class Effect:
         """Add what the effect's own bodies give way to the lower blocks of W, along world axes."""
         raise NotImplementedError
 
+    def settle(self, world: World, dt_s: float) -> None:
+        """Mend where the step has led, when contact forces are known, before effects act on it."""
+        raise NotImplementedError
+
     def after_solve(self, world: World, dt_s: float) -> None:
         """Act on the bodies at the end of the step, when contact forces are known."""
         raise NotImplementedError
@@ -157,6 +161,7 @@ STAGES = (
     "add_motion",
     "set_friction",
     "add_compliance",
+    "settle",
     "after_solve",
 )
 """In the order in which they come: up to `prepare` once, the others in every step."""

@@ -13,7 +13,8 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.nonlinear.polynomial import apply_impulse
 from services.mechanics.reduction.state import ModalState
 from services.mechanics.reduction.stretching.samples import StretchSamples, fetch_samples
-from services.mechanics.reduction.stretching.wall import StretchedWall, stretch_energy, stretch_force
+from services.mechanics.reduction.stretching.settle import settle_step
+from services.mechanics.reduction.stretching.wall import ENERGY, StretchedWall, stretch_energy, stretch_force
 from services.mechanics.world import World
 
 
@@ -54,6 +55,7 @@ class Hyperelasticity(Effect):
         self._damping = 2.0 * duct.basis.omega_rad_s * duct.damping_ratio
         self._ahead = ModalState.at_rest(duct.basis.n_modes)
         self._force = np.zeros(duct.basis.n_modes)
+        self._wall.books[ENERGY] = self.potential_energy_j(world)
         self._dt_s = 0.0
 
     def add_loads(self, world: World, dt_s: float) -> None:
@@ -68,8 +70,12 @@ class Hyperelasticity(Effect):
         apply_impulse(duct.state.qdot, duct.state.qddot, self._force, self._damping, dt_s)
         duct.modal_kick += self._force
 
+    def settle(self, world: World, dt_s: float) -> None:
+        """Take back what the wall gave out because contacts did other than in the last step."""
+        settle_step(self._wall, self._force, world.duct)
+
     def state_arrays(self) -> tuple[AnyArray, ...]:
-        """Return the force, which the next step begins with."""
+        """Return the force, which the next step begins with, and the energy books of the steps."""
         return self._wall.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:

@@ -108,6 +108,8 @@ class DuctAlone:
         marks.append(perf_counter_ns())
         self.duct.predict(dt_s)
         marks.append(perf_counter_ns())
+        for effect in self._stages["settle"]:
+            effect.settle(self._world, dt_s)
         for effect in self._stages["after_solve"]:
             effect.after_solve(self._world, dt_s)
         marks.append(perf_counter_ns())

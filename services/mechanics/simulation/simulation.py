@@ -383,6 +383,8 @@ class Simulation:
         self._manifold.keep(system.rows)
         system.apply(self._tool_force)
         self.squeeze.follow(self.tools, dt_s)
+        for effect in self._stages["settle"]:
+            effect.settle(self.world, dt_s)
         for effect in self._stages["after_solve"]:
             effect.after_solve(self.world, dt_s)
 

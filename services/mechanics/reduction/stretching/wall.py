@@ -6,6 +6,8 @@ impulse moves it by: it minimises :math:`\frac12 f G f + E(p + G f)`, which is s
 with conjugate gradients, begun with the last force, takes two products with the samples' strains an iteration.
 
 p takes the contact forces of the last step for those of this one. At rest the force is then that of the law, exactly.
+As E is convex, the force of where a step ends does no more work in it than E falls by. Contacts may change so that it
+does, as where the wall is let go: `settle_step` sees to that.
 """
 
 from __future__ import annotations
@@ -29,6 +31,8 @@ RELATIVE = 1e-3
 UNBOUNDED = math.inf
 LEAST_GAIN = 1e-6
 """Of the largest: an exact oscillator that turns round within a step has none."""
+ENERGY, TANK = range(2)
+"""Places in the books."""
 
 
 class StretchedWall(Struct):
@@ -47,6 +51,7 @@ class StretchedWall(Struct):
     step: Annotated[FloatArray, "r"]
     search: Annotated[FloatArray, "r"]
     image: Annotated[FloatArray, "r"]
+    books: Annotated[FloatArray, 2]  # state: the energy, and what steps have lost of it
 
     @classmethod
     def of(cls, samples: StretchSamples) -> StretchedWall:
@@ -65,7 +70,7 @@ class StretchedWall(Struct):
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        return (self.pull,)
+        return self.pull, self.books
 
 
 wall_at = reader(StretchedWall)
@@ -99,6 +104,17 @@ def stretch_energy(address: Address[StretchedWall], q: FloatArray) -> float:
     for sample in range(wall.energy.shape[0]):
         total += wall.energy[sample] * beyond_linear(_form(wall.at, sample))[0]
     return total
+
+
+@kernel
+def energy_and_loss(
+    address: Address[StretchedWall], force: FloatArray, q_start: FloatArray, q: FloatArray
+) -> tuple[float, float]:
+    """Return the energy at ``q`` (r,), and by how much it fell more than ``force`` (r,) has worked from ``q_start``."""
+    energy, work = stretch_energy(address, q), 0.0
+    for mode in range(q.shape[0]):
+        work += force[mode] * (q[mode] - q_start[mode])
+    return energy, wall_at(address).books[ENERGY] - energy - work
 
 
 @kernel
