@@ -59,7 +59,7 @@ def _run(tree: Path, argument: str = "1", **variables: str) -> tuple[float, int]
 
 
 def _answer(process: subprocess.Popen[str]) -> tuple[float, int]:
-    output, _ = process.communicate(timeout=120)
+    output, _ = process.communicate(timeout=500)
     assert process.returncode == 0
     value, misses = output.split()
     return float(value), int(misses)

@@ -15,7 +15,7 @@ from tests import chromium
 from tests.chromium import Chromium
 
 pytestmark = [
-    pytest.mark.timeout(300),
+    pytest.mark.timeout(600),
     pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
     pytest.mark.skipif(not (DIST / "index.html").is_file(), reason="the page is not built"),
 ]

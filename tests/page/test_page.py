@@ -24,7 +24,7 @@ from tests.rig.conftest import SCENE, Rig, running_rig
 
 pytestmark = [
     pytest.mark.rig,
-    pytest.mark.timeout(300),
+    pytest.mark.timeout(600),
     pytest.mark.skipif(chromium.find() is None, reason="no Chromium on this machine"),
 ]
 

@@ -10,7 +10,7 @@ from services.physics.warm_up import warm_up
 from services.scenes import load_duct, load_scene
 from tests.physics.conftest import SMALL
 
-pytestmark = pytest.mark.timeout(300)  # on a machine that has compiled nothing yet
+pytestmark = pytest.mark.timeout(600)  # on a machine that has compiled nothing yet
 
 
 @pytest.mark.parametrize("small", ["nonlinear_membrane.n_coordinates=2", "softening.n_squeezes=2"])

@@ -46,7 +46,7 @@ class TreeCopy:
             elif text.startswith("# ") and "/" in text.splitlines()[0]:
                 self._create(text)
 
-    def run(self, *command: str, timeout_s: float = 100.0) -> str:
+    def run(self, *command: str, timeout_s: float = 500.0) -> str:
         """Run a command in the copy, with this interpreter's tools first, and return what it prints.
 
         An exit code that is not zero fails the test with everything that the command said.

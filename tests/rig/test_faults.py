@@ -13,7 +13,7 @@ from services.recorder.recording import read
 from tests.rig.conftest import Rig, Sample
 from tests.rig.faults import MENDED_S, engage, force_n, force_rates_n_s, rate_limit_n_s
 
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
 TTL_S = 0.020
 # The machine that runs the tests may be busy: what is asserted is the mechanism, figures are in benchmarks/.

@@ -12,7 +12,7 @@ import pytest
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
 PRESS = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1)]
 FAULTY = Path(__file__).resolve().parents[2] / "benchmarks" / "faulty_rig.py"

@@ -16,7 +16,7 @@ import pytest
 from tests.rig.conftest import Rig
 from tests.rig.faults import engage
 
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
 LOOPS = ("gateway", "haptics", "physics")
 CALLS = ("brk", "mmap", "munmap", "madvise", "mremap", "mprotect")

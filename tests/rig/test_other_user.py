@@ -14,7 +14,7 @@ from tests.other_user import as_other_user, everybodys, needs_other_user
 from tests.rig.conftest import SCENE, Rig, running_rig
 
 __all__ = ["everybodys"]
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(300), needs_other_user]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600), needs_other_user]
 
 _ATTACK = """
 import json, os, signal, socket, sys, urllib.error, urllib.request

@@ -15,7 +15,7 @@ from protocol.bodies import Catheter, PhysicsState
 from tests.rig.conftest import Observer, running_rig
 from tests.rig.force_tracking import WITHIN, compare
 
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
 PACE = 0.25  # of the hands: where a busy machine loses ticks they move on by less
 LASTS_S = 90.0  # the scenarios take nine seconds at this pace

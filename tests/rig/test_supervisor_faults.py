@@ -17,7 +17,7 @@ from services.runtime.config import load_rig
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 
-pytestmark = [pytest.mark.rig, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
 PRESS = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1)]
 HELD_S = 1.5

@@ -148,7 +148,7 @@ def test_a_client_that_vanishes_is_forgotten(show):
 
 
 def clients_become(show: Show, count: int) -> None:
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 30
     while show.clients != count and time.monotonic() < deadline:
         time.sleep(0.01)
     assert show.clients == count
@@ -189,7 +189,7 @@ def test_hands_reach_the_rig_with_the_token_and_one_that_speaks_bytes_is_let_go(
         page.send(TOKEN)
         assert json.loads(page.recv(timeout=5))["type"] == "hands"
         page.send('[[["left",[0.01,0.02,0.03],0.5,1.0]]]')
-        deadline = time.monotonic() + 5
+        deadline = time.monotonic() + 30
         while not show.published and time.monotonic() < deadline:
             time.sleep(0.01)
         assert show.published[0].hands[0].position_m == (0.01, 0.02, 0.03)
@@ -238,7 +238,7 @@ def test_a_wish_that_makes_no_sense_is_ignored(show: Show, nonsense: str):
         assert show.wanted_hz is None
 
 
-def eventually(condition: Callable[[], bool], seconds: float = 5.0) -> None:
+def eventually(condition: Callable[[], bool], seconds: float = 30.0) -> None:
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until, "it did not happen"

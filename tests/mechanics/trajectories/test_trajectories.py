@@ -13,7 +13,7 @@ from .cases import CASES
 from .compare import deviations, first_difference
 from .observe import RAGGED, machine, run
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(600)
 
 # On another kind of machine sums are rounded otherwise, and contact amplifies that: a duct that slips between jaws does
 # so a tick earlier or later. Three times what `python -m tests.mechanics.trajectories sensitivity` measured when every
