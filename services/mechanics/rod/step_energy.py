@@ -50,11 +50,12 @@ def elastic_energy(model: RodModel, x: FloatArray) -> float:
 def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: FloatArray) -> bool:
     """Whether the step from (x, v) to the end in ``work`` gains more than ``load`` (n, 3), held over it, puts in.
 
-    A step that turns and slides the rod by little is not looked at, nor one whose held particles move: a hand works
-    there.
+    A step that turns and slides the rod by little is not looked at, unless it slides back at its end: a bent rod may
+    swing to and fro in its introducer from step to step, and gain a tenth each time. Nor is one whose held particles
+    move: a hand works there.
     """
     end, dv = work.end_position, work.velocity_change
-    slides = model.introducer.is_there and _slides(model, x, end)
+    slides = model.introducer.is_there and (_slides(model, x, end) or _slides_back(model, v, dv))
     if _turns_less_than(_SLOW * model.rest_length, x, end) and not slides:
         return False
     for k in range(model.held.shape[0]):
@@ -99,6 +100,16 @@ def _slides(model: RodModel, x: FloatArray, end: FloatArray) -> bool:
     for c in range(3):
         squared += (end[0, c] - x[0, c]) ** 2
     return bool(squared > (_SLIDES * model.rest_length) ** 2)
+
+
+@kernel
+def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
+    """Whether the first particle moves the other way along the introducer at the end of a step."""
+    before, change = 0.0, 0.0
+    for c in range(3):
+        before += v[0, c] * model.introducer.axis[c]
+        change += dv[0, c] * model.introducer.axis[c]
+    return bool(before * (before + change) < 0.0)
 
 
 @kernel
