@@ -2,7 +2,8 @@
 
 Detection knows the closest point of each piece. Where that is pressed the wall gives way, and the instrument moves on
 into what lies beside it: a fifth of a millimetre in a tick at 0.3 m/s. So the triangles round the closest point give
-points of their own, as far as the segment would come to them by going on as in the last tick. Slow ones need none.
+points of their own, as far as the segment would come to them by going on along the wall as in the last tick. That the
+wall moves, and slides along a tool at rest, is the same. Slow ones need none.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.collision.primitives import clamp01
-from services.mechanics.collision.probes import Probes
+from services.mechanics.collision.probes import Probes, wall_motion
+from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
@@ -29,21 +31,21 @@ from services.mechanics.compiled.vectors import (
 )
 
 # Points closer than this part of the distance between axis and mid-surface are one: on a flat wall nothing between two
-# of them is deeper than both by more than a thirtieth of it.
-APART = 0.25
+# of them is deeper than both by more than a hundredth of it. Beside a dent it is, by ten times that.
+APART = 0.125
 # A point seen from more than 60 degrees off the closest one's normal is on another side of the wall.
 FACING = 0.5
 # Who comes no nearer than this in a tick finds what it meets by the closest points alone, no later than that deep.
 LEAST_M = 50e-6
-# A wall that is dented rises so steeply beside what presses it.
-SLOPE = 0.5
+# A wall that is dented rises so steeply beside what presses it, at most.
+SLOPE = 1.0
 MOST_POINTS, MOST_TRIANGLES = 48, 128
 
 
 class Beside(Struct):
     """How p probes came to where they are, and the points of one segment's pairs."""
 
-    motion: Annotated[FloatArray, "p", 3]  # of each probe's middle since the last tick
+    motion: Annotated[FloatArray, "p", 3]  # of each probe's middle along the wall since the last tick
     closing: Annotated[FloatArray, "p"]  # how much nearer its closest point has come since then; 0 if it has not
     point: Annotated[FloatArray, MOST_POINTS, 3]
     visited: Annotated[LongArray, "m"]  # the stamp under which each triangle was looked at last
@@ -79,14 +81,16 @@ def go_to(beside: Beside, triangle: int) -> None:
 
 
 @kernel
-def note_before(beside: Beside, probes: Probes, i: int, ends: tuple[Vector, Vector]) -> None:
-    """Note the motion of probe i to ``ends``, and its distance: before it is advanced."""
+def note_before(body: Body, wall: Patch, beside: Beside, probes: Probes, i: int, ends: tuple[Vector, Vector]) -> None:
+    """Note the motion of probe i to ``ends`` against what it touched, and its distance: before it is advanced."""
     beside.closing[i] = math.inf
+    wall_went = wall_motion(body, wall, probes, i, 0)
     for axis in range(3):
         beside.motion[i, axis] = 0.0
         if probes.seen[i] >= 0.0:
             middle = 0.5 * (ends[0][axis] + ends[1][axis])
-            beside.motion[i, axis] = middle - 0.5 * (probes.ends[i, 0, axis] + probes.ends[i, 1, axis])
+            went = middle - 0.5 * (probes.ends[i, 0, axis] + probes.ends[i, 1, axis])
+            beside.motion[i, axis] = went - wall_went[axis]
     if probes.seen[i] >= 0.0 and probes.triangle[i, 0] >= 0:
         beside.closing[i] = probes.distance[i, 0]
 

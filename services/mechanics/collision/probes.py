@@ -16,6 +16,7 @@ import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray
 from services.mechanics.collision.aabb_distance import OPPOSITE
+from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.search import (
     NOT_FOUND,
@@ -33,6 +34,7 @@ from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import (
     Vector,
     along,
+    combine,
     dot,
     put_row_of,
     row_of,
@@ -66,6 +68,7 @@ class Probes(Struct):
     side: Annotated[ByteArray, "n", MINIMA]  # of the wall at each minimum
     parameter: Annotated[FloatArray, "n", MINIMA]  # s on the probe
     weights: Annotated[FloatArray, "n", MINIMA, 3]  # barycentric
+    point: Annotated[FloatArray, "n", MINIMA, 3]  # of the wall, where it was then
     normal: Annotated[FloatArray, "n", MINIMA, 3]  # towards the probe
     distance: Annotated[FloatArray, "n", MINIMA]  # signed, from the mid-surface to the axis
     due: float = EARLY  # part of its slack from which a probe searches, in this tick
@@ -96,6 +99,16 @@ def motion_to(probes: Probes, i: int, p: Vector) -> Vector:
     if probes.seen[i] < 0.0 or not dot(motion, motion) < JUMP_M * JUMP_M:
         return (0.0, 0.0, 0.0)
     return motion
+
+
+@kernel
+def wall_motion(body: Body, wall: Patch, probes: Probes, i: int, k: int) -> Vector:
+    """Return how far the wall has come since the last tick where minimum k of probe i touched it; zero without one."""
+    if probes.seen[i] < 0.0 or probes.triangle[i, k] == NOT_FOUND:
+        return (0.0, 0.0, 0.0)
+    p0, p1, p2 = corner_positions(body, wall, index(probes.triangle[i, k]))
+    motion = subtract(combine(row_of(probes.weights, i, k), p0, p1, p2), row_of(probes.point, i, k))
+    return motion if dot(motion, motion) < JUMP_M * JUMP_M else (0.0, 0.0, 0.0)
 
 
 @kernel
@@ -161,9 +174,9 @@ def _update(
         _search(body, wall, probes, i, ends, (first, second), reach_and_hint)
         return
     if first[0] != NOT_FOUND:
-        _store(probes, i, 0, contact_followed(body, wall, first, ends, _past(probes, i, 0)))
+        _store(body, wall, probes, i, 0, contact_followed(body, wall, first, ends, _past(probes, i, 0)))
     if second[0] != NOT_FOUND and _is_opposite(body, wall, first, second, ends):
-        _store(probes, i, 1, contact_followed(body, wall, second, ends, _past(probes, i, 1)))
+        _store(body, wall, probes, i, 1, contact_followed(body, wall, second, ends, _past(probes, i, 1)))
     else:
         triangle[i, 1] = NOT_FOUND
 
@@ -214,7 +227,7 @@ def _search(
     triangle[i, 0] = triangle[i, 1] = NOT_FOUND
     if first[0] == NOT_FOUND:
         return
-    _store(probes, i, 0, contact_followed(body, wall, first, ends, _past_of(first, followed, pasts, hint)))
+    _store(body, wall, probes, i, 0, contact_followed(body, wall, first, ends, _past_of(first, followed, pasts, hint)))
     away = offset(body, wall, first, a, b)
     if dot(away, away) == 0.0:
         return
@@ -226,7 +239,7 @@ def _search(
     contact = contact_followed(body, wall, second, ends, (hint if is_new else past[0], past[1], past[2]))
     # Through a wall one sees the back of the opposite one, which nobody has been pushed through.
     if contact[2] >= 0.0 or hint == UNKNOWN or not is_new:
-        _store(probes, i, 1, contact)
+        _store(body, wall, probes, i, 1, contact)
 
 
 @kernel
@@ -261,8 +274,10 @@ def _past(probes: Probes, i: int, k: int) -> Past:
 
 
 @kernel
-def _store(probes: Probes, i: int, k: int, contact: Contact) -> None:
+def _store(body: Body, wall: Patch, probes: Probes, i: int, k: int, contact: Contact) -> None:
     touch, normal, distance, side = contact
+    p0, p1, p2 = corner_positions(body, wall, touch[0])
+    put_row_of(probes.point, i, k, combine(touch[3], p0, p1, p2))
     probes.triangle[i, k] = touch[0]
     probes.side[i, k] = side
     probes.parameter[i, k] = touch[2]

@@ -99,7 +99,7 @@ def _advance_piece(
         forget(detection.probes, i)
     else:
         body, wall, look = detection.shell.body, detection.shell.wall, (reach, index(UNKNOWN))
-        note_before(detection.beside, detection.probes, i, ends)
+        note_before(body, wall, detection.beside, detection.probes, i, ends)
         advance(body, wall, detection.probes, i, ends, look, look)
         note_after(detection.beside, detection.probes, i)
 

@@ -38,6 +38,11 @@ def rigid_surface(mesh: TriangleMesh) -> CollisionSurface:
     return surface
 
 
+def carried_surface(mesh: TriangleMesh) -> CollisionSurface:
+    """A wall that its three coordinates, in m, carry along the axes, undeformed."""
+    return CollisionSurface(mesh, np.tile(np.eye(3), (mesh.n_vertices, 1, 1)), np.ones(3), HALF_M)
+
+
 def random_coordinates(rng: np.random.Generator, size_m: float) -> np.ndarray:
     return rng.normal(size=N_MODES) * size_m / np.sqrt(N_MODES)
 

@@ -9,6 +9,7 @@ from collision_cases import (
     HALF_M,
     MARGIN_M,
     RADIUS_M,
+    carried_surface,
     deformed,
     distance_of_hulls,
     distances_to_triangles,
@@ -182,6 +183,22 @@ def test_what_a_jaw_will_meet_within_a_tick_is_among_its_points(seed):
             met += 1
             assert np.linalg.norm(feet - point, axis=1).min() < 0.75 * longest_edge
     assert met > 30
+
+
+def test_it_is_the_same_whether_a_jaw_slides_or_the_wall_under_it():
+    """What is met within a tick depends on how both move, not on who does: a wall that snaps meets jaws at rest."""
+    mesh, found = duct_mesh(20, 26), {}
+    jaw = np.array([[12e-3, RADIUS_M + HALF_M + JAW_M - 0.05e-3, 1e-3], [27e-3, RADIUS_M + HALF_M + JAW_M, 2e-3]])
+    for who in ("nobody", "jaw", "wall"):
+        surface = carried_surface(mesh)
+        detector = tool_detector(surface)
+        for tick in range(6):
+            way = (tick - 5) * np.array([0.2e-3, 0.0, -0.1e-3]) * (who != "nobody")
+            surface.update(-way if who == "wall" else np.zeros(3))
+            pairs = detect(detector, one_jaw(*(jaw + (way if who == "jaw" else 0.0))))
+        found[who] = sorted((int(row["target"]), round(1e9 * float(row["gap_m"]))) for row in pairs)
+    assert found["wall"] == found["jaw"]
+    assert len(found["jaw"]) > len(found["nobody"])
 
 
 def axis_distances(points, ends):

@@ -16,8 +16,8 @@ OPEN: dict[tuple[str, str], set[str]] = {
     # Rounding of the basis decides by how much: 0.08 and 0.17 mm were seen.
     ("abuse", "all contacts at once, number 0"): TOOLS | {"penetration_hand"},
     # Jaws have contacts with the fold that they hold: 0.11 mm deep in it where 0.1 is asked. Since they close on it
-    # until it is solid (walls that meet) it is 0.48, and so is the catheter at their tips in the wall (0.06 before).
-    # Since impulses are paid for, a heal at tick 423 leaves a tool 1.6 mm deep, and that gains 2.0 % (0.3 before).
+    # until it is solid (walls that meet) it is 0.3, and so is the catheter at their tips in the wall (0.06 before).
+    # It gains 0.75 %, and 2.0 % were seen after a heal: how it ends hangs on rounding.
     ("abuse", "jammed, number 0"): TOOLS | {"penetration_hand", "gain"},
     ("abuse", "all contacts at once, wall gives way, number 0"): TOOLS,
     ("grasping", "number 0"): TOOLS,
