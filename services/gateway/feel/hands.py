@@ -182,8 +182,7 @@ def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
     centre = premium_model.centre()
     wall = _Wall(attack, 0.0, random)
     reading, motion, memory = np.zeros(READ_SIZE), np.zeros(6), np.zeros(MEMORY_SIZE)
-    limits, now, hand, books = _limits(attack), np.zeros(NOW_SIZE), np.zeros(HAND_SIZE), Books()
-    now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
+    (limits, now), hand, books = servo_settings(controller=attack.controller), np.zeros(HAND_SIZE), Books()
     for k in range(ticks + 400):
         arm.read(centre, reading)
         motion[:3], motion[3:] = reading[READ_POSITION:][:3], reading[READ_VELOCITY:][:3]
@@ -203,10 +202,18 @@ def _friction_j(angles: FloatArray, then: FloatArray, rates: FloatArray, rates_t
     return -float(torques @ (then - angles))
 
 
-def _limits(attack: Attack) -> FloatArray:
-    limits = np.zeros(LIMIT_SIZE)
-    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, DAMPING_N_S_M if attack.controller else 0.0, 0.3, 30.0)
-    return limits
+def servo_settings(*, controller: bool = True) -> tuple[FloatArray, FloatArray]:
+    """Return the limits of the servo law, and its present as of a model that has just come: `layout` has their places.
+
+    Parameters
+    ----------
+    controller
+        Whether the passivity controller may damp.
+    """
+    limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
+    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, DAMPING_N_S_M if controller else 0.0, 0.3, 30.0)
+    now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
+    return limits, now
 
 
 def _move_hand(

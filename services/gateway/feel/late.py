@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway.feel.hands import DAMPING_N_S_M, FORCE_N, RATE_N_S, TTL_S
+from services.gateway.feel.hands import servo_settings
 from services.gateway.layout import (
-    LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
     MODEL_CONTACT,
@@ -23,19 +22,15 @@ from services.gateway.layout import (
     MODEL_SIZE,
     MODEL_X0,
     NOW_AGE,
-    NOW_DT,
-    NOW_GAIN,
-    NOW_SIZE,
-    NOW_TTL,
 )
 from services.gateway.servo_law import servo_force
+from services.gateway.simulated_arm import TICK_S
 from services.mechanics.arrays import FloatArray, LongArray
 from services.mechanics.scenarios import insertion
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 
-TICK_S = 1e-3
 WITHIN = 0.05
 #: Added to every answer, ms; and the most that is added to each by itself, drawn evenly.
 ADDED: tuple[tuple[int, int], ...] = (
@@ -108,9 +103,7 @@ def newest_answer(n: int, added_ms: int, jitter_ms: int, random: np.random.Gener
 
 def _by_local_models(solved: Solved, tool: int, newest: LongArray) -> FloatArray:
     model, motion, memory = np.zeros(MODEL_SIZE), np.zeros(6), np.zeros(MEMORY_SIZE)
-    limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
-    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, DAMPING_N_S_M, 0.3, 30.0)
-    now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
+    limits, now = servo_settings()
     felt = np.empty((len(newest), 3))
     for k, about in enumerate(newest):
         if about >= 0:
