@@ -19,6 +19,11 @@ NEARLY_THERE = 100.0
 # dear as a sweep for every two contacts.
 ALL_BUT_THERE = 4.0
 CONTACTS_A_SWEEP = 4
+# A solve that may take no more sweeps goes on while one has moved a surface by more than this along its normal, as far
+# as that sweep knows: contacts that come first in a sweep know nothing of those after them, and bodies would overlap by
+# so much and more. A few of a thousand ticks of a hard case need more than thirty; they would gain energy, too.
+FAR_M = 1e-5
+MOST_SWEEPS = 100
 
 
 class SolverScratch(Struct):
@@ -49,7 +54,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     (Silcowitz-Hansen, Niebe and Erleben, 2010). It is kept if it and the next sweep lower the potential
     :math:`\tfrac12 f^T W f + f^T u_{free}`; how much a sweep changes would tell nothing, for sweeps that creep change
     little. After a step that was not kept twice as many sweeps as before pass until the next.
-    The cost is bounded by the number of sweeps. Forces are inside their cones, converged or not.
+    The cost is bounded by the number of sweeps, or by `MOST_SWEEPS` while bodies are in each other. Forces are inside
+    their cones, converged or not.
 
     Parameters
     ----------
@@ -58,7 +64,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     W : (3 k, 3 k) float64
         Delassus operator.
     effort : (iterations, tolerance_n)
-        Most sweeps, and the change of any force component in a sweep at which to stop.
+        Most sweeps where bodies are apart (`FAR_M`), and the change of any force component in a sweep at which to stop.
     scratch : SolverScratch
     """
     iterations, tolerance_n = effort
@@ -68,10 +74,11 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     sweeps, patience, last_n = 0, 1, 0.0
     cheap = problem.rows.n_contacts // CONTACTS_A_SWEEP
     due = patience
-    while sweeps < iterations:
-        change_n = _sweep(problem, W)
+    while True:
+        change_n, change_m = _sweep(problem, W)
         sweeps += 1
-        if change_n <= tolerance_n or sweeps == iterations:
+        is_over = sweeps >= iterations and (change_m <= FAR_M or sweeps >= MOST_SWEEPS)
+        if change_n <= tolerance_n or is_over:
             return sweeps
         # Falling as before, the next change would be within the tolerance: a sweep is cheaper than a Newton step.
         ends_next = change_n * change_n <= tolerance_n * last_n
@@ -83,14 +90,13 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         before = _potential(problem, scratch.free)
         if _try_newton_step(problem, W, scratch):
             sweeps += 1
-            if _sweep(problem, W) <= tolerance_n:
+            if _sweep(problem, W)[0] <= tolerance_n:
                 return sweeps
         patience = 1 if _potential(problem, scratch.free) < before else 2 * patience
         if patience > 1:
             _copy_forces(scratch.force, problem.rows.force_n, problem.rows.n_contacts)
             _update_motion(problem, W, scratch.free)
         due, last_n = sweeps + patience, 0.0
-    return sweeps
 
 
 @kernel
@@ -103,13 +109,14 @@ def _potential(problem: ContactProblem, free: FloatArray) -> float:
 
 
 @kernel
-def _sweep(problem: ContactProblem, W: FloatArray) -> float:
-    """Relax every contact once and return the largest change of a force component."""
-    largest, rows, change = 0.0, problem.rows, problem.change
+def _sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
+    """Relax every contact once; return the largest change of a force component, and of a place along its normal."""
+    largest_n, largest_m, rows, change = 0.0, 0.0, problem.rows, problem.change
     for block in range(rows.n_contacts):
         laws.relax(rows.law[block], problem, W, block)
-        largest = max(largest, abs(change[0]), abs(change[1]), abs(change[2]))
-    return largest
+        largest_n = max(largest_n, abs(change[0]), abs(change[1]), abs(change[2]))
+        largest_m = max(largest_m, abs(change[0]) * W[3 * block, 3 * block])
+    return largest_n, largest_m
 
 
 @kernel

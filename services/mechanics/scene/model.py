@@ -115,7 +115,7 @@ class ContactSettings:
 class QualityLevel:
     """One rung of the quality ladder; rung 0 is the best, and a switch takes effect in the next tick.
 
-    ``iterations`` is the most sweeps of a solve, but two are taken where contacts are many; ``without`` names effects
+    ``iterations`` is the most sweeps of a solve, unless more are needed to keep bodies apart; ``without`` names effects
     that rest meanwhile, of those that can; of the catheter's particles every ``touch_every``-th, counted from the tip,
     feels the wall.
     ``cost_us`` of a tick and the errors of forces and of motion are what `trocar tune` measured, for whoever walks the

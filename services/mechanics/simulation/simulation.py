@@ -39,9 +39,6 @@ from services.mechanics.simulation.scene_world import build_world
 LONGEST_TICK_S = 1.0
 # So often the catheter's step is planned again, at most, with contact forces that another plan has led to.
 MOST_PLANS = 4
-# In one sweep the contacts that come first know nothing of those after them: of a dozen beside a jaw it makes overlap
-# of a fifth of a millimetre. More than so many get two sweeps, and the Newton step between them, which knows of all.
-MOST_IN_ONE_SWEEP = 4
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
 
@@ -273,8 +270,7 @@ class Simulation:
 
     @property
     def _iterations(self) -> int:
-        least = 2 if self.system.rows.n_contacts > MOST_IN_ONE_SWEEP else 1
-        return max(least, self.scene.quality[self.quality_level].iterations)
+        return self.scene.quality[self.quality_level].iterations
 
     def _add_loads(self, dt_s: float) -> None:
         begin_loads(self.duct.motion_address, self.catheter.step_address)

@@ -81,7 +81,7 @@ def test_forces_are_in_their_cones_after_any_number_of_sweeps(seed):
     W, free, law, limit = random_problem(seed)
     for sweeps in (1, 2, 5, 9):
         force, _, used = solve(W, free, law, limit, effort=(sweeps, 0.0))
-        assert used == sweeps
+        assert used >= sweeps  # more, while bodies are in each other
         for block, mu in enumerate(limit):
             f = force[3 * block : 3 * block + 3]
             bound = mu if law[block] == HOLD else mu * f[0]
@@ -123,3 +123,28 @@ def test_chain_of_rigidly_tied_contacts_converges_in_few_sweeps():
     _, motion, sweeps = solve(W, free, np.zeros(k, np.int8), np.full(k, 0.2), effort=(40, 1e-9))
     assert sweeps <= 30
     assert motion[::3].min() > -1e-10
+
+
+def a_row_of_heavy_pushes(k=12):
+    """Contacts along a body that one gives way with all others: each relaxed alone pushes its neighbours back in."""
+    place = np.arange(k)
+    W = np.kron(1e-2 * np.exp(-np.abs(place[:, None] - place) / 6.0), np.diag([1.0, 0.0, 0.0])) + 1e-7 * np.eye(3 * k)
+    free = np.zeros(3 * k)
+    free[::3] = -3e-4 * np.cos(0.9 * place) - 2e-4
+    return W, free, np.full(k, UNILATERAL, np.int8), np.zeros(k)
+
+
+def test_a_solve_that_is_allowed_one_sweep_leaves_no_overlap_that_a_person_could_see():
+    """It goes on while places move by more than a hundredth of a millimetre a sweep: one sweep left a fifth of one."""
+    W, free, law, limit = a_row_of_heavy_pushes()
+    force, motion, sweeps = solve(W, free, law, limit, effort=(1, 1e-7))
+    exact, _, _ = solve(W, free, law, limit, effort=(200, 1e-12))
+    assert 1 < sweeps <= 30
+    assert motion[::3].min() > -2e-5
+    assert np.abs(force - exact).max() < 0.1 * exact.max()
+
+
+def test_a_solve_that_is_allowed_one_sweep_takes_one_where_that_moves_nothing_far():
+    W, free, law, limit = a_row_of_heavy_pushes()
+    exact, _, _ = solve(W, free, law, limit, effort=(200, 1e-12))
+    assert solve(W, free + 1e-7, law, limit, force=exact, effort=(1, 1e-12))[2] == 1
