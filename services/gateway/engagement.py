@@ -98,7 +98,7 @@ class Engagement:
         if self.engaged and not alive:
             self._let_go(State.STALE)
         if self.state in (State.READY, State.STALE):
-            may_begin = fresh and not self._stopped
+            may_begin = fresh and calibrated and not self._stopped
             self.refused_s = self.refused_s + dt_s if may_begin and demand_n >= SMALL_FORCE_N else 0.0
             return self._settle(dt_s, may_begin and demand_n < SMALL_FORCE_N)
         if self.state is State.ENGAGING:

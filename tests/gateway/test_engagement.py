@@ -38,7 +38,7 @@ def test_force_begins_after_a_fresh_stream_of_100_ms_and_ramps_up() -> None:
     assert engagement.gain == 1.0
 
 
-@pytest.mark.parametrize("spoiled", [{"fresh": False}, {"demand_n": 0.4}])
+@pytest.mark.parametrize("spoiled", [{"fresh": False}, {"demand_n": 0.4}, {"calibrated": False}])
 def test_one_bad_tick_begins_the_wait_anew(spoiled: dict[str, object]) -> None:
     engagement = Engagement(ramp_s=0.5)
     engagement.open(calibrated=True)

@@ -147,7 +147,7 @@ class OdriveGrasp(GraspHandle, ABC):
         self._rad_per_turn = sign * 2 * math.pi / file.motor_turns_per_handle_turn
         self._arming_until_ns = 0
         self._wanted = False
-        self._opening: Opening | None = None
+        self._opening: Opening[can.BusABC] | None = None
         self._not_opened = ""
 
     @abstractmethod
@@ -228,7 +228,7 @@ class OdriveGrasp(GraspHandle, ABC):
             old.shutdown()
         return self.open_bus()
 
-    def _go_on(self, opening: Opening) -> OdriveLink | None:
+    def _go_on(self, opening: Opening[can.BusABC]) -> OdriveLink | None:
         """Return a link by the bus that was opened anew, if there is one; the handle is where it was till it speaks."""
         self._opening = None
         bus, problem = opening.take()

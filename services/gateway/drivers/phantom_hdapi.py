@@ -15,8 +15,10 @@ from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
 from services.gateway.hdapi import cells, exchange, host_checks, session
 from services.gateway.hdapi.constants import Calibration, Style, describe
+from services.gateway.hdapi.error_stack import unreachable
 from services.gateway.hdapi.library import DEFAULT
 from services.gateway.hdapi.open_arm import OpenArm, Terms
+from services.gateway.hdapi.reopening import Reopening
 from services.gateway.host_check import HostCheck
 from services.gateway.layout import LIMIT_SIZE, MEMORY_SIZE, MODEL_SIZE, NOW_SIZE, NOW_TTL, READ_SIZE, READ_TEMPERATURE
 from services.mechanics.arrays import FloatArray
@@ -68,8 +70,9 @@ class Driver(Arm):
         self._enabled = False
         self._armed = 0
         self._reads = 0
-        self._raised = False
         self._silent = 0
+        self._wants_reopening = False
+        self._reopening: Reopening | None = None
         self._read_at = 0.0
         self._was_calibrated = False
         self._no_force = np.zeros(3)
@@ -85,24 +88,36 @@ class Driver(Arm):
         opened = session.find_session(self._path, self._clock, self._where)
         arm = opened.join(self._name, self._terms, self._where)
         self._session, self._arm = opened, arm
-        if arm.nominal_max_force_n < self.limits.max_force_n:
-            raise DeviceError(
-                f"{self._where}: {arm.model} can bear {arm.nominal_max_force_n:g} N, its device file says "
-                f"{self.limits.max_force_n:g} N: name the file of this arm as `device`"
-            )
+        if problem := self._weakness(arm):
+            raise DeviceError(f"{self._where}: {problem}")
         if not self._wait(arm, _START_S, lambda seen: seen[cells.SEEN_TIME] > 0.0):
             why = self._problem(arm.port.newest.tolist()) or "the scheduler of OpenHaptics does not run"
             raise DeviceError(f"{self._where}: {why}")
-        self._silent, self._raised = 0, False
+        self._silent = 0
         self._warm()
+
+    def _weakness(self, arm: OpenArm) -> str:
+        if arm.nominal_max_force_n >= self.limits.max_force_n:
+            return ""
+        return (
+            f"{arm.model} can bear {arm.nominal_max_force_n:g} N, its device file says "
+            f"{self.limits.max_force_n:g} N: name the file of this arm as `device`"
+        )
+
+    @property
+    def is_reopening(self) -> bool:
+        """Whether the arm is being opened anew, or will be."""
+        return self._wants_reopening or self._reopening is not None
 
     def enable(self) -> None:
         """Let force through, once the arm is calibrated."""
         self._enabled = self._arm is not None
 
     def clear_fault(self) -> None:
-        """Try again; also what calibrates an arm that a person holds in its reset posture."""
+        """Try again, by opening it anew if it must be; also what calibrates an arm held in its reset posture."""
         super().clear_fault()
+        if self._arm is not None and self._reopening is None:
+            self._wants_reopening = self._wants_reopening or self._is_gone(self._arm)
         self._armed += 1
         self._silent = 0
         self._was_calibrated = False
@@ -115,9 +130,11 @@ class Driver(Arm):
             return
         if exchange.look(arm.port.address, arm.has_roll, reading):
             self._judge(arm, arm.port.newest.tolist())
+        if self.is_reopening:
+            self._go_on(arm)
         self._reads += 1
-        if not self._raised and self._reads % _RAISE_EVERY == 0 and self._session is not None:
-            self._raised = self._session.raise_priority()
+        if self._reads % _RAISE_EVERY == 0 and self._session is not None:
+            self._session.raise_priority()
 
     def evaluate(
         self, model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray
@@ -136,7 +153,11 @@ class Driver(Arm):
     def close(self) -> None:
         """Let go at the rig's rate limit, then give the arm up."""
         arm, opened = self._arm, self._session
-        self._arm = self._session = None
+        if self._reopening is not None:
+            self._reopening.give_up()
+            arm = self._reopening.take()[0] or arm
+        self._arm = self._session = self._reopening = None
+        self._wants_reopening = False
         self._enabled = self.calibrated = False
         if arm is not None:
             self._order(arm, self._no_force)
@@ -150,6 +171,7 @@ class Driver(Arm):
         now[NOW_TTL] = 1.0
         self.evaluate(np.zeros(MODEL_SIZE), np.zeros(6), np.ones(LIMIT_SIZE), now, np.zeros(MEMORY_SIZE))
         self.write(self._no_force)
+        unreachable(0)
 
     def _order(self, arm: OpenArm, force_n: FloatArray) -> None:
         exchange.give_force(arm.port.address, self._clock.monotonic_ns(), self._enabled, self._armed, force_n)
@@ -164,16 +186,49 @@ class Driver(Arm):
             self._clock.sleep(1e-3)
 
     def _judge(self, arm: OpenArm, seen: list[float]) -> None:
-        self._silent = 0 if seen[cells.SEEN_TIME] != self._read_at else self._silent + 1
+        pausing = self._session is not None and self._session.is_pausing
+        self._silent = 0 if seen[cells.SEEN_TIME] != self._read_at or pausing else self._silent + 1
         self._read_at = seen[cells.SEEN_TIME]
         self.buttons = int(seen[cells.SEEN_BUTTONS])
-        self.calibrated = seen[cells.SEEN_CALIBRATION] == Calibration.OK
-        self.prompt = self._ask(arm, seen)
+        self.calibrated = seen[cells.SEEN_CALIBRATION] == Calibration.OK and not self.is_reopening
+        self.prompt = self._ask(arm, seen, pausing)
+        if self.is_reopening:
+            return
         if seen[cells.SEEN_ARMED] == self._armed or self._silent >= _SILENT_READS:  # else an error that was forgiven
             self.fault = self.fault or self._problem(seen)
         self._was_calibrated = self._was_calibrated or self.calibrated
 
-    def _ask(self, arm: OpenArm, seen: list[float]) -> str:
+    def _is_gone(self, arm: OpenArm) -> bool:
+        """Return whether only opening it, or starting the scheduler, anew can help."""
+        seen, session = arm.port.newest, self._session
+        if session is None or not session.serves(arm) or seen[cells.SEEN_STOPPED]:
+            return True
+        return bool(seen[cells.SEEN_ARMED] == self._armed and unreachable(int(seen[cells.SEEN_ERROR])))
+
+    def _go_on(self, arm: OpenArm) -> None:
+        """Open the arm anew as far as that goes without waiting, unless arming the rig was enough."""
+        if self._reopening is None:
+            if self._session is not None and self._is_gone(arm):
+                self._reopening = self._session.reopen(self._name, self._terms, self._where, self._armed)
+            elif arm.port.newest[cells.SEEN_ARMED] == self._armed:
+                self._wants_reopening = False
+            return
+        self._reopening.go_on()
+        if not self._reopening.ended:
+            return
+        opened, problem = self._reopening.take()
+        self._reopening, self._wants_reopening = None, False
+        self._silent, self._was_calibrated = 0, False
+        if opened is not None:
+            self._arm = opened
+            problem = self._weakness(opened)
+        self.fault = problem.removeprefix(f"{self._where}: ")
+
+    def _ask(self, arm: OpenArm, seen: list[float], pausing: bool) -> str:
+        if self.is_reopening:
+            return f"{self._shown} is being opened anew"
+        if pausing:
+            return f"{self._shown} is let go while another arm is being opened anew"
         if not self.calibrated:
             return f"{self._shown}: {_PROMPTS[arm.style]}"
         if self._enabled and seen[cells.SEEN_TRUST] == 0.0 and seen[cells.SEEN_REFUSAL]:
@@ -186,7 +241,7 @@ class Driver(Arm):
             return f"{self._shown} reports {describe(int(seen[cells.SEEN_ERROR]))}"
         if seen[cells.SEEN_STOPPED]:
             why = describe(int(seen[cells.SEEN_STOPPED]))
-            return f"the scheduler of OpenHaptics has ended: {why}; the gateway has to be started anew"
+            return f"the scheduler of OpenHaptics has ended: {why}; arm the rig to start it again"
         if seen[cells.SEEN_REFUSED] >= _REFUSED_FRAMES:
             return f"{self._shown} refuses force again and again: {describe(int(seen[cells.SEEN_REFUSAL]))}"
         if self._silent >= _SILENT_READS:

@@ -58,13 +58,23 @@ _FORCE, _CALIBRATED = int(Parameter.CURRENT_FORCE), int(Calibration.OK)
 def apply_order(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     """Apply, within a frame, what the newest order wants; switch the motors as it says, off only without force."""
     young = _want(arm, now_ns, dt_s)
-    sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0
+    sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0 and not servo.pausing
     motors = sound and arm.order[ORDER_ENABLED] != 0.0
     trusted = motors and young and _is_believable(arm, now_ns)
     arm.trust = min(1.0, arm.trust + dt_s / TRUST_S) if trusted else 0.0
     _approach(arm, arm.max_force_rate_n_s * dt_s)
     _remember(arm)
     _push(servo.functions, arm, motors)
+
+
+@kernel
+def give_up(arm: ArmCell) -> None:
+    """Keep the books of an arm that is not there any more: no force, no motors, nothing to go on from."""
+    for axis in range(3):
+        arm.force_n[axis] = 0.0
+    arm.trust = 0.0
+    arm.motors_on = False
+    _remember(arm)
 
 
 @kernel

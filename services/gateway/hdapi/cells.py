@@ -90,6 +90,8 @@ class ArmCell(Struct):
     motors_on: bool = False
     error: int = 0
     failed_now: bool = False
+    forgotten_now: bool = False
+    forgotten: int = 0
     refused_now: bool = False
     warm: bool = False
     refusal: int = 0
@@ -105,6 +107,7 @@ class Servo(Struct):
     time: Annotated[LongArray, 2]  # a struct timespec
     time_at: int
     stopped_by: int = 0
+    pausing: bool = False  # every arm is to be let go: the scheduler will be stopped
     calls: int = 0
 
 

@@ -49,6 +49,8 @@ STYLES = (Style.AUTO, Style.INKWELL, Style.ENCODER_RESET)
 WARM_MOTORS = 0x0200
 #: Force was refused in this frame; the device goes on. ``hduIsForceError`` counts warm motors in.
 FIRST_REFUSAL, LAST_REFUSAL = 0x0201, 0x0204
+#: The library has forgotten the arm, as it does when one on USB is pulled out: its handle means nothing any more.
+BAD_HANDLE = 0x0104
 #: The arm cannot be reached any more: further frames would only wait for it.
 FIRST_LINK_ERROR, LAST_LINK_ERROR = 0x0300, 0x0303
 #: Errors of the scheduler, not of one arm.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from services.gateway.hdapi import native
 from services.gateway.hdapi.cells import ArmCell, Servo, arm_at
 from services.gateway.hdapi.constants import (
+    BAD_HANDLE,
     FIRST_LINK_ERROR,
     FIRST_REFUSAL,
     INVALID_PRIORITY,
@@ -48,6 +49,7 @@ def _note(servo: Servo, arm: ArmCell, code: int) -> None:
         servo.stopped_by = code
     else:
         arm.failed_now = True
+        arm.forgotten_now = arm.forgotten_now or code == BAD_HANDLE
         if arm.error == 0:
             arm.error = code
 
@@ -55,4 +57,4 @@ def _note(servo: Servo, arm: ArmCell, code: int) -> None:
 @kernel
 def unreachable(error: int) -> bool:
     """Return whether an arm with this error cannot be reached any more."""
-    return FIRST_LINK_ERROR <= error <= LAST_LINK_ERROR
+    return error == BAD_HANDLE or FIRST_LINK_ERROR <= error <= LAST_LINK_ERROR

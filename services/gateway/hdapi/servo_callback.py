@@ -7,8 +7,9 @@ evaluates it so that the force is not a tick old (docs/decisions/hdapi-callback.
 What is applied is the law's force or less: see `applied_force`.
 
 An arm with an error that is no mere refusal of force is let go and stays so until a person arms the rig; the others go
-on. An arm that cannot be reached gets no more frames, so that nobody waits for it. An error of the scheduler itself
-lets every arm go; then the callback ends.
+on. An arm that cannot be reached gets no more frames, so that nobody waits for it. Of one whose handle the library has
+forgotten nothing is asked: what is asked without a handle is answered for the arm before. An error of the scheduler
+itself lets every arm go; then the callback ends.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any
 from numba import cfunc, types
 
 from services.gateway.hdapi import native
-from services.gateway.hdapi.applied_force import apply_order
+from services.gateway.hdapi.applied_force import apply_order, give_up
 from services.gateway.hdapi.cells import (
     FORCE,
     GIMBAL,
@@ -62,6 +63,8 @@ TICK_S, TICK_NS = 1e-3, 1_000_000
 #: A tick that comes late does not earn a larger step, as in `servo_law`.
 MAX_STEP_S = 0.003
 LATE_NS = 2_000_000
+#: After so many frames in a row in which the library did not know the handle there is nothing left to let go.
+_FORGOTTEN_FRAMES = 3
 _CHECK_EVERY, _RECHECK_EVERY = 100, 1000
 
 # A kernel may read constants of its module; of an enumeration only through these.
@@ -102,6 +105,20 @@ def _serve(servo: Servo, arm: ArmCell, now_ns: int) -> None:
 def _frame(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     functions = servo.functions
     native.call_unsigned(functions.make_current, arm.handle)
+    drain(servo, arm)
+    if arm.forgotten_now:  # another arm is still the current one: not a call more
+        arm.forgotten += 1
+        if arm.forgotten >= _FORGOTTEN_FRAMES:
+            give_up(arm)
+    else:
+        arm.forgotten = 0
+        _exchange(servo, arm, now_ns, dt_s)
+    arm.refused_now = arm.failed_now = arm.forgotten_now = False
+
+
+@kernel
+def _exchange(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
+    functions = servo.functions
     native.call_unsigned(functions.begin_frame, arm.handle)
     _ask(functions, arm)
     drain(servo, arm)
@@ -112,7 +129,6 @@ def _frame(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     native.call_unsigned(functions.end_frame, arm.handle)
     drain(servo, arm)
     arm.refused = arm.refused + 1 if arm.refused_now else 0
-    arm.refused_now = arm.failed_now = False
 
 
 @kernel

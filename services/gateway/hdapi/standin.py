@@ -22,7 +22,7 @@ from services.mechanics.arrays import FloatArray, LongArray
 SOURCES = Path(__file__).resolve().parents[3] / "tests" / "gateway" / "hdapi_standin"
 #: The devices that it has, by the names of the vendor's set-up; the first is the default one.
 NAMES = ("Default Device", "Left", "Right")
-_LOOK = 13
+_LOOK = 15
 
 
 class StandInClock(SteppedClock):
@@ -46,6 +46,8 @@ class Look:
     motors_on: bool
     calibrations: int
     scheduled: bool
+    openings: int
+    dropped: int
 
 
 class StandIn:
@@ -80,7 +82,8 @@ class StandIn:
         """Return what an arm does."""
         out = np.zeros(_LOOK)
         self.c.standin_look(arm, ctypes.c_void_p(out.ctypes.data))
-        return Look(out[:3], out[3:6], out[6:9], int(out[9]), bool(out[10]), int(out[11]), bool(out[12]))
+        frames, motors, calibrations, scheduled, openings, dropped = out[9:].astype(int).tolist()
+        return Look(out[:3], out[3:6], out[6:9], frames, bool(motors), calibrations, bool(scheduled), openings, dropped)
 
     def force_n(self, arm: int) -> float:
         """Return the magnitude of the force on the hand."""

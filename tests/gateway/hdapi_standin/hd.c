@@ -1,9 +1,11 @@
 /* The interface: devices, frames, errors, calibration. Calls that HDAPI forbids raise the error that it documents. */
+#define _GNU_SOURCE
 #include "standin.h"
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
+#include <time.h>
 
 enum {
     INVALID_ENUM = 0x0100, INVALID_OPERATION = 0x0102, BAD_HANDLE = 0x0104,
@@ -18,8 +20,10 @@ static const char *const NAMES[ARMS] = {"Default Device", "Left", "Right"};
 
 StandInArm arms[ARMS];
 static ErrorInfo errors[ERRORS];
-static int n_errors, current = -1;
+static int n_errors;
+static unsigned current; /* a handle */
 unsigned refuse_init;
+int init_ms; /* how long a device takes to be opened */
 int running; /* the scheduler: devices are added while it stands */
 
 void raise_error(unsigned code, unsigned handle)
@@ -35,16 +39,16 @@ ErrorInfo hdGetError(void)
 
 static StandInArm *at(unsigned handle)
 {
-    unsigned k = handle - FIRST_HANDLE;
-    if (k < ARMS && arms[k].open)
-        return &arms[k];
+    for (int k = 0; k < ARMS; k++)
+        if (arms[k].open && arms[k].handle == handle)
+            return &arms[k];
     raise_error(BAD_HANDLE, handle);
     return NULL;
 }
 
 static StandInArm *the_current(void)
 {
-    return current < 0 ? at(0) : at(FIRST_HANDLE + current);
+    return at(current);
 }
 
 unsigned hdInitDevice(const char *name)
@@ -52,7 +56,13 @@ unsigned hdInitDevice(const char *name)
     int k = 0;
     while (name != NULL && k < ARMS && strcmp(name, NAMES[k]) != 0)
         k++;
-    unsigned failure = refuse_init ? refuse_init : running ? INVALID_OPERATION : k == ARMS ? DEVICE_FAULT : arms[k].open ? ALREADY_INITIATED : 0;
+    int is_there = k < ARMS && !arms[k].unplugged;
+    unsigned failure = refuse_init ? refuse_init
+                       : running ? INVALID_OPERATION
+                       : !is_there ? DEVICE_FAULT
+                       : arms[k].open ? ALREADY_INITIATED : 0;
+    struct timespec patience = {init_ms / 1000, 1000000L * (init_ms % 1000)};
+    nanosleep(&patience, NULL);
     if (failure) {
         raise_error(failure, 0xFFFFFFFFu);
         return 0xFFFFFFFFu;
@@ -62,8 +72,8 @@ unsigned hdInitDevice(const char *name)
     arm->motors = arm->in_frame = arm->framed = 0;
     arm->calibration = arm->style == INKWELL && !arm->in_inkwell ? NEEDS_MANUAL_INPUT : NEEDS_UPDATE;
     memset(arm->force, 0, sizeof arm->force);
-    current = k;
-    return FIRST_HANDLE + k;
+    arm->handle = FIRST_HANDLE + k + ARMS * arm->openings++; /* never that of one that is dead */
+    return current = arm->handle;
 }
 
 void hdDisableDevice(unsigned handle)
@@ -76,7 +86,7 @@ void hdDisableDevice(unsigned handle)
 void hdMakeCurrentDevice(unsigned handle)
 {
     if (at(handle))
-        current = (int)(handle - FIRST_HANDLE);
+        current = handle;
 }
 
 void hdBeginFrame(unsigned handle)
@@ -89,7 +99,7 @@ void hdBeginFrame(unsigned handle)
     if (arm->unplugged)
         raise_error(COMM_ERROR, handle);
     arm->in_frame = 1;
-    current = (int)(handle - FIRST_HANDLE);
+    current = handle;
 }
 
 static void limit_force(StandInArm *arm, unsigned handle)
@@ -144,7 +154,7 @@ static StandInArm *asked(unsigned parameter, int needs_frame)
     StandInArm *arm = the_current();
     if (!arm)
         return NULL;
-    unsigned handle = FIRST_HANDLE + current;
+    unsigned handle = current;
     if (arm->lacks == (int)parameter) {
         raise_error(INVALID_ENUM, handle);
         return NULL;
@@ -170,7 +180,7 @@ void hdGetDoublev(unsigned parameter, double *out)
         for (int i = 0; i < arm->dof; i++)
             out[i] = i == 1 ? arm->temperature : 0.5 * arm->temperature;
         break;
-    default: raise_error(INVALID_ENUM, FIRST_HANDLE + current);
+    default: raise_error(INVALID_ENUM, current);
     }
 }
 
@@ -183,7 +193,7 @@ void hdGetIntegerv(unsigned parameter, int *out)
     case 0x2000: *out = arm->buttons; break;
     case 0x2553: *out = arm->dof; break;
     case 0x2555: *out = arm->style; break;
-    default: raise_error(INVALID_ENUM, FIRST_HANDLE + current);
+    default: raise_error(INVALID_ENUM, current);
     }
 }
 

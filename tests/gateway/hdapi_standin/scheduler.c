@@ -11,12 +11,14 @@
 enum { CALLBACK_CONTINUE = 1, KEPT = 1 << 16, TICK_NS = 1000000 };
 
 extern unsigned refuse_init;
+extern int init_ms;
 extern int running;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* a test's hook waits for the end of a tick */
 static pthread_t thread;
 static Callback callback;
 static void *user_data;
 static int threaded, scheduled, stalled, overrun_us;
+static int dropped; /* forces that fell to nothing at once as the scheduler stopped */
 static atomic_int stopping;
 static unsigned refuse_start;
 static int64_t stepped_ns, durations[KEPT];
@@ -101,9 +103,14 @@ void hdStopScheduler(void)
         atomic_store(&stopping, 1);
         pthread_join(thread, NULL);
     }
+    pthread_mutex_lock(&lock); /* not in the middle of a tick that a test drives */
     running = 0;
-    for (int k = 0; k < ARMS; k++)
-        memset(arms[k].force, 0, sizeof arms[k].force);
+    for (int k = 0; k < ARMS; k++) {
+        double *f = arms[k].force;
+        dropped += arms[k].motors && (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0);
+        memset(f, 0, sizeof arms[k].force);
+    }
+    pthread_mutex_unlock(&lock);
 }
 
 /* hooks */
@@ -145,8 +152,12 @@ int standin_gettime(int which, struct timespec *now)
 
 HOOK(standin_inject, (int k, unsigned code), arms[k].inject = code)
 HOOK(standin_inject_every, (int k, unsigned code), arms[k].inject_every = code)
-HOOK(standin_raise, (unsigned code, int k), raise_error(code, FIRST_HANDLE + k))
+HOOK(standin_raise, (unsigned code, int k), raise_error(code, arms[k].handle))
 HOOK(standin_unplug, (int k, int yes), arms[k].unplugged = yes)
+/* As the library does when a USB arm goes away: nothing knows its handle any more. */
+HOOK(standin_pull, (int k), arms[k].unplugged = 1; arms[k].open = arms[k].motors = arms[k].in_frame = 0)
+/* A handle that is unknown though the device is there, and holds what it was told last. */
+HOOK(standin_forget, (int k, int yes), arms[k].open = !yes)
 HOOK(standin_not_a_number, (int k, int yes), arms[k].not_a_number = yes)
 HOOK(standin_lack, (int k, int parameter), arms[k].lacks = parameter)
 HOOK(standin_style, (int k, int style), arms[k].style = style)
@@ -161,9 +172,11 @@ HOOK(standin_place, (int k, const double *at), memcpy(arms[k].position, at, size
 HOOK(standin_stall, (int ticks), stalled = ticks)
 HOOK(standin_overrun, (int us), overrun_us = us)
 HOOK(standin_refuse_init, (unsigned code), refuse_init = code)
+HOOK(standin_init_ms, (int ms), init_ms = ms)
 HOOK(standin_refuse_start, (unsigned code), refuse_start = code)
 
-/* Force on the hand, in the axes of HDAPI; position, velocity; frames, motors, updates of the calibration, scheduled. */
+/* Force on the hand, in the axes of HDAPI; position, velocity; frames, motors, updates of the calibration, scheduled,
+   how often it was opened; forces of all arms that were dropped by a stop. */
 HOOK(standin_look, (int k, double *out), {
     for (int i = 0; i < 3; i++) {
         out[i] = arms[k].motors && !arms[k].unplugged ? arms[k].force[i] : 0.0;
@@ -174,6 +187,8 @@ HOOK(standin_look, (int k, double *out), {
     out[10] = arms[k].motors;
     out[11] = arms[k].updates;
     out[12] = scheduled;
+    out[13] = arms[k].openings;
+    out[14] = dropped;
 })
 
 /* The newest durations of a callback in ns; returns how many. */

@@ -28,6 +28,8 @@ typedef struct {
     /* what a test has spoiled */
     int unplugged, not_a_number;
     unsigned inject, inject_every;
+    /* of this opening, and how many there were */
+    unsigned handle, openings;
     long frames;
 } StandInArm;
 
