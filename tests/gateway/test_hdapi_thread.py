@@ -68,6 +68,21 @@ def test_an_order_reaches_the_hand_and_a_callback_that_overruns_is_counted_not_f
     assert bench.left.fault == bench.right.fault == ""
 
 
+def test_an_arm_is_opened_anew_beside_the_librarys_thread(bench: HdapiBench) -> None:
+    free = (0.0, 0.0, 0.0)
+    _until(lambda: bench.left.calibrated and bench.right.calibrated, lambda: bench.run(1, free, free))
+    bench.c.standin_pull(1)
+    _until(lambda: bool(bench.left.fault), lambda: bench.run(1, free, free))
+    bench.c.standin_unplug(1, 0)
+    bench.c.standin_init_ms(50)
+    bench.left.clear_fault()
+    _until(lambda: not bench.left.is_reopening and bench.left.calibrated, lambda: bench.run(1, free, free))
+    order = (0.0, 0.0, 0.1)
+    _until(lambda: bench.applied(1)[2] > 0.0 and bench.applied(2)[2] > 0.0, lambda: bench.run(1, order, order))
+    assert bench.standin.look(1).openings == 2
+    assert bench.left.fault == bench.right.fault == ""
+
+
 def test_the_last_to_leave_ends_the_thread(bench: HdapiBench) -> None:
     bench.close()
     frames = bench.standin.look(1).frames
