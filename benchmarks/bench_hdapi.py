@@ -20,7 +20,7 @@ from services.gateway.instrument import Instrument, build_instruments
 from services.runtime import config, realtime
 
 TICKS, SETTLE_TICKS, TICK_S = 10_000, 1000, 1e-3
-CALLBACK_S, SERVO_S = 100e-6, 100e-6
+CALLBACK_S, SERVO_S = 100e-6, 50e-6
 PRIORITY = 80
 STIFFNESS = (30.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 30.0)
 

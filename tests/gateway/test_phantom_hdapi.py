@@ -155,6 +155,13 @@ def test_encoders_are_reset_only_when_a_person_says_so(arms: HdapiBench, by_butt
     assert arms.left.buttons == int(by_button)
 
 
+def test_a_button_is_heard_of_in_the_midst_of_work(pushing: HdapiBench) -> None:
+    for buttons in (3, 0):
+        pushing.c.standin_buttons(1, buttons)
+        pushing.run(2, LEFT, RIGHT)
+        assert (pushing.left.buttons, pushing.right.buttons) == (buttons, 0)
+
+
 def test_closing_one_arm_leaves_the_other_and_the_last_one_stops_the_scheduler(pushing: HdapiBench) -> None:
     pushing.left.close()
     assert not pushing.standin.look(1).motors_on

@@ -71,6 +71,7 @@ class Driver(Arm):
         self._armed = 0
         self._reads = 0
         self._silent = 0
+        self._unsettled = True  # something is to be said, or may be, though nothing new comes
         self._wants_reopening = False
         self._reopening: Reopening | None = None
         self._read_at = 0.0
@@ -112,6 +113,7 @@ class Driver(Arm):
     def enable(self) -> None:
         """Let force through, once the arm is calibrated."""
         self._enabled = self._arm is not None
+        self._unsettled = True
 
     def clear_fault(self) -> None:
         """Try again, by opening it anew if it must be; also what calibrates an arm held in its reset posture."""
@@ -121,6 +123,7 @@ class Driver(Arm):
         self._armed += 1
         self._silent = 0
         self._was_calibrated = False
+        self._unsettled = True
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Write what the newest frame of the scheduler has read."""
@@ -128,10 +131,9 @@ class Driver(Arm):
         if arm is None:
             reading[:READ_TEMPERATURE] = 0.0
             return
-        if exchange.look(arm.port.address, arm.has_roll, reading):
+        heard = exchange.look(arm.port.address, arm.has_roll, reading)
+        if heard == exchange.CHANGED or (self._unsettled and heard):
             self._judge(arm, arm.port.newest.tolist())
-        if self.is_reopening:
-            self._go_on(arm)
         self._reads += 1
         if self._reads % _RAISE_EVERY == 0 and self._session is not None:
             self._session.raise_priority()
@@ -192,11 +194,13 @@ class Driver(Arm):
         self.buttons = int(seen[cells.SEEN_BUTTONS])
         self.calibrated = seen[cells.SEEN_CALIBRATION] == Calibration.OK and not self.is_reopening
         self.prompt = self._ask(arm, seen, pausing)
+        is_answer = seen[cells.SEEN_ARMED] == self._armed
         if self.is_reopening:
-            return
-        if seen[cells.SEEN_ARMED] == self._armed or self._silent >= _SILENT_READS:  # else an error that was forgiven
+            self._go_on(arm)
+        elif is_answer or self._silent >= _SILENT_READS:  # else an error that was forgiven
             self.fault = self.fault or self._problem(seen)
         self._was_calibrated = self._was_calibrated or self.calibrated
+        self._unsettled = self.is_reopening or not is_answer or bool(self.prompt or self.fault)
 
     def _is_gone(self, arm: OpenArm) -> bool:
         """Return whether only opening it, or starting the scheduler, anew can help."""
