@@ -1,7 +1,8 @@
 """A newcomer with a mouse: takes the instruments at the page, grasps the catheter and slides it into the duct.
 
 ``python -m pytest tests/page/newcomer.py`` drives a real browser with the mouse beside a rig; not part of the suite,
-as it takes a minute. ``python -m tests.page.newcomer docs/insertion.jpg`` does so too and keeps what it saw as a strip.
+as it takes a minute. ``python -m tests.page.newcomer docs/insertion.jpg`` does so too and keeps what it saw as a strip,
+each picture drawn at the full resolution: the rig waits meanwhile for nobody, so its clock goes on.
 """
 
 from __future__ import annotations
@@ -31,6 +32,21 @@ pytestmark = [
 
 INSERTED_MM = 5.0
 WHEEL_NOTCH = 100
+_DRAWS_S = 4.0
+#: The governor is not to take a coarser step until a picture is taken.
+FINER = """
+const {governor} = trocar.view;
+trocar.view.kept = [governor.steps, governor.at];
+governor.steps = [{ratio: 1, look: "plain", shadows: false, hz: 2}];
+governor.coarser = () => false;
+trocar.view.takeStep(0);
+"""
+AS_BEFORE = """
+const {governor} = trocar.view;
+[governor.steps, governor.at] = trocar.view.kept;
+delete governor.coarser;
+trocar.view.takeStep();
+"""
 
 
 class Mouse:
@@ -138,7 +154,10 @@ def strip(path: Path, columns: int = 3, width: int = 480) -> None:
 
     def look() -> None:
         shot = directory / "shot.png"
+        mouse.browser.evaluate(f"(() => {{{FINER}}})()")
+        time.sleep(_DRAWS_S)
         mouse.browser.screenshot(shot)
+        mouse.browser.evaluate(f"(() => {{{AS_BEFORE}}})()")
         image = Image.open(shot).convert("RGB")
         seen.append(image.resize((width, round(width * image.height / image.width)), Image.Resampling.LANCZOS))
 
