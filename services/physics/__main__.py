@@ -16,7 +16,7 @@ from services.physics.duct_alone import STAGES as DUCT_STAGES
 from services.physics.duct_alone import run_duct_alone
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
-from services.physics.warm_up import warm_up
+from services.physics.warm_up import warm_up, warm_up_contact
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, TickClock, follow
 from services.runtime.nan_guard import NanGuard
@@ -123,6 +123,7 @@ class Physics:
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     """Load the scene and its duct, and compile what the steps call."""
     scene = load_scene(process_config.scene_name, process_config.scene_overrides)
+    warm_up_contact(scene)
     duct = load_duct(scene, cache_directory(), progress)
     warm_up(scene, duct)
     return scene, duct

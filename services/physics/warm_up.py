@@ -23,27 +23,33 @@ from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.duct_alone import DuctAlone
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
+from services.physics.stand_in import stand_in_duct, stand_in_scene
 from services.runtime.log import progress
 
 _STEPS = 20
 
 
-def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
-    """Run throw-away simulations until nothing is left to compile.
+def warm_up_contact(scene: SceneModel) -> None:
+    """Compile what answers contacts: before there is a duct, which haptics builds at the same time, on the other core.
 
-    The first has neither collision detection nor a rod that moves: haptics compiles these at the same time, on the
-    other core, and what it has compiled is found in the cache when the second simulation asks for it.
+    A throw-away simulation with neither collision detection nor a rod that moves: haptics compiles these after the
+    duct, and what it has compiled is found in the cache when `warm_up` asks for it.
     """
+    if scene.duct_alone:
+        return
+    with told(progress) as kernels:
+        kernels.begin("contact")
+        answer_contacts(stand_in_scene(scene), stand_in_duct(scene))
+
+
+def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
+    """Run a throw-away simulation until nothing is left to compile."""
     if scene.duct_alone:
         alone = DuctAlone(replace(scene, sleeping=False), duct)
         alone.step()
         DuctAlone(scene, duct).step()
         return
     with told(progress) as kernels:
-        kernels.begin("contact")
-        still = Simulation(scene, duct, _NoSearch(duct))
-        still.catheter.integrator = _StillRod(still.catheter.properties)
-        _touch_everything(still)
         kernels.begin("what haptics has not compiled")
         simulation = Simulation(scene, duct)
         tools = _touch_everything(simulation)
@@ -57,6 +63,13 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
     progress("kernels are compiled", 1.0)
+
+
+def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
+    """Touch everything in a scene with neither collision detection nor a rod that moves."""
+    still = Simulation(scene, duct, _NoSearch(duct))
+    still.catheter.integrator = _StillRod(still.catheter.properties)
+    _touch_everything(still)
 
 
 def _touch_everything(simulation: Simulation) -> ToolInputs:

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from services.cache_directory import cache_directory
 from services.mechanics.effects import EFFECTS, go_together
-from services.physics.warm_up import warm_up
+from services.physics.stand_in import stand_in_scene
+from services.physics.warm_up import answer_contacts, warm_up, warm_up_contact
+from services.runtime.config import config_directory
 from services.scenes import load_duct, load_scene
 from tests.physics.conftest import SMALL
 
@@ -19,4 +27,42 @@ def test_a_scene_with_every_effect_warms_up(small: str) -> None:
     names = [name for name in EFFECTS if go_together(name, small.partition(".")[0])]
     scene = load_scene(SMALL, [*(f"effects.{name}={{}}" for name in names), f"effects.{small}"])
     assert len(scene.effects) == len(EFFECTS) - 1
+    warm_up_contact(scene)
     warm_up(scene, load_duct(scene, cache_directory(), lambda stage, fraction: None))
+
+
+@pytest.mark.parametrize("path", sorted((config_directory() / "scenes").glob("*.yaml")), ids=lambda path: path.stem)
+def test_contacts_are_compiled_for_any_scene_before_there_is_a_duct(path: Path) -> None:
+    warm_up_contact(load_scene(path, []))
+
+
+def test_what_is_compiled_on_the_stand_in_is_what_the_duct_of_the_scene_asks_for() -> None:
+    """Else it would be compiled in vain, and what is needed later, when everybody waits for it."""
+    command, root = [sys.executable, "-m", "tests.physics.test_warm_up"], Path(__file__).parents[2]
+    run = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    on_stand_in, added = json.loads(run.stdout.splitlines()[-1])
+    assert on_stand_in > 20
+    assert added == []
+
+
+def _signatures() -> set[str]:
+    """Return every kernel of ours that is compiled or loaded, with the types that it takes."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("services.")]
+    kernels = {id(each): each for module in modules for each in vars(module).values() if isinstance(each, Dispatcher)}
+    return {f"{each.py_func.__qualname__} {types}" for each in kernels.values() for types in each.overloads}
+
+
+def _compare() -> None:
+    """Print how many kernels the stand-in asks for, and what the same on the scene's own duct asks for beside them."""
+    scene = load_scene(SMALL, [])
+    duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
+    before = _signatures()
+    warm_up_contact(scene)
+    on_stand_in = _signatures()
+    answer_contacts(stand_in_scene(scene), duct)
+    print(json.dumps([len(on_stand_in - before), sorted(_signatures() - on_stand_in)]))
+
+
+if __name__ == "__main__":
+    _compare()

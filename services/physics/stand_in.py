@@ -1,0 +1,40 @@
+"""A duct that stands in for a scene's while that is being built, so that kernels can be compiled meanwhile.
+
+Kernels know neither how many nodes and modes a wall has nor what is in its arrays: those that a coarse tube with
+made-up modes calls are those that the scene's duct will call.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from services.mechanics.effects import EFFECTS
+from services.mechanics.reduction.basis import ModalBasis
+from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.residual.blocks import Residual
+from services.mechanics.scene import QualityLevel, SceneModel
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+
+_N_AROUND, _N_ALONG = 8, 10
+_N_MODES = 4
+_OMEGA_RAD_S = 2.0 * np.pi * 100.0
+#: Of a mass-normalised mode, 1/sqrt(kg), and of a node's own residual, m/N: of the size of a soft duct's.
+_SHAPE, _COMPLIANCE_M_N = 1.0, 1e-3
+
+
+def stand_in_scene(scene: SceneModel) -> SceneModel:
+    """Return the scene without the effects of the wall, which are built from the real one, and without its ladder."""
+    effects = {name: settings for name, settings in scene.effects.items() if not EFFECTS[name].kind.of_wall}
+    return replace(scene, effects=effects, quality=(QualityLevel(),), essential=())
+
+
+def stand_in_duct(scene: SceneModel) -> ReducedDuct:
+    """Return a coarse tube of the scene's radius and length whose modes are waves along it; nothing is computed."""
+    mesh = parametric_duct(DuctGeometry(scene.duct.radius_m, scene.duct.length_m, _N_AROUND, _N_ALONG))
+    along = np.linspace(0.0, np.pi, _N_MODES * mesh.n_vertices * 3).reshape(mesh.n_vertices, 3, _N_MODES)
+    basis = ModalBasis.from_modes(_OMEGA_RAD_S * np.arange(1.0, _N_MODES + 1.0), _SHAPE * np.sin(along))
+    blocks = np.zeros((mesh.n_vertices, mesh.n_vertices, 3, 3), np.float32)
+    blocks[np.arange(mesh.n_vertices), np.arange(mesh.n_vertices)] = _COMPLIANCE_M_N * np.eye(3, dtype=np.float32)
+    return ReducedDuct(mesh, basis, Residual.full(blocks), np.full(_N_MODES, scene.duct.damping_ratio))
