@@ -19,11 +19,11 @@ def is_due(gap_m: float, normal: Vector, motion: Vector, margin_m: float) -> boo
 
 
 @kernel
-def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) -> None:
-    """Write one pair; where there is no room it replaces the shallowest, if that is shallower."""
+def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) -> int:
+    """Write one pair and return its place; where there is no room it replaces the shallowest, if that is shallower."""
     place = _free_place(pairs, gap_m)
     if place == FULL:
-        return
+        return FULL
     pairs.tool[place] = pair[0]
     pairs.tool_segment[place] = pair[1]
     pairs.particle[place] = pair[2]
@@ -33,6 +33,7 @@ def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) ->
     put_row(pairs.target_weights, place, pair[6])
     put_row(pairs.normal, place, normal)
     pairs.gap_m[place] = gap_m
+    return place
 
 
 @kernel

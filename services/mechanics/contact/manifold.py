@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.collision.beside import APART, FACING, seen_from
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
-from services.mechanics.collision.writer import write_pair
+from services.mechanics.collision.writer import FULL, write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance
@@ -24,7 +24,11 @@ from services.mechanics.contact.geometry import ContactGeometry, WallGeometry, g
 from services.mechanics.contact.identity import target_kind_of, target_of, tool_segment_of
 from services.mechanics.contact.rows import ContactRows, rows_at
 
-CAPACITY = 32
+CAPACITY = 64
+# A kept point that stuck is a found one only where both are nearer than this part of the distance between axis and
+# mid-surface, 30 um. Two edges of the wall under a jaw may be a tenth of a millimetre apart, and the one that is
+# pressed lets the other come closest: with room for one of them they took turns. What slides is found anew.
+ONE_POINT = 0.02
 
 
 class NodePositions(Protocol):
@@ -41,6 +45,7 @@ class ContactManifold:
         self._sizes = (wall.half_thickness, margin_m)
         self._wall = wall
         self._pairs = ContactPairs.allocate(CAPACITY)
+        self._slid = np.zeros(CAPACITY, np.bool_)
         self._nodes = np.zeros(3 * CAPACITY, np.int32)
         self._corners = np.zeros((3 * CAPACITY, 3))
 
@@ -49,9 +54,9 @@ class ContactManifold:
         """Pressed points since the start that found no room to be kept."""
         return self._pairs.dropped
 
-    def keep(self, rows: ContactRows) -> None:
-        """Remember the pressed points of the rows just solved."""
-        keep_pressed(rows.address, self._wall.address, self._pairs.address, self._nodes)
+    def keep(self, rows: ContactRows, slides: BoolArray) -> None:
+        """Remember the pressed points of the rows just solved; ``slides`` (C,) says which slid."""
+        keep_pressed(rows.address, self._wall.address, self._pairs.address, (slides, self._slid, self._nodes))
 
     def forget(self) -> None:
         """Let go of all points."""
@@ -64,7 +69,7 @@ class ContactManifold:
             return
         corners = self._corners[: 3 * kept]
         wall.node_positions(self._nodes[: 3 * kept], corners)
-        append_pressed(geometry.address, self._pairs.address, corners, self._sizes, pairs.address)
+        append_pressed(geometry.address, self._pairs.address, (corners, self._slid), self._sizes, pairs.address)
 
 
 @kernel
@@ -72,13 +77,14 @@ def keep_pressed(
     rows_address: Address[ContactRows],
     wall_address: Address[WallGeometry],
     pairs_address: Address[ContactPairs],
-    nodes: IntArray,
+    states: tuple[BoolArray, BoolArray, IntArray],
 ) -> None:
     """Make pairs of the pressed contacts of tools with the wall; their names are decoded from the rows.
 
-    ``nodes`` (3 C,) takes the corners of their triangles.
+    ``states`` say which rows slid, and take which of the pairs did, and the corners (3 C,) of their triangles.
     """
     rows, wall, out = rows_at(rows_address), wall_at(wall_address), pairs_at(pairs_address)
+    slides, slid, nodes = states
     out.count = 0
     for row in range(rows.n_contacts):
         tool, identity = rows.tool[row], rows.identity[row]
@@ -86,7 +92,9 @@ def keep_pressed(
         if presses and tool != NO_TOOL and target_kind_of(identity) == DUCT_TRIANGLE:
             weights, segment = row_of(rows.duct_weight, row), tool_segment_of(identity)
             pair = (tool, segment, -1, DUCT_TRIANGLE, target_of(identity), 0.0, weights)
-            write_pair(out, pair, rows.gap_m[row], row_of(rows.frame[row], 0))
+            place = write_pair(out, pair, rows.gap_m[row], row_of(rows.frame[row], 0))
+            if place != FULL:
+                slid[place] = slides[row]
     for i in range(out.count):
         for corner in range(3):
             nodes[3 * i + corner] = wall.triangles[out.target[i], corner]
@@ -96,15 +104,16 @@ def keep_pressed(
 def append_pressed(
     geometry_address: Address[ContactGeometry],
     kept_address: Address[ContactPairs],
-    corners: FloatArray,
+    states: tuple[FloatArray, BoolArray],
     sizes: tuple[float, float],
     pairs_address: Address[ContactPairs],
 ) -> None:
     """Append kept points to pairs, with fresh normals.
 
-    ``corners`` (3 k, 3) are where their triangles are now; ``sizes`` half the wall's thickness and the gap up to which
-    a point is a candidate.
+    ``states`` are where the corners (3 k, 3) of their triangles are now, and which of them slid; ``sizes`` half the
+    wall's thickness and the gap up to which a point is a candidate.
     """
+    corners, slid = states
     tools, kept, out = geometry_at(geometry_address).tools, pairs_at(kept_address), pairs_at(pairs_address)
     for i in range(kept.count):
         tool, segment = kept.tool[i], kept.tool_segment[i]
@@ -115,7 +124,7 @@ def append_pressed(
         thickness = tools.radius[tool, segment] + sizes[0]
         if distance == 0.0 or distance > thickness + sizes[1]:
             continue
-        if _is_known(kept, i, axis, (point, thickness), out):
+        if _is_known(kept, i, axis, (point, thickness, slid[i]), out):
             continue
         if dot(normal, row_of(kept.normal, i)) < FACING:
             continue
@@ -125,13 +134,14 @@ def append_pressed(
 
 @kernel
 def _is_known(
-    kept: ContactPairs, i: int, ends: tuple[Vector, Vector], place: tuple[Vector, float], pairs: ContactPairs
+    kept: ContactPairs, i: int, ends: tuple[Vector, Vector], place: tuple[Vector, float, bool], pairs: ContactPairs
 ) -> bool:
     """Whether there is a pair of the same segment of the tool with the same point of the wall, or one next to it.
 
-    ``ends`` are those of the segment's axis, ``place`` the kept point and the thickness between axis and mid-surface.
+    ``ends`` are those of the segment's axis, ``place`` the kept point, the thickness between axis and mid-surface, and
+    whether it slid: then a pair next to it is the same.
     """
-    near = APART * place[1]
+    near = (APART if place[2] else ONE_POINT) * place[1]
     for k in range(pairs.count):
         if (
             pairs.tool[k] == kept.tool[i]

@@ -380,7 +380,7 @@ class Simulation:
         self.squeeze.react()
         self.seal.slide()
         self.holds.slide()
-        self._manifold.keep(system.rows)
+        self._manifold.keep(system.rows, system.slides)
         system.apply(self._tool_force)
         self.squeeze.follow(self.tools, dt_s)
         for effect in self._stages["settle"]:

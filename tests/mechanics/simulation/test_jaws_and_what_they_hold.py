@@ -1,11 +1,15 @@
 """Jaws must not pass through what they hold, nor be found inside it when they open."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, SHAFT
+from services.mechanics.scenarios import Scenario, ToolMotion, insertion_scene
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import build_scene_duct
 from tests.mechanics.trajectories.cases import CASES
 
 PINCHED = 1000
@@ -64,3 +68,23 @@ def test_jaws_that_open_and_squeeze_no_more_meet_the_catheter_that_they_held(hol
     simulation.step(tools)
     assert list(simulation.holds.active) == [3]
     assert not simulation.tools.held.any()
+
+
+def test_jaws_at_rest_on_two_edges_of_the_wall_feel_the_same_for_ever(cache_dir):
+    """Before, the edges took turns from tick to tick: the force went to and fro by 0.2 mN, and crept by 1 mN/s."""
+    scene = insertion_scene()
+    duct = replace(scene.duct, length_m=20e-3, n_around=48, n_along=24, n_modes=60)
+    scene = replace(scene, duct=duct, forceps=(scene.forceps[0], replace(scene.forceps[1], jaw_length_m=25e-3)))
+    middle = (8.333e-3, 0.0, 0.0)
+    points = ((8.557e-3, 9.395e-3, 14.763e-3), middle, middle)
+    closing = ToolMotion((0.0, 0.3, 0.6), points, (0.662, 0.662, 0.4744), (1.567,) * 3, grip_offset_m=20e-3)
+    hands = Scenario("closing", "jaws close round the duct", 1.0, scene, (None, closing))
+    simulation, tools, felt_n = Simulation(scene, build_scene_duct(scene, cache_dir)), ToolInputs(), []
+    for tick in range(1000):
+        hands.write_inputs(1e-3 * (tick + 1), tools)
+        simulation.step(tools)
+        torque_nm = simulation.tool_results.grasp_torque_nm[1]
+        felt_n.append([*simulation.tool_results.force_n[1], torque_nm / 25e-3])
+    held_n = np.array(felt_n[700:])
+    assert held_n[-1, 3] > 40e-3
+    assert np.ptp(held_n, axis=0).max() < 0.1e-3
