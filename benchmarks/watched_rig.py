@@ -49,7 +49,9 @@ _BEFORE_S, _AFTER_S = 4.0, 2.0
 _SHOWN_S = 1.0
 #: Edges of exported buckets are a factor of the root of two apart.
 _EDGE = 0.7
-_MARK = re.compile(r"(\w+)(?:\.\w+)?: (?:stalled|silent|held up|process \d+ is stopped by a signal) for (\d+) ms")
+_MARK = re.compile(
+    r"(\w+)(?:\.\w+)?: (?:(?:stalled|silent|held up) for (\d+) ms|process \d+ is stopped by a signal(?: for (\d+) ms)?)"
+)
 _BURST = re.compile(r"(\w+): [\d.]+ % of the ticks lost over ([\d.]+) s, limit ([\d.]+) %")
 _BUDGET = re.compile(r"(\w+): \d+ ticks lost in the last minute, budget (\d+)")
 _PATH = re.compile(r"path (\w+): p99 \d+ us over (\d+) s, limit (\d+) us")
@@ -121,7 +123,7 @@ class History:
         """Return whether the counts bear out what was said at `t`."""
         until = t + _AFTER_S
         if m := _MARK.search(text):
-            length_s = int(m[2]) / 1e3
+            length_s = int(m[2] or m[3] or 0) / 1e3
             return self._periods(m[1], length_s, t - length_s - _BEFORE_S, until) >= 1
         if m := _BURST.search(text):
             since = t - float(m[2]) - _BEFORE_S

@@ -18,6 +18,7 @@ from importlib import metadata
 from pathlib import Path
 
 from services.cache_directory import cache_directory
+from services.cli import preemption
 from services.runtime import endpoints
 from services.runtime.errors import UserError
 from services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
@@ -87,6 +88,7 @@ def scheduling() -> Iterator[Finding]:
     yield finding("cores", cores >= 2, str(cores), "two cores or more: the stub rig pins its loops to cores 0 and 1")
     yield _ladder()
     yield _memlock()
+    yield _preemption()
     slack = Path("/proc/self/timerslack_ns")
     yield Finding(
         "timer slack", Verdict.OK, f"{slack.read_text().strip() if slack.exists() else '?'} ns, the loops set 1"
@@ -98,6 +100,15 @@ def scheduling() -> Iterator[Finding]:
     if governor.exists():
         name = governor.read_text().strip()
         yield finding("governor", name == "performance", name, "cpupower frequency-set -g performance")
+
+
+def _preemption() -> Finding:
+    how = preemption.of_this_kernel()
+    advice = (
+        "preempt=full on the kernel's command line, or a kernel with PREEMPT_RT: until then a loop waits for the end "
+        "of what the kernel does for others"
+    )
+    return finding("preemption", preemption.is_prompt(how), how or "the kernel does not say", advice)
 
 
 def _memlock() -> Finding:

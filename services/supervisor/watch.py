@@ -93,11 +93,10 @@ def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
     feels it whatever the cause.
     """
     if stopped:
-        held_s = now_s - member.since_s if member.state is MemberState.HUNG else 0.0
-        return (
-            f"{member.name}: process {member.pid} is stopped by a signal for {held_s * 1e3:.0f} ms, "
-            f"limit {limits.heartbeat_s * 1e3:.0f} ms"
-        )
+        known = member.state is MemberState.HUNG  # else it was found stopped just now, and nobody tells since when
+        held = f" for {(now_s - member.since_s) * 1e3:.0f} ms" if known else ""
+        limit_ms = limits.heartbeat_s * 1e3
+        return f"{member.name}: process {member.pid} is stopped by a signal{held}, limit {limit_ms:.0f} ms"
     if not says_living(member) or member.state not in (MemberState.READY, MemberState.HUNG):
         return ""
     if member.spec.stream is not None and member.stream_s is not None:

@@ -92,7 +92,10 @@ def test_who_runs_in_circles_is_ended_on_the_busiest_machine_too() -> None:
 
 def test_being_stopped_is_told_at_once_even_while_starting() -> None:
     starting = member("physics", MemberState.STARTING)
-    assert watch.hang(starting, True, 100.0, LIMITS).startswith("physics: process 7 is stopped by a signal")
+    assert watch.hang(starting, True, 100.0, LIMITS) == "physics: process 7 is stopped by a signal, limit 500 ms"
+    hung = member("physics", MemberState.HUNG)
+    said = watch.hang(hung, True, hung.since_s + 0.2, LIMITS)
+    assert said == "physics: process 7 is stopped by a signal for 200 ms, limit 500 ms"
     assert watch.hang(starting, False, 199.0, LIMITS) == ""
 
 
