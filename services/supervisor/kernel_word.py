@@ -10,11 +10,32 @@ from __future__ import annotations
 
 import os
 import signal
+from typing import NamedTuple
 
 from services.supervisor.thread_waits import BusWaits, ThreadWait, read
 
 _STOPPING = sum(1 << (number - 1) for number in (signal.SIGSTOP, signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU))
 _PENDING = (b"SigPnd:", b"ShdPnd:")
+
+
+class Waits(NamedTuple):
+    """For how long a process has waited for a processor, s: its loop, and the threads that send for it.
+
+    A heartbeat waits with the one, then with the others. Where they wait at the same time, both together are more than
+    the silence that they explain.
+    """
+
+    loop_s: float = 0.0
+    bus_s: float = 0.0
+
+    @property
+    def total_s(self) -> float:
+        """Both together."""
+        return self.loop_s + self.bus_s
+
+    def since(self, earlier: Waits) -> Waits:
+        """Return what has been waited since."""
+        return Waits(self.loop_s - earlier.loop_s, self.bus_s - earlier.bus_s)
 
 
 class KernelWord:
@@ -32,17 +53,13 @@ class KernelWord:
         self._main.look(state)
         return state in (b"T", b"t") or (state == b"R" and self._is_to_stop())
 
-    def waited_s(self) -> float:
-        """Return for how long its loop and its bus have waited for a processor since their start, 0 where unknown.
-
-        Both are added: a heartbeat waits with the main thread, then with the one that sends it. Where they wait at the
-        same time it is more than the silence that it explains.
-        """
+    def waits(self) -> Waits:
+        """Return for how long its loop and its bus have waited for a processor since their start, 0 where unknown."""
         state = self._state()
         if not state:
-            return 0.0
+            return Waits()
         self._main.look(state)
-        return self._main.waited_s() + self._bus.waited_s()
+        return Waits(self._main.waited_s(), self._bus.waited_s())
 
     def close(self) -> None:
         """Let go of the files."""

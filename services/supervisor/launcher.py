@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from services.runtime.private_directory import open_private
-from services.supervisor.kernel_word import KernelWord
+from services.supervisor.kernel_word import KernelWord, Waits
 from services.supervisor.processes import ProcessSpec
 
 #: Beyond this a line is cut: nothing a child writes takes memory without bound.
@@ -79,9 +79,9 @@ class Child:
         """Return whether a signal or a debugger holds the process (SIGSTOP)."""
         return self._kernel.is_stopped()
 
-    def waited_s(self) -> float:
+    def waits(self) -> Waits:
         """Return for how long its loop and its bus have waited for a processor since their start, 0 where unknown."""
-        return self._kernel.waited_s()
+        return self._kernel.waits()
 
     def send(self, number: signal.Signals) -> None:
         """Send a signal; one to a process that has ended is nothing."""

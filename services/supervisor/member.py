@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import protocol.bodies as bodies
 from services.supervisor import figures
+from services.supervisor.kernel_word import Waits
 from services.supervisor.launcher import Child
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.restarts import RestartPolicy
@@ -46,7 +47,7 @@ class Member:
     since_s: float = 0.0
     health: bodies.Health | None = None
     heard_s: float = 0.0
-    waited_s: float = 0.0  # for a processor, up to when it was heard
+    waited: Waits = field(default_factory=Waits)  # for a processor, up to when it was heard
     stream_s: float | None = None
     last_lines: list[str] = field(default_factory=list)
     progress: tuple[str, float] | None = None
@@ -86,7 +87,7 @@ class Member:
             return False
         self.health, self.heard_s = health, now_s
         if self.child is not None:
-            self.waited_s = self.child.waited_s()
+            self.waited = self.child.waits()
         self.window.add(health.pid, figures.contracted(health))
         return True
 
@@ -116,9 +117,9 @@ class Member:
         self._detail_told, self._detail_told_s, self._detail_ended = detail, now_s, False
         return [f"{self.name}: {detail}"]
 
-    def starved_s(self) -> float:
+    def starved(self) -> Waits:
         """Return for how long our child has waited for a processor since it was last heard, or started."""
-        return self.child.waited_s() - self.waited_s if self.child is not None else 0.0
+        return self.child.waits().since(self.waited) if self.child is not None else Waits()
 
     def forget(self) -> None:
         """Drop what the ended process said: the next one speaks for itself."""
@@ -128,7 +129,7 @@ class Member:
         self.killed = False
         self.came_up = False
         self._stalls_told = 0
-        self.waited_s = 0.0
+        self.waited = Waits()
 
     def kill(self) -> None:
         """End the process at once: hung processes do not answer anything gentler."""

@@ -58,7 +58,7 @@ def says_ready(member: Member, now_s: float, limits: Limits) -> bool:
 
 def is_overdue(member: Member, now_s: float, limits: Limits) -> bool:
     """Return whether a process takes too long to start, not counting the time that it waited for a processor."""
-    waited_s = member.child.waited_s() if member.child is not None else 0.0
+    waited_s = member.child.waits().total_s if member.child is not None else 0.0
     return now_s - member.since_s - waited_s > limits.ready_s
 
 
@@ -68,7 +68,7 @@ def beyond_waiting(member: Member, stopped: bool, now_s: float, limits: Limits) 
     Time that it waited for a processor does not count, and who waited for most of it has ten times the limit: on a busy
     machine a process starves without hanging, and to start it anew would make matters worse.
     """
-    hung_s, silent_s, starved_s = now_s - member.since_s, now_s - member.heard_s, member.starved_s()
+    hung_s, silent_s, starved_s = now_s - member.since_s, now_s - member.heard_s, member.starved().total_s
     patience = _MOST_LIMITS if starved_s >= _STARVES * silent_s else 1.0
     hangs = silent_s - starved_s >= patience * limits.heartbeat_s
     return hung_s >= limits.heartbeat_s and (stopped or hangs)
@@ -105,7 +105,7 @@ def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
             said = f"{member.spec.stream}: silent for {stream_s * 1e3:.0f} ms, limit {limits.stream_s * 1e3:.0f} ms"
             return said + _starved(member)
     silence_s = now_s - member.heard_s
-    if silence_s > limits.heartbeat_s and silence_s - member.starved_s() > limits.heartbeat_s:
+    if silence_s > limits.heartbeat_s and silence_s - member.starved().total_s > limits.heartbeat_s:
         said = f"{member.name}.health: silent for {silence_s * 1e3:.0f} ms, limit {limits.heartbeat_s * 1e3:.0f} ms"
         return said + _starved(member)
     return ""
@@ -113,5 +113,8 @@ def hang(member: Member, stopped: bool, now_s: float, limits: Limits) -> str:
 
 def _starved(member: Member) -> str:
     """Return what is to be added of a process that was not run rather than hanging, as the kernel has it."""
-    starved_ms = round(member.starved_s() * 1e3)
-    return f"; it waited {starved_ms} ms for a processor" if starved_ms >= _STARVED_MS else ""
+    starved = member.starved()
+    if round(starved.total_s * 1e3) < _STARVED_MS:
+        return ""
+    waits = {"it": round(starved.loop_s * 1e3), "its bus": round(starved.bus_s * 1e3)}
+    return "; " + " and ".join(f"{who} waited {ms} ms" for who, ms in waits.items() if ms) + " for a processor"

@@ -70,10 +70,10 @@ def test_a_starved_process_waits_and_a_stop_signal_that_it_has_yet_to_take_is_kn
             assert hog.stdout is not None
             hog.stdout.readline()
             word.is_stopped()
-            before_s, began_s = word.waited_s(), time.monotonic()
+            before_s, began_s = word.waits().total_s, time.monotonic()
             time.sleep(0.25 * STARVED_S)
             assert not word.is_stopped(), "it would run if it could"
-            assert word.waited_s() - before_s > 0.1 * STARVED_S, "and the wait is known while it goes on"
+            assert word.waits().total_s - before_s > 0.1 * STARVED_S, "and the wait is known while it goes on"
             os.kill(victim.pid, signal.SIGSTOP)
             stopped, state = word.is_stopped(), word._state()
             if time.monotonic() - began_s < 0.7 * STARVED_S:  # else the hog may be done, and the test shows nothing
@@ -99,14 +99,14 @@ def test_a_process_that_sleeps_for_good_waits_for_nobody() -> None:
         while word._state() != b"S":
             assert time.monotonic() < deadline
             time.sleep(1e-3)
-        before_s = word.waited_s()
+        before_s = word.waits().total_s
         time.sleep(0.05)
-        assert word.waited_s() == before_s
+        assert word.waits().total_s == before_s
         assert not word.is_stopped()
         process.kill()
         process.wait()
         assert not word.is_stopped(), "of one that has ended nothing is said"
-        assert word.waited_s() == 0.0
+        assert word.waits().total_s == 0.0
         word.close()
 
 
@@ -132,7 +132,7 @@ def test_the_thread_that_sends_the_heartbeats_counts_from_when_it_is_there(name:
         assert victim.stdin is not None
         assert victim.stdout is not None
         word = KernelWord(victim.pid)
-        word.waited_s()
+        word.waits()
         victim.stdin.write(b"\n")
         victim.stdin.flush()
         schedule = Path(f"/proc/{victim.pid}/task/{int(victim.stdout.readline())}/schedstat")
@@ -141,12 +141,12 @@ def test_the_thread_that_sends_the_heartbeats_counts_from_when_it_is_there(name:
         def waited_s() -> float:
             return int(schedule.read_text().split()[1]) * 1e-9
 
-        began_s, before_s, of_main_s = waited_s(), word.waited_s(), word._main.waited_s()
+        began_s, before_s, of_main_s = waited_s(), word.waits().total_s, word._main.waited_s()
         while waited_s() - began_s < 0.1:
             assert time.monotonic() < deadline, "nobody waits on this machine"
             time.sleep(1e-3)
         least_s = waited_s() - began_s
-        counted_s = word.waited_s() - before_s - (word._main.waited_s() - of_main_s)
+        counted_s = word.waits().total_s - before_s - (word._main.waited_s() - of_main_s)
         victim.kill()
         word.close()
     if counts:

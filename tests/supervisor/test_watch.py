@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from services.supervisor import watch
+from services.supervisor.kernel_word import Waits
 from services.supervisor.member import Member, MemberState
 from services.supervisor.processes import TABLE
 from services.supervisor.restarts import RestartPolicy
@@ -22,9 +23,10 @@ class Child:
 
     pid: int = 7
     waited: float = 0.0
+    bus_waited: float = 0.0
 
-    def waited_s(self) -> float:
-        return self.waited
+    def waits(self) -> Waits:
+        return Waits(self.waited, self.bus_waited)
 
 
 def member(name: str, state: MemberState = MemberState.READY, *, heard_s: float = 100.0) -> Member:
@@ -63,6 +65,21 @@ def test_silence_of_one_who_was_not_run_is_told_as_such() -> None:
     starving.child.waited = 0.06  # type: ignore[union-attr]
     said = "physics.state: silent for 70 ms, limit 60 ms; it waited 60 ms for a processor"
     assert watch.hang(starving, False, 100.07, LIMITS) == said
+
+
+@pytest.mark.parametrize(
+    ("loop_s", "bus_s", "said"),
+    [
+        (0.06, 0.05, "; it waited 60 ms and its bus waited 50 ms for a processor"),  # together more than the silence
+        (0.0, 0.05, "; its bus waited 50 ms for a processor"),
+        (0.004, 0.004, ""),
+    ],
+)
+def test_waits_of_the_loop_and_of_the_bus_are_told_apart(loop_s: float, bus_s: float, said: str) -> None:
+    starving = member("physics")
+    starving.child.waited, starving.child.bus_waited = loop_s, bus_s  # type: ignore[union-attr]
+    silent = "physics.state: silent for 70 ms, limit 60 ms"
+    assert watch.hang(starving, False, 100.07, LIMITS) == silent + said
 
 
 def test_a_starving_process_is_not_ended_a_hanging_one_is() -> None:
