@@ -19,10 +19,13 @@ from services.mechanics.scene import SceneModel
 
 
 class KeepsState(Protocol):
-    """What has a state of its own."""
+    """What has a state of its own, and may store energy in it."""
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the state, which are only ever changed in place."""
+
+    def potential_energy_j(self, world: World) -> float:
+        """What it stores now."""
 
 
 @dataclass(frozen=True, slots=True)

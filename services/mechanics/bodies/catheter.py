@@ -181,6 +181,11 @@ class CatheterBody:
         rolled = () if frame is None else (frame.tangent, frame.m1, frame.twist_rad)
         return state.position_m, state.velocity_m_s, self.contact_force_n, *rolled
 
+    def go_back(self) -> None:
+        """Be where the last step began, as fast as then."""
+        self.state.position_m[:] = self.start_m
+        self.state.velocity_m_s[:] = self._step.start_velocity
+
     def halt(self) -> None:
         """Stop where it is."""
         self.state.velocity_m_s[:] = 0.0

@@ -232,6 +232,13 @@ class DuctBody:
         state, forces = self.state, (self.contact_impulse, self.modal_kick)
         return state.q, state.qdot, state.qddot, *forces, self.load_nodes, self.load_force_n, self._n_loads
 
+    def go_back(self) -> None:
+        """Be where the last step began, as fast as then, but without loads."""
+        self.state.q[:] = self.q_start
+        self.state.qdot[:] = self._free.before
+        self.contact_impulse[:] = self._loads.last
+        self._n_loads[:] = 0
+
     def halt(self) -> None:
         """Stop where it is."""
         self._debt[:] = 0.0

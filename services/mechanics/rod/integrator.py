@@ -11,6 +11,7 @@ from services.mechanics.rod.properties import RodProperties
 from services.mechanics.rod.semi_implicit import SemiImplicitIntegrator
 from services.mechanics.rod.state import RodState
 from services.mechanics.rod.supports import Supports
+from services.mechanics.rod.twist import TwistModel
 
 
 class RodIntegrator(Protocol):
@@ -22,6 +23,7 @@ class RodIntegrator(Protocol):
 
     properties: RodProperties
     model: RodModel
+    twist: TwistModel | None
     held_target_m: FloatArray
 
     @property

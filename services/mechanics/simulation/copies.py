@@ -7,27 +7,50 @@ from collections.abc import Sequence
 from services.mechanics.arrays import AnyArray
 from services.mechanics.compiled.memory import copy_arrays, copy_table
 
+# Copies that are kept, beside the first: the last one, that before, and others about 4, 8, 16... as old.
+PLACES = 8
+_NEVER = -1
+FIRST = -1
+"""The place of the first copy of all."""
+
 
 class Copies:
-    """Copies of live arrays, which must be changed in place and never replaced: the last two and the first."""
+    """Copies of live arrays, which must be changed in place and never replaced: of late ones many, of old ones few.
+
+    The k-th copy is written over place z, 2^z being the largest power of two that k is a multiple of. So place z holds
+    what is at most 2^(z + 1) copies old. The first copy of all is kept beside them.
+    """
 
     def __init__(self, arrays: Sequence[AnyArray]) -> None:
         self._arrays = list(arrays)
-        self._kept = [[array.copy() for array in self._arrays] for _ in range(2)]
+        self._kept = [[array.copy() for array in self._arrays] for _ in range(PLACES)]
         self._first = [array.copy() for array in self._arrays]
         self._from_live = [copy_table(kept, self._arrays) for kept in self._kept]
-        self._to_live = [copy_table(self._arrays, kept) for kept in self._kept]
-        self._first_to_live = copy_table(self._arrays, self._first)
-        self._newest = 0
+        self._to_live = [copy_table(self._arrays, kept) for kept in [*self._kept, self._first]]
+        self._order = [_NEVER] * PLACES
+        self._count = 0
+        self._is_trusted = True
 
     def keep(self) -> None:
-        """Copy what is there over the older copy."""
-        self._newest = 1 - self._newest
-        copy_arrays(self._from_live[self._newest])
+        """Copy what is there; it may already be on its way to what is not sound."""
+        self._count += 1
+        place = min((self._count & -self._count).bit_length() - 1, PLACES - 1)  # never the last one's
+        copy_arrays(self._from_live[place])
+        self._order[place] = self._count
+        self._is_trusted = False
 
-    def restore(self, from_the_beginning: bool) -> None:
-        """Put the older copy back, or the first one of all, and forget the newer one, or both."""
-        copy_arrays(self._first_to_live if from_the_beginning else self._to_live[1 - self._newest])
-        copy_arrays(self._from_live[self._newest])
-        if from_the_beginning:
-            copy_arrays(self._from_live[1 - self._newest])
+    def places(self) -> list[int]:
+        """Return where copies are that may be taken up: from the last but one to the first of all."""
+        kept = [place for place in range(PLACES) if self._order[place] != _NEVER]
+        kept.sort(key=self._order.__getitem__, reverse=True)
+        return [*kept[0 if self._is_trusted else 1 :], FIRST]
+
+    def put_back(self, place: int) -> None:
+        """Write a copy over what is there."""
+        copy_arrays(self._to_live[place])
+
+    def go_on_from(self, place: int) -> None:
+        """Forget all copies that are newer than this one, which was taken up: what came of it was not sound."""
+        began = 0 if place == FIRST else self._order[place]
+        self._order = [kept if kept <= began else _NEVER for kept in self._order]
+        self._count, self._is_trusted = began, True

@@ -6,7 +6,7 @@ They allocate and evaluate forces again: for tests and studies, not for the 1 kH
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from services.mechanics.contact.free_motion import taken_back
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
-from services.mechanics.rod.energy import RodEnergy, internal_forces, rod_energy
-from services.mechanics.rod.model import RodWork, allocate_work
-from services.mechanics.rod.twist import add_frame_forces
+from services.mechanics.rod.energy import RodEnergy, internal_forces
+from services.mechanics.rod.model import RodModel, allocate_work
 from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation.body_energy import body_energies_j, catheter_energy
 from services.mechanics.simulation.grip_energy import Grips, enter_grips, stored_in_grips
 from services.mechanics.simulation.simulation import Simulation
 
@@ -46,7 +46,8 @@ class EnergyFlow:
     impact_j
         Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
     healing_j
-        What was stored in states that were not sound, less what is in those that were taken up again.
+        What was stored before the parts of steps that ended in states that were not sound, less what is stored in those
+        that were taken up again. The part itself is not entered: nothing was felt of it.
     released_j
         What holds had stored that were let go, and couplings of tools that came back elsewhere.
     numerical_j
@@ -84,8 +85,9 @@ class EnergyBook:
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
         self.flow = EnergyFlow()
+        self._model: RodModel = implicit_integrator(simulation).model
         self._work = allocate_work(len(simulation.catheter.state.position_m))
-        self._rod = rod_energy_now(simulation, self._work)
+        self._rod = catheter_energy(simulation.world, self._work)
         self._opening_j = self._stored_j()
         self._healed_states = simulation.healed_states
 
@@ -94,13 +96,18 @@ class EnergyBook:
         self.simulation.watcher = self
         self.simulation.step(tools, None, dt_s)
         self.simulation.watcher = None
-        healed_states = self.simulation.healed_states
-        if healed_states > self._healed_states:
-            self._healed_states = healed_states
-            self._rod = rod_energy_now(self.simulation, self._work)
-            stored_j = self._stored_j() - self._opening_j
-            self.flow.healing_j += self.flow.stored_j - stored_j
-            self.flow.stored_j = stored_j
+        if self.simulation.healed_states > self._healed_states:
+            self._healed_states = self.simulation.healed_states
+            self._enter_healing()
+
+    def _enter_healing(self) -> None:
+        """A part that ended unsound is undone, in the books as well: nothing was felt of it, so no hand has worked."""
+        for field in fields(self.flow):
+            setattr(self.flow, field.name, getattr(self._undone, field.name))
+        self._rod = catheter_energy(self.simulation.world, self._work)
+        stored_j = self._stored_j() - self._opening_j
+        self.flow.healing_j += self.flow.stored_j - stored_j
+        self.flow.stored_j = stored_j
 
     def begin(self) -> None:
         """Note what a part of a step begins with; rates that a change of its length has moved are entered."""
@@ -111,11 +118,12 @@ class EnergyBook:
         self._slipped_j = _slipped_j(self.simulation)
         self._spent_j = _dissipated_by_effects_j(self.simulation)
         self._squeezed_j = self.simulation.squeeze.dissipated_j
+        self._undone = replace(self.flow)
 
     def end(self, dt_s: float) -> None:
         """Enter a part of a step."""
         before, slipped_j, spent_j = self._before, self._slipped_j, self._spent_j
-        self._rod = rod_energy_now(self.simulation, self._work)
+        self._rod = catheter_energy(self.simulation.world, self._work)
         self._enter_tools(before, dt_s)
         self._enter_rod(before, dt_s)
         self._enter_duct(before, dt_s)
@@ -142,7 +150,7 @@ class EnergyBook:
 
     def _enter_rod(self, before: _Snapshot, dt_s: float) -> None:
         """What the rod's own forces, those that its momentum balance tells, took beyond what is stored and damped."""
-        catheter, model = self.simulation.catheter, implicit_integrator(self.simulation).model
+        catheter, model = self.simulation.catheter, self._model
         state, start = catheter.state, before.rod
         motion = state.position_m - start.position_m
         change, mean = state.velocity_m_s - start.velocity_m_s, motion / dt_s
@@ -243,12 +251,9 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
 
     ``rod`` is the catheter's, where it is known already.
     """
-    tools, duct = simulation.tools, simulation.duct
-    rod = rod or rod_energy_now(simulation)
-    stored = {
-        "catheter": rod.total_j,
-        "duct": duct.kinetic_energy_j() + duct.strain_energy_j(),
-        "duct_load": -float(np.sum(duct.constant_modal_force * duct.state.q)),
+    tools = simulation.tools
+    stored = body_energies_j(simulation.world, rod)
+    stored |= {
         "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
         "grips": stored_in_grips(simulation).total_j,
         "squeeze": simulation.squeeze.stored_j,
@@ -277,15 +282,6 @@ def _anchor_energy_j(simulation: Simulation) -> float:
 def _slipped_j(simulation: Simulation) -> float:
     """What slipping holds, and a slipping seal, have taken out."""
     return simulation.holds.dissipated_j + simulation.seal.dissipated_j
-
-
-def rod_energy_now(simulation: Simulation, work: RodWork | None = None) -> RodEnergy:
-    """Return the catheter's energies with the material frame brought to where the particles are: in a step it lags."""
-    integrator, state = implicit_integrator(simulation), simulation.catheter.state
-    if integrator.twist is not None:
-        state = state.copy()
-        add_frame_forces(integrator.twist, state, np.zeros_like(state.position_m))
-    return rod_energy(integrator.model, state, integrator.twist, work)
 
 
 def implicit_integrator(simulation: Simulation) -> ImplicitIntegrator:

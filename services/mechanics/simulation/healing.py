@@ -3,11 +3,12 @@
 What is sound is judged by what bodies can do at all, not by what is likely: numbers that are finite, a catheter that is
 neither torn nor shot, no particle of it beyond the middle of the wall, and none in the lumen that did not come by an
 opening. A state that is taken up again is at rest, and the hands follow anew from where the tools are: what their
-couplings held then they have lost since, and it would be theirs again for nothing.
+couplings held then they have lost since, and it would be theirs again for nothing. Nor may catheter and wall hold what
+they have lost: it is the newest of several copies that stores no more than was there when the bad step began.
 
 What made a state unsound may do so again at once, and for ever. So heals that follow each other go further: from the
-second on the tools touch nothing until they have been withdrawn, at the third the first state of all is taken up, and
-from the fourth on everything stays there for a while, each time twice as long.
+second on the tools touch nothing until they have been withdrawn, at the third the first state of all is taken up, if it
+stores no more, and from the fourth on everything stays there for a while, each time twice as long.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact import laws
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.scene.tools import N_TOOLS
+from services.mechanics.simulation.body_energy import body_energies_j
 from services.mechanics.simulation.copies import Copies
 from services.mechanics.world import World
 
@@ -29,8 +31,10 @@ from services.mechanics.world import World
 FASTEST_M_S = 30.0
 # A polymer yields at a few per cent; the strongest pull of both grips stretches a catheter by two.
 MOST_STRETCH = 0.25
-# Copies are made so many steps apart, and two are kept: the newer one may already be on its way to what is not sound.
+# Copies are made so many steps apart; the newest may already be on its way to what is not sound.
 APART = 16
+# A hundredth of what a catheter's length holds at a tenth of a metre per second: no energy.
+NO_ENERGY_J = 1e-8
 # So many sound steps make up for one heal.
 CALM_STEPS = 2000
 # Heals that nothing made up for, from which on tools are limp, and from which on the first state is taken up.
@@ -124,11 +128,10 @@ class Healer:
         self._calm_steps = 0
         world = self._world
         if self._copies is not None:
-            self._copies.restore(self._in_a_row >= FIRST)
+            self._take_up(self._copies)
+        else:
+            self._halt()
         self._steps = 1
-        world.duct.halt()
-        world.catheter.halt()
-        world.tools.halt()
         if self._in_a_row >= LIMP:
             world.tools.present[:] = False  # whoever comes back inside something touches nothing, see `engagement`
         world.holds.lose()
@@ -144,6 +147,33 @@ class Healer:
         """Return whether everything stays where it is in this tick."""
         self._rest_left = max(self._rest_left - 1, 0)
         return self._rest_left > 0
+
+    def _take_up(self, copies: Copies) -> None:
+        """Put back the newest copy that stores, at rest, no more than was there; or else the one that stores least.
+
+        "There" is where the step began that was not sound: what it has made of that is nobody's.
+        """
+        world, places, stored_j = self._world, copies.places(), {}
+        world.duct.go_back()
+        world.catheter.go_back()
+        there_j = _stored_j(world)
+        if self._in_a_row >= FIRST:
+            places.reverse()
+        for place in places:
+            copies.put_back(place)
+            self._halt()
+            stored_j[place] = _stored_j(world)
+            if stored_j[place] <= there_j + NO_ENERGY_J:
+                break
+        else:
+            place = min(places, key=stored_j.__getitem__)
+            copies.put_back(place)
+            self._halt()
+        copies.go_on_from(place)
+
+    def _halt(self) -> None:
+        for body in (self._world.duct, self._world.catheter, self._world.tools):
+            body.halt()
 
     def _calm_down(self) -> None:
         """Make up for a heal by steps that were sound."""
@@ -168,6 +198,11 @@ class Healer:
         for effect in world.effects:
             arrays += effect.state_arrays()
         return arrays
+
+
+def _stored_j(world: World) -> float:
+    effects_j = sum(effect.potential_energy_j(world) for effect in world.effects)
+    return effects_j + sum(body_energies_j(world).values())
 
 
 @kernel

@@ -5,6 +5,8 @@ import pytest
 
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.copies import FIRST as FIRST_PLACE
+from services.mechanics.simulation.copies import PLACES, Copies
 from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.healing import CALM_STEPS, FASTEST_M_S, FIRST, RESTING
 
@@ -128,6 +130,89 @@ def test_a_scene_does_not_begin_with_what_is_no_number(small_scene, small_duct, 
         simulation.step(tools)
     simulation.catheter.state.position_m[3, 1] = 0.0
     simulation.step(tools)
+
+
+def let_go(simulation, tools):
+    """Withdraw the pressing tool: what the wall stored is motion soon, and then gone."""
+    tools.position_m[0] = AWAY_M
+    book = EnergyBook(simulation)
+    for _ in range(25):
+        book.step(tools)
+    return book
+
+
+@pytest.mark.parametrize("spoilt", ["velocity_m_s", "position_m"])
+def test_a_heal_brings_back_no_energy_that_was_gone(pressed, spoilt):
+    """Before, the wall was pressed in again with nobody there: 76 uJ, more than twice what the hand had worked."""
+    simulation, tools, _ = pressed
+    book = let_go(simulation, tools)
+    spent_j, largest_j = book.flow.input_j - book.flow.stored_j, 0.0
+    original = book.end
+
+    def end(dt_s):
+        getattr(simulation.catheter.state, spoilt)[-1] = np.nan if spoilt == "position_m" else 2.0 * FASTEST_M_S
+        original(dt_s)
+        book.end = original
+
+    book.end = end
+    for _ in range(100):
+        book.step(tools)
+        largest_j = max(largest_j, abs(book.flow.input_j), abs(book.flow.stored_j))
+        assert book.flow.input_j - book.flow.stored_j > spent_j - 0.01 * largest_j
+        assert abs(book.flow.imbalance_j) < 0.01 * largest_j
+    assert simulation.healed_states == 1
+    assert largest_j > 1e-6
+
+
+def test_what_stores_no_more_is_as_young_as_it_can_be(pressed):
+    """A scene at rest that is spoilt goes back by two copies, not to its beginning."""
+    simulation, tools, first = pressed
+    was = state(simulation)
+    Spoiler(simulation, lambda _: True)
+    simulation.step(tools)
+    assert simulation.healed_states == 1
+    assert np.abs(state(simulation) - was).max() < 0.5 * np.abs(first - was).max()
+
+
+def test_copies_are_many_of_late_and_few_of_old():
+    """Places hold what is at most 2, 4, 8, ... copies old, and the newest is not trusted."""
+    live = np.zeros(1)
+    copies = Copies([live])
+    for count in range(1, 5 * 2**PLACES):
+        live[0] = count
+        copies.keep()
+        ages = []
+        for place in copies.places():
+            copies.put_back(place)
+            ages.append(count - int(live[0]))
+        assert ages[-1] == count
+        assert ages == sorted(ages)
+        assert all(age > 0 for age in ages)
+        if count >= 2**PLACES:
+            assert len(ages) == PLACES
+            assert all(age <= 2 ** (k + 2) for k, age in enumerate(ages[:-1]))
+        live[0] = count
+
+
+def test_what_came_of_a_copy_that_was_taken_up_is_forgotten():
+    live = np.zeros(1)
+    copies = Copies([live])
+    for count in range(1, 20):
+        live[0] = count
+        copies.keep()
+    place = copies.places()[1]
+    copies.put_back(place)
+    taken = live[0]
+    copies.go_on_from(place)
+    for left in copies.places():
+        copies.put_back(left)
+        assert live[0] <= taken
+    assert copies.places()[0] == place
+    live[0] = 20
+    copies.keep()
+    assert copies.places()[0] == place
+    copies.go_on_from(FIRST_PLACE)
+    assert copies.places() == [FIRST_PLACE]
 
 
 def test_a_heal_gives_nothing_back_that_the_hands_had_lost(pressed):
