@@ -11,7 +11,7 @@ from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import solve_ldl
 from services.mechanics.rod.implicit_kernels import Addresses
 from services.mechanics.rod.model import model_at, work_at
-from services.mechanics.rod.step_energy import stretch_beside
+from services.mechanics.rod.step_energy import energy_beside
 
 # A tenth of a micrometre in a second and a half: far below what is seen or felt.
 SLEEP_SPEED_M_S = 1e-7
@@ -107,7 +107,7 @@ def strays(address: Address[FreeStep], rod: Addresses, is_touched: bool, step: t
         return 0.0
     work.rhs[3 * n :] = 0.0
     solve_ldl(work.band, work.rhs)
-    return float(stretch_beside(model, own.planned, work.rhs, step[0]))
+    return float(energy_beside(model, own.planned, work, step[0]))
 
 
 @kernel

@@ -64,22 +64,22 @@ def introducer_energy(model: RodModel, x: FloatArray) -> float:
 
 
 @kernel
-def introducer_excess(model: RodModel, work: RodWork, scale: float) -> float:
-    """Energy [J] of the springs after ``scale`` times the solution moves the rod, minus its quadratic model.
+def introducer_excess(model: RodModel, work: RodWork, x: FloatArray, scale: float) -> float:
+    """Energy [J] of the springs after ``scale`` times the solution moves the rod at ``x``, minus its quadratic model.
 
     The model is that of the forces and the matrix: with the same particles held, across the same directions. Where the
     rod passes an end of the axis at a kink, that is what it may not trust: a step there can be thrown to and fro.
     """
-    x, moved = work.position, work.end_position
+    moved = work.end_position
     for i in range(x.shape[0]):
         for c in range(3):
             moved[i, c] = x[i, c] + scale * work.rhs[3 * i + c]
-    return introducer_energy(model, moved) - introducer_energy(model, x) - _quadratic_change(model, work, scale)
+    return introducer_energy(model, moved) - introducer_energy(model, x) - _quadratic_change(model, work, x, scale)
 
 
 @kernel
-def _quadratic_change(model: RodModel, work: RodWork, scale: float) -> float:
-    introducer, x = model.introducer, work.position
+def _quadratic_change(model: RodModel, work: RodWork, x: FloatArray, scale: float) -> float:
+    introducer = model.introducer
     axis = (introducer.axis[0], introducer.axis[1], introducer.axis[2])
     passage, total = find_passage(introducer, x), 0.0
     for i in range(passage.first, passage.last + 1):

@@ -105,7 +105,7 @@ def line_search(model: RodModel, work: RodWork, form: StepForm, energy: tuple[fl
     for _ in range(_HALVINGS):
         excess = _excess_stretch(model, work, form, share) + bending_excess(model, work, share * form.mean * form.dt_s)
         if model.introducer.is_there:
-            excess += introducer_excess(model, work, share * form.mean * form.dt_s)
+            excess += introducer_excess(model, work, work.position, share * form.mean * form.dt_s)
         if excess <= slack + (0.9 * share - 0.5 * share * share) * decrease:
             break
         share *= 0.5

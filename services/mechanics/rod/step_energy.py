@@ -10,7 +10,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import Vector, dot, subtract
 from services.mechanics.rod.elasticity import bending_angle
-from services.mechanics.rod.introducer_forces import introducer_energy
+from services.mechanics.rod.introducer_forces import introducer_energy, introducer_excess
 from services.mechanics.rod.model import RodModel, RodWork
 
 # Of a segment length (or a radian) in a step: what turns by less, and slides by less through an introducer, gains
@@ -19,7 +19,7 @@ _SLOW = 0.02
 _SLIDES = 0.05
 # What a step may gain, over the energy in motion: the second-order step swings by some of that about what it keeps.
 _GAIN = 0.01
-# Stretch that contacts have left beside straight lines: over the energy of their motion, and as a strain of a segment.
+# Energy that contacts have left beside straight lines: over that of their motion, and as a strain of a segment.
 _STRETCH = 1e-3
 _STRAIN = 1e-4
 
@@ -113,14 +113,15 @@ def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
 
 
 @kernel
-def stretch_beside(model: RodModel, x: FloatArray, moved: FloatArray, dt_s: float) -> float:
-    """Energy [J] of stretch that a motion ``moved`` (3 n + padding,) of a rod at ``x`` brings beside its linear one.
+def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) -> float:
+    """Energy [J] that the solution in ``work`` moves a rod at ``x`` (n, 3) to, beside what its linear step reckons.
 
-    By what the lengths of its segments differ from those that the linear step has reckoned with: a force that was let
-    go in one step throws the rod along its tangents, and what that stretches comes back as motion. Nothing, where it is
-    less than a thousandth of what is in the motion that contacts bring, or than a small strain of one segment.
+    Of stretch, by what the lengths of its segments differ: a force that was let go in one step throws the rod along its
+    tangents, and what that stretches comes back as motion. And of the introducer, by what its springs hold more: a rod
+    that is bent hard at its edge is pulled along the kink that was there before. Nothing, where it is less than a
+    thousandth of what is in the motion that contacts bring, or than a small strain of one segment.
     """
-    stretch, kinetic = 0.0, 0.0
+    beside, kinetic, moved = 0.0, 0.0, work.rhs
     for j in range(x.shape[0]):
         for c in range(3):
             kinetic += 0.5 * model.mass[j] * (moved[3 * j + c] / dt_s) ** 2
@@ -132,6 +133,8 @@ def stretch_beside(model: RodModel, x: FloatArray, moved: FloatArray, dt_s: floa
         length = math.sqrt(dot(edge, edge))
         end = math.sqrt(length * length + 2.0 * dot(edge, way) + dot(way, way))
         error = end - length - dot(edge, way) / length
-        stretch += 0.5 * model.EA[j] / model.rest_length * error * error
+        beside += 0.5 * model.EA[j] / model.rest_length * error * error
+    if model.introducer.is_there:
+        beside += max(introducer_excess(model, work, x, 1.0), 0.0)
     least = 0.5 * model.EA[0] * model.rest_length * _STRAIN**2
-    return stretch if stretch > _STRETCH * kinetic + least else 0.0
+    return beside if beside > _STRETCH * kinetic + least else 0.0

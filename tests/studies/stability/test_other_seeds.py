@@ -21,6 +21,8 @@ GAINED = [
     (1, "jumps", "beside, tool 1 by 2 mm along -z and back", 0.085),
     (3, "mass", "wall 0.01 times as heavy, number 2", 0.098),
     (3, "mass", "wall 0.01 times as heavy, number 3", 0.139),
+    # A soft catheter bent hard at its introducer's edge was pulled along the kink that was there before.
+    (1, "stiffness", "0.1 times as stiff, holding, number 2", 0.012),
     # A heal took up a state that stored more than there was.
     (1, "mass", "wall 0.01 times as heavy, number 2", 0.051),
     (1, "stiffness", "10 times as stiff, holding, number 2", 0.171),
