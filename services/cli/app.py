@@ -274,12 +274,15 @@ def haptics(
     out: Annotated[Path, typer.Option(help="Page to write; its figures go into a folder beside it.")] = Path(
         "haptics.md"
     ),
+    running: Annotated[
+        bool, typer.Option("--running", help="First run an insertion in a rig of its own; else keep what one did.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Show what is felt: how stiff a wall may be, what a moving hand meets, whether any hand gets energy out."""
     from services.cli.haptics import Request, run_haptics
 
-    run_haptics(Request(hands, out, json))
+    run_haptics(Request(hands, out, json, running))
 
 
 @config_app.command("show")

@@ -1,27 +1,38 @@
-"""``trocar haptics``: how good the haptics is, as a page with figures."""
+"""``trocar haptics``: how good the haptics is, as a page with figures.
+
+What running processes do is kept beside the figures, and is on the page until it is measured anew.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
+import msgspec
+from msgspec.structs import replace
 from rich.console import Console
 
 import services.runtime  # noqa: F401 - keeps linear algebra to one thread before numpy is loaded
 from services.cache_directory import cache_directory
 from services.cli import targets
 from services.cli.progress import progress_line
+from services.cli.running_insertion import run_insertion
 from services.gateway.feel.figures import draw_borders, draw_energies, draw_transparency
 from services.gateway.feel.late import answer_late, solve
 from services.gateway.feel.measure import energies, passive_borders, stable_borders, transparency
 from services.gateway.feel.report import Felt, write_page
+from services.gateway.feel.tracking import Running, find_running
+from services.runtime.errors import UserError
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.study import Draw, Size
 from services.studies.provenance import code_version
+
+RUNNING = "running.json"
 
 
 @dataclass(frozen=True)
@@ -31,6 +42,7 @@ class Request:
     hands: int
     out: Path
     json: bool
+    running: bool = False
 
 
 def run_haptics(request: Request) -> None:
@@ -46,11 +58,14 @@ def run_haptics(request: Request) -> None:
     targets.look_at_file("--out", request.out)
     figures = request.out.absolute().parent / request.out.stem
     targets.make_folder("--out", figures)
+    command = f"trocar haptics --hands {request.hands}{' --running' * request.running}"
+    facts = Facts.collect(command, code_version(Path(__file__).parents[2]), Draw(Size.FULL, 0), {})
+    if request.running:
+        _measure_running(figures / RUNNING, facts.lines())
     with progress_line() as tell, ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as executor:
         late = answer_late(solve(cache_directory() / "bases"))
-        felt = Felt(passive_borders(), stable_borders(), transparency(), energies(request.hands, executor, tell), late)
-    draw = Draw(Size.FULL, 0)
-    facts = Facts.collect(f"trocar haptics --hands {request.hands}", code_version(Path(__file__).parents[2]), draw, {})
+        won = energies(request.hands, executor, tell)
+        felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, read_running(figures / RUNNING))
     if request.json:
         print(json.dumps({"page": str(request.out), **_data(felt)}))
     with targets.writing("--out", request.out):
@@ -62,9 +77,34 @@ def run_haptics(request: Request) -> None:
         Console().print(f"written to {request.out}, figures in {figures}", soft_wrap=True)
 
 
+def _measure_running(file: Path, made_with: list[str]) -> None:
+    """Run the insertion in a rig, alone on the machine, and keep what it did."""
+    with tempfile.TemporaryDirectory(prefix="trocar-haptics-") as folder:
+        said, solved = run_insertion(Path(folder))
+    found = find_running(said, solved, cache_directory() / "bases")
+    targets.write_text("--out", file, msgspec.json.encode(replace(found, made_with=tuple(made_with))).decode())
+
+
+def read_running(file: Path) -> Running | None:
+    """Return what running processes were last seen to do, None if nobody has looked.
+
+    Raises
+    ------
+    UserError
+        The file is not one of ours.
+    """
+    if not file.exists():
+        return None
+    try:
+        return msgspec.json.decode(file.read_bytes(), type=Running)
+    except msgspec.DecodeError as error:
+        raise UserError(f"{file}: {error}; `trocar haptics --running` writes it anew") from None
+
+
 def _data(felt: Felt) -> dict[str, object]:
     return {
         "worst_border": felt.worst_border(),
+        "running": None if felt.running is None else msgspec.to_builtins(felt.running),
         "energies": [
             {
                 "kind": each.kind,

@@ -6,15 +6,29 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
-from services.cli.haptics import Request, run_haptics
+from protocol.arrays import pack
+from protocol.bodies import (
+    Catheter,
+    ContactForces,
+    Duct,
+    GatewayState,
+    InstrumentState,
+    PhysicsState,
+    ToolReaction,
+)
+from protocol.bodies.physics import reaction_table
+from services.cache_directory import cache_directory
+from services.cli.haptics import Request, read_running, run_haptics
 from services.gateway import servo_law
 from services.gateway.feel import measure
 from services.gateway.feel.hands import attack_servo, random_attack
 from services.gateway.feel.late import TICK_S, TOOLS, Late, Solved, answer_late, newest_answer
 from services.gateway.feel.report import Felt, write_page
+from services.gateway.feel.tracking import Apart, Pinched, Running, compare, find_pinch
 from services.gateway.feel.wall import (
     Wall,
     grows,
@@ -25,7 +39,13 @@ from services.gateway.feel.wall import (
     response,
     stable_stiffness,
 )
-from services.runtime.errors import ConfigError
+from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scenarios import insertion
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.runtime.errors import ConfigError, UserError
 
 
 @pytest.mark.parametrize(
@@ -95,12 +115,103 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
     found = measure.Energies("local model, controller", (random_attack(0), random_attack(1)), books)
     rendered = [measure.Rendered(name, 5e-4, 1.0, 500.0 + 0j) for name, _ in measure.WAYS]
     late = [Late(tool, 5, 0, np.array([0.01, 0.2]), np.array([0.5, 0.01])) for tool in TOOLS]
-    write_page(Felt([border], [border], rendered, [found], late), ["made so"], tmp_path / "felt", tmp_path / "felt.md")
+    apart = Apart("wall", "applied by the arm", 0.951, 0.234)
+    running = Running(3500, 7, (apart,), Pinched(10.4e-3, -0.0046, 0.012), ("on a machine",))
+    felt = Felt([border], [border], rendered, [found], late, running)
+    write_page(felt, ["made so"], tmp_path / "felt", tmp_path / "felt.md")
     page = (tmp_path / "felt.md").read_text(encoding="utf-8")
     assert "theory is **4.0 %**" in " ".join(page.split())
     assert f"| local model, controller | **{found.gaining}** of 2 |" in page
     assert "| 5 | 50.0%, 20.0% | 50.0%, 50.0% | 50.0%, 20.0% | 50.0%, 50.0% |" in page
+    assert "| wall, applied by the arm | 95.1% | 23.4% |" in page
+    assert "**-0.5 %** against the wall of the rig" in " ".join(page.split())
+    assert "- 3,500 ticks, 7 of them lost" in page
     assert max(map(len, page.splitlines())) <= 120
+    write_page(replace(felt, running=None), [], tmp_path / "felt", tmp_path / "felt.md")
+    assert "Not measured: `trocar haptics --running`" in (tmp_path / "felt.md").read_text(encoding="utf-8")
+
+
+def test_what_running_processes_did_is_kept_and_a_file_that_is_not_ours_is_one_sentence(tmp_path: Path) -> None:
+    kept = tmp_path / "running.json"
+    assert read_running(kept) is None
+    running = Running(3500, 7, (Apart("wall", "solved by physics", 0.9, 0.1),), Pinched(1e-2, 0.0, 0.0), ("so",))
+    kept.write_bytes(msgspec.json.encode(running))
+    assert read_running(kept) == running
+    kept.write_text('{"ticks": "many"}')
+    with pytest.raises(UserError, match=r"running\.json: .*ticks"):
+        read_running(kept)
+
+
+def _frames(duct: ReducedDuct, ticks: int, lost: tuple[int, ...]) -> tuple[list[GatewayState], list[PhysicsState]]:
+    """Return what a rig would say of an insertion that applies after two ticks exactly what is solved."""
+    scenario = insertion()
+    simulation, tools, steps = Simulation(scenario.scene, duct), ToolInputs(), 1
+    said: list[GatewayState] = []
+    solved: list[PhysicsState] = []
+    for tick in range(1, ticks + 1):
+        if tick in lost:
+            steps += 1
+            continue
+        scenario.write_inputs(1e-3 * tick, tools)
+        due = next((body.reactions() for body in solved[-3:] if body.tick == tick - 2), (ToolReaction(),) * 2)
+        instruments = []
+        for i, jaws in enumerate(each.jaws for each in scenario.scene.forceps):
+            assert jaws is not None
+            handle_rad = float(tools.jaw_angle_rad[i]) / jaws.jaw_ratio
+            tools.jaw_angle_rad[i] = jaw_angle_from_handle(handle_rad, jaws.jaw_ratio, jaws.jaw_max_angle_rad)
+            instruments.append(
+                InstrumentState(
+                    name=f"tool {i}",
+                    position_m=tuple(tools.position_m[i].tolist()),
+                    roll_rad=float(tools.roll_rad[i]),
+                    handle_angle_rad=handle_rad,
+                    applied_force_n=due[i].force_n,
+                )
+            )
+        said.append(GatewayState(tick=tick, instruments=tuple(instruments)))
+        for _ in range(steps):
+            simulation.step(tools)
+        steps = 1
+        solved.append(_state(simulation, tick))
+    return said, solved
+
+
+def _state(simulation: Simulation, tick: int) -> PhysicsState:
+    duct, n = simulation.duct, simulation.duct.n_loads
+    reactions = [ToolReaction(force_n=tuple(force)) for force in simulation.tool_results.force_n.tolist()]
+    nothing = np.zeros((0, 3))
+    return PhysicsState(
+        tick=tick,
+        tools=reaction_table(reactions),
+        duct=Duct(
+            basis_hash="",
+            q=pack(duct.state.q.copy()),
+            q_rate=pack(duct.state.qdot.copy()),
+            load_node=pack(duct.load_nodes[:n].copy(), "<i4"),
+            load_force_n=pack(duct.load_force_n[:n].copy()),
+        ),
+        catheter=Catheter(position_m=pack(nothing), velocity_m_s=pack(nothing), radius_m=1e-3),
+        contacts=ContactForces(kind=pack(np.zeros(0, np.int8), "|i1"), point_m=pack(nothing), force_n=pack(nothing)),
+    )
+
+
+def test_two_runs_of_the_mechanics_are_one_another_and_a_force_that_is_off_is_told() -> None:
+    """Frames of a rig that solves as the mechanics alone do, with one tick lost and one force of the arm doubled."""
+    duct = build_scene_duct(insertion().scene, cache_directory() / "bases")
+    said, solved = _frames(duct, ticks=700, lost=(300,))
+    spoiled = said[400].instruments[1]
+    instruments = said[400].instruments[0], msgspec.structs.replace(spoiled, applied_force_n=(9.0, 0.0, 0.0))
+    said[400] = msgspec.structs.replace(said[400], instruments=instruments)
+    tracked = compare(said, solved, duct)
+    assert tracked.lost == 1
+    assert tracked.solved.max() == 0.0
+    wall = tracked.apart()[3]
+    assert (wall.tool, wall.what) == ("wall", "applied by the arm")
+    assert wall.worst > 100.0
+    pinch = find_pinch(said, solved, duct)
+    assert abs(pinch.wall) < 0.02
+    assert pinch.applied < 0.1
+    assert pinch.force_n > 5e-3
 
 
 def test_answers_come_as_late_as_is_added_and_the_newest_counts() -> None:

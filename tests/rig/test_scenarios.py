@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 
 from protocol.bodies import Catheter, PhysicsState
+from services.cache_directory import cache_directory
+from services.gateway.feel.tracking import WITHIN, compare, find_pinch
+from services.mechanics.scenarios import insertion
+from services.mechanics.simulation.scene_duct import build_scene_duct
 from tests.rig.conftest import Observer, running_rig
-from tests.rig.force_tracking import WITHIN, compare
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
@@ -71,9 +74,13 @@ def test_the_catheter_is_slid_20_mm_into_the_duct(course: Course) -> None:
     assert max(course.steps_n(course.states)) < FORCE_STEP_N
     pushes = [max(math.hypot(*body.reactions()[i].force_n) for body in course.states) for i in (0, 1)]
     assert min(pushes) > 2e-3, "both hands feel something"
-    catheter, _ = compare(course.observer.devices or [], course.states).solved
+    said, duct = course.observer.devices or [], build_scene_duct(insertion().scene, cache_directory() / "bases")
+    catheter, _ = compare(said, course.states, duct).solved
     assert len(catheter) > 0.9 * len(course.states)
     assert np.mean(catheter < WITHIN) > 0.99, "the forces are those of the mechanics alone"
+    pinch = find_pinch(said, course.states, duct)
+    assert abs(pinch.wall) < 0.02, "the wall is that of the full finite elements"
+    assert pinch.applied < 0.1
 
 
 @pytest.mark.parametrize("course", ["miss"], indirect=True)
