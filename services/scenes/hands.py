@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.scenarios import Scenario, ToolMotion
-from services.mechanics.scene import SceneModel, ToolScene
+from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.opening import Opening, mouth_opening
 
@@ -20,7 +21,11 @@ SHORT_OF_MOUTH_M = 1e-3
 INSERTED_M = 20e-3
 STEADY_BEYOND_MOUTH_M = 12e-3
 JAW_REACH_M = 10e-3, 12e-3
-"""Beyond the junction, where the two tools hold: the catheter, the duct."""
+"""Beyond the junction, where the two tools hold: the catheter, the duct at least."""
+BEYOND_GRIP_M = 3e-3
+"""So much of the jaws lies beyond what they hold."""
+TO_SPARE = 1.1
+"""So much farther in their jaws than friction just holds it is the duct taken."""
 SQUEEZE_M = 0.8e-3
 """By how much jaws that close round the duct press into it, from either side."""
 PINCH_M = 2.5e-3
@@ -65,8 +70,8 @@ def _insertion(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenari
 
 
 def _steadying_hand(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> ToolMotion | None:
-    """Hold the duct with the second tool, if there is one."""
-    return _closing_hand(scene, 1, mesh, mouth, SQUEEZE_M) if len(scene.forceps) > 1 else None
+    """Hold the duct with the second tool, if there is one, so far in its jaws that it does not slip."""
+    return _closing_hand(scene, 1, mesh, mouth, SQUEEZE_M, holds=True) if len(scene.forceps) > 1 else None
 
 
 def _pinch(scene: SceneModel, mesh: TriangleMesh, mouth: Opening) -> Scenario:
@@ -127,16 +132,18 @@ def _inserting_hand(scene: SceneModel, mouth: Opening) -> ToolMotion:
 
 
 def _closing_hand(
-    scene: SceneModel, tool: int, mesh: TriangleMesh, mouth: Opening, squeeze_m: float
+    scene: SceneModel, tool: int, mesh: TriangleMesh, mouth: Opening, squeeze_m: float, *, holds: bool = False
 ) -> ToolMotion | None:
-    """Close round the duct behind its mouth; nobody where it is wider than the jaws open, or there are none."""
+    """Close round the duct behind its mouth; nobody where it is wider than the jaws open, or there are none.
+
+    ``holds`` is whether it shall not slip in them, as far as they are long enough.
+    """
     forceps, section = scene.forceps[tool].jaws, _section(mesh, mouth)
     if forceps is None:
         return None
     half_m = section.radius_m + 0.5 * scene.duct.thickness_m + forceps.jaw_radius_m
-    wide_rad, shut_rad = (
-        2.0 * math.asin(min(gap / JAW_REACH_M[1], 1.0)) for gap in (half_m + 1e-3, half_m - squeeze_m)
-    )
+    reach_m = holding_reach_m(scene, forceps, half_m) if holds else JAW_REACH_M[1]
+    wide_rad, shut_rad = (2.0 * math.asin(min(gap / reach_m, 1.0)) for gap in (half_m + 1e-3, half_m - squeeze_m))
     if wide_rad > forceps.jaw_max_angle_rad:
         return None
     above = section.centre_m + (half_m + ABOVE_M) * _towards_port(forceps, section.centre_m)
@@ -146,8 +153,21 @@ def _closing_hand(
         grip_point_m=tuple(_tuple(point) for point in points),
         jaw_angle_rad=(wide_rad, wide_rad, shut_rad),
         roll_rad=tuple(roll_across(forceps, point, mouth.inward) for point in points),
-        grip_offset_m=JAW_REACH_M[1],
+        grip_offset_m=reach_m,
     )
+
+
+def holding_reach_m(scene: SceneModel, jaws: ForcepsScene, half_m: float) -> float:
+    """Return how far beyond their hinge jaws take a duct that their axes touch at ``half_m`` from its middle.
+
+    Jaws at an angle a to the tool's axis push what they close on out towards their tips, and their friction holds it
+    where tan a is less than its coefficient. So far in that even one that slides is held, from the first touch on, with
+    something to spare; jaws that are too short take it as near to their tips as they can.
+    """
+    friction = scene.effects.get("friction")
+    mu = friction.tool_mu_kinetic if isinstance(friction, FrictionSettings) else 0.0
+    wanted_m = TO_SPARE * half_m * math.hypot(1.0, 1.0 / mu) if mu > 0.0 else 0.0
+    return max(min(wanted_m, jaws.jaw_length_m - BEYOND_GRIP_M), JAW_REACH_M[1])
 
 
 def with_strokes(scenario: Scenario, n: int) -> Scenario:

@@ -13,6 +13,7 @@ from services.mechanics.scene import DuctScene, QualityLevel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.duct_alone import DuctAlone
+from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_duct import scene_mesh
 from services.mechanics.surface.opening import mouth_opening
 from services.scenes import load_duct, load_scene
@@ -166,6 +167,35 @@ def test_a_rung_of_fewer_particles_that_touch_kicks_no_hand_and_inserts_as_far(t
         before_n = simulation.tool_results.force_n.copy()
     assert max(steps_n[50::50]) < 0.2  # what the rig lets the force at a hand change in a millisecond
     assert simulation.inserted_length_m > 15e-3
+
+
+STEADYING = ["default", "narrow", "stone", "stiff-wall", "everything"]
+
+
+@pytest.mark.parametrize("name", STEADYING)
+def test_the_jaws_that_steady_a_duct_touch_it_within_the_angle_of_friction(name):
+    scene = load_scene(name)
+    mesh = scene_mesh(scene.duct)
+    hand = hands_of(place_catheter(scene, mesh), mesh).motions[1]
+    # Both jaws lie on the duct before they close further, and where the hand starts they are 1 mm away from it.
+    half_m = hand.grip_offset_m * math.sin(0.5 * hand.jaw_angle_rad[0]) - 1e-3
+    assert 1.05 * half_m / hand.grip_offset_m < math.sin(math.atan(scene.effects["friction"].tool_mu_kinetic))
+    assert hand.grip_offset_m < scene.forceps[1].jaw_length_m - 2e-3
+
+
+def test_jaws_that_are_too_short_take_the_duct_near_their_tips():
+    scene = load_scene("default", ["forceps.1.jaw_length_m=0.018"])
+    mesh = scene_mesh(scene.duct)
+    assert hands_of(place_catheter(scene, mesh), mesh).motions[1].grip_offset_m == pytest.approx(15e-3)
+
+
+def test_the_duct_that_is_steadied_is_not_pushed_out_of_the_jaws(tmp_path):
+    """With jaws of 15 mm it slipped: the hand then felt 9.7 mN of the 20 that its jaws were pressed apart with."""
+    scene = load_scene("default", SMALLER)
+    simulation, _ = played(scene, tmp_path)
+    pressed_n = simulation.tool_results.grasp_torque_nm[1] / scene.forceps[1].jaw_length_m
+    assert pressed_n > 30e-3
+    assert np.linalg.norm(simulation.tool_results.force_n[1]) < 0.1 * pressed_n
 
 
 def test_the_stone_is_pushed_further_in(tmp_path):
