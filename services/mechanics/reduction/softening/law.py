@@ -26,6 +26,8 @@ MEAN_SCALE, LOCAL_SCALE = 5.0, 1.0
 """Spread expected of the coefficients, and of what they vary by from place to place."""
 SMOOTH_WIDTHS = 1.5
 """Distance over which they vary, in widths of the lumen."""
+SUPPORT_SCALE, SUPPORT_WIDTHS = 5.0, 0.5
+"""What they vary by beside a support, and within which distance: the wall cannot ovalise there, and is stretched."""
 
 
 def parts(rho: FloatArray) -> FloatArray:
@@ -83,21 +85,32 @@ def place_of(at_sites: FloatArray) -> FloatArray:
     return share
 
 
-def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> SofteningLaw:
-    """Least squares with a Gaussian prior: coefficients vary smoothly over distances, in lumen's widths.
+def alike(distance: FloatArray, from_support: FloatArray, other_from_support: FloatArray) -> FloatArray:
+    """(m, s) covariance of the coefficients at m places with those at s others, over `LOCAL_SCALE` squared.
 
-    ``among`` (s, s) is that between the sites that the samples have, ``to`` (m, s) from those that the law is for.
+    ``distance`` (m, s) is between them, ``from_support`` (m,) and (s,) how far each is from the nearest support, in
+    widths of the lumen.
+    """
+    beside, other_beside = (np.exp(-far / SUPPORT_WIDTHS) for far in (from_support, other_from_support))
+    smooth = np.exp(-0.5 * (distance / SMOOTH_WIDTHS) ** 2)
+    covariance: FloatArray = smooth + (SUPPORT_SCALE / LOCAL_SCALE) ** 2 * np.outer(beside, other_beside)
+    return covariance
+
+
+def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> SofteningLaw:
+    """Least squares with a Gaussian prior: coefficients vary smoothly, and with how near a support is.
+
+    ``among`` (s, s) is how `alike` the sites are that the samples have, ``to`` (m, s) those that the law is for.
     """
     rho = np.array([sample.rho for sample in samples])
     share = np.array([sample.share for sample in samples])
     wanted = share * (np.array([sample.excess for sample in samples]) - FIRST * rho)
     seen = share * parts(rho)[1:]
     places = np.stack([sample.place for sample in samples])
-    smooth, reached = (np.exp(-0.5 * (distance / SMOOTH_WIDTHS) ** 2) for distance in (among, to))
-    kernel = MEAN_SCALE**2 + LOCAL_SCALE**2 * (places @ smooth @ places.T)
+    kernel = MEAN_SCALE**2 + LOCAL_SCALE**2 * (places @ among @ places.T)
     covariance = kernel * (seen.T @ seen) + NOISE**2 * np.eye(len(rho))
     dual = np.linalg.solve(covariance, wanted)
-    at_sites = MEAN_SCALE**2 + LOCAL_SCALE**2 * (reached @ places.T)
+    at_sites = MEAN_SCALE**2 + LOCAL_SCALE**2 * (to @ places.T)
     fitted = at_sites @ (seen * dual).T
     coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
     grid = _grid(min(rho.min(), -0.05), max(rho.max(), 0.05))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.fem import ShellModel
 from services.mechanics.reduction.free_dofs import free_load
 from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2, vertex_normals
@@ -17,7 +17,8 @@ AREA_A_SITE = 0.094
 FEWEST, MOST = 40, 180
 NEAREST = 6
 """Sites that a force on a node is spread over."""
-LARGEST_SCALE = 3.0
+SCALES = (0.5, 2.0)
+"""Within which weights are scaled to a node's own cubic energy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +34,8 @@ class LoadSites:
         The same less the rigid motion of the piece of wall round each site, so that a duct that is bent as a beam
         counts for nothing; symmetric, not negative.
     near : (n, K) int32, weights : (n, K, 3) float64
-        Force f on a node is ``weights @ f`` on its nearest sites: that which comes nearest in energy, made larger by
-        what sites that lie apart take from a point's indentation.
+        Force f on a node is ``weights @ f`` on its nearest sites: that which comes nearest in energy, scaled to the
+        cubic energy that a force on the node has itself (`scaled_to_cubic`).
     """
 
     nodes: IntArray
@@ -104,7 +105,7 @@ def place_sites(model: ShellModel, lumen: Lumen, own_m_n: FloatArray) -> tuple[L
     ``own_m_n`` (n,) is the inward displacement of each node under a unit inward force on it.
     """
     mesh = model.mesh
-    nodes = _evenly(mesh, np.flatnonzero(own_m_n > 1e-3 * own_m_n.max()).astype(np.int32), _how_many(mesh, lumen))
+    nodes = evenly_spread(mesh, np.flatnonzero(own_m_n > 1e-3 * own_m_n.max()).astype(np.int32), _how_many(mesh, lumen))
     fields = np.zeros((model.n_dofs, len(nodes)))
     loads = [free_load(model, _unit_force(mesh, node, lumen.inward[node])) for node in nodes]
     fields[model.free_dofs] = model.factor.solve(np.stack(loads, axis=1))
@@ -114,11 +115,25 @@ def place_sites(model: ShellModel, lumen: Lumen, own_m_n: FloatArray) -> tuple[L
     local = _not_negative(W - rigid)
     near = np.asarray(cKDTree(mesh.vertices_m[nodes]).query(mesh.vertices_m, NEAREST)[1], np.int32)
     weights = np.stack([np.linalg.solve(W[np.ix_(n, n)], u[:, n].T) for n, u in zip(near, moved, strict=True)])
-    own_weights = np.einsum("nka,na->nk", weights, lumen.inward)
-    lost = own_m_n - _quadratic(W, near, own_weights)
-    kept = np.maximum(_quadratic(local, near, own_weights), 1e-12 * own_m_n.max())
-    scale = np.clip(1.0 + np.maximum(lost, 0.0) / kept, 1.0, LARGEST_SCALE) ** (2.0 / 3.0)
-    return LoadSites(nodes, W, local, near, weights * scale[:, None, None]), fields
+    return LoadSites(nodes, W, local, near, weights), fields
+
+
+def scaled_to_cubic(sites: LoadSites, third: Float32Array, inward: FloatArray, own_j: FloatArray) -> LoadSites:
+    """Scale the weights of every node such that a unit inward force on it has its own cubic energy.
+
+    Spread over sites that lie apart, a force is blunter than it was, and its cubic energy (``third``) wrong by a
+    factor between 0.3 and 2, from one node to the next; it is the first term of the law. ``own_j`` (n,) is what it
+    should be, for unit forces along ``inward`` (n, 3).
+    """
+    weights = np.einsum("nka,na->nk", sites.weights, inward)
+    spread_j = np.array([_cubic_j(third[np.ix_(n, n, n)], w) for n, w in zip(sites.near, weights, strict=True)])
+    ratio = np.divide(own_j, spread_j, out=np.ones_like(own_j), where=spread_j != 0.0)
+    scale = np.clip(np.cbrt(ratio), *SCALES)
+    return replace(sites, weights=sites.weights * scale[:, None, None])
+
+
+def _cubic_j(third: Float32Array, forces: FloatArray) -> float:
+    return float(np.einsum("abc,a,b,c->", third, forces, forces, forces)) / 6.0
 
 
 def _how_many(mesh: TriangleMesh, lumen: Lumen) -> int:
@@ -126,8 +141,8 @@ def _how_many(mesh: TriangleMesh, lumen: Lumen) -> int:
     return int(np.clip(area / (AREA_A_SITE * np.median(lumen.width_m) ** 2), FEWEST, min(MOST, mesh.n_vertices // 2)))
 
 
-def _evenly(mesh: TriangleMesh, candidates: IntArray, n: int) -> IntArray:
-    """Each site is the candidate that is furthest from those before it."""
+def evenly_spread(mesh: TriangleMesh, candidates: IntArray, n: int) -> IntArray:
+    """Up to n of the candidates, each the one that is furthest from those before it."""
     x = mesh.vertices_m[candidates]
     chosen = [int(np.argmax(x @ (x.mean(axis=0) - mesh.vertices_m[mesh.vertex_sets["clamped"]].mean(axis=0))))]
     distance = np.linalg.norm(x - x[chosen[0]], axis=1)
@@ -168,9 +183,3 @@ def _not_negative(matrix: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     part: FloatArray = (vectors * np.maximum(values, 0.0)) @ vectors.T
     return part
-
-
-def _quadratic(matrix: FloatArray, near: IntArray, own: FloatArray) -> FloatArray:
-    """(n,) w A w of each node's weights on its nearest sites."""
-    form: FloatArray = np.einsum("nk,nkl,nl->n", own, matrix[near[:, :, None], near[:, None, :]], own)
-    return form

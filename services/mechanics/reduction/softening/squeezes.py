@@ -57,17 +57,21 @@ class SqueezedState:
     work_j: float
 
 
-def draw_squeezes(recipe: DuctRecipe, lumen: Lumen, candidates: IntArray, n: int, seed: int = SEED) -> list[Squeeze]:
+def draw_squeezes(
+    recipe: DuctRecipe, lumen: Lumen, candidates: IntArray, n: int, seed: int = SEED, beside: IntArray | None = None
+) -> list[Squeeze]:
     """Five of eight are pinches, two pokes inward, one outward; everywhere on the free wall, a third on open rims.
 
-    A rim has wall on one side only and folds in its own way, and it is where instruments are.
+    A rim has wall on one side only and folds in its own way, and it is where instruments are. One of six is on a node
+    ``beside`` a support, if there are such.
     """
     random = np.random.default_rng(seed)
     edges, n_triangles = unique_edges(recipe.mesh)
     rim = np.setdiff1d(np.unique(edges[n_triangles == 1]), _held(recipe))
     squeezes = []
     for k in range(n):
-        node = int(random.choice(rim if k % 3 == 0 and len(rim) else candidates))
+        among = candidates if k % 6 != 1 or beside is None or not len(beside) else beside
+        node = int(random.choice(rim if k % 3 == 0 and len(rim) else among))
         is_pinch = k % 8 not in (1, 3, 5)
         depths = PINCH_DEPTHS if is_pinch else PULL_DEPTHS if k % 8 == 5 else POKE_DEPTHS
         width = lumen.width_m[node]

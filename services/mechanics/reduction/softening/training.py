@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from services.cache_directory import cache_directory
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.fem import ShellModel
 from services.mechanics.fem.nonlinear import CorotationalShell
-from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor
+from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
 from services.mechanics.reduction import cache
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
@@ -19,8 +20,9 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.softening.followed_wall import followed_recipe
-from services.mechanics.reduction.softening.law import Sample, SofteningLaw, fit_law, place_of
-from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites
+from services.mechanics.reduction.softening.law import SUPPORT_WIDTHS, Sample, SofteningLaw, alike, fit_law, place_of
+from services.mechanics.reduction.softening.own_energy import fields_of, interpolated_j, known_nodes
+from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites, scaled_to_cubic
 from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
 
 _HERE = Path(__file__).parent
@@ -101,11 +103,12 @@ def train_softening(
     squeezed = followed_recipe(recipe)
     followed = wall if squeezed is recipe else _Wall.of(squeezed, Lumen.of(squeezed.mesh))
     samples: list[Sample] = []
-    for done, squeeze in enumerate(draw_squeezes(squeezed, followed.lumen, followed.sites.nodes, n_squeezes)):
+    drawn = draw_squeezes(squeezed, followed.lumen, followed.sites.nodes, n_squeezes, beside=followed.beside_supports())
+    for done, squeeze in enumerate(drawn):
         progress("squeezes of the wall", done / n_squeezes)
         samples += _samples(followed, follow(squeezed, followed.lumen, squeeze))
     progress("squeezes of the wall", 1.0)
-    law = fit_law(samples, followed.distance(followed), wall.distance(followed))
+    law = fit_law(samples, followed.alike(followed), wall.alike(followed))
     return WallSoftening(wall.sites, wall.third, law)
 
 
@@ -122,14 +125,30 @@ class _Wall:
     def of(cls, recipe: DuctRecipe, lumen: Lumen, inward_m_n: FloatArray | None = None) -> _Wall:
         """Differentiate the energy; ``inward_m_n`` (n,) is what each node gives way inward, if it is known."""
         model = recipe.model()
-        sites, fields = place_sites(model, lumen, _inward_m_n(model, lumen) if inward_m_n is None else inward_m_n)
-        return cls(model, lumen, sites, cubic_tensor(CorotationalShell(model), fields))
+        own_m_n = _inward_m_n(model, lumen) if inward_m_n is None else inward_m_n
+        sites, fields = place_sites(model, lumen, own_m_n)
+        known = known_nodes(recipe.mesh, own_m_n)
+        alone = fields_of(model, known, lumen.inward[known])
+        third, energy_j = cubic_tensor_and_energies(CorotationalShell(model), fields, alone)
+        own_j = interpolated_j(recipe.mesh, own_m_n, known, energy_j)
+        return cls(model, lumen, scaled_to_cubic(sites, third, lumen.inward, own_j), third)
 
-    def distance(self, other: _Wall) -> FloatArray:
-        """(m, s) from its sites to another's, in widths of the lumen."""
+    def alike(self, other: _Wall) -> FloatArray:
+        """(m, s) how alike the law is at its sites and at another's, see `law.alike`."""
         mine, others = (wall.model.mesh.vertices_m[wall.sites.nodes] for wall in (self, other))
-        distance: FloatArray = np.linalg.norm(mine[:, None] - others[None], axis=2) / np.median(self.lumen.width_m)
-        return distance
+        distance = np.linalg.norm(mine[:, None] - others[None], axis=2) / np.median(self.lumen.width_m)
+        return alike(distance, self._from_support(), other._from_support())
+
+    def beside_supports(self) -> IntArray:
+        """Sites within half a lumen's width of a support, where the law varies most."""
+        return self.sites.nodes[self._from_support() < SUPPORT_WIDTHS]
+
+    def _from_support(self) -> FloatArray:
+        """(m,) from each site to the nearest support, in widths of the lumen."""
+        x = self.model.mesh.vertices_m
+        held = np.unique(self.model.held_dofs // 6)
+        far: FloatArray = np.asarray(cKDTree(x[held]).query(x[self.sites.nodes])[0])
+        return far / np.median(self.lumen.width_m)
 
 
 def _inward_m_n(model: ShellModel, lumen: Lumen) -> FloatArray:

@@ -5,7 +5,7 @@ import pytest
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.fem.nonlinear import Configuration, CorotationalShell
-from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor
+from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor, cubic_tensor_and_energies
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
 
@@ -39,6 +39,14 @@ def test_cubic_energy_is_the_third_derivative(shell):
 
     assert odd(0.05) == pytest.approx(cubic, rel=1e-4)
     assert abs(odd(1.0) / cubic - 1.0) > 1e-5
+
+
+def test_energies_of_fields_alone_are_those_of_the_tensor(shell):
+    fields = responses(shell, 5)
+    T, energies = cubic_tensor_and_energies(shell, fields[:, :2], fields[:, 2:])
+    np.testing.assert_array_equal(T, cubic_tensor(shell, fields[:, :2]))
+    own = np.einsum("aaa->a", cubic_tensor(shell, fields[:, 2:])) / 6.0
+    np.testing.assert_allclose(energies, own, rtol=1e-4)
 
 
 def test_it_is_symmetric(shell):

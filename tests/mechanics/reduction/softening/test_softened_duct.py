@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from services.mechanics.fem import ElementChoice, ShellSection, Support, clamp
+from services.mechanics.fem.nonlinear import CorotationalShell
+from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energies
 from services.mechanics.reduction import DuctRecipe, reduce_duct
-from services.mechanics.reduction.softening import followed_wall
-from services.mechanics.reduction.softening.law import parts
+from services.mechanics.reduction.softening import followed_wall, own_energy
+from services.mechanics.reduction.softening.law import alike, parts
+from services.mechanics.reduction.softening.own_energy import fields_of, interpolated_j, known_nodes
 from services.mechanics.reduction.softening.sites import Lumen
 from services.mechanics.reduction.softening.squeezes import Squeeze, follow
 from services.mechanics.reduction.softening.training import fetch_softening, own_compliance_m_n, train_softening
@@ -85,6 +88,53 @@ def test_force_is_that_of_the_nonlinear_shell(duct, lumen, softening, name, x_m,
         before = wanted
         true = np.sum(state.force_n * lines, axis=1).sum()
         assert force.sum() == pytest.approx(true, rel=0.12)
+
+
+def test_a_force_between_sites_has_its_own_cubic_energy(duct, lumen, softening):
+    """The law's first term is exact wherever the wall is pressed, not only on a site."""
+    model = duct.recipe.model()
+    free = np.unique(model.free_dofs // 6)
+    nodes = np.random.default_rng(4).choice(np.setdiff1d(free, softening.sites.nodes), 12, replace=False)
+    _, own_j = cubic_tensor_and_energies(
+        CorotationalShell(model), np.zeros((model.n_dofs, 1)), fields_of(model, nodes, lumen.inward[nodes])
+    )
+    spread = [softening.sites.spread(np.array([node]), lumen.inward[[node]]) for node in nodes]
+    np.testing.assert_allclose([softening.energies_j(force)[1] for force in spread], own_j, rtol=0.01)
+
+
+def test_energies_of_a_wall_of_many_nodes_are_interpolated(duct, lumen):
+    """From half of them, to some per cent but for the few nodes where the wall changes from one to the next."""
+    model, own_m_n = (
+        duct.recipe.model(),
+        np.einsum("na,nab,nb->n", lumen.inward, own_compliance_m_n(duct), lumen.inward),
+    )
+    free = known_nodes(duct.mesh, own_m_n)
+    _, own_j = cubic_tensor_and_energies(
+        CorotationalShell(model), np.zeros((model.n_dofs, 1)), fields_of(model, free, lumen.inward[free])
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(own_energy, "MOST_NODES", 200)
+        patch.setattr(own_energy, "OF_MORE", len(free) // 2)
+        known = known_nodes(duct.mesh, own_m_n)
+    assert len(known) == len(free) // 2
+    among = np.searchsorted(free, known)
+    made = interpolated_j(duct.mesh, own_m_n, known, own_j[among])[free]
+    np.testing.assert_allclose(made[among], own_j[among], rtol=1e-12)
+    error = np.abs(made / own_j - 1.0)
+    assert np.median(np.delete(error, among)) < 0.05
+    assert np.percentile(error, 90) < 0.2
+
+
+def test_the_law_varies_faster_beside_a_support():
+    """Places as far from one another are less alike beside a support than in the middle, relative to their own."""
+    from_support = np.array([0.1, 0.6, 5.0, 5.5])
+    distance = np.abs(from_support[:, None] - from_support[None])
+    K = alike(distance, from_support, from_support)
+    correlation = K / np.sqrt(np.outer(np.diag(K), np.diag(K)))
+    assert np.linalg.eigvalsh(K).min() > 0.0
+    assert K[0, 0] > 2.0 * K[2, 2]
+    assert K[0, 0] + K[1, 1] - 2.0 * K[0, 1] > 10.0 * (K[2, 2] + K[3, 3] - 2.0 * K[2, 3])
+    assert correlation[2, 3] == pytest.approx(np.exp(-0.5 * (0.5 / 1.5) ** 2), abs=0.01)
 
 
 @pytest.fixture(scope="module")
