@@ -26,8 +26,8 @@ from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPE
 
 _SIZE, _SOFTWARE_SIZE = (1280, 800), (960, 600)
 _EVENTS_EVERY_S, _TELL_EVERY_S = 0.01, 0.25
-#: Pictures come after the rest of the rig, not after everything on the machine: at 19, a 68th of whoever else computes,
-#: the first was seen after 90 s.
+#: Once something is seen, pictures come after the rest of the rig, not after everything on the machine: at 19 they get
+#: a 68th of whoever else computes.
 _NICENESS = 5
 
 
@@ -127,10 +127,10 @@ class Window:
 def main() -> int:
     """Show what comes until the pipe ends or the window is closed."""
     end_with_parent()
-    set_group_niceness(os.nice(0))  # the parent's, as opening is work that somebody waits for
+    set_group_niceness(os.nice(0))  # the parent's, as somebody waits for the window, and to see something in it
     window, splitter = Window(), Splitter()
-    _come_after(max(_NICENESS, os.nice(0)))
     _answer(pack(OPEN, b""))
+    is_seen = False
     while not window.closed:
         sequence = None
         if select.select([sys.stdin], [], [], _EVENTS_EVERY_S)[0]:
@@ -143,6 +143,9 @@ def main() -> int:
                 sequence = sequence if taken is None else taken
         if sequence is not None:
             window.draw()
+            if not is_seen:
+                is_seen = True
+                _come_after(max(_NICENESS, os.nice(0)))
             _answer(pack(PAINTED, sequence.to_bytes(8, "little")))
         window.answer_events()
     _answer(pack(CLOSED, b""))
@@ -150,10 +153,14 @@ def main() -> int:
 
 
 def _come_after(niceness: int) -> None:
-    """Take a niceness, with the threads of the software renderer and the group of this session."""
+    """Take a niceness, with the threads of the software renderer and the group of this session.
+
+    A thread that is nicer by itself, as Mesa's of its shader cache is, stays so: no ordinary user may take that back.
+    """
     for thread in own_threads():
         with contextlib.suppress(ProcessLookupError):  # it ended meanwhile
-            os.setpriority(os.PRIO_PROCESS, thread, niceness)
+            if os.getpriority(os.PRIO_PROCESS, thread) < niceness:
+                os.setpriority(os.PRIO_PROCESS, thread, niceness)
     set_group_niceness(niceness)
 
 

@@ -233,15 +233,45 @@ def children() -> list[int]:
     return [int(word) for word in found.stdout.split()]
 
 
-def test_who_draws_comes_after_the_view_and_not_after_everybody(window: WindowOutput, display: Display) -> None:
+def test_who_draws_comes_after_the_view_once_it_is_seen_and_not_after_everybody(
+    window: WindowOutput, display: Display
+) -> None:
     (worker,) = children()
-    asked = max(5, os.getpriority(os.PRIO_PROCESS, 0))
+    ours = os.getpriority(os.PRIO_PROCESS, 0)
+    asked = max(5, ours)
+    assert os.getpriority(os.PRIO_PROCESS, worker) == ours
+    layout, picture = a_scene()
+    until(window, lambda: window.gauges()["window_pictures"] > 0, picture, layout)
     threads = [int(task.name) for task in Path(f"/proc/{worker}/task").iterdir()]
-    assert {os.getpriority(os.PRIO_PROCESS, thread) for thread in threads} == {asked}
+    assert min(os.getpriority(os.PRIO_PROCESS, thread) for thread in threads) == asked
     assert os.getsid(worker) == worker, "its niceness counts beside other sessions, not beside its parent only"
     group = Path(f"/proc/{worker}/autogroup")
     if may_be_set():
         assert group.read_text().split()[-1] == str(asked)
+
+
+def test_a_thread_that_is_nicer_by_itself_stays_so() -> None:
+    """An ordinary user could not make it less nice, and the window would end over it."""
+    code = """if True:
+        import os, threading
+        from services.visualization.window_worker import _come_after
+        asked, is_nice, end = max(7, os.nice(0)), threading.Event(), threading.Event()
+        def be_nice():
+            os.setpriority(os.PRIO_PROCESS, 0, 19)
+            is_nice.set()
+            end.wait()
+        other = threading.Thread(target=be_nice)
+        other.start()
+        is_nice.wait()
+        _come_after(asked)
+        print(asked, *(os.getpriority(os.PRIO_PROCESS, n) for n in (os.getpid(), other.native_id)))
+        end.set()
+    """
+    ran = subprocess.run(
+        [sys.executable, "-c", code], start_new_session=True, check=True, capture_output=True, text=True
+    )
+    asked, main, nicer = map(int, ran.stdout.split())
+    assert (main, nicer) == (asked, 19)
 
 
 def test_a_window_that_stands_still_goes_with_the_view(display: Display) -> None:
