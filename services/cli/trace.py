@@ -12,7 +12,6 @@ from services.cli.incidents import FLOOR, is_floor, woken_ns
 from services.runtime.flight import COLUMNS
 from services.runtime.flights import Flight, Flights
 
-_TICKS, _MACHINE = 1, 0
 #: A wake-up of the floor that is earlier than this is left out: there are a hundred a second.
 _WORTH_NS = 100_000
 
@@ -20,7 +19,8 @@ _WORTH_NS = 100_000
 def trace(flights: Flights) -> dict[str, Any]:
     """Return the trace: a track a process with its ticks and stages, marks at those that were late, and the machine.
 
-    Stages are laid end to end from the beginning of their tick, as their order is known and not their gaps.
+    Stages are laid end to end from the beginning of their tick, as their order is known and not their gaps. Each
+    thread has a number of its own, as on one host, and none is 0: to viewers that is the kernel's idle one.
     """
     rows = [flight for flight in flights.flights if len(flight.rows)]
     origin_ns = min((int(flight.column("due_ns").min()) for flight in rows), default=0)
@@ -28,43 +28,45 @@ def trace(flights: Flights) -> dict[str, Any]:
     pids: set[int] = set()
     for flight in rows:
         if is_floor(flight):
-            events += _floor(flight, origin_ns)
             continue
         pid = flight.pid if flight.pid not in pids else max(pids) + 1  # in containers each is the first of its own
         pids.add(pid)
         events += _loop(flight, pid, origin_ns)
+    for flight in filter(is_floor, rows):
+        events += _floor(flight, max(pids, default=0) + 1, origin_ns)
     about = {"taken_at": flights.taken_at, "reason": flights.reason, "origin_monotonic_ns": origin_ns}
     return {"traceEvents": events, "displayTimeUnit": "ms", "otherData": about}
 
 
 def _loop(flight: Flight, pid: int, origin_ns: int) -> Iterator[dict[str, Any]]:
-    yield _named(pid, _TICKS, "process_name", f"{flight.name}, core {', '.join(map(str, flight.cores))}")
-    yield _named(pid, _TICKS, "thread_name", "ticks")
+    yield _named(pid, pid, "process_name", f"{flight.name}, core {', '.join(map(str, flight.cores))}")
+    yield _named(pid, pid, "thread_name", "ticks")
     for row in flight.rows.tolist():
         tick, due, began, ended, ran = row[: len(COLUMNS)]
         args = {"late_us": (began - due) / 1e3, "on_core_us": ran / 1e3}
-        yield _span(pid, _TICKS, f"tick {tick}", began - origin_ns, ended - began, args)
+        yield _span(pid, pid, f"tick {tick}", began - origin_ns, ended - began, args)
         at = began
         for stage, duration in zip(flight.stages, row[len(COLUMNS) :], strict=True):
             length = min(duration, ended - at)
             if length > 0:
-                yield _span(pid, _TICKS, stage, at - origin_ns, length, {})
+                yield _span(pid, pid, stage, at - origin_ns, length, {})
                 at += length
         if ended - due > flight.period_ns:
             over_us = (ended - due - flight.period_ns) / 1e3
             yield {
                 "ph": "i", "s": "p", "name": f"missed by {over_us:.0f} us", "cat": "miss",
-                "pid": pid, "tid": _TICKS, "ts": (ended - origin_ns) / 1e3, "args": {"tick": tick},
+                "pid": pid, "tid": pid, "ts": (ended - origin_ns) / 1e3, "args": {"tick": tick},
             }  # fmt: skip
 
 
-def _floor(flight: Flight, origin_ns: int) -> Iterator[dict[str, Any]]:
+def _floor(flight: Flight, machine: int, origin_ns: int) -> Iterator[dict[str, Any]]:
     core = int(flight.name.removeprefix(FLOOR))
-    yield _named(_MACHINE, core, "process_name", "the machine")
-    yield _named(_MACHINE, core, "thread_name", f"core {core} wakes nobody")
+    track = machine + core
+    yield _named(machine, track, "process_name", "the machine")
+    yield _named(machine, track, "thread_name", f"core {core} wakes nobody")
     for due, woke in zip(flight.column("due_ns").tolist(), woken_ns(flight).tolist(), strict=True):
         if woke - due >= _WORTH_NS:
-            yield _span(_MACHINE, core, "late", due - origin_ns, woke - due, {})
+            yield _span(machine, track, "late", due - origin_ns, woke - due, {})
 
 
 def _span(pid: int, tid: int, name: str, at_ns: int, length_ns: int, args: dict[str, float]) -> dict[str, Any]:

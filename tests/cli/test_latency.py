@@ -122,6 +122,10 @@ def _check_event(event: dict[str, Any]) -> None:
     assert isinstance(event["name"], str)
     assert isinstance(event["pid"], int)
     assert isinstance(event["tid"], int)
+    assert (
+        event["pid"] > 0
+    )  # 0 is the kernel's idle process and thread, which viewers leave out of some of what they show
+    assert event["tid"] > 0
     if event["ph"] == "M":
         assert event["name"] in ("process_name", "thread_name")
         assert isinstance(event["args"]["name"], str)
@@ -157,6 +161,8 @@ def test_processes_of_one_number_have_tracks_of_their_own() -> None:
         "traceEvents"
     ]
     _check_tracks(events)
+    owners = {(e["tid"], e["pid"]) for e in events}
+    assert len(owners) == len({tid for tid, _ in owners}) == 4, "a thread is of one process"
     assert len({e["pid"] for e in events if e["ph"] == "M" and e["name"] == "process_name"}) == 3
 
 
@@ -178,7 +184,7 @@ def test_the_trace_has_every_tick_nested_stages_and_a_mark_at_each_miss() -> Non
     assert [e["args"]["tick"] for e in events if e["ph"] == "i"] == [50, 90]
     assert [e["dur"] for e in events if e["name"] == "late"] == [2800.0]
     names = {(e["pid"], e["args"]["name"]) for e in events if e["name"] == "process_name"}
-    assert names == {(11, "physics, core 1"), (0, "the machine")}
+    assert names == {(11, "physics, core 1"), (12, "the machine")}
 
 
 @pytest.fixture
