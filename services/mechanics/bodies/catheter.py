@@ -81,6 +81,7 @@ class CatheterBody:
         self.constant_force_n = np.zeros((n, 3))
         self.external_force_n = np.zeros((n, 3))
         self.contact_force_n = np.zeros((n, 3))
+        self.mass_kg = self.properties.particle_mass_kg()
         self.slept = False
         self.n_own_rows = 0
         self._was_touched = self._was_woken = False

@@ -117,7 +117,7 @@ class QualityLevel:
 
     ``iterations`` is the most sweeps of a solve, unless more are needed to keep bodies apart; ``without`` names effects
     that rest meanwhile, of those that can; of the catheter's particles every ``touch_every``-th, counted from the tip,
-    feels the wall.
+    feels the wall, and another where it would sink in or bears more than a few times its weight.
     ``cost_us`` of a tick and the errors of forces and of motion are what `trocar tune` measured, for whoever walks the
     ladder; None where nobody has.
     """

@@ -303,7 +303,9 @@ class Simulation:
         catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, catheter_pairs)
         if self._touch_every > 1:
-            thin_pairs(catheter_pairs.address, self._touch_every, self.catheter.properties.n_segments)
+            catheter, every = self.catheter, self._touch_every
+            rod = catheter.state.velocity_m_s, catheter.contact_force_n, catheter.mass_kg
+            thin_pairs(catheter_pairs.address, rod, (every, catheter.properties.n_segments), dt_s)
         if not (self._stages["add_pairs"] or self._stages["add_rows"]):
             rows = system.collect(pairs, catheter_pairs, self.holds.in_use)
             if rows is not None:

@@ -1,0 +1,55 @@
+"""A rung on which fewer particles touch gives up contacts that are near, never one that bears or is about to."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, ContactPairs
+from services.mechanics.contact.thinning import thin_pairs
+
+N, TIP, DT_S, MASS_KG = 9, 8, 1e-3, 3e-6
+WEIGHT_N = 9.81 * MASS_KG
+
+
+def pairs_of_all_particles(gap_m):
+    """Every particle above a wall whose normal is +z."""
+    pairs = ContactPairs.allocate(2 * N)
+    pairs.count = N
+    pairs.particle[:N], pairs.target_kind[:N], pairs.gap_m[:N] = np.arange(N), DUCT_TRIANGLE, gap_m
+    pairs.normal[:N] = 0.0, 0.0, 1.0
+    return pairs
+
+
+def kept(pairs, every=4, velocity=(0.0, 0.0, 0.0), force_n=(0.0, 0.0, 0.0)):
+    rod = np.tile(velocity, (N, 1)), np.tile(force_n, (N, 1)), np.full(N, MASS_KG)
+    thin_pairs(pairs.address, rod, (every, TIP), DT_S)
+    return pairs.particle[: pairs.count].tolist()
+
+
+def test_of_what_is_only_near_one_in_so_many_is_kept_from_the_tip_on():
+    assert kept(pairs_of_all_particles(5e-5)) == [0, 4, 8]
+    assert kept(pairs_of_all_particles(5e-5), every=3) == [2, 5, 8]
+
+
+@pytest.mark.parametrize("particle", [1, 2, 3, 5])
+def test_what_overlaps_by_more_than_a_twentieth_of_a_millimetre_is_kept_whatever_its_number(particle):
+    gap_m = np.full(N, -4.9e-5)
+    assert kept(pairs_of_all_particles(gap_m)) == [0, 4, 8]
+    gap_m[particle] = -5.1e-5
+    assert kept(pairs_of_all_particles(gap_m)) == sorted({0, 4, 8, particle})
+
+
+def test_what_bears_more_than_five_times_its_weight_is_kept():
+    assert kept(pairs_of_all_particles(0.0), force_n=(0.0, 0.0, 5.0 * WEIGHT_N)) == [0, 4, 8]
+    assert kept(pairs_of_all_particles(0.0), force_n=(0.0, 3.7 * WEIGHT_N, 3.7 * WEIGHT_N)) == list(range(N))
+
+
+def test_what_reaches_the_wall_within_the_step_is_kept():
+    assert kept(pairs_of_all_particles(4e-4), velocity=(0.0, 0.0, -0.5)) == list(range(N))
+    assert kept(pairs_of_all_particles(6e-4), velocity=(0.0, 0.0, -0.5)) == [0, 4, 8]
+    assert kept(pairs_of_all_particles(4e-4), velocity=(0.5, 0.0, 0.5)) == [0, 4, 8], "along the wall, and away"
+
+
+def test_pairs_of_tools_and_with_other_segments_are_not_its_business():
+    pairs = pairs_of_all_particles(5e-5)
+    pairs.tool[1], pairs.target_kind[2] = 0, CATHETER_SEGMENT
+    assert kept(pairs) == [0, 1, 2, 4, 8]
