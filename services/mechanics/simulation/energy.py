@@ -49,7 +49,8 @@ class EnergyFlow:
         What was stored before the parts of steps that ended in states that were not sound, less what is stored in those
         that were taken up again. The part itself is not entered: nothing was felt of it.
     released_j
-        What holds had stored that were let go, and couplings of tools that came back elsewhere.
+        What holds had stored that were let go, and couplings of tools that came back elsewhere; less what holds come
+        back with that had found no row for a while.
     numerical_j
         What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance and a wall that
         is squeezed, with what that loses where it slides out from between jaws; and what kicks of the wall miss of the

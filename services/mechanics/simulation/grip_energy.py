@@ -35,9 +35,12 @@ def stored_in_grips(simulation: Simulation) -> Grips:
 
 
 def enter_grips(simulation: Simulation, before: Grips) -> tuple[float, float]:
-    """Return what the implicit step took out of the grips, and what was stored in those that are gone, in J."""
+    """Return what the implicit step took out of the grips, and what was stored in those that are gone, in J.
+
+    A hold that had found no row comes back with what it has been stretched by since: that is taken off again.
+    """
     rows, stored = simulation.system.rows, stored_in_grips(simulation)
-    taken_j, slipped_j = 0.0, 0.0
+    taken_j, slipped_j, gone_j = 0.0, 0.0, 0.0
     for row in simulation.holds.rows:
         start_m = rows.frame[row] @ _hold_stretch_m(simulation, row)
         softness, force = rows.softness_m_n[row], rows.force_n[row]
@@ -45,13 +48,16 @@ def enter_grips(simulation: Simulation, before: Grips) -> tuple[float, float]:
         started_j = 0.5 * float(np.sum(start_m**2 / softness))
         taken_j -= float(force @ stretched_m) + stored.holds_j[int(rows.identity[row])] - started_j
         # What a hold has slid along is not straight, and its jaws turn: it does not begin a step as it ended the last.
-        taken_j += before.holds_j.get(int(rows.identity[row]), started_j) - started_j
+        if int(rows.identity[row]) in before.holds_j:
+            taken_j += before.holds_j[int(rows.identity[row])] - started_j
+        else:
+            gone_j -= started_j
         slipped_j += _slipped_j(simulation, row)
     for row in simulation.seal.rows:
         stretched_m = float(_linear_stretch_m(simulation, row)[0]) - simulation.seal.start_m
         taken_j -= float(rows.force_n[row, 0]) * stretched_m + stored.seal_j - before.seal_j
         slipped_j += _slipped_j(simulation, row)
-    gone_j = sum(before.holds_j[hold] for hold in before.holds_j.keys() - stored.holds_j.keys())
+    gone_j += sum(before.holds_j[hold] for hold in before.holds_j.keys() - stored.holds_j.keys())
     if not simulation.seal.rows:
         gone_j += before.seal_j - stored.seal_j
     return taken_j - slipped_j, gone_j
