@@ -35,6 +35,10 @@ HALF_CYLINDER = {0.05: 5.421, 0.2: 37.582, 0.5: 132.653, 1.0: 171.505}
 """Half cylinder pushed at its free end: how far the force has moved, by part of its load (their table, as
 M. Neunteufel's collection of shells for NGSolve holds it)."""
 
+DIAPHRAGMS = {0.05: (9.561, -0.233), 0.1: (23.164, -2.391), 1.0: (83.102, 34.272)}
+"""Cylinder pinched between rigid diaphragms, by part of its load: inward at the force, outward a quarter round beside
+it (of the same tables as `PULLED`)."""
+
 Place = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
 
 
@@ -150,6 +154,25 @@ def pushed_half_cylinder(n_around: int, n_along: int, membrane: str = "andes") -
     dead = np.zeros((mesh.n_vertices, 6))
     dead[index[0, 0], 2] = -2000.0 / 2.0
     return Problem(_shell(mesh, 3.0, 2068.5, 0.3, supports, membrane), _dead(dead), index[:1, 0])
+
+
+def cylinder_between_diaphragms(n_around: int, n_along: int, membrane: str = "andes") -> Problem:
+    """An eighth of the cylinder R 100, L 200, t 1, E 30e3, nu 0.3, pinched by 12,000; its ends keep their circle.
+
+    Watched are the point of the force and that a quarter round beside it.
+    """
+    mesh, index = grid(
+        lambda u, v: (100.0 * np.sin(0.5 * np.pi * u), 100.0 * v, 100.0 * np.cos(0.5 * np.pi * u)), n_around, n_along
+    )
+    supports = [
+        Support(index[0], ("ux", "ry", "rz")),
+        Support(index[-1], ("uz", "rx", "ry")),
+        Support(index[:, 0], ("uy", "rx", "rz")),
+        Support(index[:, -1], ("ux", "uz")),
+    ]
+    dead = np.zeros((mesh.n_vertices, 6))
+    dead[index[0, 0], 2] = -12e3 / 4.0
+    return Problem(_shell(mesh, 1.0, 30e3, 0.3, supports, membrane), _dead(dead), index[[0, -1], 0])
 
 
 def hinged_roof(thickness: float, n: int = 8) -> Problem:

@@ -1,5 +1,7 @@
 """Paths of equilibrium against the literature on large displacements of shells, and against CalculiX on the duct."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,13 @@ from services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_loa
 from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathSettings, trace_path
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.studies.large_displacement_problems import (
+    DIAPHRAGMS,
     HALF_CYLINDER,
     PINCH,
     PULLED,
     SHEAR,
     cantilever,
+    cylinder_between_diaphragms,
     force_over_linear,
     hinged_roof,
     pulled_cylinder,
@@ -38,6 +42,25 @@ def test_cantilever_under_a_moment_closes_to_a_circle():
     assert middle == pytest.approx([-5.0, 0.0, 10.0 / np.pi], abs=0.03)
     moment = 2.0 * np.pi * 100.0 / 10.0
     assert problem.shell.energy_j(end.at) == pytest.approx(0.5 * moment * 2.0 * np.pi, rel=1e-3)
+
+
+def test_the_way_to_the_circle_is_the_closed_form():
+    """At every tenth of the moment the strip is an arc of its length."""
+    problem = cantilever("moment")
+    for point in trace_path(problem.shell, problem.load, PathSettings(n_steps=10)):
+        angle = 2.0 * np.pi * point.part
+        tip = problem.moved(point)[0]
+        arc = 10.0 * np.array([np.sin(angle) / angle - 1.0, 0.0, (1.0 - np.cos(angle)) / angle])
+        assert tip == pytest.approx(arc, abs=0.03)
+
+
+def test_a_cylinder_between_diaphragms_gives_way_as_published():
+    """At a twentieth of its load, after which folds form that want a finer mesh."""
+    problem = cylinder_between_diaphragms(24, 24)
+    load = replace(problem.load, dead=0.05 * problem.load.dead)
+    at_force, beside = problem.moved(trace_path(problem.shell, load, PathSettings(n_steps=4))[-1])
+    assert -at_force[2] == pytest.approx(DIAPHRAGMS[0.05][0], rel=0.01)
+    assert beside[0] == pytest.approx(DIAPHRAGMS[0.05][1], rel=0.05)
 
 
 def test_a_cylinder_pulled_apart_ends_where_published():
