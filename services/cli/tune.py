@@ -66,6 +66,8 @@ def _checked(request: Request) -> SceneModel:
     if request.out.suffix not in (".yaml", ".yml"):
         raise ConfigError(f"--out {request.out}: a scene file ends in .yaml")
     scene = load_scene(request.scene, request.overrides)
+    if scene.duct_alone:
+        raise ConfigError(f"scene {request.scene}: names but a duct; tuning needs tools that feel something")
     if scene.hands == "none":
         raise ConfigError(
             f"scene {request.scene}: hands: with none nothing is felt that a setting could be judged by; "

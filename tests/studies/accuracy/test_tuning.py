@@ -198,7 +198,7 @@ def test_overrides_are_written_too():
         ("insertion", 100.0, "nowhere/a.yaml", "--out nowhere/a.yaml: there is no folder"),
         ("insertion", 100.0, "a.txt", "--out a.txt: a scene file ends in .yaml"),
         ("inserton", 100.0, "a.yaml", "there is no scene 'inserton'"),
-        ("duct-only", 100.0, "a.yaml", "scene duct-only: hands: with none nothing is felt"),
+        ("duct-only", 100.0, "a.yaml", "scene duct-only: names but a duct; tuning needs tools"),
     ],
 )
 def test_bad_input_is_one_sentence(scene, budget_us, out, said):
