@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from services.mechanics.arrays import AnyArray, ByteArray, FloatArray
 from services.mechanics.collision.catheter_kernels import CatheterDetection, detect_catheter, enters_by_openings
 from services.mechanics.collision.inside import Lumen
@@ -30,6 +32,7 @@ class CatheterContactDetector:
             raise ValueError(f"radius_m and margin_m must be positive, got {radius_m} and {margin_m}")
         self.surface = surface
         self._shape = (n_particles, 3)
+        self._nowhere = np.zeros(self._shape)
         self._detection = CatheterDetection.zeros(
             n=n_particles,
             shell=surface.shell,
@@ -61,12 +64,16 @@ class CatheterContactDetector:
         detection = self._detection
         return [array for part in (detection.probes, detection.lumen, detection.rims) for array in part.own_arrays()]
 
-    def detect(self, particle_positions_m: FloatArray, pairs_out: ContactPairs) -> None:
-        """Append the pairs of this tick for positions (n, 3).
+    def detect(
+        self, particle_positions_m: FloatArray, pairs_out: ContactPairs, ahead_m: FloatArray | None = None
+    ) -> None:
+        """Append the pairs of this tick for positions (n, 3); ``ahead_m`` (n, 3) is where free particles go in it.
 
         Of a particle with the wall and of a segment where it crosses the rim of an opening between its particles: with
-        the closest point, with what lies opposite, and with the other flanks of the folds that these lie in.
+        the closest point, with what lies opposite, with the other flanks of the folds that these lie in, and with what
+        it will slide to.
         """
         if particle_positions_m.shape != self._shape:
             raise ValueError(f"particle positions have shape {particle_positions_m.shape}, not {self._shape}")
-        detect_catheter(self._detection.address, particle_positions_m, pairs_out.address)
+        ahead_m = self._nowhere if ahead_m is None else ahead_m
+        detect_catheter(self._detection.address, particle_positions_m, ahead_m, pairs_out.address)

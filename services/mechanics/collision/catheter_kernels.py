@@ -6,12 +6,14 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.ahead import is_met_first, places_of, slide_of
 from services.mechanics.collision.folds import flank_on, is_new_flank, may_be_flank
 from services.mechanics.collision.inside import Lumen, cap_clearance, follow_caps
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import (
     EARLY,
+    JUMP_M,
     MINIMA,
     SKIN_M,
     Probes,
@@ -19,20 +21,16 @@ from services.mechanics.collision.probes import (
     forget,
     is_near,
     motion_to,
+    wall_motion,
 )
 from services.mechanics.collision.rim import RimMemory, detect_rims
 from services.mechanics.collision.search import NOT_FOUND, closest, walk
 from services.mechanics.collision.shell import Shell
-from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, Contact, contact_of
+from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, contact_of
 from services.mechanics.collision.writer import is_due, write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, row_of
-
-# A flank of 12 degrees is in sight from 0.21 of the thickness before the fold on. Who moves further than that in a tick
-# also looks for flanks from where it will be.
-UNSEEN = 0.21
-STILL = (0.0, 0.0, 0.0)
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, row_of, scaled, subtract
 
 
 class CatheterDetection(Struct):
@@ -42,7 +40,7 @@ class CatheterDetection(Struct):
     probes: Probes  # a particle each
     lumen: Lumen
     rims: RimMemory
-    motion: Annotated[FloatArray, "n", 3]  # of the particles since the last tick
+    motion: Annotated[FloatArray, "n", 3]  # of the particles, as expected of this tick
     thickness_m: float  # radius of the catheter and half that of the wall
     margin_m: float
 
@@ -52,13 +50,13 @@ catheter_detection_at = reader(CatheterDetection)
 
 @kernel
 def detect_catheter(
-    address: Address[CatheterDetection], positions: FloatArray, pairs_address: Address[ContactPairs]
+    address: Address[CatheterDetection], positions: FloatArray, ahead: FloatArray, pairs_address: Address[ContactPairs]
 ) -> None:
     """Append the pairs of this tick; see `catheter.CatheterContactDetector.detect`."""
     detection, pairs = catheter_detection_at(address), pairs_at(pairs_address)
     sizes = (detection.thickness_m, detection.margin_m)
     for i in range(positions.shape[0]):
-        put_row(detection.motion, i, motion_to(detection.probes, i, row(positions, i)))
+        put_row(detection.motion, i, _expected_motion(detection, i, row(positions, i), row(ahead, i)))
     detect_rims(detection.shell, detection.rims, positions, detection.motion, sizes, pairs)
     detection.probes.due = EARLY
     for i in range(positions.shape[0]):
@@ -67,6 +65,21 @@ def detect_catheter(
             _detect_particle(detection, i, p, row(detection.motion, i), pairs)
         else:
             forget(detection.probes, i)
+
+
+@kernel
+def _expected_motion(detection: CatheterDetection, i: int, p: Vector, ahead: Vector) -> Vector:
+    """Return how far a particle at p will move: as in the last tick, alone or against the wall, or ``ahead``.
+
+    Whichever is furthest. What has been let go is where it was, and goes far in the next tick; what a wall that swings
+    comes to meets it at rest.
+    """
+    body, wall, probes = detection.shell.body, detection.shell.wall, detection.probes
+    went = motion_to(probes, i, p)
+    against = subtract(went, wall_motion(body, wall, probes, i, 0))
+    furthest = against if dot(against, against) > dot(went, went) else went
+    is_further = dot(furthest, furthest) < dot(ahead, ahead) < JUMP_M * JUMP_M
+    return ahead if is_further else furthest
 
 
 @kernel
@@ -97,9 +110,8 @@ def _detect_particle(detection: CatheterDetection, i: int, p: Vector, motion: Ve
         is_touched = _write_minimum(detection, i, k, motion, pairs) or is_touched
     for k in range(MINIMA):
         if is_touched and detection.probes.triangle[i, k] != NOT_FOUND:
-            _write_flanks(detection, (i, k), (p, STILL), motion, reach, pairs, start)
-            if moved > UNSEEN * thickness:
-                _write_flanks(detection, (i, k), (p, motion), motion, reach, pairs, start)
+            _write_flanks(detection, (i, k), p, motion, reach, pairs, start)
+            _write_ahead(detection, (i, k), p, motion, reach, pairs, start)
 
 
 @kernel
@@ -119,61 +131,57 @@ def _write_minimum(detection: CatheterDetection, i: int, k: int, motion: Vector,
 def _write_flanks(
     detection: CatheterDetection,
     minimum: tuple[int, int],
-    place: tuple[Vector, Vector],
+    p: Vector,
     motion: Vector,
     reach: float,
     pairs: ContactPairs,
     start: int,
 ) -> None:
-    """Append pairs with the other flanks of the fold that a minimum (particle, which of its two) lies in; see `folds`.
-
-    ``place`` holds the particle and how far ahead of it to look.
-    """
-    body, wall, probes, (i, k), (p, ahead) = (
-        detection.shell.body,
-        detection.shell.wall,
-        detection.probes,
-        minimum,
-        place,
-    )
-    triangle, side, q = index(probes.triangle[i, k]), index(probes.side[i, k]), along(p, ahead, 1.0)
-    middle = triangle
-    if dot(ahead, ahead) > 0.0:
-        middle = walk(body, wall, triangle, q, q, reach)[0]
-    if middle == NOT_FOUND:
-        return
+    """Append pairs with the other flanks of the fold that a minimum (particle, which of two) lies in; see `folds`."""
+    body, wall, probes, (i, k) = detection.shell.body, detection.shell.wall, detection.probes, minimum
+    triangle, side = index(probes.triangle[i, k]), index(probes.side[i, k])
     begin, ring, normal = wall.ring_start, wall.ring, row_of(probes.normal, i, k)
     for corner in range(3):
-        vertex = wall.triangles[middle, corner]
+        vertex = wall.triangles[triangle, corner]
         for at in range(begin[vertex], begin[vertex + 1]):
             if not may_be_flank(body, wall, ring[at], normal):
                 continue
-            touch = flank_on(body, wall, triangle, ring[at], (q, q), reach)
-            if touch[0] != NOT_FOUND:
-                _write_flank(detection, i, contact_of(body, wall, touch, q, q, side), ahead, motion, pairs, start)
+            touch = flank_on(body, wall, triangle, ring[at], (p, p), reach)
+            if touch[0] == NOT_FOUND:
+                continue
+            _, away, distance, _ = contact_of(body, wall, touch, p, p, side)
+            gap = distance - detection.thickness_m
+            if distance > 0.0 and is_due(gap, away, motion, detection.margin_m) and is_new_flank(pairs, start, away):
+                write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, touch[0], 0.0, touch[3]), gap, away)
 
 
 @kernel
-def _write_flank(
+def _write_ahead(
     detection: CatheterDetection,
-    i: int,
-    contact: Contact,
-    ahead: Vector,
+    minimum: tuple[int, int],
+    p: Vector,
     motion: Vector,
+    reach: float,
     pairs: ContactPairs,
     start: int,
 ) -> None:
-    """Append the pair of a flank as seen from ``ahead`` of a particle, if it is due.
-
-    What lies ahead cannot overlap yet: a plane that seems to is that of a flank round a corner, which is not there
-    where the particle is.
-    """
-    touch, normal, distance, _ = contact
-    distance -= dot(ahead, normal)
-    least, gap = detection.thickness_m if dot(ahead, ahead) > 0.0 else 0.0, distance - detection.thickness_m
-    is_near_it = distance > least and is_due(gap, normal, motion, detection.margin_m)
-    if is_near_it and is_new_flank(pairs, start, normal):
-        write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, touch[0], 0.0, touch[3]), gap, normal)
+    """Append the pairs of what a minimum (particle, which of two) will be while the particle slides along the wall."""
+    body, wall, probes, (i, k) = detection.shell.body, detection.shell.wall, detection.probes, minimum
+    normal, triangle, side = row_of(probes.normal, i, k), index(probes.triangle[i, k]), index(probes.side[i, k])
+    slide = slide_of(motion, normal, probes.distance[i, k] - detection.thickness_m)
+    places = places_of(slide, normal)
+    for place in range(places):
+        way = scaled(slide, (place + 1) / places)
+        q = along(p, way, 1.0)
+        touch = walk(body, wall, triangle, q, q, reach)
+        if touch[0] == NOT_FOUND or touch[1] > reach * reach:
+            return
+        triangle = touch[0]
+        _, away, distance, _ = contact_of(body, wall, touch, q, q, side)
+        gap = distance - detection.thickness_m
+        if distance > 0.0 and is_met_first(pairs, start, way, (gap, away)):
+            pair = (NO_TOOL, 0, i, DUCT_TRIANGLE, triangle, 0.0, touch[3])
+            write_pair(pairs, pair, gap - dot(way, away), away)
 
 
 @kernel

@@ -8,12 +8,13 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.ahead import is_met_first, places_of, slide_of
 from services.mechanics.collision.folds import flank_on, is_new_flank
 from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import SKIN_M
-from services.mechanics.collision.search import NOT_FOUND, Touch, closest, distance_to_all, offset
+from services.mechanics.collision.search import NOT_FOUND, Touch, closest, distance_to_all, offset, walk
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.writer import is_due, write_pair
 from services.mechanics.compiled import kernel
@@ -29,6 +30,7 @@ from services.mechanics.compiled.vectors import (
     row_of,
     scaled,
     squared_distance,
+    subtract,
 )
 
 # Nearer to a particle than this part of a segment, the particle's own contact does.
@@ -103,6 +105,43 @@ def _detect_segment(
     _write(shell, i, touch, (distance, normal), motions, sizes, pairs)
     if distance > 0.0:
         _write_flanks(shell, i, (touch[0], normal, reach), ends, motions, sizes, pairs, start)
+        _write_ahead(shell, i, (touch, normal, distance), ends, motions, sizes, pairs, start)
+
+
+@kernel
+def _write_ahead(
+    shell: Shell,
+    i: int,
+    found: tuple[Touch, Vector, float],
+    ends: tuple[Vector, Vector],
+    motions: tuple[Vector, Vector],
+    sizes: tuple[float, float],
+    pairs: ContactPairs,
+    start: int,
+) -> None:
+    """Append pairs with the edges that a segment will be closest to while it slides along the one ``found``."""
+    touch, normal, distance = found
+    middle = _between(motions, touch[2])
+    slide = slide_of(middle, normal, distance - sizes[0])
+    places, stopped = places_of(slide, normal), subtract(slide, middle)
+    for place in range(places):
+        share = (place + 1) / places
+        ways = (scaled(along(motions[0], stopped, 1.0), share), scaled(along(motions[1], stopped, 1.0), share))
+        a, b = along(ends[0], ways[0], 1.0), along(ends[1], ways[1], 1.0)
+        reach = sizes[0] + sizes[1] + math.sqrt(dot(slide, slide))
+        touch = walk(shell.body, shell.rims, index(touch[0]), a, b, reach)
+        if touch[0] == NOT_FOUND or not _TOUCHING_M**2 < touch[1] < reach * reach:
+            return
+        there = math.sqrt(touch[1])
+        away, way = scaled(offset(shell.body, shell.rims, touch, a, b), 1.0 / there), _between(ways, touch[2])
+        if dot(away, normal) > 0.0 and is_met_first(pairs, start, way, (there - sizes[0], away)):
+            _write(shell, i, touch, (there - dot(way, away), away), ways, sizes, pairs)
+
+
+@kernel
+def _between(motions: tuple[Vector, Vector], s: float) -> Vector:
+    """Return the motion at s of a segment whose ends move like this."""
+    return along(scaled(motions[0], 1.0 - s), motions[1], s)
 
 
 @kernel
@@ -193,8 +232,7 @@ def _write(
 ) -> None:
     """Append the pair of a touch with this distance and normal, unless it is a particle's or too far away."""
     s, gap, normal = touch[2], contact[0] - sizes[0], contact[1]
-    motion = along(scaled(motions[0], 1.0 - s), motions[1], s)
-    if not (END_PART < s < 1.0 - END_PART and is_due(gap, normal, motion, sizes[1])):
+    if not (END_PART < s < 1.0 - END_PART and is_due(gap, normal, _between(motions, s), sizes[1])):
         return
     owner = shell.rim_owner[touch[0]]
     start, end = touch[3][0], 1.0 - touch[3][0]

@@ -85,7 +85,7 @@ class DuctSearch:
 
     def catheter_pairs(self, catheter: CatheterBody, pairs: ContactPairs) -> None:
         """Append those of the catheter against the duct."""
-        self.catheter.detect(catheter.start_m, pairs)
+        self.catheter.detect(catheter.start_m, pairs, catheter.motion_m)
 
     def sphere_detector(self, radius_m: float) -> CatheterContactDetector:
         """Return what finds the contacts of one more sphere with the wall."""
