@@ -21,8 +21,8 @@ ALL_BUT_THERE = 4.0
 CONTACTS_A_SWEEP = 4
 # A solve that may take no more sweeps goes on while one has moved a surface by more than this along its normal, as far
 # as that sweep knows: contacts that come first in a sweep know nothing of those after them, and bodies would overlap by
-# so much and more. A few of a thousand ticks of a hard case need more than thirty; they would gain energy, too.
-FAR_M = 1e-5
+# so much and more. One of fifty ticks of a hard case needs more than thirty; broken off, they gain energy, too.
+FAR_M = 1e-6
 MOST_SWEEPS = 100
 
 

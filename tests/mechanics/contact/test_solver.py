@@ -135,16 +135,16 @@ def a_row_of_heavy_pushes(k=12):
 
 
 def test_a_solve_that_is_allowed_one_sweep_leaves_no_overlap_that_a_person_could_see():
-    """It goes on while places move by more than a hundredth of a millimetre a sweep: one sweep left a fifth of one."""
+    """It goes on while places move by more than a thousandth of a millimetre a sweep: one sweep left a fifth of one."""
     W, free, law, limit = a_row_of_heavy_pushes()
     force, motion, sweeps = solve(W, free, law, limit, effort=(1, 1e-7))
     exact, _, _ = solve(W, free, law, limit, effort=(200, 1e-12))
     assert 1 < sweeps <= 30
-    assert motion[::3].min() > -2e-5
-    assert np.abs(force - exact).max() < 0.1 * exact.max()
+    assert motion[::3].min() > -2e-6
+    assert np.abs(force - exact).max() < 0.01 * exact.max()
 
 
 def test_a_solve_that_is_allowed_one_sweep_takes_one_where_that_moves_nothing_far():
     W, free, law, limit = a_row_of_heavy_pushes()
     exact, _, _ = solve(W, free, law, limit, effort=(200, 1e-12))
-    assert solve(W, free + 1e-7, law, limit, force=exact, effort=(1, 1e-12))[2] == 1
+    assert solve(W, free + 1e-8, law, limit, force=exact, effort=(1, 1e-12))[2] == 1
