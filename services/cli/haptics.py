@@ -21,13 +21,14 @@ import services.runtime  # noqa: F401 - keeps linear algebra to one thread befor
 from services.cache_directory import cache_directory
 from services.cli import targets
 from services.cli.progress import progress_line
-from services.cli.running_insertion import run_insertion
+from services.cli.running_insertion import SCENE, run_insertion
 from services.gateway.feel.figures import draw_borders, draw_energies, draw_transparency
 from services.gateway.feel.late import answer_late, solve
 from services.gateway.feel.measure import energies, passive_borders, stable_borders, transparency
 from services.gateway.feel.report import Felt, write_page
 from services.gateway.feel.tracking import Running, find_running
 from services.runtime.errors import UserError
+from services.scenes import load_scene
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.study import Draw, Size
 from services.studies.provenance import code_version
@@ -81,7 +82,7 @@ def _measure_running(file: Path, made_with: list[str]) -> None:
     """Run the insertion in a rig, alone on the machine, and keep what it did."""
     with tempfile.TemporaryDirectory(prefix="trocar-haptics-") as folder:
         said, solved = run_insertion(Path(folder))
-    found = find_running(said, solved, cache_directory() / "bases")
+    found = find_running(said, solved, load_scene(SCENE), cache_directory() / "bases")
     targets.write_text("--out", file, msgspec.json.encode(replace(found, made_with=tuple(made_with))).decode())
 
 

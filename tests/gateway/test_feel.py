@@ -202,13 +202,13 @@ def test_two_runs_of_the_mechanics_are_one_another_and_a_force_that_is_off_is_to
     spoiled = said[400].instruments[1]
     instruments = said[400].instruments[0], msgspec.structs.replace(spoiled, applied_force_n=(9.0, 0.0, 0.0))
     said[400] = msgspec.structs.replace(said[400], instruments=instruments)
-    tracked = compare(said, solved, duct)
+    tracked = compare(said, solved, (insertion().scene, duct))
     assert tracked.lost == 1
     assert tracked.solved.max() == 0.0
     wall = tracked.apart()[3]
     assert (wall.tool, wall.what) == ("wall", "applied by the arm")
     assert wall.worst > 100.0
-    pinch = find_pinch(said, solved, duct)
+    pinch = find_pinch(said, solved, (insertion().scene, duct))
     assert abs(pinch.wall) < 0.02
     assert pinch.applied < 0.1
     assert pinch.force_n > 5e-3

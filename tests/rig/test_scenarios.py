@@ -74,11 +74,12 @@ def test_the_catheter_is_slid_20_mm_into_the_duct(course: Course) -> None:
     assert max(course.steps_n(course.states)) < FORCE_STEP_N
     pushes = [max(math.hypot(*body.reactions()[i].force_n) for body in course.states) for i in (0, 1)]
     assert min(pushes) > 2e-3, "both hands feel something"
-    said, duct = course.observer.devices or [], build_scene_duct(insertion().scene, cache_directory() / "bases")
-    catheter, _ = compare(said, course.states, duct).solved
+    said, scene = course.observer.devices or [], insertion().scene
+    wall = scene, build_scene_duct(scene, cache_directory() / "bases")
+    catheter, _ = compare(said, course.states, wall).solved
     assert len(catheter) > 0.9 * len(course.states)
     assert np.mean(catheter < WITHIN) > 0.99, "the forces are those of the mechanics alone"
-    pinch = find_pinch(said, course.states, duct)
+    pinch = find_pinch(said, course.states, wall)
     assert abs(pinch.wall) < 0.02, "the wall is that of the full finite elements"
     assert pinch.applied < 0.1
 

@@ -20,7 +20,7 @@ from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
 from services.mechanics.fem.factors import factorise
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.scenarios import insertion
+from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
@@ -28,7 +28,7 @@ from services.runtime.errors import UserError
 from services.runtime.loop import LoopMeter, TickClock
 from services.studies.accuracy.pinches import full_model
 
-INSERTED_M = 20e-3
+INSERTED_M = 19.5e-3
 WITHIN = 0.05
 TOOLS = ("catheter", "wall")
 #: From a pose to the force that the arm applies: a tick through haptics and physics, and the next one's.
@@ -112,22 +112,26 @@ class Tracked:
 
 
 def is_inserted(solved: Sequence[PhysicsState]) -> bool:
-    """Return whether the catheter is in as far as it goes in this scenario."""
+    """Return whether the catheter is in as far as hands slide it, 20 mm."""
     return bool(solved) and solved[-1].catheter.inserted_length_m >= INSERTED_M
 
 
-def find_running(said: Sequence[GatewayState], states: Sequence[PhysicsState], cache: Path) -> Running:
-    """Return what the rig did in an insertion of `mechanics.scenarios`, of all that gateway and physics said."""
-    duct = build_scene_duct(insertion().scene, cache)
-    tracked = compare(said, states, duct)
-    return Running(tracked.solved.shape[1], tracked.lost, tracked.apart(), find_pinch(said, states, duct))
+def find_running(
+    said: Sequence[GatewayState], states: Sequence[PhysicsState], scene: SceneModel, cache: Path
+) -> Running:
+    """Return what the rig did in an insertion into the scene's duct, of all that gateway and physics said."""
+    wall = scene, build_scene_duct(scene, cache)
+    tracked = compare(said, states, wall)
+    return Running(tracked.solved.shape[1], tracked.lost, tracked.apart(), find_pinch(said, states, wall))
 
 
-def compare(said: Sequence[GatewayState], states: Sequence[PhysicsState], duct: ReducedDuct) -> Tracked:
+def compare(
+    said: Sequence[GatewayState], states: Sequence[PhysicsState], wall: tuple[SceneModel, ReducedDuct]
+) -> Tracked:
     """Step the mechanics alone through the poses that physics was told of, and compare forces."""
     devices = {body.tick: body for body in said}
     solved = [body for body in states if body.tick in devices]
-    alone = _alone(devices, solved, duct)
+    alone = _alone(devices, solved, wall)
     found = np.array([[tool.force_n for tool in body.reactions()] for body in solved])
     largest = np.linalg.norm(alone, axis=2).max(axis=0)
     later = [(k, devices.get(body.tick + LATE)) for k, body in enumerate(solved)]
@@ -141,7 +145,9 @@ def compare(said: Sequence[GatewayState], states: Sequence[PhysicsState], duct: 
     )
 
 
-def find_pinch(said: Sequence[GatewayState], states: Sequence[PhysicsState], duct: ReducedDuct) -> Pinched:
+def find_pinch(
+    said: Sequence[GatewayState], states: Sequence[PhysicsState], wall: tuple[SceneModel, ReducedDuct]
+) -> Pinched:
     """Compare the steadying hand's pinch with the full model, when the catheter has not yet touched the duct.
 
     The wall is linear: the force that a given indentation takes goes as the loads' work on what they displace. What the
@@ -152,6 +158,7 @@ def find_pinch(said: Sequence[GatewayState], states: Sequence[PhysicsState], duc
     UserError
         Who looked on came too late to see the duct untouched.
     """
+    scene, duct = wall
     touches = (k for k, body in enumerate(states) if (body.contacts.kind.view() == _CATHETER_ON_DUCT).any())
     end = next(touches, len(states))
     at_rest = states[end - 1]
@@ -165,19 +172,21 @@ def find_pinch(said: Sequence[GatewayState], states: Sequence[PhysicsState], duc
         np.add.at(loads_n, body.duct.load_node.view(), body.duct.load_force_n.view() / len(rest))
     nodes = np.arange(len(moved), dtype=np.int32)
     duct.residual.apply(nodes, loads_n, nodes, moved)
-    model = full_model(insertion().scene.duct)
+    model = full_model(scene.duct)
     full = nodal_translations(model, factorise(csc_array(model.K_free)).solve(free_load(model, loads_n)))
     ticks = range(rest[0].tick, at_rest.tick + 1)
     force = np.mean([body.reactions()[1].force_n for body in rest], axis=0)
     applied = np.mean([body.instruments[1].applied_force_n for body in said if body.tick - LATE in ticks], axis=0)
     norm = float(np.linalg.norm(force))
-    wall = float(np.sum(loads_n * full) / np.sum(loads_n * moved)) - 1.0
-    return Pinched(norm, wall, float(np.linalg.norm(applied - force)) / norm)
+    work = float(np.sum(loads_n * full) / np.sum(loads_n * moved)) - 1.0
+    return Pinched(norm, work, float(np.linalg.norm(applied - force)) / norm)
 
 
-def _alone(devices: dict[int, GatewayState], solved: Sequence[PhysicsState], duct: ReducedDuct) -> FloatArray:
+def _alone(
+    devices: dict[int, GatewayState], solved: Sequence[PhysicsState], wall: tuple[SceneModel, ReducedDuct]
+) -> FloatArray:
     """Return forces (ticks, tools, 3) in N of the same steps without processes between."""
-    scene = insertion().scene
+    scene, duct = wall
     simulation = Simulation(scene, duct)
     tools, clock, forces = ToolInputs(), TickClock(LoopMeter(1000.0)), np.empty((len(solved), 2, 3))
     for k, body in enumerate(solved):
