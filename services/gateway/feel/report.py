@@ -158,10 +158,10 @@ def _running(running: Running | None) -> Iterator[str]:
         yield f"| {row.tool}, {row.what} | {row.within:.1%} | {row.worst:.1%} |"
     yield ""
     yield from _words(
-        "Where jaws close round the wall, haptics sees its shape of a tick ago. Along the wall, where friction holds, "
-        "a count of the arm's encoder is a fifth of the largest force: what the arm applies there hangs on which tick "
-        "the count falls into. The worst ticks are those that come late: a model that is older than 5 ms fades, and a "
-        "hand that moved on meanwhile meets its stiffness at once."
+        "The jaws hold the duct in this scene: where they slip, how far hangs on rounding, and neither two runs nor a "
+        "run and the mechanics alone agree. Where they close round the wall, haptics sees its shape of a tick ago, and "
+        "along it, where friction holds, each count of the arm's encoder is felt. After ticks that were lost a hand "
+        "that moved on meanwhile meets the model's stiffness at once."
     )
 
 
