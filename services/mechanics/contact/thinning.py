@@ -10,7 +10,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
 DEEP_M = 0.05e-3
-"""So deep at most does a particle get in a step that is not asked whether it touches."""
+"""Who would be deeper than this at the end of the step is asked whether it touches, whatever its number."""
 
 
 @kernel
