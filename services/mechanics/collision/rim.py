@@ -72,8 +72,8 @@ def detect_rims(
 ) -> None:
     """Append pairs of segments with rim edges.
 
-    ``positions`` and ``motions`` since the last tick are those of the particles (n, 3), ``sizes`` holds (radius + half
-    thickness, margin).
+    ``positions`` and ``motions``, as expected of this tick, are those of the particles (n, 3); ``sizes`` holds (radius
+    + half thickness, margin).
     """
     for i in range(positions.shape[0] - 1):
         ends = (row(positions, i), row(positions, i + 1))
@@ -124,18 +124,25 @@ def _write_ahead(
     middle = _between(motions, touch[2])
     slide = slide_of(middle, normal, distance - sizes[0])
     places, stopped = places_of(slide, normal), subtract(slide, middle)
+    reach = sizes[0] + sizes[1] + math.sqrt(dot(slide, slide))
     for place in range(places):
         share = (place + 1) / places
         ways = (scaled(along(motions[0], stopped, 1.0), share), scaled(along(motions[1], stopped, 1.0), share))
         a, b = along(ends[0], ways[0], 1.0), along(ends[1], ways[1], 1.0)
-        reach = sizes[0] + sizes[1] + math.sqrt(dot(slide, slide))
         touch = walk(shell.body, shell.rims, index(touch[0]), a, b, reach)
         if touch[0] == NOT_FOUND or not _TOUCHING_M**2 < touch[1] < reach * reach:
             return
-        there = math.sqrt(touch[1])
-        away, way = scaled(offset(shell.body, shell.rims, touch, a, b), 1.0 / there), _between(ways, touch[2])
+        there, away = _apart(shell, touch, (a, b))
+        way = _between(ways, touch[2])
         if dot(away, normal) > 0.0 and is_met_first(pairs, start, way, (there - sizes[0], away)):
             _write(shell, i, touch, (there - dot(way, away), away), ways, sizes, pairs)
+
+
+@kernel
+def _apart(shell: Shell, touch: Touch, ends: tuple[Vector, Vector]) -> tuple[float, Vector]:
+    """Return how far a segment is from the edge that it touches, which is not on it, and in which direction."""
+    distance = math.sqrt(touch[1])
+    return distance, scaled(offset(shell.body, shell.rims, touch, ends[0], ends[1]), 1.0 / distance)
 
 
 @kernel
@@ -164,8 +171,7 @@ def _write_flanks(
             touch = flank_on(shell.body, rims, edge, ring[place], ends, reach)
             if touch[0] == NOT_FOUND or touch[1] < _TOUCHING_M**2:
                 continue
-            distance = math.sqrt(touch[1])
-            away = scaled(offset(shell.body, rims, touch, ends[0], ends[1]), 1.0 / distance)
+            distance, away = _apart(shell, touch, ends)
             if dot(away, normal) > 0.0 and is_new_flank(pairs, start, away):
                 _write(shell, i, touch, (distance, away), motions, sizes, pairs)
 
