@@ -48,3 +48,6 @@ class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
         str, Meta(max_length=64, description="of the session's token, which whoever commands the rig must show")
     ] = ""
     quality: QualityReport = QualityReport()
+    armed: Annotated[
+        int, Meta(ge=0, description="how often a person has armed the rig: what was at fault is tried again then")
+    ] = 0

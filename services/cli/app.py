@@ -126,7 +126,7 @@ def sniff(
 
 @app.command()
 def arm(rig: Rig = "stub", address: Address = None, token: Token = None) -> None:
-    """End a safe stop: the arms may push again."""
+    """End a safe stop, and try again what is at fault: the arms may push again."""
     from services.cli.arm import run_command
 
     run_command("arm", rig, address, token)

@@ -96,6 +96,15 @@ class Instrument:
             self.grasp.clear_fault()
         self.servo.engagement.arm()
 
+    def try_again(self) -> None:
+        """Forget what is at fault, and nothing else: a device that has no fault keeps its force."""
+        engagement = self.servo.engagement
+        if engagement.fault or self.arm.fault or self.arm.prompt:
+            self.arm.clear_fault()
+            engagement.arm()
+        if self.grasp is not None and self.grasp.fault:
+            self.grasp.clear_fault()
+
     def close(self) -> None:
         """Leave zero force and torque."""
         self.arm.close()

@@ -9,7 +9,8 @@ from services.gateway.instrument import Instrument
 class Orders:
     """Obeys ``supervisor.state``. A safe stop is latched: only its own supervisor's "no longer" ends it.
 
-    A supervisor that starts anew does not know of the stop; its silence about it must not arm the rig.
+    A supervisor that starts anew does not know of the stop; its silence about it must not arm the rig. A rig that is
+    armed while it runs has what is at fault tried again; no other hand is let go for that.
 
     Parameters
     ----------
@@ -32,6 +33,7 @@ class Orders:
         self._timeout_ns = None if timeout_s is None else round(timeout_s * 1e9)
         self._heard_ns: int | None = None
         self._stopped_by = -1
+        self._armed = -1, 0  # by whom, how often so far
 
     def obey(self, frames: list[Frame], now_ns: int) -> None:
         """Follow the frames since the last call, oldest first."""
@@ -40,6 +42,7 @@ class Orders:
         if self._timeout_ns is not None:
             self._watch(self._heard_ns is None or now_ns - self._heard_ns > self._timeout_ns)
         for frame in frames:
+            is_armed = self._is_armed(frame)
             if frame.body.safe_stop:
                 self.stopped = True
                 self._stopped_by = frame.incarnation
@@ -49,6 +52,15 @@ class Orders:
                 self.stopped = False
                 for instrument in self._instruments:
                     instrument.arm_anew()
+            elif is_armed and not self.stopped:
+                for instrument in self._instruments:
+                    instrument.try_again()
+
+    def _is_armed(self, frame: Frame) -> bool:
+        """Return whether a person has armed the rig since the last frame of this supervisor."""
+        by, times = self._armed
+        self._armed = frame.incarnation, frame.body.armed
+        return by == frame.incarnation and frame.body.armed > times
 
     def _watch(self, unsupervised: bool) -> None:
         if unsupervised is not self.unsupervised:

@@ -76,6 +76,7 @@ class Supervisor:
         self._commands: SimpleQueue[tuple[str, str]] = SimpleQueue()
         self._safe_stop_file = setup.safe_stop_file
         self._safe_stop = self._remembered()
+        self._armed = 0
         self._now_s = now_s
         self._not_ready_s = self._trouble_s = now_s
         self._judged_s = self._told_s = float("-inf")
@@ -83,7 +84,7 @@ class Supervisor:
         self._up: set[str] = set()
 
     def arm(self, who: str) -> None:
-        """Ask for the end of a safe stop. Any thread may call this."""
+        """Ask for the end of a safe stop, and that what is at fault is tried again. Any thread may call this."""
         self._commands.put((_ARM, who))
 
     def safe_stop(self, who: str) -> None:
@@ -130,6 +131,7 @@ class Supervisor:
             processes=tuple(member.body() for member in self.crew.members.values()),
             token_sha256=self.token_sha256,
             quality=_quality(self.enforcement.governor),
+            armed=self._armed,
         )
 
     def _obey(self) -> None:
@@ -145,6 +147,7 @@ class Supervisor:
 
     def _arm(self, who: str) -> None:
         self.say("info", f"supervisor: armed by {who}")
+        self._armed += 1
         self._safe_stop = ""
         if self._safe_stop_file is not None:
             self._safe_stop_file.unlink(missing_ok=True)
@@ -273,4 +276,4 @@ def _quality(governor: Governor) -> bodies.QualityReport:
 
 def _gist(body: bodies.SupervisorState) -> tuple[object, ...]:
     processes = tuple((p.name, p.state, p.pid, p.restarts) for p in body.processes)
-    return body.state, body.quality_level, body.safe_stop, processes
+    return body.state, body.quality_level, body.safe_stop, body.armed, processes

@@ -28,17 +28,20 @@ _ARM = {"driver": "phantom_simulated", "device": "phantom_premium_1_5", "setting
 class Bench:
     """Processes of one test, ended with it."""
 
-    def __init__(self, folder: Path, grasp: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self, folder: Path, grasp: dict[str, Any] | None = None, arms: dict[str, dict[str, Any]] | None = None
+    ) -> None:
         self.rig_file = folder / "rig.yaml"
-        instrument: dict[str, Any] = {"name": "left", "port_m": [0.06, -0.1, 0.13], "arm": _ARM}
-        if grasp is not None:
-            instrument["grasp"] = grasp
+        instruments = [
+            {"name": name, "port_m": [0.06, -0.1, 0.13], "arm": arm} | ({} if grasp is None else {"grasp": grasp})
+            for name, arm in (arms or {"left": _ARM}).items()
+        ]
         rig = {
             "name": "test",
             "transport": {"directory": str(folder)},
             "processes": {"gateway": {"core": 0, "priority": 80}, "haptics": {"core": 0, "priority": 70}},
             "gateway": {
-                "instruments": [instrument],
+                "instruments": instruments,
                 "engage_ramp_s": 0.2,
                 "force_rate_limit_n_s": RATE_LIMIT_N_S,
                 "supervisor_timeout_s": None,
@@ -54,16 +57,16 @@ class Bench:
         self.frames: list[Frame] = []
         self._processes: list[subprocess.Popen[bytes]] = []
 
-    def start(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen([sys.executable, "-m", module, *arguments])
+    def start(self, module: str, *arguments: str, stdin: int | None = None) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen([sys.executable, "-m", module, *arguments], stdin=stdin)
         self._processes.append(process)
         return process
 
     def gateway(self) -> subprocess.Popen[bytes]:
         return self.start("services.gateway", "--rig", str(self.rig_file))
 
-    def haptics(self, force_n: float) -> subprocess.Popen[bytes]:
-        return self.start("tests.gateway.fake_haptics", str(self.rig_file), str(force_n))
+    def haptics(self, force_n: float, *period_s: float) -> subprocess.Popen[bytes]:
+        return self.start("tests.gateway.fake_haptics", str(self.rig_file), *map(str, (force_n, *period_s)))
 
     def listen(self, seconds: float) -> list[Frame]:
         """Return the device frames of the next `seconds`."""
@@ -74,21 +77,21 @@ class Bench:
             time.sleep(0.01)
         return self.frames[first:]
 
-    def until(self, wanted: Callable[[Any], bool]) -> None:
-        """Listen until the instrument is as `wanted`."""
+    def until(self, wanted: Callable[[Any], bool], which: int = 0) -> None:
+        """Listen until an instrument is as `wanted`."""
         end = time.monotonic() + START_TIMEOUT_S
         while time.monotonic() < end:
             heard = self.listen(0.05)
-            if heard and wanted(heard[-1].body.instruments[0]):
+            if any(wanted(frame.body.instruments[which]) for frame in heard):
                 return
-        last = self.frames[-1].body.instruments[0] if self.frames else "nothing was heard"
+        last = self.frames[-1].body.instruments[which] if self.frames else "nothing was heard"
         raise AssertionError(f"never came to it; last: {last}")
 
-    def tell(self, safe_stop: bool) -> None:
+    def tell(self, safe_stop: bool, armed: int = 0) -> None:
         """Say what a supervisor would, until it has been heard."""
         while not self.bus.has_reader("supervisor.state"):
             self.listen(0.02)
-        self.bus.publish("supervisor.state", SupervisorState(state="running", safe_stop=safe_stop))
+        self.bus.publish("supervisor.state", SupervisorState(state="running", safe_stop=safe_stop, armed=armed))
 
     def close(self) -> None:
         for process in self._processes:
@@ -99,8 +102,8 @@ class Bench:
         self.bus.close()
 
 
-def forces(frames: list[Frame]) -> np.ndarray:
-    return np.array([frame.body.instruments[0].applied_force_n for frame in frames])
+def forces(frames: list[Frame], which: int = 0) -> np.ndarray:
+    return np.array([frame.body.instruments[which].applied_force_n for frame in frames])
 
 
 def assert_never_a_kick(frames: list[Frame], ttl_s: float = 0.02) -> None:

@@ -168,6 +168,29 @@ def test_arming_forgets_a_fault_that_is_gone(bench: Bench) -> None:
     assert bench.instrument.state().state == "active"
 
 
+def test_what_is_tried_again_is_what_is_at_fault_and_nothing_else(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cleared: list[str] = []
+    for name, device in (("arm", bench.arm), ("grasp", bench.grasp)):
+        monkeypatch.setattr(device, "clear_fault", lambda name=name: cleared.append(name))
+    bench.run(20, PUSH)
+    bench.instrument.try_again()
+    assert cleared == []
+    bench.grasp.fault = "silent"
+    bench.instrument.try_again()
+    assert cleared == ["grasp"]
+    bench.run(5, PUSH)
+    np.testing.assert_allclose(bench.arm.written, (1.0, 0.0, 0.0), atol=1e-12)
+    monkeypatch.undo()
+    bench.grasp.fault, bench.arm.fault = "", "loose plug"
+    bench.run(1, FREE)
+    bench.instrument.try_again()
+    monkeypatch.setattr(instrument, "time", SimpleNamespace(monotonic_ns=lambda: bench.now_ns))
+    bench.run(200, FREE)
+    assert bench.instrument.state().state == "active"
+
+
 def test_the_state_travels(bench: Bench) -> None:
     bench.run(20, PUSH)
     said = bench.instrument.state()

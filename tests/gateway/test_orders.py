@@ -15,15 +15,18 @@ class Stub:
         self.servo = self
         self.engagement = Engagement(ramp_s=0.0)
         self.engagement.open(calibrated=True)
-        self.armed = 0
+        self.armed = self.tried = 0
 
     def arm_anew(self) -> None:
         self.armed += 1
         self.engagement.arm()
 
+    def try_again(self) -> None:
+        self.tried += 1
 
-def _frame(safe_stop: bool, incarnation: int = 1) -> Frame:
-    body = SupervisorState(state="running", safe_stop=safe_stop)
+
+def _frame(safe_stop: bool, incarnation: int = 1, armed: int = 0) -> Frame:
+    body = SupervisorState(state="running", safe_stop=safe_stop, armed=armed)
     return Frame(1, "supervisor.state", 1, incarnation, 0, 0, 0, True, body)
 
 
@@ -60,6 +63,24 @@ def test_running_frames_do_not_arm_again_and_again(engaged: tuple[Orders, Stub])
     orders, stub = engaged
     orders.obey([_frame(False)] * 5, 1)
     assert stub.armed == 0
+
+
+def test_a_rig_that_is_armed_while_it_runs_tries_again_what_is_at_fault_once(engaged: tuple[Orders, Stub]) -> None:
+    orders, stub = engaged
+    orders.obey([_frame(False, armed=1)], 1)
+    assert stub.tried == 0, "who armed it did so before this gateway was there"
+    orders.obey([_frame(False, armed=2), _frame(False, armed=2)], 2)
+    assert (stub.tried, stub.armed) == (1, 0)
+    assert stub.engagement.state is State.ACTIVE, "no hand is let go for that"
+    orders.obey([_frame(False, incarnation=2, armed=3)], 3)
+    assert stub.tried == 1, "a supervisor that starts anew does not arm"
+
+
+def test_arming_does_not_end_the_safe_stop_of_another_supervisor(engaged: tuple[Orders, Stub]) -> None:
+    orders, stub = engaged
+    orders.obey([_frame(True)], 1)
+    orders.obey([_frame(False, incarnation=2), _frame(False, incarnation=2, armed=1)], 2)
+    assert (stub.tried, stub.armed, orders.stopped) == (0, 0, True)
 
 
 SECOND_NS = 1_000_000_000

@@ -277,6 +277,15 @@ def test_commanded_safe_stop_stays_until_armed() -> None:
     assert bench.run(5.0, lambda: bench.supervisor.state is RigState.RUNNING) <= 2.0
 
 
+def test_everybody_is_told_how_often_the_rig_was_armed_also_while_it_runs() -> None:
+    bench = running(Bench(rig()))
+    for times in (1, 2):
+        bench.supervisor.arm("a person")
+        bench.run(0.1)
+        assert bench.supervisor.state is RigState.RUNNING
+        assert bench.supervisor.body().armed == times
+
+
 def test_a_safe_stop_survives_the_supervisor_that_made_it(tmp_path: Path) -> None:
     """Compose restarts a dead supervisor; that arms nobody."""
     memory = tmp_path / "safe_stop"
