@@ -1,0 +1,184 @@
+"""Can this host reach the CAN bus of a handle, is it set as it must be, does the drive speak; what to do if not."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import json
+import os
+import shutil
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import can
+
+from services.gateway import canbus, cansimple
+from services.gateway.host_check import HostCheck
+from services.runtime.errors import DeviceError
+
+#: A drive says ten times a second that it is there.
+_LISTEN_S = 0.5
+_UP = 1
+_ARPHRD_CAN = "280"
+_MAKE_VIRTUAL = "sudo modprobe vcan; sudo ip link add dev NAME type vcan; sudo ip link set NAME up"
+#: Frames that wait in the kernel are torques that are not wanted any more when they leave.
+_LONGEST_QUEUE = 32
+_MODULES = (
+    "sudo modprobe can_raw (and `vcan` for a bus without wires); a kernel that was built without CAN, as some virtual "
+    "machines have, takes an adapter on a serial line: interface slcan (docs/gateway.md)"
+)
+
+
+def check(handles: Sequence[tuple[dict[str, Any], int]], in_use: bool, root: Path = Path("/")) -> Iterator[HostCheck]:
+    """Yield what a person should know before handles, each a bus' settings and a node, are opened.
+
+    Parameters
+    ----------
+    in_use
+        Whether a rig runs: then no bus is opened.
+    root
+        Of the file system that says what the kernel has.
+    """
+    for k, (bus, _node) in enumerate(handles):
+        if any(bus == earlier for earlier, _ in handles[:k]):
+            continue
+        found = list(_reach(bus, root))
+        yield from found
+        if not in_use and all(each.ok or not each.needed for each in found):
+            yield from _listen(bus, [node for each, node in handles if each == bus])
+
+
+def _reach(bus: dict[str, Any], root: Path) -> Iterator[HostCheck]:
+    if bus.get("interface") == "socketcan":
+        yield from _socketcan(bus, root)
+    elif bus.get("interface") == "slcan":
+        yield from _serial(bus, root)
+
+
+def _socketcan(bus: dict[str, Any], root: Path) -> Iterator[HostCheck]:
+    name = f"CAN {bus.get('channel')}"
+    why = _kernel_refuses()
+    if why:
+        yield HostCheck(name, False, f"this kernel has no CAN: {why}", _MODULES, needed=True)
+        return
+    yield _interface(name, str(bus.get("channel")), canbus.bitrate(bus), root)
+
+
+def _kernel_refuses() -> str:
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError as error:
+        return str(error.strerror or error).lower()
+    return ""
+
+
+def _interface(name: str, channel: str, bitrate: float, root: Path) -> HostCheck:
+    place = root / "sys/class/net" / channel
+    interfaces = sorted(each.name for each in place.parent.glob("*") if _text(each / "type") == _ARPHRD_CAN)
+    if channel not in interfaces:
+        shown = f"no CAN interface {channel!r}; this host has {', '.join(interfaces) or 'none'}"
+        advice = f"plug the adapter in; without wires: {_MAKE_VIRTUAL.replace('NAME', channel)}"
+        return HostCheck(name, False, shown, advice, needed=True)
+    if not int(_text(place / "flags"), 16) & _UP:
+        advice = f"{_set(channel, bitrate)}; sudo ip link set {channel} up (a bus without wires: the last of these)"
+        return HostCheck(name, False, "down", advice, needed=True)
+    wrong = _wrongly_set(channel, bitrate, int(_text(place / "tx_queue_len") or 0))
+    advice = f"sudo ip link set {channel} down; {_set(channel, bitrate)}; sudo ip link set {channel} up"
+    return HostCheck(name, not wrong, wrong or "up", advice)
+
+
+def _set(channel: str, bitrate: float) -> str:
+    settings = f"type can bitrate {bitrate:.0f} restart-ms 100"
+    return f"sudo ip link set {channel} {settings}; sudo ip link set {channel} txqueuelen 16"
+
+
+def _wrongly_set(channel: str, bitrate: float, queue: int) -> str:
+    """Return what keeps a bus of wires from working as it should; a bus without wires has no such settings."""
+    data = _told_by_ip(channel)
+    wrong = []
+    if "state" in data and data["state"] not in ("ERROR-ACTIVE", "ERROR-WARNING"):
+        wrong.append(str(data["state"]).lower())
+    real = data.get("bittiming", {}).get("bitrate", bitrate)
+    if real != bitrate:
+        wrong.append(f"at {real} bit/s, the rig file says {bitrate:.0f}")
+    if "state" in data and not data.get("restart_ms"):
+        wrong.append("stays away after a bus-off (restart-ms 0)")
+    if queue > _LONGEST_QUEUE:
+        wrong.append(f"{queue} frames may wait in the kernel")
+    return "; ".join(wrong)
+
+
+def _told_by_ip(channel: str) -> dict[str, Any]:
+    program = shutil.which("ip")
+    if program is None:
+        return {}
+    command = [program, "-json", "-details", "link", "show", "dev", channel]
+    told = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        found: dict[str, Any] = json.loads(told.stdout)[0]["linkinfo"]["info_data"]
+    except (ValueError, LookupError):
+        return {}
+    return found
+
+
+def _serial(bus: dict[str, Any], root: Path) -> Iterator[HostCheck]:
+    port = Path(str(bus.get("channel")))
+    name = f"CAN adapter {port}"
+    if importlib.util.find_spec("serial") is None:
+        yield HostCheck(name, False, "pyserial is missing", "pip install pyserial", needed=True)
+    place = root / port.relative_to("/") if port.is_absolute() else port
+    if not place.exists():
+        folder = root / "dev/serial/by-id"
+        others = [f"/dev/serial/by-id/{each.name}" for each in sorted(folder.glob("*"))]
+        shown = f"no such port; serial ports: {', '.join(others) or 'none'}"
+        yield HostCheck(name, False, shown, "plug the adapter in, or name its port as `channel`", needed=True)
+    elif not os.access(place, os.R_OK | os.W_OK):
+        advice = "sudo adduser $USER dialout, and a new login"
+        yield HostCheck(name, False, "not yours to open", advice, needed=True)
+    else:
+        yield HostCheck(name, True, "there", "")
+
+
+def _listen(bus: dict[str, Any], nodes: list[int]) -> Iterator[HostCheck]:
+    """Open the bus, say nothing, and tell which drives are heard."""
+    where = " ".join(str(bus[key]) for key in ("interface", "channel") if key in bus)
+    try:
+        opened = canbus.open_bus(bus, "here")
+    except DeviceError as error:
+        said = str(error).removeprefix("here: ")
+        yield HostCheck(f"CAN bus {where}", False, said, "docs/gateway.md has a table of adapters", needed=True)
+        return
+    try:
+        heard = _hear_drives(opened)
+    finally:
+        opened.shutdown()
+    others = ", ".join(map(str, sorted(set(heard) - set(nodes)))) or "none"
+    for node in nodes:
+        found = heard.get(node, f"no heartbeat within {_LISTEN_S:g} s; other nodes heard: {others}")
+        advice = "look at the drive's power, node number, bit rate and heartbeat, at the wires and both terminations"
+        yield HostCheck(f"drive {node} on {where}", node in heard, found, advice)
+
+
+def _hear_drives(bus: can.BusABC) -> dict[int, str]:
+    """Return what the newest heartbeat of each node says."""
+    heard: dict[int, str] = {}
+    until_s = time.monotonic() + _LISTEN_S
+    while time.monotonic() < until_s:
+        for message in canbus.drain(bus):
+            if cansimple.command(message.arbitration_id) != cansimple.HEARTBEAT or message.is_extended_id:
+                continue
+            with contextlib.suppress(struct.error):  # of a wrong length: somebody else's
+                errors, state = cansimple.unpack_heartbeat(bytes(message.data))
+                shown = f"axis state {state}, {cansimple.error_names(errors) or 'no error'}"
+                heard[message.arbitration_id >> 5] = shown
+        time.sleep(0.01)
+    return heard
+
+
+def _text(file: Path) -> str:
+    return file.read_text(errors="replace").strip() if file.is_file() else ""

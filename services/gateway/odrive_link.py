@@ -1,0 +1,91 @@
+"""Frames to and from one ODrive on a CAN bus."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import can
+
+from services.gateway import canbus, cansimple
+from services.gateway.bench import Clock
+from services.gateway.bus_load import BusLoad
+
+_TORQUE_BYTES = 4
+
+
+class OdriveLink:
+    """Frames to and from one node.
+
+    Parameters
+    ----------
+    patience_s
+        What has piled up while nobody listened for longer is passed over: how old it is cannot be known, since a queue
+        that is full keeps the oldest frames.
+
+    Attributes
+    ----------
+    angle_turns, rate_turns_s : float
+        Newest encoder estimates.
+    errors, state : int
+        Of the newest heartbeat; None before the first.
+    estimated_ns, heartbeat_ns : int
+        When those came, by this host's monotonic clock.
+    """
+
+    def __init__(self, bus: can.BusABC, node: int, clock: Clock, patience_s: float, bitrate: float) -> None:
+        self.bus = bus
+        self.load = BusLoad(bitrate, clock)
+        self._clock = clock
+        self._patience_ns = round(patience_s * 1e9)
+        self._listened_ns = 0
+        self.angle_turns = self.rate_turns_s = 0.0
+        self.errors = 0
+        self.state: int | None = None
+        self.estimated_ns = self.heartbeat_ns = 0
+        self._heartbeat_id = cansimple.identifier(node, cansimple.HEARTBEAT)
+        self._estimates_id = cansimple.identifier(node, cansimple.GET_ENCODER_ESTIMATES)
+        self._base = cansimple.identifier(node, 0)
+        self._torque_id = self._base | cansimple.SET_INPUT_TORQUE
+        self._torque = can.Message(arbitration_id=self._torque_id, is_extended_id=False, dlc=_TORQUE_BYTES)
+
+    def receive(self) -> None:
+        """Take what has come. Own frames come back on some interfaces; their identifiers are none of the drive's."""
+        now_ns = self._clock.monotonic_ns()
+        piled_up = now_ns - self._listened_ns > self._patience_ns
+        count = 0
+        for message in canbus.drain(self.bus):
+            count += 1
+            identifier = message.arbitration_id
+            if identifier != self._torque_id:
+                self.load.count(message.dlc, is_extended=message.is_extended_id)
+            if message.is_remote_frame or message.is_extended_id:
+                continue
+            try:
+                if identifier == self._estimates_id:
+                    if not piled_up:
+                        self._take_estimates(bytes(message.data))
+                elif identifier == self._heartbeat_id:
+                    self.errors, self.state = cansimple.unpack_heartbeat(bytes(message.data))
+                    self.heartbeat_ns = self._clock.monotonic_ns()
+            except struct.error:
+                continue  # of a wrong length: somebody else's
+        if count < canbus.DRAIN_LIMIT:  # else there is more of the same pile
+            self._listened_ns = now_ns
+
+    def send(self, command: int, data: bytes = b"") -> None:
+        """Send a command."""
+        self.load.count(len(data))
+        self.bus.send(can.Message(arbitration_id=self._base | command, data=data, is_extended_id=False))
+
+    def send_torque(self, torque_nm: float) -> None:
+        """Send a torque on the motor; called every tick, so the message is reused."""
+        self.load.count(_TORQUE_BYTES)
+        self._torque.data = bytearray(cansimple.pack_float(torque_nm))
+        self.bus.send(self._torque)
+
+    def _take_estimates(self, data: bytes) -> None:
+        angle, rate = cansimple.unpack_floats(data)
+        if math.isfinite(angle + rate):
+            self.angle_turns, self.rate_turns_s = angle, rate
+            self.estimated_ns = self._clock.monotonic_ns()
