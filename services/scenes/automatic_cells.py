@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from services.mechanics.scene import DuctScene, ForcepsScene
-from services.mechanics.scene.cells import accurate_cells
+from services.mechanics.scene.cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
 from services.runtime import config
 from services.scenes.limits import LARGEST
 
 AUTO = "auto"
+_NO_COPIES = ("curvature_1_m", "cut_angle_rad", "slit_length_m")
+"""What makes the parts of a duct differ from each other, so that its residual compliance is kept between all pairs."""
 
 
 def take_automatic_cells(data: dict[str, Any], origins: config.Origins) -> None:
@@ -22,7 +24,9 @@ def take_automatic_cells(data: dict[str, Any], origins: config.Origins) -> None:
         return
     usual = DuctScene()
     radius_m, length_m = (_positive(duct.get(key), getattr(usual, key)) for key in ("radius_m", "length_m"))
-    cells = accurate_cells(radius_m, length_m, _narrowest_jaw_m(data.get("forceps")))
+    has_copies = not any(duct.get(key) for key in _NO_COPIES)
+    most_nodes = MOST_NODES if has_copies else MOST_NODES_ALL_PAIRS
+    cells = accurate_cells(radius_m, length_m, _narrowest_jaw_m(data.get("forceps")), most_nodes)
     for key, count in zip(("n_around", "n_along"), cells, strict=True):
         if duct.get(key) == AUTO:
             duct[key] = count

@@ -1,8 +1,9 @@
 """``auto`` for the cells of a duct: numbers that follow from the duct and the jaws, and where they came from."""
 
+import numpy as np
 import pytest
 
-from services.mechanics.scene.cells import accurate_cells
+from services.mechanics.scene.cells import MOST_NODES_ALL_PAIRS, accurate_cells
 from services.runtime.errors import ConfigError
 from services.scenes import load_scene, scene_origins
 
@@ -22,6 +23,12 @@ def test_the_default_scene_leaves_its_cells_to_the_rule():
     wide = load_scene("default", ["duct.radius_m=6e-3", "duct.length_m=50e-3"])
     assert cells(wide) == accurate_cells(6e-3, 50e-3, 1e-3)
     assert cells(load_scene("default", ["duct.n_around=16"])) == (16, accurate_cells(4e-3, 40e-3, 1e-3)[1])
+
+
+@pytest.mark.parametrize("key", ["curvature_1_m=5", "cut_angle_rad=0.3", "slit_length_m=8e-3"])
+def test_a_duct_whose_parts_differ_has_no_more_nodes_than_all_pairs_are_held_of(key):
+    around, along = cells(load_scene("default", [f"duct.{key}"]))
+    assert around * (along + 1) <= MOST_NODES_ALL_PAIRS < np.prod(cells(load_scene("default")))
 
 
 def test_cells_follow_from_the_narrowest_jaw_and_say_that_they_were_automatic(tmp_path):

@@ -23,7 +23,7 @@ from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_index
+from services.mechanics.reduction.residual.blocks import BlockStore, block_between
 from services.mechanics.reduction.touched_nodes import (
     N_PLACES,
     NO_PLACE,
@@ -204,11 +204,10 @@ def _admit(kept: NodeArrays, store: BlockStore, node: int) -> bool:
 @kernel
 def _copy_block(kept: NodeArrays, store: BlockStore, first: int, second: int) -> None:
     """Copy the block of two places, transposed."""
-    blocks, starts, neighbours, n_nodes = store
-    at = block_index(starts, neighbours, n_nodes, kept.touched.node[first], kept.touched.node[second])
+    block = block_between(store, kept.touched.node[first], kept.touched.node[second])
     for i in range(3):
         for j in range(3):
-            kept.residual[3 * second + j, 3 * first + i] = blocks[at, i, j] if at >= 0 else 0.0
+            kept.residual[3 * second + j, 3 * first + i] = block[3 * i + j]
 
 
 @kernel

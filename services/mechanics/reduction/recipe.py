@@ -13,6 +13,8 @@ from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.surface.mesh import TriangleMesh
 
 MIB = 2**20
+SMALL_BYTES = 96 * MIB
+"""A block between all pairs of up to so much (1,671 nodes) is read without turning it."""
 FORMAT = 1
 """Raised when what is stored, or how it is computed from a model, changes; the elements' code is hashed itself."""
 
@@ -24,23 +26,29 @@ class ResidualChoice:
     Attributes
     ----------
     kind : str
-        "full" between all pairs of nodes; "patches" within a radius; "none"; "auto" takes the full block
-        where it fits the budget and patches beyond.
+        "full" between all pairs of nodes; "cyclic" of one sector of a symmetric mesh, as exact; "patches" within a
+        radius; "none"; "auto" takes the full block of up to `SMALL_BYTES`, that of a sector where there is symmetry,
+        and else the full block where it fits the budget and patches beyond.
     budget_bytes : int
         Memory of the residual: 512 MiB hold the full block of 3,861 nodes.
     patch_radius_m : float, optional
         Radius of the patches; by default the largest that fits the budget.
     """
 
-    kind: Literal["auto", "full", "patches", "none"] = "auto"
+    kind: Literal["auto", "full", "cyclic", "patches", "none"] = "auto"
     budget_bytes: int = 512 * MIB
     patch_radius_m: float | None = None
 
-    def resolved_kind(self, n_nodes: int) -> Literal["full", "patches", "none"]:
+    def resolved_kind(self, n_nodes: int, n_sectors: int) -> Literal["full", "cyclic", "patches", "none"]:
         """Return the kind, with "auto" resolved by what fits the budget."""
         if self.kind != "auto":
             return self.kind
-        return "full" if full_residual_bytes(n_nodes) <= self.budget_bytes else "patches"
+        whole_bytes = full_residual_bytes(n_nodes)
+        if whole_bytes <= min(self.budget_bytes, SMALL_BYTES):
+            return "full"
+        if n_sectors > 1 and whole_bytes // n_sectors <= self.budget_bytes:
+            return "cyclic"
+        return "full" if whole_bytes <= self.budget_bytes else "patches"
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,13 @@ from services.mechanics.reduction.content_hash import hash_content
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.residual.blocks import Residual
+from services.mechanics.reduction.residual.cyclic import build_cyclic
 from services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
 from services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
+from services.mechanics.surface.cyclic import CyclicSymmetry, find_cyclic_symmetry
 
+CYCLIC_FORMAT = 1
+"""Raised when the blocks of a sector change."""
 PATCH_FORMAT = 3
 """Raised when patches of the residual change: since 2 with an exact near field, since 3 with their error."""
 
@@ -79,14 +83,20 @@ def fetch_residual_displacement(
 
 
 def _fetch_residual(folder: Path, maker: _Maker, basis: ModalBasis) -> tuple[Residual, PatchError | None]:
-    choice = maker.recipe.residual
-    kind = choice.resolved_kind(basis.n_nodes)
+    choice, symmetry = maker.recipe.residual, find_cyclic_symmetry(maker.recipe.mesh)
+    kind = choice.resolved_kind(basis.n_nodes, symmetry.n_sectors if symmetry else 1)
     if kind == "none":
         return Residual.none(basis.n_nodes), None
     if kind == "full":
         name = f"residual-{hash_content(basis.content_hash, kind)}"
         entry = cache.fetch(folder, name, partial(maker.make_full_residual, basis))
         return Residual.full(entry.share("blocks")), None
+    if kind == "cyclic":
+        if symmetry is None:
+            raise ValueError("residual: cyclic needs a mesh whose parts are copies of each other, turned about x")
+        name = f"residual-{hash_content(basis.content_hash, kind, CYCLIC_FORMAT)}"
+        entry = cache.fetch(folder, name, partial(maker.make_cyclic, basis, symmetry))
+        return Residual.cyclic(symmetry, entry.share("blocks"), entry.load("odd")), None
     size = choice.patch_radius_m or choice.budget_bytes
     name = f"residual-{hash_content(basis.content_hash, kind, size, PATCH_FORMAT)}"
     entry = cache.fetch(folder, name, partial(maker.make_patches, basis))
@@ -125,6 +135,12 @@ class _Maker:
         blocks = entry.create("blocks", (basis.n_nodes, basis.n_nodes, 3, 3), np.float32)
         fill_full_residual(self._model, basis, blocks, self._progress)
         entry.describe(content_hash=basis.content_hash, kind="full")
+
+    def make_cyclic(self, basis: ModalBasis, symmetry: CyclicSymmetry, entry: cache.Entry) -> None:
+        blocks, odd = build_cyclic(self._model, basis, symmetry, self._progress)
+        entry.save("blocks", blocks.astype(np.float32))
+        entry.save("odd", odd)
+        entry.describe(content_hash=basis.content_hash, kind="cyclic")
 
     def make_patches(self, basis: ModalBasis, entry: cache.Entry) -> None:
         choice = self.recipe.residual

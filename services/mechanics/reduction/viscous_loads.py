@@ -14,7 +14,7 @@ import numpy as np
 from services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.residual.blocks import BlockStore, block_index
+from services.mechanics.reduction.residual.blocks import BlockStore, block_between
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.reduction.viscoelastic import PronySeries
 
@@ -209,9 +209,7 @@ def spread_energy(address: Address[LaggingLoads], store: BlockStore, weights: Fl
     lagging, total = lagging_at(address), 0.0
     for a in range(lagging.count[0]):
         for b in range(a + 1):
-            place = block_index(store[1], store[2], store[3], lagging.node[a], lagging.node[b])
-            if place < 0:
-                continue
+            block = block_between(store, lagging.node[a], lagging.node[b])
             twice = 1.0 if a == b else 2.0
             for i in range(3):
                 for j in range(3):
@@ -219,5 +217,5 @@ def spread_energy(address: Address[LaggingLoads], store: BlockStore, weights: Fl
                     for term in range(weights.shape[0]):
                         left = lagging.load[a, i] - lagging.lag[term, a, i]
                         product += weights[term] * left * (lagging.load[b, j] - lagging.lag[term, b, j])
-                    total += twice * store[0][place, i, j] * product
+                    total += twice * block[3 * i + j] * product
     return total

@@ -54,7 +54,7 @@ class DuctScene:
     n_modes: int = 100
     damping_ratio: float = 0.1
     integrator: Literal["newmark", "exact"] = "newmark"
-    residual: Literal["auto", "full", "patches", "none"] = "auto"
+    residual: Literal["auto", "full", "cyclic", "patches", "none"] = "auto"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

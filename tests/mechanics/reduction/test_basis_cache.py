@@ -62,7 +62,7 @@ def test_long_stages_tell_how_far_they_are(tmp_path):
         assert (fractions[0] < 1.0, fractions[-1]) == (True, 1.0)
 
 
-@pytest.mark.parametrize("kind", ["full", "patches"])
+@pytest.mark.parametrize("kind", ["full", "cyclic", "patches"])
 def test_processes_have_the_blocks_in_memory_once_and_nobody_writes_to_them(tmp_path, kind):
     """What may be written to, on no matter what condition, is each process's own as soon as its memory is locked."""
     recipe = small_recipe(residual=ResidualChoice(kind, patch_radius_m=4e-3))
@@ -104,11 +104,21 @@ def test_equal_recipes_share_a_key_and_residual_choices_share_a_basis(tmp_path):
     assert len(list(tmp_path.glob("residual-*"))) == 2
 
 
-def test_auto_takes_patches_beyond_the_budget(tmp_path):
+def test_auto_takes_a_sector_beyond_the_budget_where_the_mesh_has_copies_of_it(tmp_path):
     duct = reduce_duct(small_recipe(residual=ResidualChoice(budget_bytes=100_000)), 0.05, tmp_path)
+    assert duct.residual.blocks.nbytes == 36 * 90**2 / 5
+    again = reduce_duct(small_recipe(residual=ResidualChoice(budget_bytes=100_000)), 0.05, tmp_path)
+    assert np.array_equal(again.residual.blocks, duct.residual.blocks)
+    assert again.residual.symmetry[3].tobytes() == duct.residual.symmetry[3].tobytes()
+
+
+def test_auto_takes_patches_beyond_the_budget(tmp_path):
+    cut = parametric_duct(DuctGeometry(4e-3, 20e-3, 10, 8, cut_angle_rad=0.1))
+    small = small_recipe(mesh=cut, residual=ResidualChoice(budget_bytes=100_000))
+    duct = reduce_duct(small, 0.05, tmp_path)
     assert duct.residual.starts.size
     assert duct.residual.blocks.nbytes < 100_000
-    again = reduce_duct(small_recipe(residual=ResidualChoice(budget_bytes=100_000)), 0.05, tmp_path)
+    again = reduce_duct(small, 0.05, tmp_path)
     assert again.residual_error == duct.residual_error
     assert duct.residual_error.kept < 1e-5 < duct.residual_error.dropped
     assert reduce_duct(small_recipe(), 0.05, tmp_path).residual_error is None

@@ -22,6 +22,7 @@ NOT_NUMBERS = (
     # The reduced duct, which brings these along, has a hash of its own.
     "services.mechanics.reduction.large_rotations",
     "services.mechanics.reduction.residual",
+    "services.mechanics.surface.cyclic",
 )
 
 

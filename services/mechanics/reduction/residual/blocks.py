@@ -15,15 +15,21 @@ import numpy as np
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.reduction.doubles import is_copied
+from services.mechanics.surface.cyclic import CyclicSymmetry
 
 BlockArray = Float32Array | FloatArray
-BlockStore = tuple[BlockArray, IntArray, IntArray, int]
-"""Blocks, row starts, neighbours and number of nodes, as kernels take them."""
+CyclicStore = tuple[IntArray, IntArray, FloatArray, FloatArray]
+"""Seats, sectors, turns and odd modes, see `Residual.cyclic`; all empty where there is no symmetry."""
+BlockStore = tuple[BlockArray, IntArray, IntArray, int, CyclicStore]
+"""Blocks, row starts, neighbours, number of nodes and symmetry, as kernels take them."""
+_NO_SYMMETRY: CyclicStore = (np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros((0, 2)), np.zeros((0, 3, 0)))
+Block = tuple[float, float, float, float, float, float, float, float, float]
+"""The nine numbers of a block, row after row."""
 
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """R as 3 x 3 blocks between pairs of nodes, in m/N: all pairs, or those within a patch radius.
+    """R as 3 x 3 blocks between pairs of nodes, in m/N: all pairs, those of one sector, or those within a patch radius.
 
     Reading blocks allocates nothing and costs the same whatever the size of the mesh. The arrays are read-only here,
     whatever they were made of: blocks from the cache are memory that processes share, and a kernel is compiled for one
@@ -39,12 +45,15 @@ class Residual:
         With patches, the blocks of node i are ``starts[i]`` to ``starts[i + 1]``; empty with all pairs.
     neighbours : (p,) int32
         With patches, the other node of each block, ascending in a row; empty with all pairs.
+    symmetry : CyclicStore
+        Of blocks in the frames of sectors.
     """
 
     n_nodes: int
     blocks: BlockArray
     starts: IntArray
     neighbours: IntArray
+    symmetry: CyclicStore
 
     def __post_init__(self) -> None:
         for name in ("blocks", "starts", "neighbours"):
@@ -64,25 +73,46 @@ class Residual:
         if blocks.ndim != 4 or blocks.shape[0] != blocks.shape[1] or blocks.shape[2:] != (3, 3):
             raise ValueError(f"residual blocks have shape {blocks.shape}, expected (n, n, 3, 3)")
         empty = np.zeros(0, np.int32)
-        return cls(blocks.shape[0], blocks.reshape(-1, 3, 3), empty, empty)
+        return cls(blocks.shape[0], blocks.reshape(-1, 3, 3), empty, empty, _NO_SYMMETRY)
+
+    @classmethod
+    def cyclic(cls, symmetry: CyclicSymmetry, blocks: BlockArray, odd: FloatArray) -> Residual:
+        """Wrap the blocks of a sector: between nodes a and b, F_a (B - l_a l_b^T) F_b^T.
+
+        F turns a sector's frame into the world's.
+
+        Parameters
+        ----------
+        symmetry : CyclicSymmetry
+            k nodes in each of m sectors.
+        blocks : (k, k, m, 3, 3) float32
+            B of two seats whose sectors are 0 to m - 1 apart.
+        odd : (k m, 3, o) float64
+            l: modes over their frequency, in the nodes' own frames, that are in the basis and whose partners are not.
+        """
+        m, n = symmetry.n_sectors, len(symmetry.seat)
+        if blocks.shape != (n // m, n // m, m, 3, 3):
+            raise ValueError(f"residual blocks have shape {blocks.shape}, expected {(n // m, n // m, m, 3, 3)}")
+        empty, turns = np.zeros(0, np.int32), symmetry.turns
+        return cls(n, blocks.reshape(-1, 3, 3), empty, empty, (symmetry.seat, symmetry.sector, turns, odd))
 
     @classmethod
     def patches(cls, starts: IntArray, neighbours: IntArray, blocks: BlockArray) -> Residual:
         """Wrap compressed rows of blocks; pairs without a block count as zero."""
         if blocks.shape != (neighbours.size, 3, 3):
             raise ValueError(f"residual blocks have shape {blocks.shape}, expected ({neighbours.size}, 3, 3)")
-        return cls(starts.size - 1, blocks, starts, neighbours)
+        return cls(starts.size - 1, blocks, starts, neighbours, _NO_SYMMETRY)
 
     @classmethod
     def none(cls, n_nodes: int) -> Residual:
         """Return the residual of a bare truncated basis, for comparison: every left-out mode is rigid."""
         starts, neighbours = np.zeros(n_nodes + 1, np.int32), np.zeros(0, np.int32)
-        return cls(n_nodes, np.zeros((0, 3, 3), np.float32), starts, neighbours)
+        return cls(n_nodes, np.zeros((0, 3, 3), np.float32), starts, neighbours, _NO_SYMMETRY)
 
     @property
     def store(self) -> BlockStore:
         """What the kernels of this module read."""
-        return self.blocks, self.starts, self.neighbours, self.n_nodes
+        return self.blocks, self.starts, self.neighbours, self.n_nodes, self.symmetry
 
     def gather(self, nodes: IntArray, out: FloatArray) -> None:
         """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
@@ -119,31 +149,62 @@ def find_sorted(values: IntArray, first: int, end: int, wanted: int) -> int:
 
 
 @kernel
-def block_index(starts: IntArray, neighbours: IntArray, n_nodes: int, row: int, column: int) -> int:
+def block_index(store: BlockStore, row: int, column: int) -> int:
     """Return where the block of two nodes lies, -1 where there is none."""
+    _, starts, neighbours, n_nodes, (seat, sector, turns, _) = store
+    if seat.shape[0] > 0:
+        m = turns.shape[0]
+        apart = sector[column] - sector[row]
+        return int((seat[row] * (n_nodes // m) + seat[column]) * m + (apart if apart >= 0 else apart + m))
     if starts.shape[0] == 0:
         return int(row * n_nodes + column)
     return int(find_sorted(neighbours, starts[row], starts[row + 1], column))
 
 
 @kernel
+def block_between(store: BlockStore, row: int, column: int) -> Block:
+    """Return R of two nodes along world axes, zero where there is none."""
+    blocks, seat, place = store[0], store[4][0], block_index(store, row, column)
+    if place < 0:
+        return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    xx, xy, xz = float(blocks[place, 0, 0]), float(blocks[place, 0, 1]), float(blocks[place, 0, 2])
+    yx, yy, yz = float(blocks[place, 1, 0]), float(blocks[place, 1, 1]), float(blocks[place, 1, 2])
+    zx, zy, zz = float(blocks[place, 2, 0]), float(blocks[place, 2, 1]), float(blocks[place, 2, 2])
+    if seat.shape[0] == 0:
+        return (xx, xy, xz, yx, yy, yz, zx, zy, zz)
+    _, sector, turns, odd = store[4]
+    for k in range(odd.shape[2]):
+        ux, uy, uz = odd[row, 0, k], odd[row, 1, k], odd[row, 2, k]
+        vx, vy, vz = odd[column, 0, k], odd[column, 1, k], odd[column, 2, k]
+        xx, xy, xz = xx - ux * vx, xy - ux * vy, xz - ux * vz
+        yx, yy, yz = yx - uy * vx, yy - uy * vy, yz - uy * vz
+        zx, zy, zz = zx - uz * vx, zy - uz * vy, zz - uz * vz
+    c, s = turns[sector[row], 0], turns[sector[row], 1]
+    yx, zx = c * yx - s * zx, s * yx + c * zx
+    yy, zy = c * yy - s * zy, s * yy + c * zy
+    yz, zz = c * yz - s * zz, s * yz + c * zz
+    c, s = turns[sector[column], 0], turns[sector[column], 1]
+    xy, xz = c * xy - s * xz, s * xy + c * xz
+    yy, yz = c * yy - s * yz, s * yy + c * yz
+    zy, zz = c * zy - s * zz, s * zy + c * zz
+    return (xx, xy, xz, yx, yy, yz, zx, zy, zz)
+
+
+@kernel
 def gather(store: BlockStore, nodes: IntArray, out: FloatArray) -> None:
     """Copy the blocks between ``nodes`` (k,) into ``out`` (3 k, 3 k), using their symmetry."""
-    blocks, starts, neighbours, n_nodes = store
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
-            place = block_index(starts, neighbours, n_nodes, nodes[a], nodes[b])
+            block = block_between(store, nodes[a], nodes[b])
             for i in range(3):
                 for j in range(3):
-                    value = blocks[place, i, j] if place >= 0 else 0.0
-                    out[3 * a + i, 3 * b + j] = value
-                    out[3 * b + j, 3 * a + i] = value
+                    out[3 * a + i, 3 * b + j] = block[3 * i + j]
+                    out[3 * b + j, 3 * a + i] = block[3 * i + j]
 
 
 @kernel
 def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
     """Weigh the blocks between the corners of points (k, 3) into ``out`` (3 k, 3 k)."""
-    blocks, starts, neighbours, n_nodes = store
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
             if is_copied(source, a, b):
@@ -154,18 +215,10 @@ def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: 
                     weight = weights[a, corner] * weights[b, other]
                     if weight == 0.0:
                         continue
-                    place = block_index(starts, neighbours, n_nodes, nodes[a, corner], nodes[b, other])
-                    if place < 0:
-                        continue
-                    xx += weight * blocks[place, 0, 0]
-                    xy += weight * blocks[place, 0, 1]
-                    xz += weight * blocks[place, 0, 2]
-                    yx += weight * blocks[place, 1, 0]
-                    yy += weight * blocks[place, 1, 1]
-                    yz += weight * blocks[place, 1, 2]
-                    zx += weight * blocks[place, 2, 0]
-                    zy += weight * blocks[place, 2, 1]
-                    zz += weight * blocks[place, 2, 2]
+                    block = block_between(store, nodes[a, corner], nodes[b, other])
+                    xx, xy, xz = xx + weight * block[0], xy + weight * block[1], xz + weight * block[2]
+                    yx, yy, yz = yx + weight * block[3], yy + weight * block[4], yz + weight * block[5]
+                    zx, zy, zz = zx + weight * block[6], zy + weight * block[7], zz + weight * block[8]
             row, column = 3 * a, 3 * b
             out[row, column], out[row, column + 1], out[row, column + 2] = xx, xy, xz
             out[row + 1, column], out[row + 1, column + 1], out[row + 1, column + 2] = yx, yy, yz
@@ -178,17 +231,14 @@ def gather_points(store: BlockStore, nodes: IntArray, weights: FloatArray, out: 
 @kernel
 def apply(store: BlockStore, load_nodes: IntArray, load_forces: FloatArray, nodes: IntArray, out: FloatArray) -> None:
     """Add R f of the loads (l, 3) to the displacements ``out`` (k, 3) of ``nodes``."""
-    blocks, starts, neighbours, n_nodes = store
     for a in range(nodes.shape[0]):
         x, y, z = 0.0, 0.0, 0.0
         for b in range(load_nodes.shape[0]):
-            place = block_index(starts, neighbours, n_nodes, nodes[a], load_nodes[b])
-            if place < 0:
-                continue
+            block = block_between(store, nodes[a], load_nodes[b])
             fx, fy, fz = load_forces[b, 0], load_forces[b, 1], load_forces[b, 2]
-            x += blocks[place, 0, 0] * fx + blocks[place, 0, 1] * fy + blocks[place, 0, 2] * fz
-            y += blocks[place, 1, 0] * fx + blocks[place, 1, 1] * fy + blocks[place, 1, 2] * fz
-            z += blocks[place, 2, 0] * fx + blocks[place, 2, 1] * fy + blocks[place, 2, 2] * fz
+            x += block[0] * fx + block[1] * fy + block[2] * fz
+            y += block[3] * fx + block[4] * fy + block[5] * fz
+            z += block[6] * fx + block[7] * fy + block[8] * fz
         out[a, 0] += x
         out[a, 1] += y
         out[a, 2] += z

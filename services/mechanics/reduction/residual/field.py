@@ -14,7 +14,7 @@ from services.mechanics.arrays import Float32Array, FloatArray, IntArray, LongAr
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.residual.blocks import BlockStore, block_index
+from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore, block_between, block_index
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
 
@@ -54,8 +54,9 @@ class ResidualField:
         place = np.zeros(len(ring), np.int64)
         find_places(duct.residual.store, (start, ring), place)
         known = place >= 0
-        blocks: Float32Array = duct.residual.blocks[place[known]].astype(np.float32, copy=False)
-        place[known] = np.arange(len(blocks))
+        place[known] = np.arange(known.sum())
+        blocks = np.empty((int(known.sum()), 3, 3), np.float32)
+        copy_blocks(duct.residual.store, (start, ring), place, blocks)
         self.nodes = np.zeros(n, np.int32)
         self.displacement_m = np.zeros((n, 3))
         self.count = 0
@@ -89,11 +90,25 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
 @kernel
 def find_places(residual: BlockStore, neighbourhood: tuple[IntArray, IntArray], out: LongArray) -> None:
     """Write where the block of each node and each of its neighbourhood lies, -1 where there is none."""
-    _, starts, neighbours, n_nodes = residual
     start, ring = neighbourhood
     for node in range(start.shape[0] - 1):
         for k in range(start[node], start[node + 1]):
-            out[k] = block_index(starts, neighbours, n_nodes, node, ring[k])
+            out[k] = block_index(residual, node, ring[k])
+
+
+@kernel
+def copy_blocks(
+    residual: BlockStore, neighbourhood: tuple[IntArray, IntArray], place: LongArray, out: BlockArray
+) -> None:
+    """Write the block of each node and each of its neighbourhood into its place, those that there are."""
+    start, ring = neighbourhood
+    for node in range(start.shape[0] - 1):
+        for k in range(start[node], start[node + 1]):
+            if place[k] >= 0:
+                block = block_between(residual, node, ring[k])
+                for i in range(3):
+                    for j in range(3):
+                        out[place[k], i, j] = block[3 * i + j]
 
 
 @kernel

@@ -14,7 +14,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.reduction.doubles import is_copied
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore, Residual, apply, block_index, gather
+from services.mechanics.reduction.residual.blocks import Block, BlockStore, Residual, apply, block_between, gather
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,8 @@ class TurnedResidual(Residual):
     def of(cls, residual: Residual, frame: SectionFrame, n_points: int) -> TurnedResidual:
         """Turn ``residual`` with ``frame``: for up to ``n_points`` contact points, and twice the loads they make."""
         rooms = np.zeros((3 * n_points, 3, 3)), np.zeros((6 * n_points, 3))
-        return cls(residual.n_nodes, residual.blocks, residual.starts, residual.neighbours, frame, *rooms)
+        blocks = residual.blocks, residual.starts, residual.neighbours, residual.symmetry
+        return cls(residual.n_nodes, *blocks, frame, *rooms)
 
     def gather(self, nodes: IntArray, out: FloatArray) -> None:
         """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
@@ -74,7 +75,6 @@ def gather_turned_points(
 
     ``rotations`` (3 k, 3, 3) are those of the corners.
     """
-    blocks, starts, neighbours, n_nodes = store
     nodes, weights = points
     for a in range(nodes.shape[0]):
         for b in range(a + 1):
@@ -87,23 +87,20 @@ def gather_turned_points(
                 p, r = 3 * a + corner // 3, 3 * b + corner % 3
                 weight = weights[a, corner // 3] * weights[b, corner % 3]
                 if weight != 0.0:
-                    place = block_index(starts, neighbours, n_nodes, nodes[a, corner // 3], nodes[b, corner % 3])
-                    if place >= 0:
-                        _add_turned(weight, blocks, place, rotations, p, r, out[3 * a :, 3 * b :])
+                    block = block_between(store, nodes[a, corner // 3], nodes[b, corner % 3])
+                    _add_turned(weight, block, rotations, p, r, out[3 * a :, 3 * b :])
             for i in range(3):
                 for j in range(3):
                     out[3 * b + j, 3 * a + i] = out[3 * a + i, 3 * b + j]
 
 
 @kernel
-def _add_turned(
-    weight: float, blocks: BlockArray, place: int, rotations: FloatArray, p: int, r: int, out: FloatArray
-) -> None:
+def _add_turned(weight: float, block: Block, rotations: FloatArray, p: int, r: int, out: FloatArray) -> None:
     """Add ``weight`` Q_p block Q_r^T to the first block of ``out``."""
     for j in range(3):
         x, y, z = weight * rotations[r, j, 0], weight * rotations[r, j, 1], weight * rotations[r, j, 2]
-        u = blocks[place, 0, 0] * x + blocks[place, 0, 1] * y + blocks[place, 0, 2] * z
-        v = blocks[place, 1, 0] * x + blocks[place, 1, 1] * y + blocks[place, 1, 2] * z
-        w = blocks[place, 2, 0] * x + blocks[place, 2, 1] * y + blocks[place, 2, 2] * z
+        u = block[0] * x + block[1] * y + block[2] * z
+        v = block[3] * x + block[4] * y + block[5] * z
+        w = block[6] * x + block[7] * y + block[8] * z
         for i in range(3):
             out[i, j] += rotations[p, i, 0] * u + rotations[p, i, 1] * v + rotations[p, i, 2] * w

@@ -52,9 +52,8 @@ def automatic_cells() -> tuple[int, int]:
 
 def reference(draw: Draw) -> Reference:
     """Return the limits of pinch and frequencies, and the insertion on the finest mesh."""
-    running = _duct(*draw.pick((20, 26), (60, 62), (66, 68)))
-    finest = _scene(replace(running, residual="full"))
-    return {**limit_figures(running, draw), **insertions.insertion_reference(finest, draw)}
+    running = _duct(*draw.pick((20, 26), (84, 84), (96, 96)))
+    return {**limit_figures(running, draw), **insertions.insertion_reference(_scene(running), draw)}
 
 
 def limit_figures(duct: DuctScene, draw: Draw) -> dict[str, FloatArray]:
@@ -120,7 +119,6 @@ def findings(rows: Sequence[Row]) -> list[str]:
     if coarse in cost:
         lines.append(
             f"From {coarse} to {fine} the cost of a tick changes by {cost[fine] - cost[coarse]:+.0f} us: nodes that "
-            "nobody touches cost next to nothing. The price of a fine mesh is paid when the modes are made, and in the "
-            "memory of the residual."
+            "nobody touches cost next to nothing. The price of a fine mesh is paid when the modes are made."
         )
     return lines
