@@ -9,8 +9,9 @@ What may reach a hand is bounded here and nowhere else, in this order: model, pa
 * The observer of Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002) sums the energy that the hand
   puts in, exactly for a force held between two positions: :math:`E \mathrel{-}= f_{k-1} \cdot (x_k - x_{k-1})`.
   Where it is negative, more came out than went in; damping :math:`\alpha = -E / (\Delta t\, v^2)` takes that back.
-  But for what a force does over one count of an encoder, which is noise and not energy: a jaw that closed on a wall was
-  kicked by 25 mN for 0.3 uJ. That much stays owed, at any time, and the arm's own friction takes it.
+  But for what a force, and the arm's own friction, do over one count of an encoder: that is noise and not energy. Jaws
+  that closed on a wall, or slipped on it, were kicked by 25 and 50 mN for 0.3 and 0.6 uJ, as a count in each of three
+  joints reads as 12 mm/s. So much stays owed, at any time, and the friction takes it.
 * Force and damping both come late where the rate limit holds them, and a force that is late may push. So a servo that
   owes energy is bounded beforehand: the largest force falls with what is owed, to zero at 2 mJ. What is owed outlives
   the contact, and is forgiven within a second or so.
@@ -72,9 +73,9 @@ MAX_STEP_S = 0.003
 MAX_TORQUE_STEP_S = 0.001
 #: Below this speed the observer's correction would be noise of the encoders.
 STILL_M_S = 0.01
-#: And so is what a force does over the count of an encoder: of what is owed, so much is left to the arm's friction.
-#: The count of a Premium; a Touch has 0.055 mm.
-COUNT_M = 30e-6
+#: And so is what a force does over the count of an encoder, or the arm's friction: of what is owed, so much is left to
+#: the latter. Count and friction of a Premium; a Touch has 0.055 mm and 0.26 N.
+COUNT_M, FRICTION_N = 30e-6, 0.04
 #: Below this force the hand is free: the rate limit lets a force outlive its contact by some ticks.
 LIMP_N = 1e-3
 #: Energy that may have come out of the servo before it gives no force any more; from the first of it on it gives less.
@@ -186,7 +187,7 @@ def _passivity_damping(motion: FloatArray, limits: FloatArray, now: FloatArray, 
     v2 = motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2
     still = v2 < STILL_M_S**2 or now[NOW_DT] <= 0.0
     held = math.sqrt(memory[MEMORY_FORCE] ** 2 + memory[MEMORY_FORCE + 1] ** 2 + memory[MEMORY_FORCE + 2] ** 2)
-    owed = -memory[MEMORY_ENERGY] - COUNT_M * held
+    owed = -memory[MEMORY_ENERGY] - COUNT_M * (held + FRICTION_N)
     if owed <= 0.0 or still or now[NOW_GAIN] == 0.0:
         return 0.0
     return float(min(owed / (now[NOW_DT] * v2), limits[LIMIT_DAMPING]))

@@ -250,3 +250,14 @@ def test_what_a_force_does_over_a_count_of_the_encoder_is_noise_that_brakes_nobo
     law.settle()
     law.motion[0], law.motion[3] = counts * servo_law.COUNT_M, 0.02
     assert 1.0 - law.force()[0] == pytest.approx(braked_n, abs=1e-9)
+
+
+@pytest.mark.parametrize(("ways", "braked_n"), [(0.9, 0.0), (20.0, 0.1)])
+def test_what_the_arms_own_friction_takes_over_a_count_brakes_nobody(ways: float, braked_n: float) -> None:
+    """A small force that comes out of several counts: less than friction does over one is no reason to brake."""
+    law = Law()
+    law.load(force_n=(0.02, 0.0, 0.0), in_contact=True)
+    law.settle()
+    way_m = ways * servo_law.FRICTION_N * servo_law.COUNT_M / 0.02
+    law.motion[0], law.motion[3] = way_m, 0.02
+    assert 0.02 - law.force()[0] == pytest.approx(braked_n, abs=1e-9)

@@ -109,6 +109,20 @@ def test_an_insertion_is_that_of_the_mechanics_alone(tmp_path: Path, monkeypatch
     assert owed_j(rig) < (1.0 - FORCE_KEPT) * MOST_OWED_J
 
 
+def test_jaws_that_slip_on_the_wall_are_felt_without_a_kick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scenario's jaws slip. Two counts of encoders at once read as a speed, and 50 mN came where 8 were solved.
+
+    What one count does along the wall is felt, by its stiffness there: 6 mN.
+    """
+    arm = {"scenario": "insertion", "pace": PACE}
+    rig = WholeRig(tmp_path, monkeypatch, insertion().scene, (arm, arm))
+    rig.run(1.5)
+    solved_n = np.array([[tool.force_n for tool in moment.solved.reactions()] for moment in rig.moments])
+    assert np.linalg.norm(solved_n[:, 1], axis=1).max() > 8e-3
+    kicks_n = np.linalg.norm(rig.forces_n()[2:, 1] - solved_n[:-2, 1], axis=1)
+    assert kicks_n.max() < 10e-3
+
+
 def test_walls_feel_soft_and_hard_in_the_order_of_their_materials(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
