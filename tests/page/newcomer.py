@@ -136,9 +136,10 @@ def insert(mouse: Mouse, look: Callable[[], None] = lambda: None) -> None:
     mouse.drag(mouse.pixel((66.0, 0.0, jaws_mm(mouse)[2])), 2.0)  # the tip before the mouth
     time.sleep(1.0)
     look()
-    mouse.drag(mouse.pixel((45.0, 0.0, jaws_mm(mouse)[2])), 6.0)
+    mouse.drag(mouse.pixel((57.0, 0.0, jaws_mm(mouse)[2])), 3.0)
     browser.until(lambda: inserted_mm(mouse) > INSERTED_MM, 60, "the catheter is in the duct")
     look()
+    mouse.drag(mouse.pixel((45.0, 0.0, jaws_mm(mouse)[2])), 4.0)
     time.sleep(2.0)
     look()
 

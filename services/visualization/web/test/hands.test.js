@@ -3,6 +3,7 @@ import { test } from "node:test";
 import { readGamepad } from "../src/hands/gamepad.js";
 import { Grip } from "../src/hands/grip.js";
 import { atDepth, jawsAt, junctionAt, leashed, length, onLevel, onPicture, sub } from "../src/hands/motion.js";
+import { Pointer } from "../src/hands/pointer.js";
 import { loudnessOf, pitchOf } from "../src/hands/tone.js";
 
 const near = (a, b, within = 1e-9) => a.forEach((x, i) => assert.ok(Math.abs(x - b[i]) < within, `${a} is not ${b}`));
@@ -37,7 +38,7 @@ test("held depth lets a tool swing about its port only", () => {
 test("a tool without jaws is steered by its tip", () => {
   const grip = new Grip({ name: "probe", position_m: [0.07, 0, 0.02], roll_rad: 0 }, { port: PORT, jawLength: 0 });
   assert.equal(grip.hasJaws, false);
-  assert.doesNotMatch(grip.hint, /jaws|close/);
+  for (const fingers of [false, true]) assert.doesNotMatch(grip.hint(fingers), /jaws|close/);
   near(grip.jaws, [70, 0, 20]);
   grip.move([5, -3, 8]);
   const [name, junction, , opening] = grip.row();
@@ -59,12 +60,51 @@ test("a grip begins where its tool is, in the units of the wire", () => {
   assert.ok(grip.row()[1][0] > 0.078);
 });
 
+test("who has fingers is told of no wheel", () => {
+  const grip = new Grip({ name: "left", position_m: [0.07, 0, 0.02], roll_rad: 0 }, SHAPE);
+  assert.match(grip.hint(false), /wheel.*click.*Tab/);
+  assert.doesNotMatch(grip.hint(true), /wheel|click|Tab/);
+});
+
+// A canvas that keeps who listens, and what a pointer on it asks for.
+function pointed() {
+  const listeners = {}, asked = { lift: 0, turn: 0, drags: 0, clicks: 0 };
+  const canvas = { addEventListener: (kind, listener) => (listeners[kind] = listener), setPointerCapture: () => {} };
+  const pointer = new Pointer(canvas, {
+    onDrag: () => asked.drags++, onLift: (mm) => (asked.lift += mm), onTurn: (rad) => (asked.turn += rad),
+    onClick: () => asked.clicks++,
+  });
+  pointer.on = true;
+  const at = (kind, pointerId, clientX, clientY) => listeners[kind]({ type: kind, button: 0, pointerId, clientX, clientY });
+  return { asked, at };
+}
+
+test("a second finger raises, or turns if it sets off sideways, and closes nothing", () => {
+  for (const [x, y, what] of [[0, -1, "lift"], [1, 0, "turn"]]) {
+    const { asked, at } = pointed();
+    at("pointerdown", 1, 100, 100);
+    at("pointerdown", 2, 200, 100);
+    for (let k = 1; k <= 40; k++) at("pointermove", 2, 200 + k * x, 100 + k * y);
+    for (const finger of [2, 1]) at("pointerup", finger, 200, 100);
+    assert.ok(asked[what] > 0);
+    assert.equal(asked[what === "lift" ? "turn" : "lift"], 0);
+    assert.deepEqual([asked.drags, asked.clicks], [0, 0]);
+    at("pointerdown", 1, 100, 100);
+    at("pointerup", 1, 100, 100);
+    assert.equal(asked.clicks, 1);
+  }
+});
+
 test("a gamepad's stick has a dead zone, and its triggers close", () => {
   const pad = { connected: true, mapping: "standard", axes: [0.05, -1, 0, 0], buttons: Array(16).fill({ value: 0 }) };
   pad.buttons[6] = { value: 0.5 };
   const [left, right] = readGamepad(1, [null, pad]);
   near(left.by, [0, 25, 0]);
   assert.equal(left.closing, 0.5);
+  assert.deepEqual([left.roll, right.roll], [0, 0]);
+  pad.buttons[15] = pad.buttons[2] = { value: 1 };
+  const turned = readGamepad(0.5, [pad]).map((hand) => hand.roll);
+  assert.deepEqual(turned, [0.6, -0.6]);
   near(right.by, [0, 0, 0]);
   assert.equal(readGamepad(1, [null]), null);
 });
@@ -73,4 +113,14 @@ test("more force sounds higher and louder, none is silent", () => {
   assert.equal(loudnessOf(0), 0);
   assert.ok(loudnessOf(1) < loudnessOf(2) && pitchOf(1) < pitchOf(2));
   assert.equal(pitchOf(3), pitchOf(30));
+});
+
+test("a finger that has dragged does not say what two of them do", () => {
+  const { asked, at } = pointed();
+  at("pointerdown", 1, 100, 100);
+  for (let k = 1; k <= 20; k++) at("pointermove", 1, 100 + 5 * k, 100);
+  at("pointerdown", 2, 300, 100);
+  for (let k = 1; k <= 20; k++) at("pointermove", 1, 200, 100 - k);
+  assert.ok(asked.lift > 0);
+  assert.equal(asked.turn, 0);
 });

@@ -18,12 +18,13 @@ export class Grip {
     this.depth = null; // held, from the port
   }
 
-  // How a person moves it.
-  get hint() {
-    const what = this.hasJaws
-      ? "the jaws, wheel to lower or raise them, click to close or open them"
-      : "the tip, wheel to lower or raise it";
-    return `Drag to move ${what}, Tab for the other hand.`;
+  // How a person moves it, with a mouse or with fingers.
+  hint(fingers) {
+    const [lift, click, other] = fingers
+      ? ["a second finger up or down to raise or lower", "tap", "the button for the other hand"]
+      : ["wheel to lower or raise", "click", "Tab for the other hand; or keys: arrows, W, S, Space"];
+    const what = this.hasJaws ? `the jaws, ${lift} them, ${click} to close or open them` : `the tip, ${lift} it`;
+    return `Drag to move ${what}, ${other}.`;
   }
 
   // Moves the jaws by (3,) millimetres; returns by how much they moved.

@@ -24,6 +24,7 @@ export class Hands {
     this.pointer = new Pointer(view.canvas, {
       onDrag: (from, to) => this.drag(from, to),
       onLift: (mm, roll) => this.lift(mm, roll),
+      onTurn: (rad) => this.grip?.turn(rad),
       onClick: () => this.toggleJaws(),
     });
     this.keys = new Keys({
@@ -103,7 +104,7 @@ export class Hands {
     this.active = which % Math.max(1, this.grips.length);
     if (!this.grip) return;
     $("hand-which").textContent = `Hand: ${this.grip.name}`;
-    $("hand-hint").textContent = this.grip.hint;
+    $("hand-hint").textContent = this.grip.hint(matchMedia("(pointer: coarse)").matches);
     this.showJaws();
     [...$("tools").children].forEach((row, i) => row.classList.toggle("active", i === this.grip.at));
   }
@@ -160,6 +161,7 @@ export class Hands {
   follow(grip, hand, inWorld) {
     if (!grip) return;
     if (hand.by.some((x) => x)) this.move(grip, inWorld(hand.by));
+    if (hand.roll) grip.turn(hand.roll);
     if (hand.closing > 0 || grip.trigger > 0) grip.opening = OPEN + (SHUT - OPEN) * hand.closing;
     grip.trigger = hand.closing;
   }
