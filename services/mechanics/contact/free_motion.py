@@ -70,4 +70,5 @@ def free_motion(rows: ContactRows, recovery: float, dt_s: float, out: FloatArray
                     total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
             out[3 * row + axis] = total
         if HAS_GAP[rows.law[row]]:
-            out[3 * row] += taken_back(rows, row, recovery, dt_s)
+            rows.taken_m[row] = taken_back(rows, row, recovery, dt_s)
+            out[3 * row] += rows.taken_m[row]

@@ -54,7 +54,7 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
     """Append one bilateral row for each of the first ``count`` holds in order; return how many found room."""
     state, holds = state_at(state_address), holds_at(holds_address)
     rows, geometry = state.rows, state.geometry
-    n_rows = 0
+    n_rows = rows.reserved = 0
     for index in range(count):
         slot = holds.order[index]
         row = append_row(rows, _HOLD, hold_identity(holds.number[slot]))

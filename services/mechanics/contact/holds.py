@@ -102,8 +102,11 @@ class HoldRegistry:
     def follow(self, requests: list[GraspHold]) -> None:
         """Take up new requests, update limits, drop what is no longer asked for, or by a tool that is gone."""
         self.took_up = False
-        if not requests and not self.active:
-            return
+        if requests or self.active:
+            self._follow(requests)
+        self._system.rows.reserved = len(self.active)
+
+    def _follow(self, requests: list[GraspHold]) -> None:
         present = self._system.geometry.tools.present.tolist()
         requests = [request for request in requests if self._is_sound(request) and present[request.tool]]
         asked = {request.hold_id for request in requests}

@@ -32,10 +32,14 @@ class ContactRows(Struct):
         Distance of the surfaces at the start of the step.
     pad_m : (C,) float64
         How deep the surfaces may overlap before they push each other.
+    taken_m : (C,) float64
+        What of the gap counts in this step: all of a distance, of an overlap (negative) what is taken back.
     slip_m : (C, 3) float64
         Motion of the first body relative to the target over the step without contact forces, in world axes.
     elastic_m : (C, 3) float64
         Elastic slip at the start of the step, in world axes, for laws that remember it; see `anchors`.
+    held_j : (C,) float64
+        What the springs of its friction stored with the force of the last step, in J.
     friction : (C,) float64
         Coefficient of Coulomb friction, for laws that have it.
     force_limit_n : (C,) float64
@@ -56,6 +60,8 @@ class ContactRows(Struct):
         Contacts and holds in use.
     dropped : int
         Rows that found no room since the start.
+    reserved : int
+        Room that is left for the rows of holds, which come last: without a row a hold would be stretched unfelt.
     """
 
     law: Annotated[ByteArray, "c"]
@@ -64,8 +70,10 @@ class ContactRows(Struct):
     point_m: Annotated[FloatArray, "c", 3]
     gap_m: Annotated[FloatArray, "c"]
     pad_m: Annotated[FloatArray, "c"]
+    taken_m: Annotated[FloatArray, "c"]
     slip_m: Annotated[FloatArray, "c", 3]
     elastic_m: Annotated[FloatArray, "c", 3]
+    held_j: Annotated[FloatArray, "c"]
     friction: Annotated[FloatArray, "c"]
     force_limit_n: Annotated[FloatArray, "c"]
     softness_m_n: Annotated[FloatArray, "c", 3]
@@ -79,6 +87,7 @@ class ContactRows(Struct):
     lever: Annotated[FloatArray, "c", 3, N_COORDINATES]
     n_contacts: int = 0
     dropped: int = 0
+    reserved: int = 0
 
     @property
     def capacity(self) -> int:

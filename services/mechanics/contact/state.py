@@ -8,6 +8,7 @@ from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.passivity import Ledger
 from services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
 from services.mechanics.contact.solver import SolverScratch
 from services.mechanics.contact.warm_start import ForceMemory
@@ -24,6 +25,8 @@ class ContactState(Struct):
         Of these rows; its motion are gaps and slips at the end of the step.
     memory : ForceMemory
         Of the last step.
+    ledger : Ledger
+        What contacts owe.
     scratch : SolverScratch
     delassus : (m m,) float64
         Delassus operator W, packed as (3 k, 3 k) for k contacts.
@@ -38,6 +41,7 @@ class ContactState(Struct):
     rows: ContactRows
     problem: ContactProblem
     memory: ForceMemory
+    ledger: Ledger
     scratch: SolverScratch
     delassus: Annotated[FloatArray, "m * m"]
     force_n: Annotated[FloatArray, "c", 3]
@@ -55,6 +59,7 @@ class ContactState(Struct):
             rows=rows,
             problem=ContactProblem.zeros(m=m, rows=rows),
             memory=ForceMemory.zeros(c=capacity),
+            ledger=Ledger(),
             scratch=SolverScratch.allocate(capacity),
             **extents,
         )

@@ -8,6 +8,7 @@ from services.mechanics.arrays import BoolArray, FloatArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.identity import without_target
+from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.contact.rows import ContactRows
 
 
@@ -25,7 +26,7 @@ class ForceMemory(Struct):
 
 @kernel
 def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> None:
-    """Fill ``rows.force_n``, ``rows.elastic_m`` and ``slides`` (C,) with what is remembered, zero where nothing is.
+    """Fill ``rows.force_n``, ``elastic_m``, ``held_j`` and ``slides`` (C,) with what is remembered, or with zero.
 
     First the same pair, then the same first body against the same kind of target, so that a contact which slid
     on to the next triangle keeps its force. A remembered force is given away once.
@@ -34,6 +35,7 @@ def recall_forces(memory: ForceMemory, rows: ContactRows, slides: BoolArray) -> 
     for row in range(rows.n_contacts):
         rows.force_n[row] = 0.0
         rows.elastic_m[row] = 0.0
+        rows.held_j[row] = 0.0
         slides[row] = False
         memory.found[row] = _match(memory, rows, row, False, slides)
     for row in range(rows.n_contacts):
@@ -58,6 +60,8 @@ def _match(memory: ForceMemory, rows: ContactRows, row: int, on_any_target: bool
                     + rows.frame[row, axis, 1] * memory.force_n[old, 1]
                     + rows.frame[row, axis, 2] * memory.force_n[old, 2]
                 )
+                if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+                    rows.held_j[row] += 0.5 * rows.softness_m_n[row, axis] * rows.force_n[row, axis] ** 2
             return True
     return False
 

@@ -25,7 +25,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     Where there is no room the row is counted as dropped, and `NO_ROOM` returned.
     """
     row = rows.n_contacts
-    if row == rows.gap_m.shape[0]:
+    if row >= rows.gap_m.shape[0] - rows.reserved:
         rows.dropped += 1
         return NO_ROOM
     rows.n_contacts = row + 1

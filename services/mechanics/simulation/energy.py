@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
-from services.mechanics.contact.free_motion import taken_back
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
@@ -128,7 +127,7 @@ class EnergyBook:
         self._enter_tools(before, dt_s)
         self._enter_rod(before, dt_s)
         self._enter_duct(before, dt_s)
-        self._enter_contacts(before, dt_s)
+        self._enter_contacts(before)
         self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
         self.flow.numerical_j += self.simulation.squeeze.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
@@ -191,7 +190,7 @@ class EnergyBook:
         duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
         self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
 
-    def _enter_contacts(self, before: _Snapshot, dt_s: float) -> None:
+    def _enter_contacts(self, before: _Snapshot) -> None:
         """Work of the contact forces on the relative motion, friction and normal apart; anchors store some of it."""
         system = self.simulation.system
         taken_j, gone_j = enter_grips(self.simulation, before.grips)
@@ -209,8 +208,7 @@ class EnergyBook:
                 continue
             elastic = rows.frame[row] @ rows.elastic_m[row]
             self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
-            start = taken_back(rows, row, system.settings.recovery, dt_s)
-            self.flow.impact_j -= float(force[0] * (end[0] - start))
+            self.flow.impact_j -= float(force[0] * (end[0] - rows.taken_m[row]))
 
 
 @dataclass(slots=True)

@@ -40,7 +40,7 @@ class ToolArrays(Struct):
     waiting: Annotated[BoolArray, N_TOOLS]
     unsound_s: Annotated[FloatArray, N_TOOLS]  # for how long the numbers of each tool have meant nothing
     roll: Annotated[FloatArray, N_TOOLS]
-    start: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # scratch: the hand at the start of the step
+    start: Annotated[FloatArray, N_TOOLS, N_COORDINATES]  # the hand at the start of the step
     hand: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     stretch: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
     proxy: Annotated[FloatArray, N_TOOLS, N_COORDINATES]
@@ -202,7 +202,7 @@ def predict_proxies(
             is_there = tools.present[tool] and tools.unsound_s[tool] < LONGEST_UNSOUND_S
         if is_there and not tools.present[tool]:
             for axis in range(tools.hand.shape[1]):
-                tools.stretch[tool, axis] = 0.0
+                tools.stretch[tool, axis], tools.start[tool, axis] = 0.0, tools.hand[tool, axis]
                 tools.proxy[tool, axis] = tools.hand[tool, axis]
             tools.waiting[tool] = tools.was_here[tool]
             tools.was_here[tool] = True

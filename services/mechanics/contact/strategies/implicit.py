@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.anchors import store_anchors
 from services.mechanics.contact.delassus import rotate_to_contact_frames
 from services.mechanics.contact.free_motion import free_motion
-from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.passivity import solve_passively
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.assembly import ASSEMBLED, MISSING, NO_KERNEL, add_body_compliances, assemble
@@ -56,7 +57,8 @@ class ImplicitStrategy(ContactStrategy):
     def solve(self, iterations: int, dt_s: float) -> int:
         """Solve the complementarity problem."""
         settings = self._settings
-        sweeps: int = solve_implicitly(self._address, (settings.recovery, dt_s), (iterations, settings.tolerance_n))
+        addresses, effort = (self._address, self._bodies.tools.address), (iterations, settings.tolerance_n)
+        sweeps: int = solve_implicitly(addresses, (settings.recovery, dt_s), effort)
         return sweeps
 
 
@@ -70,14 +72,16 @@ def rotate(state_address: Address[ContactState]) -> None:
 
 @kernel
 def solve_implicitly(
-    state_address: Address[ContactState], recovery: tuple[float, float], effort: tuple[int, float]
+    addresses: tuple[Address[ContactState], Address[ToolArrays]],
+    recovery: tuple[float, float],
+    effort: tuple[int, float],
 ) -> int:
-    """Find the contact forces from W and return the number of sweeps; see `free_motion` and `solve_contacts`."""
-    state = state_at(state_address)
+    """Find the contact forces from W and return the number of sweeps; see `free_motion` and `solve_passively`."""
+    state, hands = state_at(addresses[0]), (tools_at(addresses[1]), recovery[1])
     size = 3 * state.rows.n_contacts
     W = state.delassus[: size * size].reshape(size, size)
     free_motion(state.rows, recovery[0], recovery[1], state.problem.motion)
-    sweeps: int = solve_contacts(state.problem, W, effort, state.scratch)
+    sweeps: int = solve_passively(state.problem, W, effort, (state.scratch, state.ledger), hands)
     finish(state)
     store_anchors(state.problem, state.slides, state.memory.elastic_m)
     return sweeps

@@ -1,0 +1,248 @@
+r"""What contacts give to bodies in a step must not be more than what friction, impacts and couplings take.
+
+Forces f that move contact points by u against each other put :math:`f \cdot u` into what they act on. That is negative
+where a law is solved for, but for two things: an overlap that is taken back, whose motion nobody has put in, and a
+solve that was cut short. So as much of the overlaps is taken back as is paid for in the same step: small work whole,
+large work up to a level. What a step could have paid for is what the next one begins with, so that jaws that are shut
+on a wall are solved once. What is over then, of a solve that did not converge, is taken out of the forces: scaled down
+together they stay inside their cones, and some scale of them gives nothing.
+
+Jaws at rest would keep their last micrometres of overlap for ever, and a force that these falsify by a per cent. So
+there is a small credit: a share of what hands have put in lately. It is paid back by what friction and impacts take.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.forceps.tool_body import ToolArrays
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
+from services.mechanics.contact.laws import ELASTIC_AXES, HAS_GAP
+from services.mechanics.contact.laws.law import ContactProblem
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver import SolverScratch, solve_contacts
+
+# A step may give so much: a ten-thousandth of what a catheter's length holds at a tenth of a metre per second.
+SLACK_J = 1e-10
+# Of the work of the hands within `LATELY_S`: so much may be owed.
+CREDIT = 2e-3
+LATELY_S = 1.0
+# Of what pays for taking back: less is taken back then, so that less friction pays.
+PAID = 0.9
+_HALVINGS = 30
+
+
+class Ledger(Struct):
+    """What contacts owe, and what they may, in J.
+
+    ``paid_j`` is what the last step could have paid for taking overlaps back, infinite where that was all; ``worked_j``
+    the work of the hands lately, and ``most_j`` the most of it lately.
+    """
+
+    paid_j: float = math.inf
+    owed_j: float = 0.0
+    worked_j: float = 0.0
+    most_j: float = 0.0
+
+
+@kernel
+def solve_passively(
+    problem: ContactProblem,
+    W: FloatArray,
+    effort: tuple[int, float],
+    work: tuple[SolverScratch, Ledger],
+    hands: tuple[ToolArrays, float],
+) -> int:
+    """Do as `solve_contacts`, and again while contacts give more than is taken; return the number of sweeps.
+
+    ``work`` is its scratch, and what is owed; ``hands`` are the tools and the step's length.
+    """
+    rows, (scratch, ledger) = problem.rows, work
+    _note_hands(ledger, hands[0], hands[1])
+    credit_j = max(CREDIT * ledger.most_j - ledger.owed_j, SLACK_J)
+    is_less = take_back_at_most(rows, ledger.paid_j + credit_j, problem.motion)
+    sweeps: int = solve_contacts(problem, W, effort, scratch)
+    over_j = _over_j(problem, hands)
+    for attempt in range(2):
+        paid_j = PAID * max(work_j(rows) - over_j, 0.0) + credit_j if attempt == 0 else 0.0
+        if over_j <= credit_j or not take_back_at_most(rows, paid_j, scratch.free):
+            break
+        is_less = True
+        for place in range(W.shape[0]):
+            problem.motion[place] = scratch.free[place]
+        sweeps += solve_contacts(problem, W, effort, scratch)
+        over_j = _over_j(problem, hands)
+    ledger.paid_j = PAID * max(work_j(rows) - over_j, 0.0) if is_less else math.inf
+    if over_j > credit_j:
+        scale_down(problem, W, scratch.free)
+        over_j = 0.0
+    ledger.owed_j = max(ledger.owed_j + over_j, 0.0)
+    return sweeps
+
+
+@kernel
+def _note_hands(ledger: Ledger, tools: ToolArrays, dt_s: float) -> None:
+    """Enter the work of the hands on the couplings, as these were stretched when the step began."""
+    kept = max(1.0 - dt_s / LATELY_S, 0.0)
+    ledger.worked_j *= kept
+    for tool in range(tools.stretch.shape[0]):
+        if tools.present[tool]:
+            for axis in range(tools.stretch.shape[1]):
+                force = tools.stiffness[tool, axis] * tools.stretch[tool, axis]
+                ledger.worked_j -= force * (tools.hand[tool, axis] - tools.start[tool, axis])
+    ledger.most_j = max(kept * ledger.most_j, abs(ledger.worked_j))
+
+
+@kernel
+def _over_j(problem: ContactProblem, hands: tuple[ToolArrays, float]) -> float:
+    """Return what contacts give beyond what the couplings take: these are asked only where it is anything."""
+    given: float = given_j(problem)
+    return given - taken_by_couplings_j(problem.rows, hands[0], hands[1]) if given > SLACK_J else given
+
+
+@kernel
+def taken_by_couplings_j(rows: ContactRows, tools: ToolArrays, dt_s: float) -> float:
+    """Return what dampers and implicit steps of the couplings take out with the solved forces, in J."""
+    total = 0.0
+    for tool in range(tools.stretch.shape[0]):
+        for coordinate in range(tools.stretch.shape[1]):
+            load = 0.0
+            for row in range(rows.n_contacts):
+                if rows.tool[row] == tool:
+                    for axis in range(3):
+                        for k in range(3):
+                            load += rows.lever[row, k, coordinate] * rows.frame[row, axis, k] * rows.force_n[row, axis]
+            end = (
+                tools.free[tool, coordinate] + tools.compliance[tool, coordinate] * load - tools.hand[tool, coordinate]
+            )
+            change = end - tools.stretch[tool, coordinate]
+            total += (tools.damping[tool, coordinate] / dt_s + 0.5 * tools.stiffness[tool, coordinate]) * change**2
+    return total
+
+
+@kernel
+def given_j(problem: ContactProblem) -> float:
+    """Return what contacts between surfaces give to what they act on, the springs of their friction included, in J."""
+    rows, motion, total = problem.rows, problem.motion, 0.0
+    for row in range(rows.n_contacts):
+        force = rows.force_n[row]
+        if not HAS_GAP[rows.law[row]] or force[0] == 0.0:
+            continue
+        total += force[0] * (motion[3 * row] - rows.softness_m_n[row, 0] * force[0] - rows.taken_m[row])
+        total -= rows.held_j[row]
+        for axis in range(1, 3):
+            softness, started = rows.softness_m_n[row, axis], _elastic_m(rows, row, axis)
+            total += force[axis] * (motion[3 * row + axis] - softness * force[axis] - started)
+            if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+                total += 0.5 * softness * force[axis] ** 2
+    return total
+
+
+@kernel
+def _elastic_m(rows: ContactRows, row: int, axis: int) -> float:
+    """Return the elastic slip that a row begins with along an axis of its frame."""
+    total = 0.0
+    if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+        for k in range(3):
+            total += rows.frame[row, axis, k] * rows.elastic_m[row, k]
+    return total
+
+
+@kernel
+def take_back_at_most(rows: ContactRows, paid_j: float, free: FloatArray) -> bool:
+    """Take no more of the overlaps back than ``paid_j`` pays for with the present forces; return whether that is less.
+
+    ``free`` (3 k,) is the motion without contact forces, as `free_motion` has written it.
+    """
+    if work_j(rows) <= paid_j:
+        return False
+    level = _level(rows, paid_j)
+    for row in range(rows.n_contacts):
+        work = _work_j(rows, row)
+        if work > level:
+            before = rows.taken_m[row]
+            rows.taken_m[row] *= level / work
+            free[3 * row] += rows.taken_m[row] - before
+    return True
+
+
+@kernel
+def work_j(rows: ContactRows) -> float:
+    """Return the work of all rows on the ways by which overlaps are taken back."""
+    total = 0.0
+    for row in range(rows.n_contacts):
+        total += _work_j(rows, row)
+    return total
+
+
+@kernel
+def _work_j(rows: ContactRows, row: int) -> float:
+    """Return the work of a row on the way by which its overlap is taken back."""
+    if not HAS_GAP[rows.law[row]]:
+        return 0.0
+    work: float = -max(rows.force_n[row, 0], 0.0) * min(rows.taken_m[row], 0.0)
+    return work
+
+
+@kernel
+def _level(rows: ContactRows, paid_j: float) -> float:
+    """Return up to what the work of each row may be, so that all together do what is paid for."""
+    low, high = 0.0, paid_j
+    for _ in range(_HALVINGS):
+        middle, total = 0.5 * (low + high), 0.0
+        for row in range(rows.n_contacts):
+            total += min(_work_j(rows, row), middle)
+        if total > paid_j:
+            high = middle
+        else:
+            low = middle
+    return low
+
+
+@kernel
+def scale_down(problem: ContactProblem, W: FloatArray, along: FloatArray) -> None:
+    """Scale the forces between surfaces down until they give nothing; ``along`` (3 k,) is scratch.
+
+    With a share s of them contacts give ``s b + s^2 a - c``, c being what the springs of friction held before: nothing
+    or less for s = 0.
+    """
+    rows, motion = problem.rows, problem.motion
+    _moved_by_gaps(rows, W, along)
+    a, b, c = 0.0, 0.0, 0.0
+    for row in range(rows.n_contacts):
+        force = rows.force_n[row]
+        if not HAS_GAP[rows.law[row]] or force[0] == 0.0:
+            continue
+        c += rows.held_j[row]
+        for axis in range(3):
+            softness, by = rows.softness_m_n[row, axis], along[3 * row + axis]
+            start = _elastic_m(rows, row, axis) if axis > 0 else rows.taken_m[row]
+            a += force[axis] * (by - softness * force[axis])
+            b += force[axis] * (motion[3 * row + axis] - by - start)
+            if axis >= 3 - ELASTIC_AXES[rows.law[row]]:
+                a += 0.5 * softness * force[axis] ** 2
+    share = 0.0
+    if a > 0.0:
+        share = min((math.sqrt(b * b + 4.0 * a * c) - b) / (2.0 * a), 1.0)
+    for row in range(rows.n_contacts):
+        if HAS_GAP[rows.law[row]]:
+            for axis in range(3):
+                rows.force_n[row, axis] *= share
+    for place in range(W.shape[0]):
+        motion[place] += (share - 1.0) * along[place]
+
+
+@kernel
+def _moved_by_gaps(rows: ContactRows, W: FloatArray, out: FloatArray) -> None:
+    """Write what the forces between surfaces move all rows by into ``out`` (3 k,)."""
+    for place in range(W.shape[0]):
+        out[place] = 0.0
+    for row in range(rows.n_contacts):
+        if HAS_GAP[rows.law[row]]:
+            for axis in range(3):
+                force = rows.force_n[row, axis]
+                if force != 0.0:
+                    for place in range(W.shape[0]):
+                        out[place] += W[3 * row + axis, place] * force
