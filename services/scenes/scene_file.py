@@ -16,6 +16,7 @@ from services.mechanics.scene import SceneModel, ToolScene
 from services.mechanics.scene.instruments import TOOLS, USUAL
 from services.mechanics.simulation.scene_catheter import check_catheter
 from services.mechanics.simulation.scene_duct import check_duct_numbers
+from services.mechanics.simulation.scene_world import check_integrator
 from services.runtime import config
 from services.runtime.called_for import has_duct_alone
 from services.runtime.errors import ConfigError
@@ -76,6 +77,7 @@ def build_scene(data: Mapping[str, Any], where: str) -> SceneModel:
         raise ConfigError(f"{where}: {wrong}")
     try:
         check_duct_numbers(scene.duct)
+        check_integrator(scene)
         check_ladder(scene)
         check_bodies(scene)
         check_catheter(scene)

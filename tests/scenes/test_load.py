@@ -187,6 +187,15 @@ def test_an_element_that_there_is_not_is_answered_with_those_there_are(override:
         load_scene("insertion", [override])
 
 
+def test_the_exact_oscillator_is_refused_where_something_touches_the_duct(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("duct: {integrator: exact}\nforceps: [{}]\n")
+    with pytest.raises(ConfigError, match=r"a.yaml: duct.integrator: exact is for a duct that nothing touches"):
+        load_scene(file)
+    file.write_text("duct: {integrator: exact}\n")
+    assert load_scene(file).duct_alone
+
+
 def test_a_duct_too_short_for_its_width_is_refused_before_anything_starts(tmp_path: Path) -> None:
     """It was found by a division by zero when the rig had started; a duct alone needs no way in."""
     wide = "duct: {radius_m: 0.04, n_around: 8, n_along: 6, n_modes: 5}\n"

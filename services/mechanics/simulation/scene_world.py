@@ -66,7 +66,24 @@ def build_duct_body(scene: SceneModel, duct: ReducedDuct, effects: Iterable[Effe
     return body
 
 
+def check_integrator(scene: SceneModel) -> None:
+    r"""Refuse the exact oscillator where something touches the duct.
+
+    Contacts act as impulses at the start of a step. A mode that turns by :math:`\theta` in it and gets the same impulse
+    in each rests, by its exact solution, at :math:`(\theta/2) \cot(\theta/2)` of where the force would hold it: nowhere
+    from half a period on, and beyond on the wrong side. By Newmark it rests where it should at any step.
+
+    Raises
+    ------
+    ValueError
+        Names the key.
+    """
+    if scene.duct.integrator == "exact" and not scene.duct_alone:
+        raise ValueError("duct.integrator: exact is for a duct that nothing touches, contacts need newmark")
+
+
 def _integrator(scene: SceneModel, duct: ReducedDuct) -> ModalIntegrator:
+    check_integrator(scene)
     kind = ExactOscillator if scene.duct.integrator == "exact" else Newmark
     return kind(duct.basis.omega_rad_s, duct.damping_ratio)
 

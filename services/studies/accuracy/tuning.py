@@ -104,7 +104,7 @@ def finest(scene: SceneModel) -> SceneModel:
         duct = replace(duct, n_around=_even(1.4 * duct.n_around), n_along=_even(1.4 * duct.n_along))
     elif duct.mesh_edge_m is not None:
         duct = replace(duct, mesh_edge_m=duct.mesh_edge_m / 1.4)
-    duct = replace(duct, n_modes=round(1.5 * duct.n_modes), integrator="exact")
+    duct = replace(duct, n_modes=round(1.5 * duct.n_modes))
     quality = (replace(best, name="full", iterations=2 * best.iterations, without=()),)
     return replace(
         scene, duct=duct, catheter=replace(catheter, n_segments=round(1.5 * catheter.n_segments)), quality=quality
@@ -122,7 +122,6 @@ def steps_down(scene: SceneModel) -> Iterator[Step]:
         yield Step(f"{n_segments} segments", {"catheter.n_segments": n_segments})
     for sweeps in (round(0.5 * scene.quality[0].iterations), *_SWEEPS):
         yield Step(f"{sweeps} sweeps", {"quality.iterations": sweeps})
-    yield Step("newmark", {"duct.integrator": "newmark"})
     for name in scene.effects:
         if name not in scene.essential:
             yield Step(f"no {name}", effect=name)
