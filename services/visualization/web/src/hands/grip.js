@@ -20,11 +20,10 @@ export class Grip {
 
   // How a person moves it, with a mouse or with fingers.
   hint(fingers) {
-    const [lift, click, other] = fingers
-      ? ["a second finger up or down to raise or lower", "tap", "the button for the other hand"]
-      : ["wheel to lower or raise", "click", "Tab for the other hand; or keys: arrows, W, S, Space"];
-    const what = this.hasJaws ? `the jaws, ${lift} them, ${click} to close or open them` : `the tip, ${lift} it`;
-    return `Drag to move ${what}, ${other}.`;
+    const [drag, lift, click, other] = fingers
+      ? ["Drag to move", "a second finger up or down to lift", "tap to close", "the button is for the other hand"]
+      : ["Drag or arrows move", "wheel or W, S lift", "click or Space closes", "Tab is for the other hand"];
+    return this.hasJaws ? `${drag} the jaws, ${lift}, ${click} them; ${other}.` : `${drag} the tip, ${lift} it; ${other}.`;
   }
 
   // Moves the jaws by (3,) millimetres; returns by how much they moved.
