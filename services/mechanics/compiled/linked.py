@@ -2,13 +2,16 @@
 
 numba links the optimised code of a callee into its caller, optimises the whole anew and makes machine code of it, which
 for nine kernels of ten nobody runs: of 500 kernels of the default scene Python calls 50. Most of the others are only
-simplified, and optimised within those that Python calls.
+simplified, and optimised within those that Python calls. Those of detection are optimised by themselves, each once.
 """
 
 from __future__ import annotations
 
 import contextlib
+import itertools
+from collections.abc import Iterator
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from llvmlite import binding as llvm
 from llvmlite import ir
@@ -21,14 +24,22 @@ _ENVIRONMENT = "_ZN08NumbaEnv"
 _ANOTHER_NUMBA = (AttributeError, TypeError)
 
 
+#: Instructions of what is still inlined, with all that it calls: beyond them, nothing in detection is.
+_INLINED = 1000
+_SMALL: WeakKeyDictionary[Any, bool] = WeakKeyDictionary()
+
+
 class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
     """Code for callers; what machine code is made of is a stub, the place of the function's environment alone.
 
-    numba keeps both on disk, as of every kernel, and a process that reads them cannot tell the difference.
+    numba keeps both on disk, as of every kernel, and a process that reads them cannot tell the difference. numba would
+    also link all that is called, at every depth, and optimise it once more with each caller, and theirs. Here what is
+    too large to be inlined is linked when the rest has been optimised, as it was when its own turn came.
     """
 
     _final_module: Any
     _linked: Any = None
+    _large: tuple[Any, ...] = ()
 
     @classmethod
     def of(cls, state: Any) -> _LinkedLibrary:
@@ -36,6 +47,29 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
         library = cls(state.targetctx.codegen(), state.func_id.func_qualname)
         library.enable_object_caching()
         return library
+
+    def finalize(self) -> None:
+        """Link what is called, the large apart; optimise; make ready."""
+        with contextlib.suppress(*_ANOTHER_NUMBA):
+            self._set_apart()
+        super().finalize()
+
+    def _set_apart(self) -> None:
+        called = list(dict.fromkeys(self._linking_libraries))
+        large = [each for each in called if not _is_small(each)]
+        modules = tuple(each._get_module_for_linking() for each in large)  # noqa: SLF001
+        for each in large:
+            self._reload_init.update(each._reload_init)  # noqa: SLF001
+        self._linking_libraries = [each for each in called if each not in large]
+        self._large = modules
+
+    def _optimize_final_module(self) -> None:
+        self._optimise()
+        for module in self._large:
+            self._final_module.link_in(module, preserve=True)
+
+    def _optimise(self) -> None:
+        super()._optimize_final_module()
 
     def _finalize_final_module(self) -> None:
         with contextlib.suppress(*_ANOTHER_NUMBA):
@@ -58,13 +92,13 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
 class _SimplifiedLibrary(_LinkedLibrary):
     """Code that is only simplified; optimised it would be unrolled and vectorised, and taken apart in each caller."""
 
-    def _optimize_final_module(self) -> None:
+    def _optimise(self) -> None:
         try:
             passes, options = self._codegen._module_pass_manager(  # noqa: SLF001
                 loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap"
             )
         except _ANOTHER_NUMBA:
-            super()._optimize_final_module()
+            super()._optimise()
         else:
             passes.run(self._final_module, options)
 
@@ -85,6 +119,19 @@ class SimplifyingCompiler(LinkedCompiler):
     """The same with a `_SimplifiedLibrary`: compiles in two thirds of the time."""
 
     _library = _SimplifiedLibrary
+
+
+def _is_small(library: Any) -> bool:
+    """Return whether what a library defines may be inlined as a whole."""
+    if library not in _SMALL:
+        instructions = _instructions(library._get_module_for_linking())  # noqa: SLF001
+        _SMALL[library] = sum(1 for _ in itertools.islice(instructions, _INLINED + 1)) <= _INLINED
+    return _SMALL[library]
+
+
+def _instructions(module: Any) -> Iterator[Any]:
+    defined = (function for function in module.functions if not function.is_declaration)
+    return (each for function in defined for block in function.blocks for each in block.instructions)
 
 
 def _for_linking(module: Any) -> Any:

@@ -44,6 +44,12 @@ def half_root_of(x: float) -> float:
 
 
 @kernel
+def quarter_root_of(x: float) -> float:
+    """Return a quarter of it, through the half."""
+    return 0.5 * half_root_of(x)
+
+
+@kernel
 def twice_root_of(x: float) -> float:
     """Return twice of it."""
     return 2.0 * root_of(x)
@@ -118,6 +124,31 @@ def test_what_kernels_call_is_optimised_in_its_callers_and_alone_only_where_dete
     assert _call("half_triangle_of", tmp_path, here)[0] == "60.0"
     assert _vectors(tmp_path, "triangle_of.within_kernels") == optimised
     assert _vectors(tmp_path, "half_triangle_of")
+
+
+#: Says of each kernel that only kernels call which functions are optimised in its turn.
+TELLING = """
+import services.mechanics.compiled as compiled
+from services.mechanics.compiled import linked
+compiled._OPTIMISED_BY_THEMSELVES = ("tests.",)
+linked._INLINED = {instructions}
+optimise = linked._LinkedLibrary._optimise
+def telling(library):
+    defined = [each.name for each in library._final_module.functions if not each.is_declaration]
+    print("optimised:", *sorted(kernel for kernel in ("half", "root") if any("11test_linked" in name and
+        ("12half_root_of" if kernel == "half" else "7root_of") in name for name in defined)))
+    optimise(library)
+linked._LinkedLibrary._optimise = telling
+"""
+
+
+@pytest.mark.parametrize(("instructions", "with_half"), [(0, "half"), (1000, "half root")])
+def test_what_is_too_large_to_be_inlined_is_optimised_in_its_own_turn_only(
+    instructions: int, with_half: str, tmp_path: Path
+) -> None:
+    said = _call("quarter_root_of", tmp_path, TELLING.format(instructions=instructions))
+    assert said == ["optimised: root", f"optimised: {with_half}", "1.0", "below zero", "3"]
+    assert _call("quarter_root_of", tmp_path) == ["1.0", "below zero", "0"], "all of it was linked and kept"
 
 
 def test_what_kernels_call_is_compiled_once_and_is_machine_code_in_its_callers_only(tmp_path: Path) -> None:
