@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.reduction.softened_wall.pattern import (
     DELIVERED,
@@ -9,12 +11,14 @@ from services.mechanics.reduction.softened_wall.pattern import (
     LINEAR,
     PART,
     RHO,
+    TURN,
     bound_law,
     integrate_law,
     read_law,
+    turns,
 )
-from services.mechanics.reduction.softened_wall.wall import SoftenedWall
-from services.mechanics.reduction.softening.law import N_PARTS
+from services.mechanics.reduction.softened_wall.wall import N_MIXED, SoftenedWall
+from services.mechanics.reduction.softening.law import FIRST, N_PARTS
 
 LEAST_SHARE = 1e-4
 """Of the largest force on a site: below it a site does not count."""
@@ -44,6 +48,8 @@ def begin_candidate(wall: SoftenedWall) -> bool:
             count += 1
     for mode in range(wall.modal.shape[0]):
         wall.pressed_modal[mode] = wall.modal[mode]
+    for number in range(N_MIXED):
+        wall.pressed_mixed[number] = wall.mixed[number]
     wall.made[0], wall.made[1], wall.made[2] = count, 0, 0
     return count > 0
 
@@ -87,25 +93,16 @@ def _add_pair(wall: SoftenedWall, first: int, second: int) -> None:
 def _complete(wall: SoftenedWall) -> None:
     """Write the numbers, the law and the direction of the pattern."""
     made, a = wall.candidate, wall.pressed
-    V, E, size = 0.0, 0.0, 0.0
+    V, E = 0.0, 0.0
     for site in range(a.shape[0]):
         V += 0.5 * a[site] * wall.moved[site]
         E += a[site] * wall.quadratic[site] / 3.0
-        size += abs(a[site])
     rho = -E / V if V > 0.0 else 0.0
     numbers = made.numbers
-    numbers[GAIN], numbers[RHO], numbers[PART] = 0.0, rho, 1.0
-    _mix_law(wall, size)
-    if abs(rho) < NOTHING:
+    numbers[GAIN], numbers[RHO], numbers[PART], numbers[TURN] = 0.0, rho, 1.0, math.inf
+    _mix_law(wall)
+    if abs(rho) < NOTHING or not _shift(wall, rho):
         return
-    work, area = read_law(made, rho)
-    if abs(work) < NOTHING * abs(rho):
-        return
-    energy = area / (rho * rho)  # Phi
-    slope = work - 2.0 * energy  # rho times the derivative of Phi
-    for site in range(a.shape[0]):
-        # (Phi - rho Phi') W a - Phi' T a a / 2, over Y: inward displacements of the sites that do the work V.
-        wall.shift[site] = ((energy - slope) * wall.moved[site] - slope / rho * wall.quadratic[site]) / work
     linear, delivered = _deliver(wall)
     fit = linear / V
     if not fit > 0.0:
@@ -118,15 +115,34 @@ def _complete(wall: SoftenedWall) -> None:
 
 
 @kernel
-def _mix_law(wall: SoftenedWall, size: float) -> None:
-    """Write the law of forces spread as these are."""
+def _shift(wall: SoftenedWall, rho: float) -> bool:
+    """Write inward displacements of the sites that do the work V: those of the forces, by the law; False if none.
+
+    (Phi - rho Phi') W a - Phi' T a a / 2, over Y. Where the law turns Y goes through zero: there those of second order
+    stand for all, -T a a / (6 rho).
+    """
     made = wall.candidate
+    if turns(made):
+        for site in range(wall.shift.shape[0]):
+            wall.shift[site] = -wall.quadratic[site] / (FIRST * rho)
+        return True
+    work, area = read_law(made, rho)
+    if abs(work) < NOTHING * abs(rho):
+        return False
+    energy = area / (rho * rho)  # Phi
+    slope = work - 2.0 * energy  # rho times the derivative of Phi
+    for site in range(wall.shift.shape[0]):
+        wall.shift[site] = ((energy - slope) * wall.moved[site] - slope / rho * wall.quadratic[site]) / work
+    return True
+
+
+@kernel
+def _mix_law(wall: SoftenedWall) -> None:
+    """Write the law of forces on these nodes."""
+    made, mixed = wall.candidate, wall.pressed_mixed
     made.work[:] = 0.0
     for part in range(N_PARTS):
-        coefficient = 0.0
-        for site in range(wall.pressed.shape[0]):
-            coefficient += abs(wall.pressed[site]) * wall.coefficients[site, part]
-        coefficient /= size
+        coefficient = mixed[part] / mixed[N_PARTS]
         for point in range(made.work.shape[0]):
             made.work[point] += coefficient * wall.parts[part, point]
     integrate_law(made)

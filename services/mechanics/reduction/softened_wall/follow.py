@@ -9,8 +9,9 @@ Both are exact in time, so that nothing that was not put in comes out, whatever 
   more than P(q1) - P(q2), whatever the step and the motion.
 - When the pattern changes, P of the new one at the same displacement is compared with that of the old one. What is less
   is spent, or kept in the tank; what is more is taken from the tank, or the old pattern stays.
-- The potential of a wall that is pulled out is convex. There the force is that of the end of the step, found ahead of
-  it with the contact forces of the last one (`push_ahead`): it too does no more work than the potential falls by. Where
+- The potential of a wall that is pulled out is convex, and that of one whose law turns has a convex part. There the
+  force is that of the end of the step, found ahead of it with the contact forces of the last one (`push_ahead`): it too
+  does no more work than the potential falls by. Where
   contacts change so that it does, as where the wall is let go, the step is corrected by the force of where it has led.
 """
 
@@ -21,6 +22,7 @@ import math
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import dot, row
 from services.mechanics.reduction.softened_wall.candidate import begin_candidate, continue_candidate
 from services.mechanics.reduction.softened_wall.pattern import (
     GAIN,
@@ -32,6 +34,7 @@ from services.mechanics.reduction.softened_wall.pattern import (
     stiffens,
 )
 from services.mechanics.reduction.softened_wall.wall import (
+    N_MIXED,
     POTENTIAL,
     SPENT,
     STORED,
@@ -39,6 +42,7 @@ from services.mechanics.reduction.softened_wall.wall import (
     SoftenedWall,
     softened_wall_at,
 )
+from services.mechanics.reduction.softening.law import N_PARTS
 
 FOLLOW_S = 2e-3
 """Time in which the pattern of forces is followed: noise of contacts that change from tick to tick stays out."""
@@ -99,6 +103,8 @@ def _follow(wall: SoftenedWall, loads: tuple[IntArray, FloatArray], modal_force:
     largest = 0.0
     for site in range(wall.at_sites.shape[0]):
         wall.at_sites[site] *= 1.0 - part
+    for number in range(N_MIXED):
+        wall.mixed[number] *= 1.0 - part
     for load in range(nodes.shape[0]):
         node = nodes[load]
         for k in range(wall.near.shape[1]):
@@ -106,6 +112,8 @@ def _follow(wall: SoftenedWall, loads: tuple[IntArray, FloatArray], modal_force:
             for axis in range(3):
                 total += wall.weights[node, k, axis] * forces[load, axis]
             wall.at_sites[wall.near[node, k]] += part * total
+        force = row(forces, load)
+        _mix(wall, node, part * math.sqrt(dot(force, force)))
     acting = part if nodes.shape[0] > 0 else 0.0
     for mode in range(wall.modal.shape[0]):
         wall.modal[mode] += acting * modal_force[mode] - part * wall.modal[mode]
@@ -117,7 +125,17 @@ def _follow(wall: SoftenedWall, loads: tuple[IntArray, FloatArray], modal_force:
         wall.at_sites[site] = 0.0
     for mode in range(wall.modal.shape[0]):
         wall.modal[mode] = 0.0
+    for number in range(N_MIXED):
+        wall.mixed[number] = 0.0
     return False
+
+
+@kernel
+def _mix(wall: SoftenedWall, node: int, force_n: float) -> None:
+    """Count the law's coefficients at a node by the force on it."""
+    for number in range(N_PARTS):
+        wall.mixed[number] += force_n * wall.coefficients[node, number]
+    wall.mixed[N_PARTS] += force_n
 
 
 @kernel
@@ -164,7 +182,7 @@ def _correct_step(
     times, old = 2.0 if wall.takes_mean else 1.0, wall.foretold
     for mode in range(q.shape[0]):
         old[mode] = wall.force[mode]
-    _find_force(wall, q, gains[0])
+    _find_force(wall, motion[1], q, gains[0])
     for mode in range(q.shape[0]):
         change = wall.force[mode] - old[mode]
         q[mode] += times * gains[0][mode] * change
@@ -173,8 +191,8 @@ def _correct_step(
 
 
 @kernel
-def _find_force(wall: SoftenedWall, end: FloatArray, position_gain: FloatArray) -> None:
-    """Write the force that belongs to where a step ends under it, ``end`` (r,) being where it ends under ``force``."""
+def _find_force(wall: SoftenedWall, start: FloatArray, end: FloatArray, position_gain: FloatArray) -> None:
+    """Write the force of a step from ``start`` (r,) to where it leads; ``end`` (r,) is where ``force`` leads."""
     pattern, times = wall.pattern, 2.0 if wall.takes_mean else 1.0
     s, moves = _along(wall, pattern, end), 0.0
     for mode in range(end.shape[0]):
@@ -182,7 +200,7 @@ def _find_force(wall: SoftenedWall, end: FloatArray, position_gain: FloatArray) 
         s -= moved * wall.force[mode]
         moves += moved * pattern.direction[mode]
     part = pattern.numbers[PART]
-    phi = part * evaluate_ahead(pattern, s, moves * part)
+    phi = part * evaluate_ahead(pattern, _along(wall, pattern, start), s, moves * part)
     for mode in range(end.shape[0]):
         wall.force[mode] = phi * pattern.direction[mode]
 
@@ -253,14 +271,16 @@ def _push(wall: SoftenedWall, q: FloatArray, qddot: FloatArray) -> None:
 
 
 @kernel
-def push_ahead(address: Address[SoftenedWall], end: FloatArray, position_gain: FloatArray, qddot: FloatArray) -> None:
-    """Write the force of the next step, of a pattern that stiffens: that of its end.
+def push_ahead(
+    address: Address[SoftenedWall], q: FloatArray, end: FloatArray, position_gain: FloatArray, qddot: FloatArray
+) -> None:
+    """Write the force of the next step, of a pattern that stiffens: that of its end, where it stiffens.
 
     Parameters
     ----------
     address : Address[SoftenedWall]
-    end : (r,) float64
-        Modal coordinates at the end of the step if the force stays that of the last one.
+    q, end : (r,) float64
+        Modal coordinates at the start of the step, and at its end if the force stays that of the last one.
     position_gain : (r,) float64
         What a force that acts at the end of the step moves them by there, see `ModalGains`.
     qddot : (r,) float64
@@ -269,6 +289,6 @@ def push_ahead(address: Address[SoftenedWall], end: FloatArray, position_gain: F
     wall = softened_wall_at(address)
     for mode in range(qddot.shape[0]):
         qddot[mode] -= wall.force[mode] if wall.takes_mean else 0.0
-    _find_force(wall, end, position_gain)
+    _find_force(wall, q, end, position_gain)
     for mode in range(qddot.shape[0]):
         qddot[mode] += wall.force[mode] if wall.takes_mean else 0.0

@@ -64,7 +64,7 @@ class FollowedWall:
             ahead.q[:], ahead.qdot[:], ahead.qddot[:] = q, qdot, qddot
             self._integrator.predict(ahead, others + self.force, dt_s)
             ahead.q += by_impulses
-            push_ahead(self._wall.address, ahead.q, made.position, qddot)
+            push_ahead(self._wall.address, q, ahead.q, made.position, qddot)
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""

@@ -11,7 +11,7 @@ from services.mechanics.compiled.struct import Struct, reader
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.newmark import Newmark
 from services.mechanics.reduction.softened_wall.delivery import delivery
-from services.mechanics.reduction.softened_wall.pattern import GAIN, RHO, Pattern
+from services.mechanics.reduction.softened_wall.pattern import GAIN, TURN, Pattern
 from services.mechanics.reduction.softening.law import N_PARTS
 from services.mechanics.reduction.softening.sites import Lumen
 from services.mechanics.reduction.softening.training import WallSoftening
@@ -20,18 +20,19 @@ from services.mechanics.reduction.state import ModalIntegrator
 STORED, SPENT, POTENTIAL, TANK = range(4)
 """Books in J: what is stored, and what was dissipated so far; stored are the pattern's potential and the tank."""
 N_BOOKS = 4
+N_MIXED = N_PARTS + 1
 MOST_SOFTENING = 0.9
 """Of the stiffness that lasts, so much may be lost: what is left brings the wall back."""
 
 
 class SoftenedWall(Struct):
-    """m sites, r modes."""
+    """n nodes, m sites, r modes."""
 
     near: Annotated[IntArray, "n", "k"]
     weights: Annotated[FloatArray, "n", "k", 3]
     local: Annotated[FloatArray, "m", "m"]
     third: Annotated[Float32Array, "m", "m", "m"]
-    coefficients: Annotated[FloatArray, "m", N_PARTS]
+    coefficients: Annotated[FloatArray, "n", N_PARTS]
     parts: Annotated[FloatArray, N_PARTS, "p"]
     delivery: Annotated[FloatArray, "r", "m"]
     stiffness: Annotated[FloatArray, "r"]
@@ -42,10 +43,12 @@ class SoftenedWall(Struct):
     modal: Annotated[FloatArray, "r"]  # state: the modal force that belongs to them
     force: Annotated[FloatArray, "r"]  # state: what acts on the modes in the next step
     books: Annotated[FloatArray, N_BOOKS]  # state
+    mixed: Annotated[FloatArray, N_MIXED]  # state: coefficients times forces on the nodes, and forces, followed
     pattern: Pattern  # state: acts
     candidate: Pattern  # is being made of the forces below
     pressed: Annotated[FloatArray, "m"]
     pressed_modal: Annotated[FloatArray, "r"]
+    pressed_mixed: Annotated[FloatArray, N_MIXED]
     active: Annotated[IntArray, "m"]
     made: Annotated[LongArray, 3]  # sites that are active, and the pair of them that comes next
     quadratic: Annotated[FloatArray, "m"]
@@ -88,13 +91,13 @@ class SoftenedWall(Struct):
         return cls.zeros(m=len(sites.nodes), **extents, **patterns, **plain)
 
     def stiffens(self) -> bool:
-        """Whether what acts is a pattern of a wall that is pulled out."""
+        """Whether what acts is a pattern whose potential has a convex part."""
         numbers = self.pattern.numbers
-        return bool(numbers[GAIN] != 0.0 and numbers[RHO] < 0.0)
+        return bool(numbers[GAIN] != 0.0 and numbers[TURN] < np.inf)
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        return self.at_sites, self.modal, self.force, self.books, *self.pattern.state_arrays()
+        return self.at_sites, self.modal, self.force, self.books, self.mixed, *self.pattern.state_arrays()
 
 
 softened_wall_at = reader(SoftenedWall)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import FloatArray, IntArray
 
 FIRST = 3.0
 """Coefficient of the first part."""
@@ -22,11 +22,11 @@ N_PARTS = 5
 N_POINTS = 129
 NOISE = 0.03
 """Scatter of the reference's closures that the law does not explain, over the closure."""
-MEAN_SCALE, LOCAL_SCALE = 5.0, 1.0
+MEAN_SCALE, LOCAL_SCALE = 5.0, 0.5
 """Spread expected of the coefficients, and of what they vary by from place to place."""
 SMOOTH_WIDTHS = 1.5
 """Distance over which they vary, in widths of the lumen."""
-SUPPORT_SCALE, SUPPORT_WIDTHS = 5.0, 0.5
+SUPPORT_SCALE, SUPPORT_WIDTHS = 5.0, 0.35
 """What they vary by beside a support, and within which distance: the wall cannot ovalise there, and is stretched."""
 
 
@@ -49,8 +49,8 @@ class Sample:
         What Y should be.
     share : float
         V over the work of the forces: how much an error of Y counts.
-    place : (m,) float64
-        Shares of the sites in the force, not negative, of sum one.
+    place : (n,) float64
+        Shares of the nodes in the force, not negative, of sum one.
     """
 
     rho: float
@@ -69,8 +69,8 @@ class SofteningLaw:
         Evenly spaced from the least to the largest that was seen; beyond them Y stays what it is there.
     work : (N_PARTS, p) float64
         The parts of Y.
-    coefficients : (m, N_PARTS) float64
-        Of the parts, for forces on each site.
+    coefficients : (n, N_PARTS) float64
+        Of the parts, for forces on each node of the wall.
     """
 
     rho: FloatArray
@@ -78,17 +78,18 @@ class SofteningLaw:
     coefficients: FloatArray
 
 
-def place_of(at_sites: FloatArray) -> FloatArray:
-    """(m,) shares of the sites in a force."""
-    size = np.abs(at_sites)
-    share: FloatArray = size / size.sum()
+def place_of(n_nodes: int, nodes: IntArray, force_n: FloatArray) -> FloatArray:
+    """(n,) shares of the nodes of a wall in forces (k, 3) on some of them."""
+    share = np.zeros(n_nodes)
+    np.add.at(share, nodes, np.linalg.norm(force_n, axis=1))
+    share /= share.sum()
     return share
 
 
 def alike(distance: FloatArray, from_support: FloatArray, other_from_support: FloatArray) -> FloatArray:
-    """(m, s) covariance of the coefficients at m places with those at s others, over `LOCAL_SCALE` squared.
+    """(n, s) covariance of the coefficients at n places with those at s others, over `LOCAL_SCALE` squared.
 
-    ``distance`` (m, s) is between them, ``from_support`` (m,) and (s,) how far each is from the nearest support, in
+    ``distance`` (n, s) is between them, ``from_support`` (n,) and (s,) how far each is from the nearest support, in
     widths of the lumen.
     """
     beside, other_beside = (np.exp(-far / SUPPORT_WIDTHS) for far in (from_support, other_from_support))
@@ -100,7 +101,8 @@ def alike(distance: FloatArray, from_support: FloatArray, other_from_support: Fl
 def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> SofteningLaw:
     """Least squares with a Gaussian prior: coefficients vary smoothly, and with how near a support is.
 
-    ``among`` (s, s) is how `alike` the sites are that the samples have, ``to`` (m, s) those that the law is for.
+    ``among`` (s, s) is how `alike` the nodes of the wall are that the samples are of, ``to`` (n, s) how the nodes of
+    the wall that the law is for are to them.
     """
     rho = np.array([sample.rho for sample in samples])
     share = np.array([sample.share for sample in samples])
@@ -110,8 +112,8 @@ def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> Sof
     kernel = MEAN_SCALE**2 + LOCAL_SCALE**2 * (places @ among @ places.T)
     covariance = kernel * (seen.T @ seen) + NOISE**2 * np.eye(len(rho))
     dual = np.linalg.solve(covariance, wanted)
-    at_sites = MEAN_SCALE**2 + LOCAL_SCALE**2 * (to @ places.T)
-    fitted = at_sites @ (seen * dual).T
+    at_nodes = MEAN_SCALE**2 + LOCAL_SCALE**2 * (to @ places.T)
+    fitted = at_nodes @ (seen * dual).T
     coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
     grid = _grid(min(rho.min(), -0.05), max(rho.max(), 0.05))
     return SofteningLaw(grid, parts(grid), coefficients)

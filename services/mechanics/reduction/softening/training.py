@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from services.cache_directory import cache_directory
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
@@ -20,7 +21,7 @@ from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.softening.followed_wall import followed_recipe
-from services.mechanics.reduction.softening.law import SUPPORT_WIDTHS, Sample, SofteningLaw, alike, fit_law, place_of
+from services.mechanics.reduction.softening.law import Sample, SofteningLaw, alike, fit_law, place_of
 from services.mechanics.reduction.softening.own_energy import fields_of, interpolated_j, known_nodes
 from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites, scaled_to_cubic
 from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
@@ -32,6 +33,8 @@ SOURCES = (
     *(_HERE.parents[1] / "surface" / f"{name}.py" for name in ("coarsening", "mesh")),
 )
 """What the numbers follow from beside the elements, which the recipe's key holds."""
+BESIDE_WIDTHS = 0.5
+"""Of the lumen: nodes so near a support are squeezed more often than others."""
 LEAST_SHARE = 1e-3
 """Of the work that is local deformation: below it a state says nothing about the law."""
 
@@ -134,20 +137,19 @@ class _Wall:
         return cls(model, lumen, scaled_to_cubic(sites, third, lumen.inward, own_j), third)
 
     def alike(self, other: _Wall) -> FloatArray:
-        """(m, s) how alike the law is at its sites and at another's, see `law.alike`."""
-        mine, others = (wall.model.mesh.vertices_m[wall.sites.nodes] for wall in (self, other))
-        distance = np.linalg.norm(mine[:, None] - others[None], axis=2) / np.median(self.lumen.width_m)
+        """(n, s) how alike the law is at its nodes and at another's, see `law.alike`."""
+        distance = cdist(self.model.mesh.vertices_m, other.model.mesh.vertices_m) / np.median(self.lumen.width_m)
         return alike(distance, self._from_support(), other._from_support())
 
     def beside_supports(self) -> IntArray:
-        """Sites within half a lumen's width of a support, where the law varies most."""
-        return self.sites.nodes[self._from_support() < SUPPORT_WIDTHS]
+        """Nodes of sites within half a lumen's width of a support, where the law varies most."""
+        return self.sites.nodes[self._from_support()[self.sites.nodes] < BESIDE_WIDTHS]
 
     def _from_support(self) -> FloatArray:
-        """(m,) from each site to the nearest support, in widths of the lumen."""
+        """(n,) from each node to the nearest support, in widths of the lumen."""
         x = self.model.mesh.vertices_m
         held = np.unique(self.model.held_dofs // 6)
-        far: FloatArray = np.asarray(cKDTree(x[held]).query(x[self.sites.nodes])[0])
+        far: FloatArray = np.asarray(cKDTree(x[held]).query(x)[0])
         return far / np.median(self.lumen.width_m)
 
 
@@ -181,7 +183,8 @@ def _samples(wall: _Wall, states: list[SqueezedState]) -> list[Sample]:
             continue
         linear = _linear_work_j(wall.model, state.nodes, state.force_n)
         rho, excess = -_cubic(wall.third, at_sites) / V, (state.work_j - linear) / V
-        samples.append(Sample(rho, excess, V / state.work_j, place_of(at_sites)))
+        place = place_of(wall.model.mesh.n_vertices, state.nodes, state.force_n)
+        samples.append(Sample(rho, excess, V / state.work_j, place))
     return samples
 
 

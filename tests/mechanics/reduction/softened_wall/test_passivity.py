@@ -10,7 +10,7 @@ import pytest
 
 from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
 from services.mechanics.reduction.softened_wall.follow import CREDIT_J, follow_loads, push_ahead
-from services.mechanics.reduction.softened_wall.pattern import Pattern
+from services.mechanics.reduction.softened_wall.pattern import TURN, Pattern
 from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, TANK, SoftenedWall
 from services.mechanics.reduction.softening.law import parts
 
@@ -20,7 +20,7 @@ STEP = RHO[1] - RHO[0]
 RHO = RHO - RHO[np.abs(RHO).argmin()]
 
 
-def random_wall(random, integrator, coefficients):
+def random_wall(random, integrator, coefficients, strength=1.0):
     """A wall whose sites and modes have to do with each other, as those of a shell, and whose numbers are small."""
     shapes = random.normal(size=(MODES, SITES)) / np.sqrt(MODES)
     third = random.normal(size=(SITES, SITES, SITES))
@@ -34,8 +34,8 @@ def random_wall(random, integrator, coefficients):
         "near": random.integers(0, SITES, (NODES, 6)).astype(np.int32),
         "weights": np.abs(random.normal(size=(NODES, 6, 3))),
         "local": local,
-        "third": (-0.02 * np.abs(third) * np.abs(local).max() ** 1.5).astype(np.float32),
-        "coefficients": np.tile(coefficients, (SITES, 1)),
+        "third": (-0.02 * strength * np.abs(third) * np.abs(local).max() ** 1.5).astype(np.float32),
+        "coefficients": np.tile(coefficients, (NODES, 1)),
         "parts": parts(RHO),
         "delivery": shapes / stiffness[:, None] @ np.linalg.inv(local),
         "stiffness": stiffness,
@@ -48,7 +48,7 @@ def random_wall(random, integrator, coefficients):
 
 
 OMEGA = np.geomspace(100.0, 2e4, MODES)
-GIVING, STIFFENING = (3.0, 1.0, 0.5, 0.3, 0.0), (3.0, -2.0, 4.0, 0.0, -6.0)
+GIVING, STIFFENING, TURNING = (3.0, 1.0, 0.5, 0.3, 0.0), (3.0, -2.0, 4.0, 0.0, -6.0), (3.0, 0.0, 0.0, -60.0, -6.0)
 
 
 @dataclass
@@ -60,12 +60,14 @@ class Shaken:
     largest_j: float = 0.0
     owed_j: float = 0.0
     softened: int = 0
+    turned: int = 0
 
 
 def shake(seed, kind, dt_s, ways, coefficients, ticks=1500):
     random = np.random.default_rng(seed)
     integrator = kind(OMEGA, np.zeros(MODES))
-    wall = random_wall(random, integrator, np.array(coefficients))
+    strength = 10.0 if coefficients is TURNING else 1.0
+    wall = random_wall(random, integrator, np.array(coefficients), strength)
     state, seen = ModalState.at_rest(MODES), Shaken()
     state.q[:] = wall.rest_q
     constant = OMEGA**2 * wall.rest_q
@@ -86,7 +88,7 @@ def shake(seed, kind, dt_s, ways, coefficients, ticks=1500):
         if wall.stiffens():
             ahead = state.copy()
             integrator.predict(ahead, constant + wall.force, dt_s)
-            push_ahead(wall.address, ahead.q, integrator.gains(dt_s).position, state.qddot)
+            push_ahead(wall.address, state.q, ahead.q, integrator.gains(dt_s).position, state.qddot)
         if tick % 50 == 0:  # unforeseen, as contacts that change are
             state.qdot += 0.03 * random.normal(size=MODES)
         before, spent, q_start = energy(), wall.books[SPENT], state.q.copy()
@@ -100,6 +102,7 @@ def shake(seed, kind, dt_s, ways, coefficients, ticks=1500):
         seen.fell_j = max(seen.fell_j, -change)
         seen.imbalance_j = max(seen.imbalance_j, abs(energy() + change - before))
         seen.softened += bool(wall.force.any())
+        seen.turned += 0.0 < wall.pattern.numbers[TURN] < np.inf
         seen.owed_j = max(seen.owed_j, -wall.books[TANK])
     return seen
 
@@ -109,7 +112,14 @@ CASES = [
     (kind, dt_s, ways, coefficients)
     for kind in (Newmark, ExactOscillator)
     for dt_s in (1e-4, 1e-3, 5e-2)
-    for ways, coefficients in ((INWARD, GIVING), (BOTH, GIVING), (OUTWARD, STIFFENING), (BOTH, STIFFENING))
+    for ways, coefficients in (
+        (INWARD, GIVING),
+        (BOTH, GIVING),
+        (OUTWARD, STIFFENING),
+        (BOTH, STIFFENING),
+        (INWARD, TURNING),
+        (BOTH, TURNING),
+    )
 ]
 
 
@@ -117,7 +127,26 @@ CASES = [
 def test_nothing_comes_out_that_was_not_put_in(kind, dt_s, ways, coefficients):
     for seed in range(3):
         seen = shake(seed, kind, dt_s, ways, coefficients)
-        assert seen.softened > (0 if ways is OUTWARD else 50)
+        assert seen.softened > (0 if ways is OUTWARD or coefficients is TURNING else 50)
         assert seen.fell_j == 0.0
         assert seen.imbalance_j <= 1e-9 * seen.largest_j
-        assert seen.owed_j <= 2.0 * CREDIT_J + (0.0 if ways is INWARD else 1e-5 * seen.largest_j)
+        assert seen.owed_j <= 2.0 * CREDIT_J + (
+            0.0 if ways is INWARD and coefficients is not TURNING else 1e-5 * seen.largest_j
+        )
+        assert coefficients is not TURNING or seen.turned > 50
+
+
+def test_a_pattern_has_the_mean_law_of_the_nodes_that_are_pressed():
+    """By the forces on them, whatever sites these are spread over: beside a support it changes from node to node."""
+    random, integrator = np.random.default_rng(5), Newmark(OMEGA, np.zeros(MODES))
+    wall, state = random_wall(random, integrator, np.array(GIVING)), ModalState.at_rest(MODES)
+    wall.coefficients[:] *= random.uniform(0.5, 2.0, (NODES, 1))
+    wall.near[7], wall.weights[7] = wall.near[3], wall.weights[3]
+    gains = integrator.gains(1e-3)
+    nodes, forces = np.array([3, 7], np.int32), np.array([[0.3, 0.0, 0.4], [0.0, 0.1, 0.0]])
+    for _ in range(3):
+        motion = state.q, state.q.copy(), state.qdot, state.qddot
+        made = gains.position, gains.velocity, gains.acceleration
+        follow_loads(wall.address, (nodes, forces), np.ones(MODES), motion, made, 1e-3)
+    mixed = wall.pressed_mixed[:-1] / wall.pressed_mixed[-1]
+    np.testing.assert_allclose(mixed, (5.0 * wall.coefficients[3] + wall.coefficients[7]) / 6.0, rtol=1e-12)

@@ -6,7 +6,16 @@ import pytest
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, reader
 from services.mechanics.reduction.softened_wall import pattern as law
-from services.mechanics.reduction.softened_wall.pattern import DELIVERED, GAIN, LINEAR, PART, RHO, Pattern
+from services.mechanics.reduction.softened_wall.pattern import (
+    DELIVERED,
+    GAIN,
+    LINEAR,
+    MOST_TURNED,
+    PART,
+    RHO,
+    TURN,
+    Pattern,
+)
 from services.mechanics.reduction.softening.law import parts
 
 KNOTS = 0.01 * np.arange(-40, 120)
@@ -21,8 +30,8 @@ def bound(address: Address[Pattern], most_softening: float) -> None:
 
 
 @kernel
-def evaluate_ahead(address: Address[Pattern], s: float, moves: float) -> float:
-    return law.evaluate_ahead(pattern_at(address), s, moves)
+def evaluate_ahead(address: Address[Pattern], start: float, s: float, moves: float) -> float:
+    return law.evaluate_ahead(pattern_at(address), start, s, moves)
 
 
 @kernel
@@ -66,12 +75,50 @@ def test_the_law_is_met_where_it_is_within_the_bounds():
 def test_the_force_ahead_is_that_of_where_it_leads(delivered, moves):
     pattern = made(-0.3, delivered)
     for s in np.linspace(0.01, 6.0, 30):
-        phi = evaluate_ahead(pattern.address, s, moves)
+        phi = evaluate_ahead(pattern.address, 0.3 * s, s, moves)
         assert phi < 0.0
         assert s + moves * phi > 0.0
         assert phi == pytest.approx(evaluate(pattern.address, s + moves * phi)[0], rel=1e-9)
-    assert evaluate_ahead(pattern.address, -1.0, moves) == 0.0
+    assert evaluate_ahead(pattern.address, -1.0, -1.0, moves) == 0.0
 
 
 def test_the_other_way_there_is_no_force():
     assert evaluate(made(0.3, 1.0).address, -1.0) == (0.0, 0.0)
+
+
+TURNING = (3.0, 0.0, 0.0, -6.0, -3.0)
+
+
+@pytest.mark.parametrize("delivered", [0.5, 2.0])
+def test_a_law_that_turns_is_the_slope_of_a_concave_and_of_a_convex_part(delivered):
+    """3 rho - 6 rho^2: phi grows up to a third of rho, is nothing at half of it, and pushes back beyond."""
+    pattern, s = made(0.6, delivered, TURNING), np.linspace(0.0, 6.0, 2001)
+    phi, potential = np.array([evaluate(pattern.address, x) for x in s]).T
+    work = np.cumsum(0.5 * (phi[1:] + phi[:-1]) * np.diff(s))
+    np.testing.assert_allclose(-potential[1:], work, atol=2e-5 * np.abs(work).max())
+    assert phi.max() > 0.0 > phi.min()
+    stiffness = np.gradient(phi, s) * delivered
+    assert stiffness.min() >= -MOST_TURNED / (1.0 - MOST_TURNED) - 1e-6
+    top = s[phi.argmax()]
+    assert np.all(stiffness[s < top - 0.01] >= -1e-9)
+    assert np.all(stiffness[s > top + 0.01] <= 1e-9)
+    if delivered == 0.5:  # within the bounds
+        assert pattern.numbers[TURN] == pytest.approx(1.0 / 3.0, abs=0.011)
+
+
+@pytest.mark.parametrize("delivered", [0.5, 2.0, 40.0])
+def test_a_step_of_a_law_that_turns_does_no_more_work_than_its_potential_falls_by(delivered):
+    """Wherever it begins and wherever it leads."""
+    pattern, random = made(0.6, delivered, TURNING), np.random.default_rng(1)
+    for _ in range(300):
+        start, free, moves = random.uniform(-1.0, 6.0), random.uniform(-1.0, 6.0), 10.0 ** random.uniform(-2.0, 3.0)
+        phi = evaluate_ahead(pattern.address, start, free, moves)
+        end = free + moves * phi
+        fell = evaluate(pattern.address, start)[1] - evaluate(pattern.address, end)[1]
+        assert phi * (end - start) <= fell + 1e-9 * (1.0 + abs(fell))
+
+
+def test_a_law_that_ends_flat_does_not_turn():
+    """Where nothing was learned the law goes on as it may: it is held from falling."""
+    assert made(0.6, 0.5, (3.0, 0.0, 0.0, -2.0, -3.0)).numbers[TURN] == np.inf
+    assert made(-0.3, 0.5, TURNING).numbers[TURN] == 0.0

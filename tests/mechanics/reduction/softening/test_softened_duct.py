@@ -70,6 +70,8 @@ UNSEEN = [
     ("pinch in the middle", 15e-3, 1.0, 0.5, True),
     ("pinch near the mouth", 26e-3, 2.0, 0.5, True),
     ("pinch near the clamp", 9e-3, 0.0, 0.4, True),
+    ("pinch beside the clamp", 3.75e-3, 0.2, 0.4, True),
+    ("pinch where it hardly gives way", 1.875e-3, 0.2, 0.3, True),
     ("poke in the middle", 17e-3, 4.0, 0.4, False),
     ("poke at the mouth", 30e-3, 5.0, 0.4, False),
     ("pull", 10e-3, 1.2, -0.15, False),
@@ -151,7 +153,7 @@ def softening_of_fewer_nodes(duct):
         return train_softening(duct.recipe, own_compliance_m_n(duct), 16)
 
 
-@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), [UNSEEN[0], UNSEEN[1], UNSEEN[4]])
+@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), [UNSEEN[0], UNSEEN[1], UNSEEN[6]])
 def test_squeezes_of_fewer_nodes_teach_as_much(
     duct, lumen, softening_of_fewer_nodes, name, x_m, angle_rad, depth, is_pinch
 ):
