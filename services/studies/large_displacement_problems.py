@@ -39,6 +39,10 @@ DIAPHRAGMS = {0.05: (9.561, -0.233), 0.1: (23.164, -2.391), 1.0: (83.102, 34.272
 """Cylinder pinched between rigid diaphragms, by part of its load: inward at the force, outward a quarter round beside
 it (of the same tables as `PULLED`)."""
 
+ROOF_LIMITS = {12.7: (0.7421, 11.293), 6.35: (0.1953, 12.892)}
+"""Hinged roof, by thickness: part of the load at which it first snaps, and how far its middle has sunk by then (of
+their tables, as S. G. P. Castro's studies of curved panels hold them)."""
+
 Place = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
 
 
@@ -115,6 +119,39 @@ def hemisphere(n: int, membrane: str = "andes") -> Problem:
     dead = np.zeros((mesh.n_vertices, 6))
     dead[index[0, 0], 0], dead[index[-1, 0], 1] = 200.0, -200.0
     return Problem(_shell(mesh, 0.04, 6.825e7, 0.3, supports, membrane), _dead(dead), index[[0, -1], 0])
+
+
+def closed_hemisphere(n: int, membrane: str = "andes") -> Problem:
+    """The same without its hole: three patches of n x n meet between its pole and the two forces."""
+    mesh = _octant(n)
+    x, y, z = mesh.vertices_m.T
+    pulled, pushed, pole = (np.flatnonzero(along > 10.0 - 1e-9).astype(np.int32) for along in (x, y, z))
+    supports = [
+        Support(np.flatnonzero(y < 1e-9).astype(np.int32), ("uy", "rx", "rz")),
+        Support(np.flatnonzero(x < 1e-9).astype(np.int32), ("ux", "ry", "rz")),
+        Support(pole, ("uz",)),
+    ]
+    dead = np.zeros((mesh.n_vertices, 6))
+    dead[pulled, 0], dead[pushed, 1] = 200.0, -200.0
+    watched = np.concatenate([pulled, pushed])
+    return Problem(_shell(mesh, 0.04, 6.825e7, 0.3, supports, membrane), _dead(dead), watched)
+
+
+def _octant(n: int) -> TriangleMesh:
+    """An eighth of a sphere of radius 10 out of three faces of a cube, drawn onto it."""
+
+    def face(first: int) -> Place:
+        def place(u: FloatArray, v: FloatArray) -> Sequence[FloatArray]:
+            cube = np.roll([np.ones_like(u), np.tan(0.25 * np.pi * u), np.tan(0.25 * np.pi * v)], first, axis=0)
+            return list(10.0 * cube / np.linalg.norm(cube, axis=0))
+
+        return place
+
+    faces = [grid(face(first), n, n)[0] for first in range(3)]
+    every = np.concatenate([face.vertices_m for face in faces])
+    _, kept, name = np.unique(np.round(every, 9), axis=0, return_index=True, return_inverse=True)
+    triangles = np.concatenate([face.triangles + k * len(faces[0].vertices_m) for k, face in enumerate(faces)])
+    return TriangleMesh(every[kept], np.ascontiguousarray(name.ravel()[triangles], np.int32))
 
 
 def pulled_cylinder(n_around: int, n_along: int, membrane: str = "andes") -> Problem:

@@ -13,8 +13,10 @@ from services.studies.large_displacement_problems import (
     HALF_CYLINDER,
     PINCH,
     PULLED,
+    ROOF_LIMITS,
     SHEAR,
     cantilever,
+    closed_hemisphere,
     cylinder_between_diaphragms,
     force_over_linear,
     hinged_roof,
@@ -78,9 +80,17 @@ def test_a_half_cylinder_pushed_at_its_free_end_folds_as_far_as_published():
     assert -problem.moved(end)[0, 2] == pytest.approx(HALF_CYLINDER[end.part], rel=0.01)
 
 
-@pytest.mark.parametrize(("thickness", "limit", "lowest"), [(12.7, 2226.0, 512.0), (6.35, 587.0, -385.0)])
-def test_hinged_roof_snaps_through_and_back(thickness, limit, lowest):
-    """Limit loads as in Sze, Liu and Lo's figures; the values are of this method on a mesh of twice the fineness."""
+def test_a_hemisphere_without_a_hole_gives_way_as_published_to_small_forces():
+    """Simo, Fox and Rifai (CMAME 73:53, 1989) have 0.0924 under unit forces."""
+    problem = closed_hemisphere(16)
+    moved = problem.shell.model.solve_static(problem.load.dead).displacement_m[problem.watched] / 200.0
+    assert [moved[0, 0], -moved[1, 1]] == pytest.approx([0.0924, 0.0924], rel=0.01)
+
+
+@pytest.mark.parametrize(("thickness", "lowest"), [(12.7, 512.0), (6.35, -385.0)])
+def test_hinged_roof_snaps_through_and_back(thickness, lowest):
+    """The limit is published; the lowest load is of this method on a mesh of twice the fineness."""
+    limit = 3000.0 * ROOF_LIMITS[thickness][0]
     problem = hinged_roof(thickness)
     path = trace_path(problem.shell, problem.load, PathSettings(n_steps=8, control="arc_length"))
     load = 3000.0 * np.array([point.part for point in path])
