@@ -38,6 +38,7 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
     """
 
     _final_module: Any
+    _linking_libraries: list[Any]
     _linked: Any = None
     _large: tuple[Any, ...] = ()
 
