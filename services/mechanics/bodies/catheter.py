@@ -194,6 +194,7 @@ class CatheterBody:
         if self.state.frame is not None:
             self.state.frame.forget_motion()
         self.contact_force_n[:] = 0.0
+        self._step.owed_j = 0.0
         self._step.last_external[:] = np.nan
 
     def compliance(self, nodes: IntArray, weights: FloatArray) -> FloatArray:

@@ -12,8 +12,10 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.rod import contact_response
+from services.mechanics.rod.contact_gain import pay_for_change
 from services.mechanics.rod.free_step import FreeStep, step_at
 from services.mechanics.rod.implicit_kernels import Addresses, Motion
+from services.mechanics.rod.model import model_at, work_at
 
 
 @kernel
@@ -24,9 +26,11 @@ def give_forces(
     step: tuple[float, bool],
     dt_s: float,
     tool_force: FloatArray,
+    pays: bool,
 ) -> bool:
     """Correct the end of the step of all bodies; ``tool_force`` (2, 4) takes the generalised forces on the tools.
 
+    ``pays`` is whether the catheter's energies are all that `contact_gain` knows.
     ``motion`` and ``step`` are those of `contact_response.correct`; False, and nothing corrected, where that is False.
     """
     state, catheter = state_at(addresses[0]), step_at(addresses[2])
@@ -35,6 +39,8 @@ def give_forces(
     spread_rod_forces(rows.rod_node[:k], rows.rod_weight[:k], forces, catheter.contact)
     if not contact_response.correct(rod, motion, catheter.contact, step):
         return False
+    if pays:
+        pay_for_change(model_at(rod[0]), work_at(rod[1]), catheter, motion, step[0])
     duct_loads.correct(addresses[1], rows.duct_node[:k], rows.duct_weight[:k], forces, dt_s)
     load_tools(addresses[0], tool_force)
     correct_proxies(addresses[3], tool_force)

@@ -38,6 +38,7 @@ class FreeStep(Struct):
     solved: Annotated[FloatArray, "n", 3]  # contact forces of this step, before they are given
     base: Annotated[FloatArray, "n", 3]  # those that the best plan was made with
     led_to: Annotated[FloatArray, "n", 3]  # those that it led to
+    owed_j: float = 0.0  # see `contact_gain`
 
 
 step_at = reader(FreeStep)

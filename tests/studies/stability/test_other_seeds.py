@@ -23,6 +23,9 @@ GAINED = [
     (3, "mass", "wall 0.01 times as heavy, number 3", 0.139),
     # A soft catheter bent hard at its introducer's edge was pulled along the kink that was there before.
     (1, "stiffness", "0.1 times as stiff, holding, number 2", 0.012),
+    # Contact forces that fell off gave back half of what the rod had lost as they came.
+    (1, "probing", "catheter, 0.3 m/s, number 27", 0.0137),
+    (1, "probing", "catheter, 0.5 m/s, number 27", 0.0246),
     # A heal took up a state that stored more than there was.
     (1, "mass", "wall 0.01 times as heavy, number 2", 0.051),
     (1, "stiffness", "10 times as stiff, holding, number 2", 0.171),
