@@ -34,8 +34,10 @@ from services.mechanics.compiled.vectors import Vector, along, combine, dot, row
 
 N_SEGMENTS = 3
 # Probes per segment. The shaft's are of PIECE_M, counted from the junction, the last reaching to the port: they
-# stay where they are in the instrument while it slides through the port. A jaw's share the jaw.
-SHAFT_PROBES, JAW_PROBES = 13, 5
+# stay where they are in the instrument while it slides through the port. A jaw's share the jaw, and the last is its
+# tip: a wall that bulges there is nearer to a piece elsewhere until it is deep in the end of the jaw.
+SHAFT_PROBES, JAW_PIECES = 13, 5
+JAW_PROBES = JAW_PIECES + 1
 PROBES_PER_TOOL = SHAFT_PROBES + 2 * JAW_PROBES
 PIECE_M = 5e-3
 # Cosine between normals from which two contacts at one place count as the same.
@@ -81,8 +83,9 @@ def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) ->
                 )
                 for k in range(count):
                     piece, reach = _piece(segment, k, ends), thickness + detection.margin_m
-                    # The first is always: where it has no length, the whole segment is a sphere.
-                    _advance_piece(detection, first + k, piece, reach, k == 0 or piece[0] != piece[1])
+                    # The first always is: without a length, the whole segment is a sphere. Tips of jaws are, too.
+                    is_point = k == 0 or segment != SHAFT
+                    _advance_piece(detection, first + k, piece, reach, is_point or piece[0] != piece[1])
                 _write_segment(detection, (tool, segment), (first, first + count), ends, thickness, pairs)
             else:
                 for k in range(count):
@@ -106,10 +109,10 @@ def _advance_piece(
 
 @kernel
 def _piece(segment: int, k: int, ends: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-    """Return the ends of probe k of a segment; a shaft's are counted from its far end back."""
+    """Return the ends of probe k of a segment: a shaft's are counted from its far end back, a jaw's last is its tip."""
     p, axis = ends[0], subtract(ends[1], ends[0])
     if segment != SHAFT:
-        return (along(p, axis, k / JAW_PROBES), along(p, axis, (k + 1) / JAW_PROBES))
+        return (along(p, axis, k / JAW_PIECES), along(p, axis, min(k + 1, JAW_PIECES) / JAW_PIECES))
     length = math.sqrt(dot(axis, axis))
     piece = PIECE_M / length if length > 0.0 else 1.0
     start = 0.0 if k == SHAFT_PROBES - 1 else max(1.0 - (k + 1) * piece, 0.0)
@@ -160,7 +163,9 @@ def _write_minimum(
     s = place_along(on_axis, ends)
     if distance > TOUCHING_M:
         s, distance, normal = seen_from(point, ends)
-    take_point(beside, point, 0.0)
+    is_tip = who[1] != SHAFT and row_of(probes.ends, i, 0) == row_of(probes.ends, i, 1)
+    if not take_point(beside, point, APART * thickness if is_tip else 0.0):
+        return
     pair = (who[0], who[1], -1, DUCT_TRIANGLE, probes.triangle[i, k], s, row_of(probes.weights, i, k))
     write_pair(pairs, pair, distance - thickness, normal)
 

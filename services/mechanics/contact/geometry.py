@@ -37,6 +37,7 @@ class ToolGeometry(Struct):
     held: Annotated[BoolArray, N_TOOLS, 2]  # whether the jaws hold something of each target kind
     pad: Annotated[FloatArray, N_TOOLS]  # how deep a wall that they hold may be in them, in m
     thinned: Annotated[FloatArray, N_TOOLS, N_CELLS]  # and one that they squeeze, along them
+    thinning: Annotated[FloatArray, N_TOOLS, N_CELLS]  # by how much more than that per radian of opening, in m
 
 
 class RodGeometry(Struct):
@@ -78,6 +79,7 @@ class ContactGeometry(Struct):
                 held=tools.held,
                 pad=tools.pad_m,
                 thinned=tools.thinned_m,
+                thinning=tools.thinning_m_rad,
             ),
             rod=RodGeometry(position=catheter.start_m, motion=catheter.motion_m, radius=catheter.radius_m),
             wall=WallGeometry(

@@ -1,7 +1,8 @@
 """How deep a wall that jaws hold may be in them before they push it away.
 
-Jaws that close on a fold meet it at their surface. What a caller lets them hold may lie deeper in them already: they
-let it in no further, and do not throw it out of the hold.
+Jaws that close on a fold meet it at their surface: what is deeper in the tick in which they take hold is an overlap
+like any other. What a caller lets them hold may lie in them already: they let it in no further, and do not throw it out
+of the hold.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ SHALLOW_M = 0.1e-3
 
 @kernel
 def take_pads(pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry]) -> None:
-    """Set the pads of jaws that held no wall at the start of the step."""
+    """Set the pads of jaws that held no wall at the start of the step, and are told to by a caller."""
     pairs, tools = pairs_at(pairs_address), geometry_at(geometry_address).tools
     for tool in range(tools.held.shape[0]):
         if not tools.held[tool, DUCT_TRIANGLE]:

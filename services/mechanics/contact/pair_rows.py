@@ -43,8 +43,6 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
         row = append_row(rows, _UNILATERAL, identity)
         if row == NO_ROOM:
             continue
-        if tool != NO_TOOL and segment != SHAFT and kind == DUCT_TRIANGLE:
-            rows.pad_m[row] = _pad(geometry.tools, tool, segment, (pairs.tool_parameter[index], pairs.normal[index]))
         write_frame(pairs.normal[index], rows.frame[row])
         if tool != NO_TOOL:
             _tool_side(pairs, index, geometry.tools, rows, row)
@@ -65,21 +63,33 @@ def _touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
 
 
 @kernel
-def _pad(tools: ToolGeometry, tool: int, jaw: int, at: tuple[float, FloatArray]) -> float:
-    """Return how deep a wall may be in a jaw, in m: more than nothing where they hold it, or squeeze it between them.
+def _squeeze(
+    tools: ToolGeometry, who: tuple[int, int], at: tuple[float, FloatArray], rows: ContactRows, row: int
+) -> None:
+    """Write how deep a wall may be in a jaw: more than nothing where they hold it, or squeeze it between them.
 
-    ``at`` is the place along the jaw and the normal.
+    As it gets thicker in the step in which they open, its middle goes half as far as the jaw: that is the row's lever.
+    Jaws are round, so beside the line in which they are nearest there is more room between them.
+    ``who`` are tool and jaw, ``at`` the place along it and the normal.
     """
-    pad = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
+    tool, jaw = who
+    rows.pad_m[row] = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
     opens = 0.0
     for axis in range(3):
         opens += at[1][axis] * tools.frame[tool, 0, axis]
-    if (opens > 0.0) == (jaw == JAW_A):
-        cell = min(max(at[0] * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
-        first = min(int(cell), N_CELLS - 2)
-        share = cell - first
-        pad = max(pad, (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1])
-    return float(pad)
+    if (opens > 0.0) != (jaw == JAW_A):
+        return
+    facing = abs(opens)
+    cell = min(max(at[0] * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
+    first = min(int(cell), N_CELLS - 2)
+    share = cell - first
+    thinned = (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1]
+    thinned = facing * (thinned - 0.5 * tools.radius[tool, jaw] * (1.0 - facing))
+    if thinned > rows.pad_m[row]:
+        rows.pad_m[row] = thinned
+        slope = facing * ((1.0 - share) * tools.thinning[tool, first] + share * tools.thinning[tool, first + 1])
+        for axis in range(3):
+            rows.lever[row, axis, 3] += slope * at[1][axis]
 
 
 @kernel
@@ -92,6 +102,8 @@ def _tool_side(pairs: ContactPairs, index: int, tools: ToolGeometry, rows: Conta
         # J is the start of both jaws.
         rows.point_m[row, axis] = centre - normal[axis] * radius - tools.segments[tool, 1, 0, axis]
     put_on_tool(rows, row, tools, tool, segment)
+    if segment != SHAFT and pairs.target_kind[index] == DUCT_TRIANGLE:
+        _squeeze(tools, (tool, segment), (s, normal), rows, row)
     add_tool_motion(rows, row, tools)
 
 

@@ -84,11 +84,30 @@ def _strain(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
 
 
 @kernel
-def write_thinned(wall: SolidWall, tool: int, opening_rad: float, out: FloatArray) -> None:
-    """Write how much nearer than half its thickness the middle of each layer is to its jaw, (N_CELLS,) in m."""
+def write_thinned(
+    wall: SolidWall, tool: int, openings_rad: tuple[float, float], out: FloatArray, slope: FloatArray
+) -> None:
+    """Write how much nearer than half its thickness the middle of each layer is to its jaw, (N_CELLS,) in m.
+
+    And by how much that changes from the first to the second opening, (N_CELLS,) in m/rad. Jaws that squeeze a fold in
+    some of their cells leave no more room to its ridge, which only one of them touches, or none.
+    """
+    (start_rad, end_rad), share = openings_rad, 0.0
     for cell in range(N_CELLS):
-        thinner = wall.thickness_m - max(apart_m(wall, tool, cell, opening_rad), 0.0)
-        out[cell] = 0.25 * wall.occupied[tool, cell] * max(thinner, 0.0)
+        share = max(share, wall.occupied[tool, cell])
+    if share == 0.0:
+        out[:] = slope[:] = 0.0
+        return
+    for cell in range(N_CELLS):
+        out[cell] = share * _thinned_m(wall, tool, cell, start_rad)
+        slope[cell] = (share * _thinned_m(wall, tool, cell, end_rad) - out[cell]) / (end_rad - start_rad)
+
+
+@kernel
+def _thinned_m(wall: SolidWall, tool: int, cell: int, opening_rad: float) -> float:
+    thinner = wall.thickness_m - max(apart_m(wall, tool, cell, opening_rad), 0.0)
+    thinned: float = 0.25 * max(thinner, 0.0)
+    return thinned
 
 
 @kernel

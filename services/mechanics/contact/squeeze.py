@@ -9,7 +9,8 @@ out no more than the wall gives up, so a step is passive, whatever its length an
 
 Cells of the jaws are taken by the wall that is pressed from both sides in them, at no more than the thickness that
 there is room for, and given up gradually: what is squeezed never grows by more wall, which nobody would have squeezed.
-Jaws come as much nearer to the middle of each layer as that gets thinner.
+Jaws come as much nearer to the middle of each layer as that gets thinner, and as they open it goes half of their way:
+so much of the wall's own force opens them, and the rest is the other layer's.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact import laws
 from services.mechanics.contact.frames import write_frame
-from services.mechanics.contact.geometry import WallGeometry
+from services.mechanics.contact.geometry import ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import pair_identity, target_kind_of, target_of, tool_segment_of, with_law
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows
@@ -53,6 +54,8 @@ LETS_GO_S = 0.05
 LEAST_ROOM = 0.2
 # Slower than this a torque is taken to be constant over a step.
 _SMALL_RAD = 1e-9
+# Over less than this the thickness of a wall is as good as linear in the opening: 1 um at the tips.
+LEAST_MOTION_RAD = 1e-4
 
 
 class SqueezeArrays(Struct):
@@ -62,6 +65,7 @@ class SqueezeArrays(Struct):
     row: Annotated[IntArray, N_TOOLS, 2]
     arm_m: Annotated[FloatArray, N_TOOLS, 2]
     start_rad: Annotated[FloatArray, N_TOOLS]
+    pushed_rad: Annotated[FloatArray, N_TOOLS]  # how much wider contacts held the jaws at the end of the last step
     stored_j: Annotated[FloatArray, N_TOOLS, 2]
     reach: Annotated[FloatArray, 2, 2, 2]  # scratch: of sides of the surface and jaws, first and last place pressed
     dissipated_j: float = 0.0
@@ -112,6 +116,7 @@ class JawSqueeze:
         """Squeeze nothing."""
         arrays = self._arrays
         arrays.wall.occupied[:] = arrays.stored_j[:] = 0.0
+        arrays.pushed_rad[:] = 0.0
         arrays.row[:] = _NO_ROW
         arrays.put_zero("first", "count")
 
@@ -140,11 +145,22 @@ def append_squeezes(
     for tool in range(tools.present.shape[0]):
         squeeze.row[tool, _WALL] = squeeze.row[tool, _CATHETER] = _NO_ROW
         squeeze.start_rad[tool] = tools.proxy[tool, 3]
-        write_thinned(squeeze.wall, tool, tools.proxy[tool, 3], state.geometry.tools.thinned[tool])
+        _write_thinned(squeeze, tools, state.geometry.tools, tool)
         if tools.present[tool]:
             _append_catheter(rows, tools, squeeze, tool)
             _append_wall(rows, tools, squeeze, tool)
     squeeze.count = rows.n_contacts - squeeze.first
+
+
+@kernel
+def _write_thinned(squeeze: SqueezeArrays, tools: ToolArrays, out: ToolGeometry, tool: int) -> None:
+    """Write how thin the wall is, and becomes by the opening at which the jaws end if the torque on them stays."""
+    start_rad = tools.proxy[tool, 3]
+    motion_rad = tools.free[tool, 3] + squeeze.pushed_rad[tool] - start_rad
+    if abs(motion_rad) < LEAST_MOTION_RAD:
+        motion_rad = LEAST_MOTION_RAD
+    openings_rad = start_rad, start_rad + motion_rad
+    write_thinned(squeeze.wall, tool, openings_rad, out.thinned[tool], out.thinning[tool])
 
 
 @kernel
@@ -240,6 +256,7 @@ def follow_squeezes(
     state, tools, squeeze = state_at(state_address), tools_at(tools_address), squeeze_at(squeeze_address)
     rows = state.rows
     for tool in range(tools.present.shape[0]):
+        squeeze.pushed_rad[tool] = tools.proxy[tool, 3] - tools.free[tool, 3]
         opening, before = tools.proxy[tool, 3], squeeze.stored_j[tool, _WALL] + squeeze.stored_j[tool, _CATHETER]
         squeeze.stored_j[tool, _CATHETER] = 0.0
         for what in range(2):

@@ -297,7 +297,7 @@ class Simulation:
             engage_tools(pairs.address, system.geometry.address)
         self._manifold.append_to(pairs, self.search, system.geometry)
         self.holds.follow(self._grasp(tools, pairs) if tools.holds is None else tools.holds)
-        if self.holds.took_up:
+        if self.holds.took_up and tools.holds is not None:
             take_pads(pairs.address, system.geometry.address)
         catheter_pairs = self.world.pairs
         catheter_pairs.clear()

@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.mechanics.bodies.forceps.kinematics import N_CELLS
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, JAW_B
 from services.mechanics.contact.identity import tool_segment_of
+from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.scenarios import Scenario, ToolMotion
+from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
@@ -17,6 +20,7 @@ from services.mechanics.simulation.scene_duct import build_scene_duct
 
 TOOL, DT_S = 1, 1e-3
 TICKS, SHUT, OPENS = 1100, slice(620, 790), 800
+JAW_RADIUS_M = ForcepsScene().jaw_radius_m
 EFFECTS = {"friction": FrictionSettings(), "grasp_slip": NoSettings()}
 # Places of the jaws, the opening asked for, and how far along them the duct is taken.
 SQUEEZES = {
@@ -46,13 +50,27 @@ class Pinch:
 
 
 def after_step(simulation, tools, step=None):
-    hinge, axis = simulation.tools.proxy[:, :3].copy(), simulation.tools.frame[:, 1].copy()
+    """Yield the simulation with the moment of what is between the jaws, by virtual work.
+
+    A jaw turns by half the opening; the middle of a layer that is squeezed comes after it by so much less as the layer
+    swells. `thinning_m_rad` is how much, in cells along the jaw.
+    """
+    proxy, frame = simulation.tools.proxy[TOOL].copy(), simulation.tools.frame[TOOL].copy()
     (step or simulation.step)(tools)
-    rows, total = simulation.contacts, 0.0
+    rows, total, length_m = simulation.contacts, 0.0, simulation.scene.forceps[TOOL].jaw_length_m
+    cells_m = length_m * (np.arange(N_CELLS) + 0.5) / N_CELLS
     for row, force in enumerate(simulation.contact_force_n):
         side = {JAW_A: 0.5, JAW_B: -0.5}.get(tool_segment_of(int(rows.identity[row])), 0.0)
-        if rows.tool[row] == TOOL and row not in simulation.holds.rows:
-            total += side * float(axis[TOOL] @ np.cross(rows.point_m[row] - hinge[TOOL], force))
+        if side == 0.0 or rows.tool[row] != TOOL or row in simulation.holds.rows:
+            continue
+        arm_m = rows.point_m[row] - proxy[:3]
+        total += side * float(frame[1] @ np.cross(arm_m, force))
+        normal = rows.frame[row, 0]
+        if row not in simulation.squeeze.rows and rows.pad_m[row] > 0.0:
+            jaw = np.cos(0.5 * proxy[3]) * frame[2] + 2.0 * side * np.sin(0.5 * proxy[3]) * frame[0]
+            at_m = min(max((arm_m + JAW_RADIUS_M * normal) @ jaw, 0.0), length_m)
+            swells = np.interp(at_m, cells_m, simulation.tools.thinning_m_rad[TOOL])
+            total += abs(normal @ frame[0]) * swells * float(normal @ force)
     yield simulation, total
 
 
@@ -140,6 +158,34 @@ def test_jaws_that_let_go_of_a_squeezed_duct_are_free_of_it(pinch):
         pass
     assert pinch.simulation.squeeze.stored_j == 0.0
     assert pinch.simulation.tool_results.grasp_torque_nm[TOOL] == pytest.approx(0.0, abs=1e-6)
+
+
+def overlaps_m(simulation):
+    """How deep a tool is in the wall, which is as thick as its jaws have left it, by the places that touch."""
+    rows = simulation.contacts
+    touching = [row for row in range(rows.n_contacts) if rows.tool[row] == TOOL and HAS_GAP[rows.law[row]]]
+    return {int(rows.identity[row]): -rows.gap_m[row] - rows.pad_m[row] for row in touching}
+
+
+@pytest.mark.parametrize("squeeze", ["shut at the middle", "shut near the mouth"])
+def test_a_wall_swells_as_fast_as_jaws_open(small_scene, cache_dir, squeeze):
+    """Before, it swelled no faster than an overlap is taken back, and went 0.2 mm into the jaws."""
+    fine = replace(small_scene, effects=EFFECTS, duct=replace(small_scene.duct, n_around=20, n_along=26))
+    pinch = Pinch(fine, build_scene_duct(fine, cache_dir), squeeze)
+    simulation = pinch.simulation
+    for tick, _ in enumerate(pinch.states()):
+        if tick == SHUT.stop:
+            break
+    before_m, faster_m = overlaps_m(simulation), []
+    pinch.tools.jaw_angle_rad[TOOL] = 1.0  # swept to, at half a metre per second at the tips
+    for _ in range(40):
+        simulation.step(pinch.tools)
+        now_m = overlaps_m(simulation)
+        known = now_m.keys() & before_m.keys()
+        faster_m.append(max((now_m[place] - max(before_m[place], 0.0) for place in known), default=0.0))
+        before_m = now_m
+    assert simulation.tools.proxy[TOOL, 3] > 0.9
+    assert max(faster_m) < 30e-6
 
 
 def test_a_tool_that_is_gone_squeezes_nothing(small_scene, small_duct):

@@ -106,6 +106,25 @@ def test_jaws_that_let_go_meet_what_they_held_where_it_is(seed, family, case, ga
     assert result.figures["tool_penetration_any"] * 1e-3 < 0.1 * deep_m
 
 
+# A wall between jaws swelled no faster than overlaps are taken back; a fold's ridge had no room; a grasp let its jaws
+# into the wall; the tip of a jaw saw nothing. Each with how deep a tool was in the wall, and what was gained.
+SQUEEZED = [
+    ("jaws shut on the wall, number 1", 0.20e-3, 1e-3),
+    ("jaws shut on both, number 0", 0.39e-3, 1e-3),
+    ("jammed, number 1", 0.26e-3, 7.3e-3),
+    ("jammed, number 6", 4.28e-3, 60e-3),
+]
+
+
+@pytest.mark.parametrize(("case", "deep_m", "gained"), SQUEEZED)
+def test_jaws_are_not_deep_in_what_they_squeeze(case, deep_m, gained):
+    result = run_case(Order(Reach.LONG, 1, ("abuse",)), "abuse", case)
+    assert "penetration_any" not in result.failed
+    assert result.figures["tool_penetration_hand"] < 0.55 * deep_m, result.figures
+    assert result.figures["tool_penetration_hand"] < 0.12e-3, result.figures
+    assert result.figures["gain"] < 0.25 * gained
+
+
 # What these cases asked was not what they did: the catheter on springs touched nothing, and at finer steps the hands
 # jerked a thousand times a second.
 ASKED = [

@@ -80,6 +80,8 @@ class ToolBody:
         How deep a wall that they hold may be in them before they push it, see `contact.pads`.
     thinned_m : (2, N_CELLS) float64
         How much nearer the middle of a wall is to jaws that squeeze it, cell by cell along them.
+    thinning_m_rad : (2, N_CELLS) float64
+        By how much more than that for each radian by which they open in this step: less than zero.
     jaw_stop_rad : (2,) float64
         Opening below which a catheter that they hold resists the jaws; -inf where they hold none.
     stop_arm_m : (2,) float64
@@ -107,7 +109,8 @@ class ToolBody:
         jaws = [f.jaws for f in forceps]
         self.radius_m = np.array([[f.body_radius_m] + [f.jaws.jaw_radius_m if f.jaws else 0.0] * 2 for f in forceps])
         self.held = np.zeros((N_TOOLS, 2), np.bool_)
-        self.pad_m, self.thinned_m = np.zeros(N_TOOLS), np.zeros((N_TOOLS, N_CELLS))
+        self.pad_m = np.zeros(N_TOOLS)
+        self.thinned_m, self.thinning_m_rad = np.zeros((2, N_TOOLS, N_CELLS))
         self._arrays = a = ToolArrays.zeros(jaw_stop=np.full(N_TOOLS, -np.inf))
         self.address = a.address
         self._flags = 0
