@@ -23,6 +23,8 @@ BuildDuct = Callable[[SceneModel], ReducedDuct]
 HELD_AT = 0.73
 """Share of what the hands do after which they hold still, while ticks are timed: most of it is done by then."""
 SAMPLES = 150
+STILL_TIP_M, STILL_WALL = 1e-6, 1e-8
+"""What moves by less lies still: a micrometre, and as much of a wall of 0.1 g, in m sqrt(kg)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +114,14 @@ class Trial:
 
 def errors_of(run: Run, reference: Run) -> Errors:
     """Return how far a run is off; nothing felt, and nothing moved, in the reference is no error."""
-    motion = (percent(run.tip_m, reference.tip_m), percent(run.wall, reference.wall))
-    return Errors(percent(run.force_n, reference.force_n), max(motion))
+    tip = percent(run.tip_m, reference.tip_m) if _has_moved(run.tip_m, reference.tip_m, STILL_TIP_M) else 0.0
+    wall = percent(run.wall, reference.wall) if _has_moved(run.wall, reference.wall, STILL_WALL) else 0.0
+    return Errors(percent(run.force_n, reference.force_n), max(tip, wall))
+
+
+def _has_moved(values: FloatArray, reference: FloatArray, still: float) -> bool:
+    """Return whether either moved by more than what counts as still: the rest is rounding."""
+    return bool(max(np.abs(values).max(), np.abs(reference).max()) > still)
 
 
 def percent(values: FloatArray, reference: FloatArray) -> float:
