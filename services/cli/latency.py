@@ -25,12 +25,15 @@ from services.supervisor.threads import ThreadWatch
 
 _LOOK_S = 1.0
 _THREADS = 8
-_WIDTH, _LINE = 110, 64
-_WORDS = ("longest stage", "mostly")
+_WIDTH = 110
+#: Of the time line: with names and cores beside it, it fits a terminal as it is opened.
+_LINE = 60
+_WORDS = "mostly; longest stage"
 _LEGEND = (
-    "s: before the end of what was kept; late: started after its time; ran: on the core since the tick before; "
-    f"over: after its deadline. Mostly: what took most of the time from when it was due; {UNKNOWN!r} is its frame "
-    f"on its way, a bus thread, or somebody who is no loop of the rig; {WAITED!r}: it waited for one, says the kernel."
+    "s: before the end of what was kept; all else in us. late: started after its time; ran: on the core since the "
+    "tick before; over: after its deadline. Mostly: what took most of the time from when it was due; "
+    f"{UNKNOWN!r} is its frame on its way, a bus thread, or somebody who is no loop of the rig; "
+    f"{WAITED!r}: it waited for one, says the kernel."
 )
 
 
@@ -111,26 +114,28 @@ def _show(console: Console, taken: Flights, worst: int) -> None:
         console.print(Text(_LEGEND, style="dim"))
         console.print(_time_line(max(ticks, key=lambda tick: tick.over_periods), taken.flights))
     if taken.threads:
+        console.print(f"the kernel: who of the rig ran in the last {taken.threads[0].seconds:.1f} s")
         console.print(_thread_table(taken.threads))
 
 
 def _table(ticks: Sequence[BadTick], taken: Flights) -> Table:
     table = _plain_table()
-    for title in ("s", "process", "core", "tick", "late us", "work us", "ran us", "over us", *_WORDS):
-        table.add_column(title, justify="left" if title in ("process", *_WORDS) else "right", no_wrap=True)
+    for title in ("s", "process", "core", "tick", "late", "work", "ran", "over", _WORDS):
+        table.add_column(title, justify="left" if title in ("process", _WORDS) else "right", no_wrap=title != _WORDS)
     for group in incidents(ticks):
         for tick in group:
             stage = f"{tick.longest_stage} {tick.longest_stage_ns / 1e3:.0f}" if tick.longest_stage else ""
+            words = "; ".join(filter(None, (tick.why, stage)))
             numbers = (tick.began_ns - tick.due_ns, tick.ended_ns - tick.began_ns, tick.on_core_ns, tick.over_ns)
             cells = (f"{number / 1e3:.0f}" for number in numbers)
             at = f"{(tick.due_ns - taken.taken_ns) * 1e-9:.3f}"
-            table.add_row(at, tick.process, _cores(tick.cores), str(tick.tick), *cells, stage, tick.why)
+            table.add_row(at, tick.process, _cores(tick.cores), str(tick.tick), *cells, words)
         table.add_section()
     return table
 
 
-def _plain_table(title: str | None = None) -> Table:
-    return Table(title=title, box=None, pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
+def _plain_table() -> Table:
+    return Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
 
 
 def _cores(cores: tuple[int, ...]) -> str:
@@ -167,7 +172,7 @@ def _cells(flight: Flight, from_ns: int, to_ns: int) -> list[str]:
 
 
 def _thread_table(threads: Sequence[ThreadTime]) -> Table:
-    table = _plain_table(f"the kernel: who of the rig ran in the last {threads[0].seconds:.1f} s")
+    table = _plain_table()
     for column in ("process", "thread", "ran %", "waited %", "switches/s"):
         table.add_column(column, justify="left" if column in ("process", "thread") else "right")
     for each in threads[:_THREADS]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import os
 from pathlib import Path
@@ -10,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from services.cli.app import app
 from services.cli.incidents import incidents, worst_ticks
-from services.cli.latency import _cells
+from services.cli.latency import _cells, _show
 from services.cli.trace import trace
 from services.runtime.flight import COLUMNS, FlightRing, flight_directory, remove_rings
 from services.runtime.flights import Flight, Flights, ThreadTime, to_bytes
@@ -202,6 +204,25 @@ def test_the_command_shows_a_file(kept: Path) -> None:
     for words in ("physics: 1 ticks missed", "-0.200", "solve 1875", "its own work 2.50 ms", "the machine", "30.0"):
         assert words in done.output
     assert max(map(len, done.output.splitlines())) <= 110
+
+
+def test_in_a_terminal_of_eighty_columns_nothing_is_cut_and_a_loop_has_one_line() -> None:
+    """Ellipses stood for the tick and for what took it, and the bars of loops that work all the time fell a line."""
+    late = {50: {"late": 123_456.0, "work": 234_567.0, "ran": 345_678.0}}
+    names = ("visualization", "supervisor", "gateway")
+    flights = [dataclasses.replace(flight(name, k, 300.0, late, rate=36.0)) for k, name in enumerate(names)]
+    flights = [dataclasses.replace(each, cores=(0, 1)) if each.name == names[0] else each for each in flights]
+    threads = tuple(ThreadTime(name, "ZMQbg/IO/0", 2.0, 0.6, 0.02, 4000) for name in names)
+    console = Console(width=80, record=True, file=io.StringIO())
+    _show(console, Flights((*flights, floor(0), floor(1)), START + 9_000 * MS, "2026-11-20", "by hand", threads), 12)
+    lines = console.export_text().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert not any("\u2026" in line for line in lines)
+    for name in names:
+        (bar,) = [line for line in lines if line.startswith(name) and set(line) & set("█░")]
+        assert len(bar) > 70
+        (row,) = [line for line in lines if f" {name} " in line and "123456" in line]
+        assert {"50", "123456", "234567", "330245"} <= set(row.split())
 
 
 def test_the_command_writes_a_trace_and_json(kept: Path, tmp_path: Path) -> None:
