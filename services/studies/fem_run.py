@@ -59,6 +59,8 @@ DOUBTFUL_EXCESS = 0.01
 """Part by which torsion may be too stiff without a word."""
 MOST_TURNED = 0.25
 """Part of a sheet's area that may be wound against the rest; beyond it the file does not say which side is out."""
+MOST_POINTS, POINTS_A_STEP = 500, 10
+"""Of a path along its length, which may wind for ever; none of its steps is longer than a load step."""
 
 
 def _silent(stage: str, steps: int) -> None:
@@ -151,6 +153,8 @@ def _trace(case: FemCase, model: ShellModel, imposed: FloatArray, on_stage: OnSt
             pressure_pa += part.pressure_pa
     dead = tuple(part for part in case.loads if part.pressure_pa is None)
     load = NonlinearLoad(build_load(case.model_copy(update={"loads": dead}), model), pressure_pa, imposed)
+    if not (load.dead.any() or pressure_pa or imposed.any()):
+        raise ValueError("loads: add up to nothing, and no support is moved: there is no path to follow")
     on_stage("path", case.load_steps)
     done = 0
 
@@ -160,7 +164,8 @@ def _trace(case: FemCase, model: ShellModel, imposed: FloatArray, on_stage: OnSt
             done += 1
             on_stage("", 1)
 
-    return trace_path(CorotationalShell(model), load, PathSettings(case.load_steps, case.path), advance)
+    settings = PathSettings(case.load_steps, case.path, most_points=max(MOST_POINTS, POINTS_A_STEP * case.load_steps))
+    return trace_path(CorotationalShell(model), load, settings, advance)
 
 
 @contextmanager

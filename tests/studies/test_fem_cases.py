@@ -11,6 +11,7 @@ from services.cli.fem import fem_command
 from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime import config
 from services.runtime.errors import ConfigError
+from services.studies import fem_run
 from services.studies.fem_case import FemCase
 from services.studies.fem_output import to_json
 from services.studies.fem_run import solve_case
@@ -261,6 +262,17 @@ def test_nonlinear_path_is_written_point_by_point(tmp_path, capsys):
     assert (tmp_path / "out.pvd").read_text().count("<DataSet") == 3
 
 
+def nothing():
+    return {"force_n": [0.0, 0.0, 0.0], "where": {"vertex": 40}}
+
+
+def test_a_path_along_its_length_of_many_steps_has_as_many_points_as_it_takes(tmp_path, monkeypatch):
+    """No step of it is longer than a load step: 20 of these take more than 10 points."""
+    monkeypatch.setattr(fem_run, "MOST_POINTS", 10)
+    case = squeezed(load_steps=20, path="arc_length")
+    assert run(write(tmp_path, case), tmp_path)["path"]["points"][-1]["part"] == 1.0
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
@@ -269,6 +281,8 @@ def test_nonlinear_path_is_written_point_by_point(tmp_path, capsys):
         ({"constraints": "penalty"}, "goes with constraints: elimination"),
         ({"supports": [clamped()]}, "nothing to solve"),
         ({"load_steps": 0}, "load_steps"),
+        ({"supports": [clamped()], "loads": [nothing()]}, "loads: add up to nothing"),
+        ({"supports": [clamped()], "loads": [nothing()], "path": "arc_length"}, "loads: add up to nothing"),
     ],
 )
 def test_what_does_not_go_with_a_nonlinear_analysis_is_refused(tmp_path, changes, sentence):
