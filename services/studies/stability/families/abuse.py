@@ -79,26 +79,45 @@ def _apart(random: np.random.Generator) -> Play:
     right = replace(right, port_position_m=(60e-3, 70e-3, 110e-3))
     scene = replace(start.scene, forceps=(left, right))
     points = np.array([junction(left, (76e-3, 0.0, 0.0), 10e-3), junction(right, (56e-3, 0.0, 0.0), 10e-3)])
-    hands = _shutting(still(points, (0.7, 0.7), LEAD_STEPS), (0.05, 0.05))
+    hands = _shutting(still(points, (0.7, 0.7), LEAD_STEPS), (0.05, 0.05), 150)
     aim = (0.4, 0.6, 0.6)
     opposite = (-0.4, -0.6, -0.6)
     return _pushed(Situation(scene, hands), random, {0: (30e-3, 0.5, aim), 1: (30e-3, 0.5, opposite)})
 
 
 def _shut(where_m: tuple[float, float, float], random: np.random.Generator) -> Play:
-    """Jaws shut fully on what is there, pull, and let go."""
+    """Jaws shut fully on what is there, are torn open at once, and pull."""
     start = threaded()
     right = start.scene.forceps[1]
     points = start.hands.position_m[0].copy()
     points[1] = junction(right, where_m, 10e-3)
-    hands = _shutting(still(points, (0.7, 1.15), LEAD_STEPS), (0.25, 0.0))
+    hands = still(points, (0.7, 1.15), LEAD_STEPS)
+    for tool, shut_rad in enumerate((0.25, 0.0)):
+        hands = hands.with_jaws(tool, np.linspace(hands.jaw_angle_rad[0, tool], shut_rad, 150), 20)
     return _pushed(replace(start, hands=hands), random, {1: (8e-3, 0.3, (0.0, 0.3, 0.9))})
 
 
-def _shutting(hands: Hands, shut: tuple[float, float]) -> Hands:
+def _shut_and_pull(where_m: tuple[float, float, float], random: np.random.Generator) -> Play:
+    """Jaws shut on what is there, more or less, within 60 to 200 ms; stay shut, pull, and let go, most within 0.1 s."""
+    start, wide_rad = threaded(), 1.15
+    right = start.scene.forceps[1]
+    points = start.hands.position_m[0].copy()
+    x_m, y_m, z_m = np.asarray(where_m) + random.uniform(-1.0, 1.0, 3) * (2e-3, 0.5e-3, 1e-3)
+    points[1] = junction(right, (float(x_m), float(y_m), float(z_m)), 10e-3)
+    shut_rad, steps, opens = random.uniform(0.0, 0.15), int(random.integers(60, 200)), int(random.geometric(0.03))
+    hands = _shutting(still(points, (0.7, wide_rad), LEAD_STEPS), (0.25, shut_rad), steps)
+    play = _pushed(replace(start, hands=hands), random, {1: (8e-3, 0.3, (0.0, 0.3, 0.9))})
+    opening = np.minimum(np.arange(1, 151) / opens, 1.0)
+    opened = play.hands.then(len(opening)).with_jaws(1, shut_rad + (wide_rad - shut_rad) * opening, len(play.hands))
+    return replace(play, hands=opened)
+
+
+def _shutting(hands: Hands, shut_rad: tuple[float, float], steps: int) -> Hands:
+    """Close the jaws of both tools in so many steps, and keep them shut."""
     for tool in range(N_TOOLS):
-        wide = hands.jaw_angle_rad[0, tool]
-        hands = hands.with_jaws(tool, np.linspace(wide, shut[tool], 150), 20)
+        closing = np.linspace(hands.jaw_angle_rad[0, tool], shut_rad[tool], steps)
+        stays = np.full(len(hands) - 20 - steps, shut_rad[tool])
+        hands = hands.with_jaws(tool, np.append(closing, stays), 20)
     return hands
 
 
@@ -123,6 +142,8 @@ KINDS: dict[str, Callable[[np.random.Generator], Play]] = {
     "jaws shut on the wall": partial(_shut, (34e-3, 0.0, 4e-3)),
     "jaws shut on the catheter": partial(_shut, (52e-3, 0.0, 0.0)),
     "jaws shut on both": partial(_shut, (36e-3, 0.0, 0.0)),
+    "jaws shut on the wall and pull": partial(_shut_and_pull, (34e-3, 0.0, 4e-3)),
+    "jaws shut on both and pull": partial(_shut_and_pull, (36e-3, 0.0, 0.0)),
     "all contacts at once": partial(_everything, "nonlinear_membrane"),
     "all contacts at once, wall gives way": partial(_everything, "softening"),
 }
