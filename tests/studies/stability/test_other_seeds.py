@@ -57,15 +57,11 @@ def test_what_overlaps_are_taken_back_by_comes_from_nowhere_else(seed, family, c
     assert result.figures["gain"] < min(3e-3, 0.1 * before)
 
 
-def test_a_light_catheter_in_its_seal_gains_a_tenth_of_what_it_did():
-    """Open: 0.01 is asked, and 1e-5 to 0.008 are seen.
-
-    In one tick the solve ends before it converges. Its forces do no work then, but the motion that it leaves open stays
-    stored in the springs of what holds or sticks: with those slipped by it the case gained 1e-5.
-    """
+def test_a_light_catheter_in_its_seal_gains_nothing():
+    """In one tick the solve ends before it converges: 1e-5 to 0.008 were seen, and 0.25 before that."""
     result = run_case(Order(Reach.LONG, 11, ("mass",)), "mass", "catheter 0.01 times as heavy, number 0")
     assert not {"imbalance", "speed", "stretch", "rest", "force_step"} & set(result.failed), result.figures
-    assert result.figures["gain"] < 0.1 * 0.25
+    assert result.figures["gain"] < 3e-3
 
 
 # Where collision told wrong sides: jaws off a fold that they had turned inside out, catheters that had slipped through
@@ -77,14 +73,10 @@ WRONG_SIDES = [
 ]
 
 
-# Open: rounding decides between 0.4 and 3.1 % (0.01 is asked), as solves end before they converge.
-GAINS_STILL = {"holding, tool 0 by 50 mm along -x"}
-
-
 @pytest.mark.parametrize(("seed", "family", "case", "gained", "deep_m"), WRONG_SIDES)
 def test_it_is_on_the_right_side(seed, family, case, gained, deep_m):
     result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
-    assert "gain" not in result.failed or case in GAINS_STILL, result.figures
+    assert "gain" not in result.failed, result.figures
     assert result.figures["tool_penetration_any"] * 1e-3 < deep_m, result.figures
     assert result.figures["gain"] < 0.2 * gained
 
