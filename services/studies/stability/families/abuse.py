@@ -21,6 +21,8 @@ Way = tuple[float, float, tuple[float, float, float]]
 COUNT = 12
 QUICK = "jammed", "pulled apart by both tools", "all contacts at once", "all contacts at once, wall gives way"
 BUCKLING_N = 5.0
+COMES_M = 15e-3
+"""From so far out jaws come that are not about the wall from the start."""
 
 
 def cases(draw: Draw) -> Iterator[Case]:
@@ -35,15 +37,15 @@ def _varied(draw: Draw, name: str, play: Callable[[np.random.Generator], Play]) 
     return play(draw.random(f"abuse {name}"))
 
 
-def _pushed(start: Situation, random: np.random.Generator, ways: dict[int, Way]) -> Play:
-    """Move tools by (distance, speed, direction), stay for 100 ms, and leave."""
+def _pushed(start: Situation, random: np.random.Generator, ways: dict[int, Way], lead: int = LEAD_STEPS) -> Play:
+    """Move tools by (distance, speed, direction) after so many steps, stay for 100 ms, and leave."""
     hands = start.hands
     longest = 0
     for tool, (distance_m, speed_m_s, direction) in ways.items():
         aim = np.asarray(direction) + 0.1 * random.normal(size=3)
         way = least_jerk(distance_m, aim / np.linalg.norm(aim), speed_m_s)
         longest = max(longest, len(way))
-        hands = hands.then(max(LEAD_STEPS + longest + 100 - len(hands), 0)).moved(tool, way, LEAD_STEPS)
+        hands = hands.then(max(lead + longest + 100 - len(hands), 0)).moved(tool, way, lead)
     return Play(scene=start.scene, hands=hands)
 
 
@@ -79,7 +81,7 @@ def _apart(random: np.random.Generator) -> Play:
     right = replace(right, port_position_m=(60e-3, 70e-3, 110e-3))
     scene = replace(start.scene, forceps=(left, right))
     points = np.array([junction(left, (76e-3, 0.0, 0.0), 10e-3), junction(right, (56e-3, 0.0, 0.0), 10e-3)])
-    hands = _shutting(still(points, (0.7, 0.7), LEAD_STEPS), (0.05, 0.05), 150)
+    hands = _shutting(still(points, (0.7, 0.7), LEAD_STEPS), (0.05, 0.05), 150, 20)
     aim = (0.4, 0.6, 0.6)
     opposite = (-0.4, -0.6, -0.6)
     return _pushed(Situation(scene, hands), random, {0: (30e-3, 0.5, aim), 1: (30e-3, 0.5, opposite)})
@@ -98,26 +100,31 @@ def _shut(where_m: tuple[float, float, float], random: np.random.Generator) -> P
 
 
 def _shut_and_pull(where_m: tuple[float, float, float], random: np.random.Generator) -> Play:
-    """Jaws shut on what is there, more or less, within 60 to 200 ms; stay shut, pull, and let go, most within 0.1 s."""
+    """Jaws come down, shut on what is there, stay so, pull, and let go, most within 0.1 s; each in its own way."""
     start, wide_rad = threaded(), 1.15
     right = start.scene.forceps[1]
     points = start.hands.position_m[0].copy()
     x_m, y_m, z_m = np.asarray(where_m) + random.uniform(-1.0, 1.0, 3) * (2e-3, 0.5e-3, 1e-3)
     points[1] = junction(right, (float(x_m), float(y_m), float(z_m)), 10e-3)
+    out = np.asarray(right.port_position_m) - points[1]
+    out /= np.linalg.norm(out)
+    points[1] += COMES_M * out
     shut_rad, steps, opens = random.uniform(0.0, 0.15), int(random.integers(60, 200)), int(random.geometric(0.03))
-    hands = _shutting(still(points, (0.7, wide_rad), LEAD_STEPS), (0.25, shut_rad), steps)
-    play = _pushed(replace(start, hands=hands), random, {1: (8e-3, 0.3, (0.0, 0.3, 0.9))})
+    comes = least_jerk(COMES_M, -out, 0.3)
+    hands = still(points, (0.7, wide_rad), len(comes) + 20 + LEAD_STEPS).moved(1, comes, 0)
+    hands = _shutting(hands, (0.25, shut_rad), steps, len(comes) + 20)
+    play = _pushed(replace(start, hands=hands), random, {1: (8e-3, 0.3, (0.0, 0.3, 0.9))}, len(hands))
     opening = np.minimum(np.arange(1, 151) / opens, 1.0)
     opened = play.hands.then(len(opening)).with_jaws(1, shut_rad + (wide_rad - shut_rad) * opening, len(play.hands))
     return replace(play, hands=opened)
 
 
-def _shutting(hands: Hands, shut_rad: tuple[float, float], steps: int) -> Hands:
-    """Close the jaws of both tools in so many steps, and keep them shut."""
+def _shutting(hands: Hands, shut_rad: tuple[float, float], steps: int, first: int) -> Hands:
+    """Close the jaws of both tools in so many steps from the first on, and keep them shut."""
     for tool in range(N_TOOLS):
         closing = np.linspace(hands.jaw_angle_rad[0, tool], shut_rad[tool], steps)
-        stays = np.full(len(hands) - 20 - steps, shut_rad[tool])
-        hands = hands.with_jaws(tool, np.append(closing, stays), 20)
+        stays = np.full(len(hands) - first - steps, shut_rad[tool])
+        hands = hands.with_jaws(tool, np.append(closing, stays), first)
     return hands
 
 
