@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { readGamepad } from "../src/hands/gamepad.js";
 import { Grip } from "../src/hands/grip.js";
+import { Hands } from "../src/hands/hands.js";
 import { atDepth, jawsAt, junctionAt, leashed, length, onLevel, onPicture, sub } from "../src/hands/motion.js";
 import { Pointer } from "../src/hands/pointer.js";
 import { loudnessOf, pitchOf } from "../src/hands/tone.js";
@@ -33,6 +34,46 @@ test("held depth lets a tool swing about its port only", () => {
   const depth = length(sub(grip.jaws, PORT));
   grip.move([5, -3, 8]);
   near([length(sub(grip.jaws, PORT))], [depth]);
+});
+
+// The hands of a person on a page whose elements are nothing but their attributes, with a grip on two tools.
+function handsOnPage() {
+  const elements = {};
+  const element = () => {
+    const attributes = { "aria-pressed": "false" };
+    return { getAttribute: (name) => attributes[name], setAttribute: (name, value) => (attributes[name] = String(value)) };
+  };
+  globalThis.document = { getElementById: (id) => (elements[id] ??= element()) };
+  globalThis.addEventListener = () => {};
+  const hands = new Hands({ canvas: { addEventListener: () => {} } }, null);
+  const tools = [{ name: "left", position_m: [0.07, 0, 0.02], roll_rad: 0 }, { name: "right", position_m: [0.02, 0.03, 0.01], roll_rad: 0 }];
+  hands.grips = tools.map((tool, at) => Object.assign(new Grip(tool, SHAPE), { at }));
+  return { hands, elements };
+}
+
+test("the other tool follows while that is switched on, by as much as the first really moved", () => {
+  const { hands, elements } = handsOnPage();
+  const [left, right] = hands.grips;
+  const moved = (by) => {
+    const before = hands.grips.map((grip) => grip.jaws);
+    hands.move(left, by);
+    return hands.grips.map((grip, i) => sub(grip.jaws, before[i]));
+  };
+  near(moved([5, -3, 8])[1], [0, 0, 0]);
+  elements["hand-follow"].onclick();
+  assert.equal(elements["hand-follow"].getAttribute("aria-pressed"), "true");
+  for (const each of moved([5, -3, 8])) near(each, [5, -3, 8]);
+
+  // A first tool that is blocked 20 mm back goes 5 mm on, to the end of its leash, and so does the other.
+  const frame = new Float64Array(14);
+  const at = [sub(left.jaws, [20, 0, 0]), right.jaws];
+  hands.view.last = { poses: frame };
+  for (const grip of hands.grips) grip.jawsOf = () => at[grip.at];
+  for (const each of moved([15, 0, 0])) near(each, [5, 0, 0]);
+
+  elements["hand-follow"].onclick();
+  hands.view.last = null;
+  near(moved([5, -3, 8])[1], [0, 0, 0]);
 });
 
 test("a tool without jaws is steered by its tip", () => {
