@@ -21,6 +21,10 @@ class ArmFile(Settings):
     continuous_force_n: Positive
     max_damping_n_s_m: Positive
     max_velocity_m_s: Positive
+    count_m: Annotated[float, Field(gt=0.0, le=2e-4)] = Field(
+        description="way of the tip that a count of an encoder is; less than this in 3 ms is taken for rest"
+    )
+    friction_n: Annotated[float, Field(ge=0.0, le=2.0)] = Field(description="at the tip, motors off")
     velocity_filter_hz: Annotated[float, Field(gt=0.0, lt=500.0)] = 100.0
     openhaptics_centre_m: Vector3 = Field(
         (0.0, 0.0, 0.0), description="middle of the workspace as OpenHaptics counts: right, up, toward the user"
@@ -28,7 +32,14 @@ class ArmFile(Settings):
 
     def limits(self) -> ArmLimits:
         """Return what the servo must keep to."""
-        return ArmLimits(self.max_force_n, self.continuous_force_n, self.max_damping_n_s_m, self.max_velocity_m_s)
+        return ArmLimits(
+            self.max_force_n,
+            self.continuous_force_n,
+            self.max_damping_n_s_m,
+            self.max_velocity_m_s,
+            self.count_m,
+            self.friction_n,
+        )
 
 
 class GraspFile(Settings):

@@ -33,12 +33,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class ArmLimits:
-    """What an arm can bear."""
+    """What an arm can bear, how fine it measures (a count of an encoder, at the tip) and what its own friction is."""
 
     max_force_n: float
     continuous_force_n: float
     max_damping_n_s_m: float
     max_velocity_m_s: float
+    count_m: float
+    friction_n: float
 
 
 def _nothing(_topic: str) -> Frame | None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from services.gateway import pose, virtual_hand
+from services.gateway import pose, premium_model, virtual_hand
 from services.gateway.driver import Arm, ArmLimits, Place
 from services.gateway.layout import MEMORY_FORCE, READ_ROLL
 from services.gateway.virtual_hand import POSITION, STATE_SIZE, TICK_S
@@ -46,7 +46,15 @@ class HandArm(Arm):
     """
 
     has_force = False
-    limits = ArmLimits(max_force_n=3.0, continuous_force_n=3.0, max_damping_n_s_m=10.0, max_velocity_m_s=2.0)
+    # It has neither encoders nor friction: count and friction of a Premium, so that the law does as with one.
+    limits = ArmLimits(
+        max_force_n=3.0,
+        continuous_force_n=3.0,
+        max_damping_n_s_m=10.0,
+        max_velocity_m_s=2.0,
+        count_m=premium_model.COUNT_M,
+        friction_n=premium_model.FRICTION_N,
+    )
 
     def __init__(self, name: str, settings: HandSettings, place: Place) -> None:
         self.place = place

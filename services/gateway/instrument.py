@@ -196,5 +196,7 @@ def _build(
         damping_n_s_m=arm.limits.max_damping_n_s_m,
         torque_nm=torque_nm if grasp is None else min(torque_nm, grasp.max_torque_nm),
         velocity_m_s=arm.limits.max_velocity_m_s,
+        count_m=arm.limits.count_m,
+        friction_n=arm.limits.friction_n,
     )
     return Instrument(row, arm, grasp, Servo(limits, settings.engage_ramp_s))

@@ -15,10 +15,11 @@ HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
 MODEL_F0, MODEL_K, MODEL_B, MODEL_X0, MODEL_V0 = 0, 3, 12, 21, 24
 MODEL_TORQUE, MODEL_GRASP_K, MODEL_GRASP_B, MODEL_ANGLE0, MODEL_RATE0, MODEL_CONTACT, MODEL_SIZE = range(27, 34)
 
-# What the servo may do with an arm.
+# What the servo may do with an arm; of its own an encoder's count at the tip, m, and the friction, N.
 (
-    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_DAMPING, LIMIT_TORQUE, LIMIT_TORQUE_RATE, LIMIT_SIZE,
-) = range(7)  # fmt: skip
+    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_DAMPING, LIMIT_TORQUE, LIMIT_TORQUE_RATE,
+    LIMIT_COUNT, LIMIT_FRICTION, LIMIT_SIZE,
+) = range(9)  # fmt: skip
 
 # The present tick: time since the last, age of the model and of its end, engagement of arm and handle, temperature.
 NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_SIZE = range(7)

@@ -32,6 +32,9 @@ ANGLE_MIN = (math.radians(-90.0), math.radians(-124.0), math.radians(-29.0))
 ANGLE_MAX = (math.radians(90.0), math.radians(119.0), math.radians(214.0))
 THIGH_OVER_SHIN, SHIN_OVER_THIGH = math.radians(65.0), math.radians(55.0)
 
+#: What the servo's law is told of this arm: its device file says the same.
+COUNT_M, FRICTION_N = 30e-6, 0.04  # m, N, at the tip
+
 #: Posture at the middle of the workspace: thigh and shin at a right angle, halfway up.
 CENTRE_ANGLES = (0.0, 0.4, 0.4)
 

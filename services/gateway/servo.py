@@ -25,7 +25,7 @@ _MAX_AGE_S = 1e3
 
 @dataclass(frozen=True, slots=True)
 class ServoLimits:
-    """What may reach the hand: the smaller of rig and device."""
+    """What may reach the hand: the smaller of rig and device; and the arm's own encoder count and friction."""
 
     force_n: float
     continuous_force_n: float
@@ -33,6 +33,8 @@ class ServoLimits:
     damping_n_s_m: float
     torque_nm: float
     velocity_m_s: float
+    count_m: float
+    friction_n: float
 
     def pack(self) -> FloatArray:
         """Return the limits as the kernels read them. Torque unloads in the same time as force."""
@@ -43,6 +45,7 @@ class ServoLimits:
         out[layout.LIMIT_DAMPING] = self.damping_n_s_m
         out[layout.LIMIT_TORQUE] = self.torque_nm
         out[layout.LIMIT_TORQUE_RATE] = self.torque_nm * self.force_rate_n_s / self.force_n
+        out[layout.LIMIT_COUNT], out[layout.LIMIT_FRICTION] = self.count_m, self.friction_n
         return out
 
 

@@ -9,9 +9,10 @@ What may reach a hand is bounded here and nowhere else, in this order: model, pa
 * The observer of Hannaford and Ryu (IEEE Trans. Robotics and Automation 18(1), 2002) sums the energy that the hand
   puts in, exactly for a force held between two positions: :math:`E \mathrel{-}= f_{k-1} \cdot (x_k - x_{k-1})`.
   Where it is negative, more came out than went in; damping :math:`\alpha = -E / (\Delta t\, v^2)` takes that back.
-  But for what a force, and the arm's own friction, do over one count of an encoder: that is noise and not energy. Jaws
-  that closed on a wall, or slipped on it, were kicked by 25 and 50 mN for 0.3 and 0.6 uJ, as a count in each of three
-  joints reads as 12 mm/s. So much stays owed, at any time, and the friction takes it.
+  But for what a force, and the arm's own friction, do over one count of its encoders: that is noise and not energy. A
+  Premium's jaws that closed on a wall, or slipped on it, were kicked by 25 and 50 mN for 0.3 and 0.6 uJ, as a count in
+  each of three joints reads as 12 mm/s. So much stays owed, at any time, and the friction takes it. Count and friction
+  are those of the device file.
 * Force and damping both come late where the rate limit holds them, and a force that is late may push. So a servo that
   owes energy is bounded beforehand: the largest force falls with what is owed, to zero at 2 mJ. What is owed outlives
   the contact, and is forgiven within a second or so.
@@ -25,8 +26,10 @@ from services.gateway.layout import (
     HANDLE_ANGLE,
     HANDLE_RATE,
     LIMIT_CONTINUOUS_FORCE,
+    LIMIT_COUNT,
     LIMIT_DAMPING,
     LIMIT_FORCE,
+    LIMIT_FRICTION,
     LIMIT_RATE,
     LIMIT_TORQUE,
     LIMIT_TORQUE_RATE,
@@ -71,11 +74,9 @@ MAX_STEP_S = 0.003
 #: exchange that came late. Two handles in turn fade more than half of the largest torque in up to 40 ms, where a model
 #: lives 20; a drive lets go by itself after 50.
 MAX_TORQUE_STEP_S = 0.001
-#: Below this speed the observer's correction would be noise of the encoders.
-STILL_M_S = 0.01
-#: And so is what a force does over the count of an encoder, or the arm's friction: of what is owed, so much is left to
-#: the latter. Count and friction of a Premium; a Touch has 0.055 mm and 0.26 N.
-COUNT_M, FRICTION_N = 30e-6, 0.04
+#: Slower than a count of the arm's encoders in this time, the observer's correction would be their noise: 10 mm/s of a
+#: Premium, 18 of a Touch, 8 of a Touch X.
+STILL_S = 0.003
 #: Below this force the hand is free: the rate limit lets a force outlive its contact by some ticks.
 LIMP_N = 1e-3
 #: Energy that may have come out of the servo before it gives no force any more; from the first of it on it gives less.
@@ -185,9 +186,9 @@ def _observe(model: FloatArray, motion: FloatArray, now: FloatArray, memory: Flo
 @kernel
 def _passivity_damping(motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> float:
     v2 = motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2
-    still = v2 < STILL_M_S**2 or now[NOW_DT] <= 0.0
+    still = v2 < (limits[LIMIT_COUNT] / STILL_S) ** 2 or now[NOW_DT] <= 0.0
     held = math.sqrt(memory[MEMORY_FORCE] ** 2 + memory[MEMORY_FORCE + 1] ** 2 + memory[MEMORY_FORCE + 2] ** 2)
-    owed = -memory[MEMORY_ENERGY] - COUNT_M * (held + FRICTION_N)
+    owed = -memory[MEMORY_ENERGY] - limits[LIMIT_COUNT] * (held + limits[LIMIT_FRICTION])
     if owed <= 0.0 or still or now[NOW_GAIN] == 0.0:
         return 0.0
     return float(min(owed / (now[NOW_DT] * v2), limits[LIMIT_DAMPING]))

@@ -84,6 +84,7 @@ class HdapiBench:
         limits[layout.LIMIT_FORCE] = limits[layout.LIMIT_CONTINUOUS_FORCE] = 20.0
         limits[layout.LIMIT_RATE] = RATE_N_S
         limits[layout.LIMIT_DAMPING] = self.damping_n_s_m
+        limits[layout.LIMIT_COUNT], limits[layout.LIMIT_FRICTION] = driver.limits.count_m, driver.limits.friction_n
         now[layout.NOW_TTL], now[layout.NOW_GAIN] = ttl_s, 1.0
         driver.evaluate(model, np.zeros(6), limits, now, self.memories[driver])
 

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from services.gateway.device_files import DeviceFile
+from services.gateway import premium_model
+from services.gateway.device_files import ArmFile, DeviceFile
 from services.gateway.instrument import build_instruments
 from services.runtime import config
-from services.runtime.errors import DeviceError
+from services.runtime.errors import ConfigError, DeviceError
 
 CONFIGS = config.config_directory()
 
@@ -16,6 +17,40 @@ CONFIGS = config.config_directory()
 @pytest.mark.parametrize("path", sorted((CONFIGS / "devices").glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_device_file_loads(path: Path) -> None:
     config.load(DeviceFile, path)
+
+
+def test_the_simulated_premium_has_the_count_and_friction_of_its_device_file() -> None:
+    limits = config.load(ArmFile, CONFIGS / "devices" / "phantom_premium_1_5.yaml")[0].limits()
+    assert (limits.count_m, limits.friction_n) == (premium_model.COUNT_M, premium_model.FRICTION_N)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("count_m", "0.055", r"count_m.*less than or equal to 0\.0002"),  # a count in mm
+        ("count_m", "0", r"count_m.*greater than 0"),
+        ("count_m", ".nan", r"count_m"),
+        ("friction_n", "-0.1", r"friction_n.*greater than or equal to 0"),
+        ("friction_n", "26", r"friction_n.*less than or equal to 2"),
+        ("friction_n", "much", r"friction_n.*number"),
+    ],
+)
+def test_a_count_or_friction_that_no_arm_has_is_refused_by_name(
+    tmp_path: Path, key: str, value: str, said: str
+) -> None:
+    lines = (CONFIGS / "devices" / "touch.yaml").read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "mine.yaml"
+    path.write_text("\n".join(f"{key}: {value}" if line.startswith(key) else line for line in lines), encoding="utf-8")
+    with pytest.raises(ConfigError, match=rf"mine\.yaml.*{said}"):
+        config.load(ArmFile, path)
+
+
+def test_an_arm_that_tells_no_count_is_refused_by_name(tmp_path: Path) -> None:
+    text = (CONFIGS / "devices" / "touch.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "mine.yaml"
+    path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("count_m")), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"mine\.yaml.*count_m"):
+        config.load(ArmFile, path)
 
 
 def test_the_stub_builds_two_instruments_whose_forces_can_be_taken_back_in_time() -> None:

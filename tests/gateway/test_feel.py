@@ -23,7 +23,7 @@ from protocol.bodies import (
 from protocol.bodies.physics import reaction_table
 from services.cache_directory import cache_directory
 from services.cli.haptics import Request, read_running, run_haptics
-from services.gateway import servo_law
+from services.gateway import premium_model, servo_law
 from services.gateway.feel import measure
 from services.gateway.feel.hands import attack_servo, random_attack
 from services.gateway.feel.late import TICK_S, TOOLS, Late, Solved, answer_late, newest_answer
@@ -85,7 +85,7 @@ def test_the_passivity_controller_holds_a_wall_that_is_too_stiff_at_its_dead_ban
     assert stable_stiffness(bare) < bare.stiffness_n_m
     assert grows(bare)
     held = np.abs(released(replace(bare, controller_n_s_m=5.0), 6000)[1000:]).max()
-    assert held == pytest.approx(servo_law.STILL_M_S / math.sqrt(1500.0 / bare.mass_kg), rel=0.1)
+    assert held == pytest.approx(premium_model.COUNT_M / servo_law.STILL_S / math.sqrt(1500.0 / bare.mass_kg), rel=0.1)
 
 
 @pytest.mark.parametrize("hertz", [1.0, 20.0, 100.0])

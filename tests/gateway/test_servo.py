@@ -8,7 +8,7 @@ from services.gateway.engagement import State
 from services.gateway.servo import OVERRUNS, Servo, ServoLimits
 
 TTL_S = 0.02
-LIMITS = ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2)
+LIMITS = ServoLimits(3.0, 1.0, 200.0, 5.0, 0.3, 1.2, 30e-6, 0.04)
 TICK_NS = 1_000_000
 
 

@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from protocol.bodies import LocalModel
 from services.gateway import layout, servo_law
+from services.gateway.premium_model import COUNT_M, FRICTION_N
 from services.gateway.servo import ServoLimits
 from services.mechanics.arrays import FloatArray
 
@@ -20,8 +21,15 @@ STEP_N = RATE_N_S * DT_S
 class Law:
     """The kernels with one arm's limits and memory."""
 
-    def __init__(self, force_n: float = 3.0, rate_n_s: float = RATE_N_S, damping_n_s_m: float = 5.0) -> None:
-        self.limits = ServoLimits(force_n, 1.0, rate_n_s, damping_n_s_m, 0.3, 1.2).pack()
+    def __init__(
+        self,
+        force_n: float = 3.0,
+        rate_n_s: float = RATE_N_S,
+        damping_n_s_m: float = 5.0,
+        count_m: float = COUNT_M,
+        friction_n: float = FRICTION_N,
+    ) -> None:
+        self.limits = ServoLimits(force_n, 1.0, rate_n_s, damping_n_s_m, 0.3, 1.2, count_m, friction_n).pack()
         self.model = np.zeros(layout.MODEL_SIZE)
         self.now = np.zeros(layout.NOW_SIZE)
         self.now[layout.NOW_DT] = DT_S
@@ -248,7 +256,7 @@ def test_what_a_force_does_over_a_count_of_the_encoder_is_noise_that_brakes_nobo
     law = Law()
     law.load(force_n=(1.0, 0.0, 0.0), in_contact=True)
     law.settle()
-    law.motion[0], law.motion[3] = counts * servo_law.COUNT_M, 0.02
+    law.motion[0], law.motion[3] = counts * COUNT_M, 0.02
     assert 1.0 - law.force()[0] == pytest.approx(braked_n, abs=1e-9)
 
 
@@ -258,6 +266,6 @@ def test_what_the_arms_own_friction_takes_over_a_count_brakes_nobody(ways: float
     law = Law()
     law.load(force_n=(0.02, 0.0, 0.0), in_contact=True)
     law.settle()
-    way_m = ways * servo_law.FRICTION_N * servo_law.COUNT_M / 0.02
+    way_m = ways * FRICTION_N * COUNT_M / 0.02
     law.motion[0], law.motion[3] = way_m, 0.02
     assert 0.02 - law.force()[0] == pytest.approx(braked_n, abs=1e-9)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway import driver
+from services.gateway import driver, premium_model
 from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import Arm, ArmLimits, Place
 from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY
@@ -35,7 +35,14 @@ class Driver(Arm):
     """
 
     has_force = False
-    limits = ArmLimits(max_force_n=1.0, continuous_force_n=1.0, max_damping_n_s_m=1.0, max_velocity_m_s=2.0)
+    limits = ArmLimits(
+        max_force_n=1.0,
+        continuous_force_n=1.0,
+        max_damping_n_s_m=1.0,
+        max_velocity_m_s=2.0,
+        count_m=premium_model.COUNT_M,
+        friction_n=premium_model.FRICTION_N,
+    )
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._settings = driver.read_settings(ReplaySettings, settings, place)

@@ -211,7 +211,9 @@ def servo_settings(*, controller: bool = True) -> tuple[FloatArray, FloatArray]:
         Whether the passivity controller may damp.
     """
     limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
-    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, DAMPING_N_S_M if controller else 0.0, 0.3, 30.0)
+    damping_n_s_m = DAMPING_N_S_M if controller else 0.0
+    own = premium_model.COUNT_M, premium_model.FRICTION_N
+    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, damping_n_s_m, 0.3, 30.0, *own)
     now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
     return limits, now
 

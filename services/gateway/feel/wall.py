@@ -21,7 +21,9 @@ import numpy as np
 from scipy.linalg import expm
 
 from services.gateway.layout import (
+    LIMIT_COUNT,
     LIMIT_DAMPING,
+    LIMIT_FRICTION,
     LIMIT_SIZE,
     MEMORY_FORCE,
     MEMORY_SIZE,
@@ -35,6 +37,7 @@ from services.gateway.layout import (
     NOW_SIZE,
     NOW_TTL,
 )
+from services.gateway.premium_model import COUNT_M, FRICTION_N
 from services.gateway.servo_law import servo_force
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
@@ -83,9 +86,10 @@ class Wall:
         return model
 
     def limits(self) -> FloatArray:
-        """Return limits, (LIMIT_SIZE,), that never act, but for the controller's."""
+        """Return limits, (LIMIT_SIZE,), that never act, but for the controller's; the count is a Premium's."""
         limits = np.full(LIMIT_SIZE, _WIDE)
         limits[LIMIT_DAMPING] = self.controller_n_s_m
+        limits[LIMIT_COUNT], limits[LIMIT_FRICTION] = COUNT_M, FRICTION_N
         return limits
 
     def now(self) -> FloatArray:
