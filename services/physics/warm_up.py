@@ -120,6 +120,12 @@ class _NoSearch:
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append nothing."""
 
+    def take_up_tools(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append nothing."""
+
+    def end_pairs(self, duct: DuctBody, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append nothing."""
+
     def is_sound(self) -> bool:
         """Return that nobody is where he should not be."""
         return True

@@ -182,6 +182,19 @@ class CatheterBody:
         rolled = () if frame is None else (frame.tangent, frame.m1, frame.twist_rad)
         return state.position_m, state.velocity_m_s, self.contact_force_n, *rolled
 
+    def given_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that `correct` changes."""
+        return self.state.position_m, self.state.velocity_m_s, self.contact_force_n
+
+    @property
+    def touched(self) -> tuple[bool, bool, float]:
+        """Whether the last step had contacts, and any that woke it, and what is owed, in J: giving changes them."""
+        return self._was_touched, self._was_woken, self._step.owed_j
+
+    @touched.setter
+    def touched(self, state: tuple[bool, bool, float]) -> None:
+        self._was_touched, self._was_woken, self._step.owed_j = state
+
     def go_back(self) -> None:
         """Be where the last step began, as fast as then."""
         self.state.position_m[:] = self.start_m

@@ -232,6 +232,12 @@ class DuctBody:
         state, forces = self.state, (self.contact_impulse, self.modal_kick)
         return state.q, state.qdot, state.qddot, *forces, self.load_nodes, self.load_force_n, self._n_loads
 
+    def given_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that `correct` changes."""
+        state, loads = self.state, self._loads
+        modal = state.q, state.qdot, state.qddot, self.contact_impulse, loads.last, self._debt, self.taken
+        return *modal, self.load_nodes, self.load_force_n, self._n_loads
+
     def go_back(self) -> None:
         """Be where the last step began, as fast as then, but without loads."""
         self.state.q[:] = self.q_start

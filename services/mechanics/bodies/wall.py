@@ -36,9 +36,9 @@ class Wall:
         residual.update(load_nodes, load_force_n)
         self.surface.update(q, residual.nodes[: residual.count], residual.displacement_m[: residual.count])
 
-    def follow(self, duct: DuctBody) -> None:
-        """Take the state of a duct's body at the start of the step."""
-        if not move_wall(self._residual.address, self.surface.shell.address, duct.loads_address):
+    def follow(self, duct: DuctBody, *, to_end: bool = False) -> None:
+        """Take the state of a duct's body at the start of the step, or at its end as far as that is known."""
+        if not move_wall(self._residual.address, self.surface.shell.address, duct.loads_address, to_end):
             raise ValueError("the duct's coordinates or contact loads are not finite")
 
 
@@ -59,19 +59,25 @@ class TurnedWall(Wall):
         self._frame.turn_back(load_nodes, load_force_n, loads)
         super().update(q, load_nodes, loads)
 
-    def follow(self, duct: DuctBody) -> None:
-        """Take the state of a duct's body at the start of the step."""
+    def follow(self, duct: DuctBody, *, to_end: bool = False) -> None:
+        """Take the state of a duct's body at the start of the step, or at its end as far as that is known."""
         n = duct.n_loads
-        self.update(duct.q_start, duct.load_nodes[:n], duct.load_force_n[:n])
+        self.update(duct.state.q if to_end else duct.q_start, duct.load_nodes[:n], duct.load_force_n[:n])
 
 
 @kernel
-def move_wall(field: Address[FieldArrays], shell: Address[Shell], duct_address: Address[DuctLoads]) -> bool:
-    """Move a straight wall to where a duct's body is, loads included; False, and not moved, where that is no number."""
+def move_wall(
+    field: Address[FieldArrays], shell: Address[Shell], duct_address: Address[DuctLoads], to_end: bool
+) -> bool:
+    """Move a straight wall to where a duct's body is, loads included; False, and not moved, where that is no number.
+
+    ``to_end`` is where it is with the step's own forces, and not where the step began.
+    """
     duct, arrays = loads_at(duct_address), field_at(field)
     n = duct.count[0]
     count = displace_round_loads(field, duct.node[:n], duct.force[:n])
-    return bool(start_tick(shell, duct.free.start, arrays.node[:count], arrays.displacement[:count]))
+    q = duct.free.q if to_end else duct.free.start
+    return bool(start_tick(shell, q, arrays.node[:count], arrays.displacement[:count]))
 
 
 def make_wall(duct: ReducedDuct, half_thickness_m: float) -> Wall:

@@ -37,6 +37,18 @@ def write_pair(pairs: ContactPairs, pair: Pair, gap_m: float, normal: Vector) ->
 
 
 @kernel
+def copy_pair(pairs: ContactPairs, source: int, to: int) -> None:
+    """Write the pair at ``source`` over the one at ``to``."""
+    pairs.tool[to], pairs.tool_segment[to] = pairs.tool[source], pairs.tool_segment[source]
+    pairs.particle[to], pairs.tool_parameter[to] = pairs.particle[source], pairs.tool_parameter[source]
+    pairs.target_kind[to], pairs.target[to] = pairs.target_kind[source], pairs.target[source]
+    pairs.gap_m[to] = pairs.gap_m[source]
+    for axis in range(3):
+        pairs.target_weights[to, axis] = pairs.target_weights[source, axis]
+        pairs.normal[to, axis] = pairs.normal[source, axis]
+
+
+@kernel
 def _free_place(pairs: ContactPairs, gap_m: float) -> int:
     if pairs.count < pairs.gap_m.shape[0]:
         pairs.count += 1

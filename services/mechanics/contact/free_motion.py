@@ -10,7 +10,7 @@ from services.mechanics.contact.rows import ContactRows
 
 
 @kernel
-def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: FloatArray) -> None:
+def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: FloatArray, first: int) -> None:
     """Take the duct's displacement out of the gaps, and its free motion over the step out of the slips.
 
     A law that fixes a distance asks for it at the end of the step, so its slip loses the whole displacement.
@@ -20,8 +20,10 @@ def subtract_duct_motion(rows: ContactRows, displacement: FloatArray, motion: Fl
     rows : ContactRows
     displacement, motion : (k, 3) float64
         Displacement of the contact points at the start of the step and their free motion over it.
+    first : int
+        Rows before this one are left as they are.
     """
-    for row in range(rows.n_contacts):
+    for row in range(first, rows.n_contacts):
         for axis in range(3):
             u = displacement[row, axis]
             if HAS_GAP[rows.law[row]]:

@@ -160,16 +160,16 @@ def _let_jaws_close(tool: int, tools: ToolGeometry, rows: ContactRows, row: int)
 
 @kernel
 def slide_holds(
-    state_address: Address[ContactState], holds_address: Address[HoldArrays], count: int
+    state_address: Address[ContactState], holds_address: Address[HoldArrays], span: tuple[int, int]
 ) -> tuple[float, bool]:
-    """Let the holds at their limit take the motion that the solve left them.
+    """Let the holds at their limit take the motion that the solve left them; ``span`` is first row and number of rows.
 
     Return the energy in J that this dissipated, and whether a hold was lost.
     """
     state, holds = state_at(state_address), holds_at(holds_address)
     rows = state.rows
     dissipated_j, is_lost = 0.0, False
-    first = rows.n_contacts - count
+    first, count = span
     for index in range(count):
         row, slot = first + index, holds.order[index]
         u, slip = state.problem.motion[3 * row : 3 * row + 3], state.problem.change

@@ -176,7 +176,9 @@ class HoldRegistry:
         """Let the holds that are at their limit take the motion that the solve left them."""
         if not self.rows:
             return
-        dissipated_j, is_lost = slide_holds(self._system.address, self._arrays.address, len(self.rows))
+        dissipated_j, is_lost = slide_holds(
+            self._system.address, self._arrays.address, (self.rows.start, len(self.rows))
+        )
         self.dissipated_j += dissipated_j
         if is_lost:
             for hold_id in [hold_id for hold_id, hold in self.active.items() if hold.lost]:

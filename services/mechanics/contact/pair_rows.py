@@ -37,7 +37,7 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
     for index in range(pairs.count):
         tool, segment = pairs.tool[index], pairs.tool_segment[index]
         kind, target = pairs.target_kind[index], pairs.target[index]
-        if tool != NO_TOOL and not _touches(geometry.tools, tool, segment, kind):
+        if tool != NO_TOOL and not touches(geometry.tools, tool, segment, kind):
             continue
         identity = pair_identity(tool, segment, pairs.particle[index], kind, target)
         row = append_row(rows, _UNILATERAL, identity)
@@ -55,7 +55,7 @@ def append_pairs(pairs: ContactPairs, geometry: ContactGeometry, rows: ContactRo
 
 
 @kernel
-def _touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
+def touches(tools: ToolGeometry, tool: int, segment: int, kind: int) -> bool:
     """Whether a segment of a tool collides with this kind of target."""
     is_there = tools.present[tool] and not tools.waiting[tool]
     is_held_catheter = segment != SHAFT and kind == CATHETER_SEGMENT and tools.held[tool, kind]

@@ -14,6 +14,7 @@ from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.bodies.wall import make_wall
 from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
+from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
@@ -45,6 +46,15 @@ class ContactSearch(Protocol):
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append those of the tools against duct and catheter."""
 
+    def take_up_tools(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Do as `tool_pairs`, from where the tools are alone: somebody else has looked for their pairs of late."""
+
+    def end_pairs(self, duct: DuctBody, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append those of catheter and tools where the bodies are now, at the end of the step; remember nothing of it.
+
+        The wall stays there until the next `start`.
+        """
+
     def sphere_detector(self, radius_m: float) -> SphereDetector:
         """Return what finds the contacts of one more sphere with the wall."""
 
@@ -69,6 +79,9 @@ class DuctSearch:
         self.catheter = CatheterContactDetector(self.surface, n_particles, radius_m, margin_m)
         self._spheres: list[CatheterContactDetector] = []
         self.tools = ToolContactDetector(self.surface, n_particles, radius_m, margin_m)
+        memory = [*self.catheter.state_arrays(), *self.tools.state_arrays()]
+        self._past = [array.copy() for array in memory]
+        self._keep_past, self._go_back = copy_table(self._past, memory), copy_table(memory, self._past)
 
     @property
     def inside(self) -> npt.NDArray[np.int8]:
@@ -106,8 +119,29 @@ class DuctSearch:
         present = bool(tools.present.any())
         # An absent tool has to be told once, so that it loses its past.
         if present or self._had_tools:
-            for tool in range(N_TOOLS):
-                if tools.held[tool, CATHETER_SEGMENT]:
-                    self.tools.let_through(tool)
-            self.tools.detect(tools.segments, tools.radius_m, catheter.start_m, pairs, tools.present)
+            self._detect_tools(catheter.start_m, tools, pairs)
         self._had_tools = present
+
+    def take_up_tools(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Do as `tool_pairs`, from where the tools are alone: somebody else has looked for their pairs of late."""
+        self.tools.reset()
+        self._had_tools = True
+        self.tool_pairs(catheter, tools, pairs)
+
+    def end_pairs(self, duct: DuctBody, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append those of catheter and tools where the bodies are now, at the end of the step; remember nothing of it.
+
+        The wall stays there until the next `start`.
+        """
+        copy_arrays(self._keep_past)
+        self._wall.follow(duct, to_end=True)
+        if self._had_tools:
+            self._detect_tools(catheter.state.position_m, tools, pairs)
+        self.catheter.detect(catheter.state.position_m, pairs)
+        copy_arrays(self._go_back)
+
+    def _detect_tools(self, particles_m: FloatArray, tools: ToolBody, pairs: ContactPairs) -> None:
+        for tool in range(N_TOOLS):
+            if tools.held[tool, CATHETER_SEGMENT]:
+                self.tools.let_through(tool)
+        self.tools.detect(tools.segments, tools.radius_m, particles_m, pairs, tools.present)

@@ -35,10 +35,24 @@ def complete_rows(state_address: Address[ContactState], displacement: FloatArray
 
 
 @kernel
-def subtract_motion(state_address: Address[ContactState], motion: FloatArray) -> None:
-    """Take more of the duct's free motion (k, 3) over the step out of the slips of complete rows."""
+def complete_new(
+    state_address: Address[ContactState], displacement: FloatArray, motion: FloatArray, first: int
+) -> None:
+    """Finish the rows from ``first`` on as `complete_rows`; they begin without forces."""
+    state = state_at(state_address)
+    rows = state.rows
+    subtract_duct_motion(rows, displacement, motion, first)
+    for row in range(first, rows.n_contacts):
+        state.slides[row], rows.held_j[row] = False, 0.0
+        for axis in range(3):
+            rows.force_n[row, axis] = rows.elastic_m[row, axis] = 0.0
+
+
+@kernel
+def subtract_motion(state_address: Address[ContactState], motion: FloatArray, first: int) -> None:
+    """Take more of the duct's free motion (k, 3) over the step out of the slips of complete rows from ``first`` on."""
     rows = state_at(state_address).rows
-    for row in range(rows.n_contacts):
+    for row in range(first, rows.n_contacts):
         for axis in range(3):
             rows.slip_m[row, axis] -= motion[row, axis]
 
@@ -81,7 +95,7 @@ def gather_and_complete(
 
 @kernel
 def _complete(state: ContactState, displacement: FloatArray, motion: FloatArray) -> None:
-    subtract_duct_motion(state.rows, displacement, motion)
+    subtract_duct_motion(state.rows, displacement, motion, 0)
     recall_forces(state.memory, state.rows, state.slides)
 
 

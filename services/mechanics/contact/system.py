@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +16,7 @@ from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.giving import give_forces
 from services.mechanics.contact.hold_rows import HoldArrays
+from services.mechanics.contact.met import drop_shallow
 from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
@@ -75,6 +79,8 @@ class ContactSystem:
         self.slides = self._state.slides
         self.sweeps = 0
         self.dropped_pairs = 0
+        self._first_new = 0
+        self._ledger_j = (math.inf, 0.0, 0.0, 0.0)
         self._gave_forces = self._is_complete = self._must_displace = False
 
     @property
@@ -90,6 +96,9 @@ class ContactSystem:
     def clear(self) -> None:
         """Forget the rows of the last step; their forces stay remembered."""
         self.rows.put_zero("n_contacts")
+        self._first_new = 0
+        ledger = self._state.ledger
+        self._ledger_j = ledger.paid_j, ledger.owed_j, ledger.worked_j, ledger.most_j
         self._is_complete = self._must_displace = False
 
     def let_go_of_tools(self) -> None:
@@ -134,9 +143,40 @@ class ContactSystem:
             duct.displace(*self.rows.on_duct)
         stages.complete_rows(self.address, duct.displacement_m, duct.motion_m)
 
+    def append_met(self, pairs: ContactPairs, tolerance_m: float) -> int:
+        """Add those of a solved step's ``pairs`` that it leads deeper than a tolerance into each other; how many.
+
+        Their ``gap_m`` says how far each comes nearer, see `met.keep_approaching`. Old rows keep forces
+        and friction.
+        """
+        rows, first = self.rows, self.rows.n_contacts
+        self._append_complete(pairs, first)
+        if drop_shallow(rows.address, pairs.address, first, tolerance_m):
+            rows.n_contacts = first
+            if pairs.count:
+                self._append_complete(pairs, first)
+        if rows.n_contacts > first:  # what was solved is not what happens
+            ledger = self._state.ledger
+            ledger.paid_j, ledger.owed_j, ledger.worked_j, ledger.most_j = self._ledger_j
+        return rows.n_contacts - first
+
+    @contextmanager
+    def old_friction(self) -> Iterator[None]:
+        """Let who sets coefficients of friction set those of the rows that were added last."""
+        first = self._first_new
+        kept = self.rows.friction[:first].copy()
+        yield
+        self.rows.friction[:first] = kept
+
+    def _append_complete(self, pairs: ContactPairs, first: int) -> None:
+        duct, self._first_new = self.bodies.duct, first
+        stages.append(pairs.address, self.geometry.address, self.rows.address)
+        duct.gather(*self.rows.on_duct)
+        stages.complete_new(self.address, duct.displacement_m, duct.motion_m, first)
+
     def add_duct_motion(self, motion_m: FloatArray) -> None:
-        """Let the duct's points of the complete rows move by ``motion_m`` (k, 3) more over the step."""
-        stages.subtract_motion(self.address, motion_m)
+        """Let the duct's points of the rows that were completed last move by ``motion_m`` (k, 3) more over the step."""
+        stages.subtract_motion(self.address, motion_m, self._first_new)
 
     def assemble(self, add_compliance: AddCompliance | None) -> None:
         """Gather what the solve needs, of the bodies here and, if there are others, what they add."""

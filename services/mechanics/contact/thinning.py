@@ -6,6 +6,7 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
+from services.mechanics.collision.writer import copy_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
@@ -39,7 +40,7 @@ def thin_pairs(
         if on_wall and (keep[1] - pairs.particle[pair]) % keep[0] != 0 and not _is_needed(pairs, pair, rod, dt_s):
             continue
         if kept < pair:
-            _move(pairs, pair, kept)
+            copy_pair(pairs, pair, kept)
         kept += 1
     pairs.count = kept
 
@@ -53,14 +54,3 @@ def _is_needed(pairs: ContactPairs, pair: int, rod: tuple[FloatArray, FloatArray
     borne_m = dt_s**2 * math.sqrt(squared_n2) / rod[2][particle]
     is_needed: bool = borne_m > DEEP_M or pairs.gap_m[pair] - max(approach_m, 0.0) < -DEEP_M
     return is_needed
-
-
-@kernel
-def _move(pairs: ContactPairs, source: int, to: int) -> None:
-    pairs.tool[to], pairs.tool_segment[to] = pairs.tool[source], pairs.tool_segment[source]
-    pairs.particle[to], pairs.tool_parameter[to] = pairs.particle[source], pairs.tool_parameter[source]
-    pairs.target_kind[to], pairs.target[to] = pairs.target_kind[source], pairs.target[source]
-    pairs.gap_m[to] = pairs.gap_m[source]
-    for axis in range(3):
-        pairs.target_weights[to, axis] = pairs.target_weights[source, axis]
-        pairs.normal[to, axis] = pairs.normal[source, axis]

@@ -44,11 +44,7 @@ class Pace:
         velocity, duct = world.catheter.state.velocity_m_s, world.duct
         self._moving = Moving(velocity=velocity, before=duct.q_start, after=duct.state.q)
         self._most_m = 2.0 * world.scene.contact.margin_m
-        basis, n = world.duct.reduced.basis, world.duct.reduced.mesh.n_vertices
-        nodes = np.unique(np.linspace(0, n - 1, N_NODES).astype(int))
-        self._modes = np.ascontiguousarray(basis.Phi[nodes].reshape(3 * len(nodes), -1))
-        # No node moves further than this times the way of the coordinates: mostly that is all there is to know.
-        self._longest = float(np.sqrt((self._modes**2).reshape(len(nodes), -1).sum(axis=1).max()))
+        self._modes, self._longest = sampled_modes(world.duct.reduced.basis.Phi)
 
     def parts(self, tools: ToolInputs, dt_s: float) -> int:
         """Return the number of parts of a step, a power of two."""
@@ -67,6 +63,16 @@ class Pace:
         while parts < MOST_PARTS and moved_m > parts * self._most_m:
             parts *= 2
         return parts
+
+
+def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:
+    """Return the rows (3 k, r) of a few nodes' modes, of Phi (n, 3, r), and how far they go per way of the coordinates.
+
+    No node of them moves further than that times the way: mostly that is all there is to know.
+    """
+    nodes = np.unique(np.linspace(0, len(Phi) - 1, N_NODES).astype(int))
+    modes = np.ascontiguousarray(Phi[nodes].reshape(3 * len(nodes), -1))
+    return modes, float(np.sqrt((modes**2).reshape(len(nodes), -1).sum(axis=1).max()))
 
 
 def steps_of(tick_s: float) -> int:
@@ -106,3 +112,13 @@ def furthest(modes: FloatArray, before: FloatArray, after: FloatArray) -> float:
             way_2 += way * way
         largest_2 = max(largest_2, way_2)
     return math.sqrt(largest_2)
+
+
+@kernel
+def furthest_at(modes: FloatArray, longest: float, before: FloatArray, after: FloatArray, least_m: float) -> float:
+    """Return what `furthest` does, or a bound of it if that is below ``least_m``; ``longest`` is of `sampled_modes`."""
+    total = 0.0
+    for mode in range(before.shape[0]):
+        total += (after[mode] - before[mode]) ** 2
+    bound = longest * math.sqrt(total)
+    return float(bound if bound < least_m else furthest(modes, before, after))

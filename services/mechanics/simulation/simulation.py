@@ -35,6 +35,7 @@ from services.mechanics.simulation.loads import begin_loads
 from services.mechanics.simulation.pace import Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
+from services.mechanics.simulation.second_look import MOST_LOOKS, SecondLook
 
 LONGEST_TICK_S = 1.0
 # So often the catheter's step is planned again, at most, with contact forces that another plan has led to.
@@ -97,6 +98,7 @@ class Simulation:
         self._marks_ns = [0] * (len(STAGE_NAMES) + 1)
         self._pace = Pace(world)
         self._healer = Healer(world)
+        self._second_look = SecondLook(world)
         self._calls = CallCheck(duct.mesh.triangles.shape[0], self.catheter.properties.n_segments)
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
@@ -171,6 +173,7 @@ class Simulation:
         else:
             self.system.rest()
         self._plan_again(dt_s)
+        self._give_forces(dt_s, knows_tools=pairs is None)
         marks[5] = perf_counter_ns()
         self._correct(dt_s)
         marks[6] = perf_counter_ns()
@@ -377,13 +380,40 @@ class Simulation:
         for effect in self._stages["add_compliance"]:
             effect.add_compliance(self.world, dt_s)
 
+    def _give_forces(self, dt_s: float, *, knows_tools: bool) -> None:
+        """Give the forces found to the bodies; where that meets what no row was for, take them back and solve again."""
+        look = self._second_look
+        look.prepare()
+        self._give()
+        for _ in range(MOST_LOOKS):
+            if not look.is_due():
+                return
+            if look.append_rows(knows_tools=knows_tools):
+                self._prepare_new_rows(dt_s)
+                self.system.solve(self._iterations, dt_s)
+                self._plan_again(dt_s)
+            else:
+                self._give()
+                return
+            self._give()
+
+    def _give(self) -> None:
+        self.squeeze.react()
+        self.system.apply(self._tool_force)
+
+    def _prepare_new_rows(self, dt_s: float) -> None:
+        for effect in self._stages["add_motion"]:
+            effect.add_motion(self.world, dt_s)
+        with self.system.old_friction():
+            for effect in self._stages["set_friction"]:
+                effect.set_friction(self.world, dt_s)
+        self._assemble(dt_s)
+
     def _correct(self, dt_s: float) -> None:
         system = self.system
-        self.squeeze.react()
         self.seal.slide()
         self.holds.slide()
         self._manifold.keep(system.rows, system.slides)
-        system.apply(self._tool_force)
         self.squeeze.follow(self.tools, dt_s)
         for effect in self._stages["settle"]:
             effect.settle(self.world, dt_s)

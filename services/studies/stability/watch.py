@@ -131,7 +131,7 @@ class Watch:
         """
         rows, tools = self._simulation.contacts, self._simulation.tools
         n = rows.n_contacts
-        is_squeezed = by_tool & (tools.pad_m[rows.tool[:n]] == 0.0)
+        is_squeezed = by_tool & (rows.pad_m[:n] > tools.pad_m[rows.tool[:n]])
         return np.where(is_squeezed, rows.pad_m[:n], 0.0)
 
 

@@ -167,6 +167,10 @@ class ToolBody:
         """Return the live arrays of the state."""
         return self.proxy, self.hand, self.stretch, self.roll_rad
 
+    def given_arrays(self) -> tuple[FloatArray, ...]:
+        """Return the live arrays that `correct` and `update_pose` change."""
+        return self.proxy, self.stretch, self.frame, self.length_m, self.segments
+
     def halt(self) -> None:
         """Follow the hands anew from where the proxies are: nothing is stretched, and nothing has moved."""
         self.hand[:] = self.proxy

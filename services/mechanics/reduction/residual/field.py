@@ -18,7 +18,11 @@ from services.mechanics.reduction.residual.blocks import BlockArray, BlockStore,
 from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
 from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
 
+# So many edges away from a load the wall is moved by it.
 RINGS = 3
+# A load that dents its own node by more than this moves what is so many edges away: the residual falls off slowly, to a
+# tenth of that at three edges and a thirtieth at six, and jaws press on dozens of nodes.
+DENT_M, DENT_RINGS = 0.2e-3, 6
 
 
 class FieldArrays(Struct):
@@ -27,6 +31,8 @@ class FieldArrays(Struct):
     blocks: Annotated[Float32Array, "b", 3, 3]
     place: Annotated[LongArray, "k"]  # of the block of each entry of the ring, -1 where there is none
     start: Annotated[IntArray, "n + 1"]
+    near: Annotated[IntArray, "n"]  # where the part of each ring ends that small loads move
+    softness: Annotated[FloatArray, "n"]  # how far a load moves its own node at most, in m/N
     ring: Annotated[IntArray, "k"]
     slot: Annotated[IntArray, "n"]  # scratch, all -1
     node: Annotated[IntArray, "n"]
@@ -37,7 +43,7 @@ field_at = reader(FieldArrays)
 
 
 class ResidualField:
-    """Residual displacement on the loaded nodes and those up to `RINGS` edges away from each load.
+    """Residual displacement on the loaded nodes and those up to `RINGS`, or `DENT_RINGS`, edges away from each load.
 
     It keeps a copy of the blocks near each node in the order in which they are read: out of the whole residual every
     one would come from another page.
@@ -50,7 +56,8 @@ class ResidualField:
 
     def __init__(self, duct: ReducedDuct) -> None:
         n = duct.mesh.n_vertices
-        start, ring = neighbourhoods(duct.mesh, RINGS)
+        (start, ring), near = neighbourhoods(duct.mesh, DENT_RINGS), neighbourhoods(duct.mesh, RINGS)
+        put_first(near, (start, ring))
         place = np.zeros(len(ring), np.int64)
         find_places(duct.residual.store, (start, ring), place)
         known = place >= 0
@@ -64,6 +71,8 @@ class ResidualField:
             blocks=blocks,
             place=place,
             start=start,
+            near=start[:-1] + np.diff(near[0]),
+            softness=_own_softness(duct),
             ring=ring,
             slot=np.full(n, -1, np.int32),
             node=self.nodes,
@@ -76,6 +85,15 @@ class ResidualField:
         self.count = displace_round_loads(self.address, load_nodes, load_force_n)
 
 
+def _own_softness(duct: ReducedDuct) -> FloatArray:
+    n = duct.mesh.n_vertices
+    place = np.zeros(n, np.int64)
+    find_places(duct.residual.store, (np.arange(n + 1, dtype=np.int32), np.arange(n, dtype=np.int32)), place)
+    softness, known = np.zeros(n), place >= 0
+    softness[known] = np.linalg.norm(duct.residual.blocks[place[known]], axis=(1, 2))
+    return softness
+
+
 def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
     """Return (n + 1,) starts and the nodes within ``rings`` edges of each node, itself included."""
     step = vertex_adjacency(mesh).astype(np.float64)
@@ -85,6 +103,22 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
         reach = (reach @ step).tocsr()
     reach.sort_indices()
     return reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
+
+
+@kernel
+def put_first(near: tuple[IntArray, IntArray], far: tuple[IntArray, IntArray]) -> None:
+    """Put the nodes of near neighbourhoods first in the far ones that they are part of, in place; both ascend."""
+    for node in range(near[0].shape[0] - 1):
+        source, to = near[0][node + 1] - 1, far[0][node + 1] - 1
+        for place in range(far[0][node + 1] - 1, far[0][node] - 1, -1):
+            other = far[1][place]
+            if source >= near[0][node] and near[1][source] == other:
+                source -= 1
+            else:
+                far[1][to] = other
+                to -= 1
+        for place in range(near[0][node], near[0][node + 1]):
+            far[1][far[0][node] + place - near[0][node]] = near[1][place]
 
 
 @kernel
@@ -123,7 +157,8 @@ def displace_round_loads(address: Address[FieldArrays], load_nodes: IntArray, lo
         x, y, z = load_force[load, 0], load_force[load, 1], load_force[load, 2]
         if x == 0.0 and y == 0.0 and z == 0.0:
             continue
-        for k in range(start[source], start[source + 1]):
+        is_heavy = field.softness[source] ** 2 * (x * x + y * y + z * z) > DENT_M * DENT_M
+        for k in range(start[source], start[source + 1] if is_heavy else field.near[source]):
             node, place = ring[k], places[k]
             number = number_node(node, slot, nodes, count)
             if number == count:

@@ -20,3 +20,24 @@ def test_the_field_is_the_residual_of_the_loads(cache_dir):
         exact = np.zeros((2, 3))
         duct.residual.apply(nodes[:2], forces[:2], nodes[:2], exact)
         np.testing.assert_allclose(field.displacement_m[near], exact, rtol=1e-6)
+
+
+def test_a_deep_dent_reaches_further_than_a_shallow_one(cache_dir):
+    """Jaws press on dozens of nodes: what each of them moves further off adds up to tenths of a millimetre."""
+    duct = build_scene_duct(scenarios.insertion_scene(), cache_dir)
+    node, field = np.array([200], np.int32), ResidualField(duct)
+    reached = []
+    for force_n in (1e-3, 1.0):
+        force = np.array([[0.0, 0.6, 0.8]]) * force_n
+        field.update(node, force)
+        found = field.nodes[: field.count].copy()
+        exact = np.zeros((len(found), 3))
+        duct.residual.apply(node, force, found, exact)
+        np.testing.assert_allclose(field.displacement_m[: field.count], exact, rtol=1e-6, atol=1e-9 * force_n)
+        reached.append(set(found.tolist()))
+        left = np.setdiff1d(np.arange(duct.mesh.n_vertices, dtype=np.int32), found).astype(np.int32)
+        missed = np.zeros((len(left), 3))
+        duct.residual.apply(node, force, left, missed)
+        own = np.linalg.norm(exact[found.tolist().index(200)])
+        assert np.linalg.norm(missed, axis=1).max() < (0.2 if force_n < 0.1 else 0.1) * own
+    assert reached[0] < reached[1]

@@ -1,0 +1,107 @@
+"""Pairs that only the solved motion of a step brings into each other: which of them need a row, and along which normal.
+
+Detection finds them where the step will end, so that all rows must know is the step's start.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at
+from services.mechanics.collision.writer import copy_pair
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import Vector, along, combine, dot, put_row, row, scaled, subtract
+from services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from services.mechanics.contact.pair_rows import touches
+from services.mechanics.contact.rows import ContactRows, rows_at
+
+# Detection moves the wall under its loads on the nodes round them only: it may be so far off, where a row is not.
+NEARLY_MET_M = 50e-6
+# What is pressed, or is being pushed out, comes no nearer than this.
+LEAST_APPROACH_M = 5e-6
+
+
+@kernel
+def list_corners(pairs_address: Address[ContactPairs], triangles: IntArray, out: IntArray) -> int:
+    """Write the corners of the triangles that pairs name into ``out`` (3 n,), 0 for other targets; return 3 n."""
+    pairs = pairs_at(pairs_address)
+    for i in range(pairs.count):
+        for corner in range(3):
+            on_wall = pairs.target_kind[i] != CATHETER_SEGMENT
+            out[3 * i + corner] = triangles[pairs.target[i], corner] if on_wall else 0
+    return 3 * int(pairs.count)
+
+
+@kernel
+def keep_approaching(
+    pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], corners: FloatArray
+) -> None:
+    """Keep of the pairs found where a step ends those that meet there and come nearer in it; write by how much.
+
+    ``corners`` (3 n, 3) are those of `list_corners` at the start of the step. Afterwards ``gap_m`` is how much less the
+    gap is at the end than at the start along the pair's normal. That is the one at the end, but where the pair would
+    seem to overlap along it at the start already, as it does round a corner: there it is the one at the start.
+    """
+    pairs, geometry, kept = pairs_at(pairs_address), geometry_at(geometry_address), 0
+    for i in range(pairs.count):
+        tool = pairs.tool[i]
+        if not pairs.gap_m[i] < NEARLY_MET_M:
+            continue
+        if tool != NO_TOOL and not touches(geometry.tools, tool, pairs.tool_segment[i], pairs.target_kind[i]):
+            continue
+        away, thickness = _start_offset(pairs, i, geometry, corners)
+        normal, distance = row(pairs.normal, i), math.sqrt(dot(away, away))
+        start, nearest = dot(away, normal) - thickness, distance - thickness
+        if start - pairs.gap_m[i] < LEAST_APPROACH_M:
+            continue
+        copy_pair(pairs, i, kept)
+        if start < 0.0 and dot(away, normal) > 0.0:
+            put_row(pairs.normal, kept, scaled(away, 1.0 / distance))
+            start = nearest
+        pairs.gap_m[kept] = start - pairs.gap_m[i]
+        kept += 1
+    pairs.count = kept
+
+
+@kernel
+def _start_offset(pairs: ContactPairs, i: int, geometry: ContactGeometry, corners: FloatArray) -> tuple[Vector, float]:
+    """Return the vector from the target's point to the first body's axis at the start, and both bodies' thickness."""
+    s, w, rod, tool = pairs.tool_parameter[i], row(pairs.target_weights, i), geometry.rod, pairs.tool[i]
+    if tool != NO_TOOL:
+        ends, radius = (
+            geometry.tools.segments[tool, pairs.tool_segment[i]],
+            geometry.tools.radius[tool, pairs.tool_segment[i]],
+        )
+        here = along(scaled(row(ends, 0), 1.0 - s), row(ends, 1), s)
+    else:
+        first, radius = pairs.particle[i], rod.radius
+        second = min(first + 1, rod.position.shape[0] - 1)
+        here = along(scaled(row(rod.position, first), 1.0 - s), row(rod.position, second), s)
+    if pairs.target_kind[i] == CATHETER_SEGMENT:
+        target = pairs.target[i]
+        there = along(scaled(row(rod.position, target), w[0]), row(rod.position, target + 1), w[1])
+        return subtract(here, there), radius + rod.radius
+    there = combine(w, row(corners, 3 * i), row(corners, 3 * i + 1), row(corners, 3 * i + 2))
+    return subtract(here, there), radius + geometry.wall.half_thickness
+
+
+@kernel
+def drop_shallow(
+    rows_address: Address[ContactRows], pairs_address: Address[ContactPairs], first: int, tolerance_m: float
+) -> bool:
+    """Keep those pairs whose rows, from ``first`` on, end deeper than a tolerance; return whether any was dropped.
+
+    Rows know what the wall does under all its loads, and how deep it may be in jaws that hold or squeeze it.
+    """
+    rows, pairs, kept = rows_at(rows_address), pairs_at(pairs_address), 0
+    count = min(pairs.count, rows.n_contacts - first)
+    for i in range(count):
+        if rows.gap_m[first + i] + rows.pad_m[first + i] - pairs.gap_m[i] < -tolerance_m:
+            copy_pair(pairs, i, kept)
+            pairs.gap_m[kept] = pairs.gap_m[i]
+            kept += 1
+    is_less = kept < count
+    pairs.count = kept
+    return is_less

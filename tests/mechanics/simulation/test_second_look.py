@@ -1,0 +1,60 @@
+"""What only the solved motion of a step brings into each other has a row in that step."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.second_look import SecondLook
+from services.studies.stability.criteria import failures
+from services.studies.stability.drive import reduced_duct
+from services.studies.stability.families.jerks import cases as jerks
+from services.studies.stability.families.materials import mass_cases
+from services.studies.stability.family import Draw, Reach
+from services.studies.stability.hands import least_jerk
+from services.studies.stability.situations import LEAD_STEPS, threaded
+
+
+@pytest.mark.parametrize(
+    ("family", "name"),
+    [
+        (mass_cases, "wall 0.01 times as heavy, number 2"),  # 0.49 mm deep with rows of the first look only
+        (jerks, "holding, 0.1 m/s, number 84"),  # 0.21 mm: a wall that detection saw elsewhere, too
+        (jerks, "holding, 0.1 m/s, number 56"),
+    ],
+)
+def test_walls_that_snap_beside_a_row_meet_nothing_unseen(family, name):
+    (case,) = [case for case in family(Draw(Reach.LONG, 1)) if case.name == name]
+    figures = case.run().figures
+    assert not failures(figures), {name: figures[name] for name in failures(figures)}
+
+
+def _jerked(monkeypatch, is_due, *, given_pairs=False):
+    """The state after a jerk of the steadying tool, and the simulation."""
+    monkeypatch.setattr(SecondLook, "is_due", is_due)
+    start = threaded()
+    hands = start.hands.then(150).moved(1, least_jerk(5e-3, np.array([0.0, 0.0, -1.0]), 0.2), LEAD_STEPS)
+    simulation, tools = Simulation(start.scene, reduced_duct(start.scene)), ToolInputs()
+    pairs = ContactPairs.allocate(start.scene.contact.capacity)
+    for step in range(len(hands)):
+        hands.write(step, tools)
+        simulation.step(tools, pairs if given_pairs else None)
+    rod, wall = simulation.catheter.state, simulation.duct.state
+    return simulation, (rod.position_m, rod.velocity_m_s, wall.q, wall.qdot, simulation.tools.proxy)
+
+
+def test_a_look_that_finds_nothing_leaves_no_trace(monkeypatch):
+    _, without = _jerked(monkeypatch, lambda look: False)
+    monkeypatch.setattr("services.mechanics.simulation.second_look.TOLERANCE_M", np.inf)
+    monkeypatch.setattr("services.mechanics.simulation.second_look.TOLERANCE_OF_WALL", np.inf)
+    simulation, looked = _jerked(monkeypatch, lambda look: True)
+    assert simulation._second_look.looks > LEAD_STEPS
+    for one, other in zip(without, looked, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_tools_whose_pairs_come_from_elsewhere_are_looked_at_too(monkeypatch):
+    """Whoever sends no pairs at all lets the jaws into the wall, but for what the second look finds."""
+    simulation, _ = _jerked(monkeypatch, lambda look: True, given_pairs=True)
+    assert simulation._second_look.met > 0
