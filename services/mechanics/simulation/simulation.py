@@ -35,11 +35,9 @@ from services.mechanics.simulation.loads import begin_loads
 from services.mechanics.simulation.pace import Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
-from services.mechanics.simulation.second_look import MOST_LOOKS, SecondLook
+from services.mechanics.simulation.step_solver import StepSolver
 
 LONGEST_TICK_S = 1.0
-# So often the catheter's step is planned again, at most, with contact forces that another plan has led to.
-MOST_PLANS = 4
 STAGE_NAMES = ("loads", "predict", "detect", "assemble", "solve", "correct", "report")
 
 
@@ -92,13 +90,14 @@ class Simulation:
         self._manifold = ContactManifold(self.system.geometry.wall, scene.contact.margin_m)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
+        self._solver = StepSolver(world, self._tool_force)
+        self._solver.use(self._stages, scene.quality[0].iterations)
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
         self._marks_ns = [0] * (len(STAGE_NAMES) + 1)
         self._pace = Pace(world)
         self._healer = Healer(world)
-        self._second_look = SecondLook(world)
         self._calls = CallCheck(duct.mesh.triangles.shape[0], self.catheter.properties.n_segments)
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
@@ -164,16 +163,10 @@ class Simulation:
         marks[2] = perf_counter_ns()
         self._collect(tools, pairs, dt_s)
         marks[3] = perf_counter_ns()
-        touches = self.system.rows.n_contacts > 0
-        if touches:
-            self._prepare_contacts(dt_s)
+        if self.system.rows.n_contacts > 0:
+            self._solver.prepare(dt_s)
         marks[4] = perf_counter_ns()
-        if touches:
-            self.system.solve(self._iterations, dt_s)
-        else:
-            self.system.rest()
-        self._plan_again(dt_s)
-        self._give_forces(dt_s, knows_tools=pairs is None)
+        self._solver.solve(dt_s, knows_tools=pairs is None)
         marks[5] = perf_counter_ns()
         self._correct(dt_s)
         marks[6] = perf_counter_ns()
@@ -266,14 +259,11 @@ class Simulation:
         self.quality_level = level
         self._stages = self._rungs[level]
         self._touch_every = self.scene.quality[level].touch_every
+        self._solver.use(self._stages, self.scene.quality[level].iterations)
 
     @property
     def _resting(self) -> tuple[str, ...]:
         return self.scene.quality[self.quality_level].without
-
-    @property
-    def _iterations(self) -> int:
-        return self.scene.quality[self.quality_level].iterations
 
     def _add_loads(self, dt_s: float) -> None:
         begin_loads(self.duct.motion_address, self.catheter.step_address)
@@ -333,81 +323,6 @@ class Simulation:
             else:
                 grasp.let_go()
         return held
-
-    def _prepare_contacts(self, dt_s: float) -> None:
-        self.system.complete_rows()
-        for effect in self._stages["add_motion"]:
-            effect.add_motion(self.world, dt_s)
-        for effect in self._stages["set_friction"]:
-            effect.set_friction(self.world, dt_s)
-        self._assemble(dt_s)
-
-    def _assemble(self, dt_s: float) -> None:
-        adds = self._stages["add_compliance"]
-        self.system.assemble((lambda: self._add_compliance(dt_s)) if adds else None)
-
-    def _plan_again(self, dt_s: float) -> None:
-        """Plan the catheter's step again, and solve again, while the forces found bend it far from its plan.
-
-        A plan with the forces that the last one led to need not be better: in a catheter that buckles they alternate.
-        So it is kept only if it is, and else one half as far from the last is tried.
-        """
-        least_j = self.system.strays()
-        if least_j == 0.0:
-            return
-        self.catheter.keep_plan()
-        share = 1.0
-        for _ in range(MOST_PLANS):
-            stray_j = self._try_plan(share, dt_s)
-            if stray_j == 0.0:
-                return
-            if stray_j < least_j:
-                self.catheter.keep_plan()
-                least_j, share = stray_j, 1.0
-            else:
-                share *= 0.5
-        if share < 1.0:
-            self._try_plan(0.0, dt_s)
-
-    def _try_plan(self, share: float, dt_s: float) -> float:
-        self.system.plan_again(share)
-        if self.system.rows.n_contacts:
-            self._assemble(dt_s)
-            self.system.solve(self._iterations, dt_s)
-        return self.system.strays()
-
-    def _add_compliance(self, dt_s: float) -> None:
-        for effect in self._stages["add_compliance"]:
-            effect.add_compliance(self.world, dt_s)
-
-    def _give_forces(self, dt_s: float, *, knows_tools: bool) -> None:
-        """Give the forces found to the bodies; where that meets what no row was for, take them back and solve again."""
-        look = self._second_look
-        look.prepare()
-        self._give()
-        for _ in range(MOST_LOOKS):
-            if not look.is_due():
-                return
-            if look.append_rows(knows_tools=knows_tools):
-                self._prepare_new_rows(dt_s)
-                self.system.solve(self._iterations, dt_s)
-                self._plan_again(dt_s)
-            else:
-                self._give()
-                return
-            self._give()
-
-    def _give(self) -> None:
-        self.squeeze.react()
-        self.system.apply(self._tool_force)
-
-    def _prepare_new_rows(self, dt_s: float) -> None:
-        for effect in self._stages["add_motion"]:
-            effect.add_motion(self.world, dt_s)
-        with self.system.old_friction():
-            for effect in self._stages["set_friction"]:
-                effect.set_friction(self.world, dt_s)
-        self._assemble(dt_s)
 
     def _correct(self, dt_s: float) -> None:
         system = self.system
