@@ -9,6 +9,9 @@ together they stay inside their cones, and some scale of them gives nothing.
 
 Jaws at rest would keep their last micrometres of overlap for ever, and a force that these falsify by a per cent. So
 there is a small credit: a share of what hands have put in lately. It is paid back by what friction and impacts take.
+
+Nothing is asked in the first tenth of a second: what a scene begins with inside each other, as a wall does that a hand
+presses while physics is started anew, comes apart by the bounded recovery, and is felt from then on.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ SLACK_J = 1e-10
 # Of the work of the hands within `LATELY_S`: so much may be owed.
 CREDIT = 2e-3
 LATELY_S = 1.0
+# So long after its start a scene may be coming out of what it began in.
+BEGINS_S = 0.1
 # Of what pays for taking back: less is taken back then, so that less friction pays.
 PAID = 0.9
 _HALVINGS = 30
@@ -38,13 +43,15 @@ class Ledger(Struct):
     """What contacts owe, and what they may, in J.
 
     ``paid_j`` is what the last step could have paid for taking overlaps back, infinite where that was all; ``worked_j``
-    the work of the hands lately, and ``most_j`` the most of it lately.
+    the work of the hands lately, and ``most_j`` the most of it lately. ``begun_s`` is for how long there have been
+    contacts since the start; it is over once nothing touches.
     """
 
     paid_j: float = math.inf
     owed_j: float = 0.0
     worked_j: float = 0.0
     most_j: float = 0.0
+    begun_s: float = 0.0
 
 
 @kernel
@@ -61,6 +68,10 @@ def solve_passively(
     """
     rows, (scratch, ledger) = problem.rows, work
     _note_hands(ledger, hands[0], hands[1])
+    if ledger.begun_s < BEGINS_S:
+        ledger.begun_s += hands[1]
+        only: int = solve_contacts(problem, W, effort, scratch)
+        return only
     credit_j = max(CREDIT * ledger.most_j - ledger.owed_j, SLACK_J)
     is_less = take_back_at_most(rows, ledger.paid_j + credit_j, problem.motion)
     sweeps: int = solve_contacts(problem, W, effort, scratch)

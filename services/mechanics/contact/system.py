@@ -17,6 +17,7 @@ from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.giving import give_forces
 from services.mechanics.contact.hold_rows import HoldArrays
 from services.mechanics.contact.met import drop_shallow
+from services.mechanics.contact.passivity import BEGINS_S
 from services.mechanics.contact.rows import add_rod_motion
 from services.mechanics.contact.state import ContactState
 from services.mechanics.contact.strategies import STRATEGIES
@@ -202,6 +203,7 @@ class ContactSystem:
         """Forget the forces of the last tick: nothing is touched."""
         self.sweeps = 0
         self._state.memory.n_contacts = 0
+        self._state.ledger.begun_s = BEGINS_S
 
     def forget(self) -> None:
         """Forget the contacts of this step and their forces."""

@@ -8,10 +8,12 @@ from services.mechanics.contact.free_motion import free_motion, taken_back
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
-from services.mechanics.contact.passivity import SLACK_J, Ledger, solve_passively
+from services.mechanics.contact.passivity import BEGINS_S, SLACK_J, Ledger, solve_passively
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import SolverScratch, solve_contacts
 from services.mechanics.contact.writer import append_row
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
 
 RECOVERY, DT_S = 0.2, 1e-3
 
@@ -33,7 +35,7 @@ class Pressed:
         half = random.normal(size=(3 * k, 8))
         self.bodies_m_n = 1e-3 * half @ half.T / 8.0
         self.W = self.bodies_m_n + np.diag(rows.softness_m_n.ravel())
-        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger()
+        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger(begun_s=BEGINS_S)
         free_motion(rows, RECOVERY, DT_S, self.problem.motion)
 
     def solve(self, how, sweeps=30):
@@ -92,3 +94,15 @@ def test_a_shallow_overlap_is_taken_back_beside_a_deep_one():
     assert rows.taken_m[0] == asked_m[0]
     assert 0.0 > rows.taken_m[1] > asked_m[1]
     assert pressed.given_j() <= 1.01 * SLACK_J
+
+
+def test_a_wall_that_a_scene_begins_in_pushes_the_tool_out(with_effects, small_duct):
+    """As where physics is started anew under a hand that presses and stands still: it would be limp for ever."""
+    simulation, tools = Simulation(with_effects(friction={}), small_duct), ToolInputs()
+    tools.present[1] = False
+    tools.position_m[0] = 20e-3, 0.0, 15e-3 + 4.5e-3
+    for _ in range(200):
+        simulation.step(tools)
+    contacts = simulation.contacts
+    assert contacts.gap_m[: contacts.n_contacts].min() > -20e-6
+    assert simulation.tool_results.force_n[0, 2] > 0.01
