@@ -59,6 +59,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
             simulation.set_quality(level)
             simulation.step(tools)
         simulation.system.strategy.compile_kernels()
+        simulation.solver.second_look.compile_kernels()
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
@@ -70,6 +71,7 @@ def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
     still = Simulation(scene, duct, _NoSearch(duct))
     still.catheter.integrator = _StillRod(still.catheter.properties)
     _touch_everything(still)
+    still.solver.second_look.compile_kernels()
 
 
 def _touch_everything(simulation: Simulation) -> ToolInputs:

@@ -75,7 +75,7 @@ def test_schemas(trocar: Trocar) -> None:
         ),
         (
             "effects.large_rotations={n_sections: 1000000000}",
-            "effects.large_rotations: the mesh is too coarse for 1000000000 cross-sections: it has 3192 nodes",
+            "effects.large_rotations: the mesh is too coarse for 1000000000 cross-sections: it has 5112 nodes",
         ),
     ],
 )

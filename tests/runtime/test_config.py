@@ -113,7 +113,9 @@ def test_an_unknown_key_names_those_that_are_known_there(data: dict[str, Any], s
 
 
 def test_of_a_file_that_may_be_two_things_too() -> None:
-    with pytest.raises(ConfigError, match=r"arm.modle: unknown key 'modle'; known: continuous_force_n, kind, max_dam"):
+    with pytest.raises(
+        ConfigError, match=r"arm.modle: unknown key 'modle'; known: continuous_force_n, count_m, friction_n, kind"
+    ):
         config.build(DeviceFile, {"kind": "arm", "modle": "x"}, "file")
 
 

@@ -94,6 +94,12 @@ class SecondLook:
         self.met += met
         return met > 0
 
+    def compile_kernels(self) -> None:
+        """Compile what a look asks for, as the first may come late and must not cost a second."""
+        if not self._is_off:
+            self.prepare()
+            self.append_rows(knows_tools=True)
+
     def _go_back(self) -> None:
         copy_arrays(self._take_back)
         self._world.catheter.touched = self._touched

@@ -90,8 +90,8 @@ class Simulation:
         self._manifold = ContactManifold(self.system.geometry.wall, scene.contact.margin_m)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
-        self._solver = StepSolver(world, self._tool_force)
-        self._solver.use(self._stages, scene.quality[0].iterations)
+        self.solver = StepSolver(world, self._tool_force)
+        self.solver.use(self._stages, scene.quality[0].iterations)
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
@@ -164,9 +164,9 @@ class Simulation:
         self._collect(tools, pairs, dt_s)
         marks[3] = perf_counter_ns()
         if self.system.rows.n_contacts > 0:
-            self._solver.prepare(dt_s)
+            self.solver.prepare(dt_s)
         marks[4] = perf_counter_ns()
-        self._solver.solve(dt_s, knows_tools=pairs is None)
+        self.solver.solve(dt_s, knows_tools=pairs is None)
         marks[5] = perf_counter_ns()
         self._correct(dt_s)
         marks[6] = perf_counter_ns()
@@ -259,7 +259,7 @@ class Simulation:
         self.quality_level = level
         self._stages = self._rungs[level]
         self._touch_every = self.scene.quality[level].touch_every
-        self._solver.use(self._stages, self.scene.quality[level].iterations)
+        self.solver.use(self._stages, self.scene.quality[level].iterations)
 
     @property
     def _resting(self) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
@@ -49,6 +48,8 @@ def find_cyclic_symmetry(mesh: TriangleMesh) -> CyclicSymmetry | None:
 
     None where there are not at least two, or where a node lies on the axis.
     """
+    from scipy.spatial import cKDTree  # only here, see `residual.patches`: a tenth of the start of a process
+
     held = mesh.vertex_sets.get("clamped")
     if held is None:
         return None

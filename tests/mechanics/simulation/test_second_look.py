@@ -49,7 +49,7 @@ def test_a_look_that_finds_nothing_leaves_no_trace(monkeypatch):
     monkeypatch.setattr("services.mechanics.simulation.second_look.TOLERANCE_M", np.inf)
     monkeypatch.setattr("services.mechanics.simulation.second_look.TOLERANCE_OF_WALL", np.inf)
     simulation, looked = _jerked(monkeypatch, lambda look: True)
-    assert simulation._solver.second_look.looks > LEAD_STEPS
+    assert simulation.solver.second_look.looks > LEAD_STEPS
     for one, other in zip(without, looked, strict=True):
         assert np.array_equal(one, other)
 
@@ -57,4 +57,4 @@ def test_a_look_that_finds_nothing_leaves_no_trace(monkeypatch):
 def test_tools_whose_pairs_come_from_elsewhere_are_looked_at_too(monkeypatch):
     """Whoever sends no pairs at all lets the jaws into the wall, but for what the second look finds."""
     simulation, _ = _jerked(monkeypatch, lambda look: True, given_pairs=True)
-    assert simulation._solver.second_look.met > 0
+    assert simulation.solver.second_look.met > 0
