@@ -16,6 +16,7 @@ from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.rod import RodState
+from services.mechanics.rod.free_step import sleep_on
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
@@ -52,14 +53,18 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     with told(progress) as kernels:
         kernels.begin("what haptics has not compiled")
         simulation = Simulation(scene, duct)
-        tools = _touch_everything(simulation)
+        tools, pairs = _touch_everything(simulation)
         for _ in range(_STEPS):
             simulation.step(tools)
+        tools.holds = [GraspHold(1, 0, DUCT_TRIANGLE, 0, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)]
+        simulation.step(tools)
         for level in range(len(scene.quality)):
             simulation.set_quality(level)
             simulation.step(tools)
         simulation.system.strategy.compile_kernels()
-        simulation.solver.second_look.compile_kernels()
+        simulation.solver.second_look.compile_kernels(pairs)
+        catheter = simulation.catheter
+        sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m
@@ -74,8 +79,8 @@ def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
     still.solver.second_look.compile_kernels()
 
 
-def _touch_everything(simulation: Simulation) -> ToolInputs:
-    """Take steps with a contact of each kind and a grasp; return the tools without it."""
+def _touch_everything(simulation: Simulation) -> tuple[ToolInputs, ContactPairs]:
+    """Take steps with a contact of each kind and a grasp; return the tools without it, and the pairs."""
     tools, pairs = _tools(simulation), ContactPairs.allocate(simulation.scene.contact.capacity)
     tools.holds = [GraspHold(0, 1, CATHETER_SEGMENT, 0, np.array([0.5, 0.5, 0.0]), 1.0, 0.2)]
     for row, kind in enumerate((DUCT_TRIANGLE, CATHETER_SEGMENT)):
@@ -86,7 +91,7 @@ def _touch_everything(simulation: Simulation) -> ToolInputs:
     for _ in range(_STEPS):
         simulation.step(tools, pairs)
     tools.holds = []
-    return tools
+    return tools, pairs
 
 
 def _tools(simulation: Simulation) -> ToolInputs:

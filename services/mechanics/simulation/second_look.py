@@ -10,6 +10,8 @@ taken back, and found once more.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from services.mechanics.collision.pairs import ContactPairs
@@ -94,11 +96,15 @@ class SecondLook:
         self.met += met
         return met > 0
 
-    def compile_kernels(self) -> None:
-        """Compile what a look asks for, as the first may come late and must not cost a second."""
-        if not self._is_off:
-            self.prepare()
-            self.append_rows(knows_tools=True)
+    def compile_kernels(self, pairs: ContactPairs | None = None) -> None:
+        """Compile what a look asks for, also with such pairs: the first may come late, while a loop runs."""
+        if self._is_off:
+            return
+        self.prepare()
+        self.append_rows(knows_tools=pairs is None)
+        if pairs is not None:
+            self._world.search.node_positions(self._nodes[:3], self._corners[:3])
+            self._world.system.append_met(pairs, -math.inf)
 
     def _go_back(self) -> None:
         copy_arrays(self._take_back)
