@@ -62,7 +62,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
             simulation.set_quality(level)
             simulation.step(tools)
         simulation.system.strategy.compile_kernels()
-        simulation.solver.second_look.compile_kernels(pairs)
+        simulation.solver.compile_kernels(pairs)
         catheter = simulation.catheter
         sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
         ContactsReader(simulation).compile_kernels()
@@ -76,7 +76,7 @@ def answer_contacts(scene: SceneModel, duct: ReducedDuct) -> None:
     still = Simulation(scene, duct, _NoSearch(duct))
     still.catheter.integrator = _StillRod(still.catheter.properties)
     _touch_everything(still)
-    still.solver.second_look.compile_kernels()
+    still.solver.compile_kernels()
 
 
 def _touch_everything(simulation: Simulation) -> tuple[ToolInputs, ContactPairs]:

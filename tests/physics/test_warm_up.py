@@ -13,6 +13,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from services.cache_directory import cache_directory
+from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.collision.pairs import DUCT_TRIANGLE
 from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.scene.tools import GraspHold, ToolInputs
@@ -78,22 +79,38 @@ def _compare() -> None:
     print(json.dumps([len(on_stand_in - before), sorted(_signatures() - on_stand_in)]))
 
 
+def _count_plans() -> list[float]:
+    """Return a list to which every plan of a catheter that is made again adds its share."""
+    plans: list[float] = []
+    plan_again = CatheterBody.plan_again
+
+    def counted(self: CatheterBody, share: float) -> None:
+        plans.append(share)
+        plan_again(self, share)
+
+    CatheterBody.plan_again = counted  # type: ignore[method-assign]
+    return plans
+
+
 def _later() -> None:
-    """Print what a stroke across the duct, with a hold on its wall, compiles after the warm-up."""
+    """Print what strokes across duct and catheter, with a hold on the wall, compile after the warm-up."""
     scene = load_scene(SMALL, [])
     duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
     warm_up_contact(scene)
     warm_up(scene, duct)
     before = _signatures()
-    simulation, tools = Simulation(scene, duct), ToolInputs()
+    simulation, tools, plans = Simulation(scene, duct), ToolInputs(), _count_plans()
+    particles_m = simulation.catheter.state.position_m
+    beside_m = particles_m[len(particles_m) // 2].copy()
     for tick in range(400):
         tools.position_m[0] = 20e-3, 0.0, 20e-3 + 8e-3 * np.sin(tick / 15)
-        tools.position_m[1] = 30e-3, 6e-3 * np.sin(tick / 9), 12e-3
+        tools.position_m[1] = (*beside_m[:2], beside_m[2] + 12e-3 * np.sin(tick / 9))
         tools.jaw_angle_rad[:] = 0.6 + 0.6 * np.sin(tick / 20)
         is_held = 200 < tick < 300
         tools.holds = [GraspHold(1, 1, DUCT_TRIANGLE, 10, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)] if is_held else []
         simulation.step(tools)
     assert simulation.solver.second_look.met
+    assert plans
     print(json.dumps(sorted(_signatures() - before)))
 
 

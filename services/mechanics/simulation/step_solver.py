@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.effects import Effect
 from services.mechanics.simulation.second_look import MOST_LOOKS, SecondLook
 from services.mechanics.world import World
@@ -44,6 +45,17 @@ class StepSolver:
         self._add_motion(dt_s)
         self._set_friction(dt_s)
         self._assemble(dt_s)
+
+    def compile_kernels(self, pairs: ContactPairs | None = None) -> None:
+        """Compile what a step rarely asks for: plans made again, and second looks, also with such pairs.
+
+        The first of them may come late, while a loop runs. In a world that has taken steps with contacts.
+        """
+        catheter = self._world.catheter
+        if catheter.plain_integrator is not None:
+            catheter.keep_plan()
+            self._try_plan(0.0, self._world.duct.dt_s)
+        self.second_look.compile_kernels(pairs)
 
     def solve(self, dt_s: float, *, knows_tools: bool) -> None:
         """Find the forces and give them to the bodies.
