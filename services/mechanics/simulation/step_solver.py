@@ -127,6 +127,7 @@ class StepSolver:
             has_met = look.append_rows(knows_tools=knows_tools)
             if has_met:
                 self._solve_with_new_rows(dt_s)
+                look.prepare()  # the catheter may have been planned again, and ends elsewhere without forces
             self._give()
             if not has_met:
                 return

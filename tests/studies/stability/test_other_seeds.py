@@ -29,6 +29,9 @@ GAINED = [
     # A heal took up a state that stored more than there was.
     (1, "mass", "wall 0.01 times as heavy, number 2", 0.051),
     (1, "stiffness", "10 times as stiff, holding, number 2", 0.171),
+    # A second look took a catheter that had been planned again back to where the plan before had led it.
+    (1, "stiffness", "10 times as stiff, holding, number 1", 0.028),
+    (1, "stiffness", "100 times as stiff, holding, number 3", 0.011),
 ]
 
 
