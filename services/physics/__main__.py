@@ -24,6 +24,7 @@ from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
+TICK_S = 1e-3
 #: Orders are looked for after one tick of so many: they come ten times a second. To look takes 7 us, to find one 80:
 #: within the tick that was its 99th percentile.
 _ORDERS_EVERY = 16
@@ -38,7 +39,8 @@ class Physics:
         self._meter = meter
         self._scene, self._duct = scene, duct
         self._begin()
-        self.resets = self._looked = 0
+        self.resets = self._looked = self._owed = 0
+        meter.periods_allowed = scene.quality[0].ticks_per_step
         process.health.counts = self._counts
 
     def _begin(self) -> None:
@@ -49,27 +51,33 @@ class Physics:
         watched = {"q": self.simulation.duct_state.q, "catheter": self.simulation.catheter.state.position_m}
         self._guard = NanGuard("physics", watched, cache_directory() / "dumps")
 
-    def advance(self, frame: Frame, steps: int) -> None:
-        """Take `steps` with the tools of `frame` and publish the last one."""
+    def advance(self, frame: Frame, ticks: int) -> None:
+        """Go on by `ticks` with the tools of `frame` and publish where that leads, once they make up a whole step."""
         began_ns = time.monotonic_ns()
         self._meter.tick = frame.body.tick
+        self._owed += ticks
+        longest = self._meter.periods_allowed
+        if self._owed < longest:
+            return
+        lengths = step_lengths(self._owed, longest)
+        self._owed = 0
         if not self._reader.take(frame.body):
             self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
             return
         read_ns = time.monotonic_ns() - began_ns
         costs_ns = [0] * len(STAGE_NAMES)
-        healthy = all(self._step(costs_ns) for _ in range(steps))
+        healthy = all(self._step(costs_ns, ticks) for ticks in lengths)
         if not healthy:
             self._reset()
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
         self._meter.stages_ns = (read_ns, *costs_ns, time.monotonic_ns() - stepped_ns)
 
-    def _step(self, costs_ns: list[int]) -> bool:
-        """Take one step, adding what its stages cost to `costs_ns`; False if the state it leads to is not a number,
-        which no kernel may ever see.
+    def _step(self, costs_ns: list[int], ticks: int) -> bool:
+        """Take one step over `ticks`, adding what its stages cost to `costs_ns`; False if it leads to what is not a
+        number, which no kernel may ever see.
         """
-        self.simulation.step(self._reader.tools, self._reader.pairs)
+        self.simulation.step(self._reader.tools, self._reader.pairs, ticks * TICK_S)
         costs_ns[:] = map(add, costs_ns, self.simulation.cost_ns)
         return self._guard.watch()
 
@@ -117,7 +125,14 @@ class Physics:
         level = min(level, len(self._scene.quality) - 1)
         if level != self.simulation.quality_level:
             self.simulation.set_quality(level)
+        self._meter.periods_allowed = self._scene.quality[level].ticks_per_step
         self._process.health.quality_level = level
+
+
+def step_lengths(ticks: int, longest: int) -> list[int]:
+    """Return the ticks of each step that together make up so many, the longest that may be first."""
+    whole, rest = divmod(ticks, longest)
+    return [longest] * whole + [rest] * (rest > 0)
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
@@ -149,9 +164,9 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     process.ready(meter)
     for frame in follow(process.bus, "haptics.contacts", meter, process.stop, physics.settle):
         if frame is not None:
-            steps = clock.steps(frame.body.tick)
-            if steps:
-                physics.advance(frame, steps)
+            ticks = clock.steps(frame.body.tick)
+            if ticks:
+                physics.advance(frame, ticks)
             process.health.change("running")
 
 

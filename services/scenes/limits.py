@@ -17,7 +17,7 @@ _POSITIVE = {
     "mesh_lumen_diameter_m",
     "catheter": "n_segments length_m outer_diameter_m youngs_modulus_pa density_kg_m3 introducer_length_m",
     "contact": "tolerance_n capacity penalty_stiffness_n_m",
-    "quality": "iterations touch_every cost_us",
+    "quality": "iterations touch_every ticks_per_step cost_us",
 }
 _NOT_NEGATIVE = {
     "duct": "slit_length_m slit_width_m damping_ratio",
@@ -32,6 +32,7 @@ _AT_MOST: dict[str, dict[str, float]] = {
     "duct": {"n_modes": 2000},  # a step with these takes longer than a millisecond, and finding more takes many minutes
     "catheter": {"spectral_radius": 1.0, "n_segments": 1000},
     "contact": {"recovery": 1.0, "capacity": 1000},  # the matrix of all contacts is dense: 72 MB
+    "quality": {"ticks_per_step": 2},  # what moves the hand is stale after five
 }
 LARGEST = 1e30
 """Of any number: the mechanics multiplies several, and beyond 1e308 a product is infinite."""

@@ -10,6 +10,8 @@ import pytest
 
 from protocol.arrays import pack
 from protocol.bodies import GatewayState, GraspHold, InstrumentState
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.scene.tools import ToolInputs
 from services.physics.inputs import ContactsReader
 from tests.memory_bus import MemoryBus
 from tests.physics.conftest import STALE_S, Rig
@@ -221,3 +223,35 @@ def test_frames_that_do_not_fit_the_scene_are_refused(rig: Rig) -> None:
     few = msgspec.structs.replace(catheter, position_m=pack(np.zeros((4, 3))), velocity_m_s=pack(np.zeros((4, 3))))
     scene.take_catheter(few)
     assert scene.refused == {"basis": 2, "load_node": 2, "particles": 1}
+
+
+def test_on_a_rung_with_long_steps_physics_answers_every_second_tick_and_loses_none(
+    in_memory: type[Rig], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = in_memory("quality=[{name: full}, {name: long steps, ticks_per_step: 2}]")
+    lengths_s: list[float] = []
+    step = rig.physics.simulation.step
+
+    def watched(tools: ToolInputs, pairs: ContactPairs, dt_s: float) -> None:
+        lengths_s.append(dt_s)
+        step(tools, pairs, dt_s)
+
+    monkeypatch.setattr(rig.physics.simulation, "step", watched)
+    for level, ticks in ((0, 3), (1, 5), (0, 2)):  # a tick is owed when it goes back
+        rig.physics.obey(level)
+        _hold(rig, 0.02, ticks)
+    assert lengths_s == pytest.approx([1e-3] * 3 + [2e-3] * 2 + [1e-3] * 3)
+    assert sum(lengths_s) == pytest.approx(1e-3 * rig.tick)
+
+
+def test_what_is_pressed_at_rest_feels_the_same_with_long_steps(in_memory: type[Rig]) -> None:
+    rig = in_memory("quality=[{name: full}, {name: long steps, ticks_per_step: 2}]")
+    _press(rig, 400)
+    _hold(rig, 0.006, 400)
+    force_n = np.array(rig.model().force_n)
+    assert force_n[2] > 0.02
+    for level in (1, 0, 1):
+        rig.physics.obey(level)
+        for _ in range(51):
+            _hold(rig, 0.006, 1)
+            assert rig.model().force_n == pytest.approx(force_n, abs=0.01 * np.linalg.norm(force_n))

@@ -81,6 +81,15 @@ def test_work_of_a_little_more_than_one_period_loses_the_next_tick(clock: Clock)
     assert (meter.ticks, meter.misses, meter.skipped) == (4, 8, 4)
 
 
+def test_a_tick_that_does_the_work_of_two_may_take_two_periods() -> None:
+    meter = LoopMeter(1000.0)
+    for allowed, took_ns, misses in ((1, 1_000_001, 1), (2, 2_000_000, 1), (2, 2_000_001, 2), (1, 1_000_000, 2)):
+        meter.periods_allowed = allowed
+        meter.start(5_000_000, 5_100_000)
+        meter.finish(5_000_000 + took_ns)
+        assert meter.misses == misses
+
+
 def test_stepping_the_wall_clock_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the monotonic clock is ever asked: a wall clock that leaps cannot matter."""
 

@@ -117,7 +117,8 @@ class QualityLevel:
 
     ``iterations`` is the most sweeps of a solve, unless more are needed to keep bodies apart; ``without`` names effects
     that rest meanwhile, of those that can; of the catheter's particles every ``touch_every``-th, counted from the tip,
-    feels the wall, and another where it would sink in or bears more than a few times its weight.
+    feels the wall, and another where it would sink in or bears more than a few times its weight. A step is at most
+    ``ticks_per_step`` milliseconds long: who calls once a millisecond calls once in so many.
     ``cost_us`` of a tick and the errors of forces and of motion are what `trocar tune` measured, for whoever walks the
     ladder; None where nobody has.
     """
@@ -125,6 +126,7 @@ class QualityLevel:
     name: str = "full"
     iterations: int = 30
     touch_every: int = 1
+    ticks_per_step: int = 1
     without: tuple[str, ...] = ()
     cost_us: float | None = None
     force_error_percent: float | None = None

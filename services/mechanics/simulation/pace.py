@@ -18,7 +18,8 @@ from services.mechanics.world import World
 N_NODES = 32
 # At most; a power of two, so that few lengths of a step have to be prepared.
 MOST_PARTS = 64
-# No longer step is taken: contacts act by impulses at its start, which swing the wall by half of what they hold.
+# No longer step is taken, unless a rung of the quality ladder says so: contacts act by impulses at its start, which
+# swing the wall by half of what they hold.
 LONGEST_STEP_S = 1e-3
 
 
@@ -36,7 +37,8 @@ moving_at = reader(Moving)
 class Pace:
     """Splits ticks that are long, and steps in which something moves further than contacts are seen ahead.
 
-    What moves at hand speeds is no reason to: at a tick of 1 ms it begins at half a metre a second or more.
+    What moves at hand speeds is no reason to: at a step of 1 ms it begins at half a metre a second or more. Longer
+    steps are split by as much sooner: within them things reach other speeds than they had when they were looked at.
     """
 
     def __init__(self, world: World) -> None:
@@ -52,15 +54,16 @@ class Pace:
         duct, body = world.duct, world.tools
         speed_m_s, way = speed_and_way(self._moving.address)
         moved_m, last_s = speed_m_s * dt_s, duct.dt_s
+        most_m = self._most_m * min(LONGEST_STEP_S / dt_s, 1.0)
         if last_s > 0.0:
             scale = dt_s / last_s
-            if self._longest * way * scale > self._most_m:
+            if self._longest * way * scale > most_m:
                 moved_m = max(moved_m, furthest(self._modes, duct.q_start, duct.state.q) * scale)
-        if dt_s * FASTEST_HAND_M_S > self._most_m:
+        if dt_s * FASTEST_HAND_M_S > most_m:
             away_m = np.linalg.norm(tools.position_m - body.hand[:, :3], axis=1)[tools.present & body.present]
             moved_m = max(moved_m, min(float(away_m.max(initial=0.0)), dt_s * FASTEST_HAND_M_S))
         parts = 1
-        while parts < MOST_PARTS and moved_m > parts * self._most_m:
+        while parts < MOST_PARTS and moved_m > parts * most_m:
             parts *= 2
         return parts
 
@@ -75,10 +78,10 @@ def sampled_modes(Phi: FloatArray) -> tuple[FloatArray, float]:
     return modes, float(np.sqrt((modes**2).reshape(len(nodes), -1).sum(axis=1).max()))
 
 
-def steps_of(tick_s: float) -> int:
-    """Return in how many steps a tick is taken, a power of two: one up to a millisecond."""
+def steps_of(tick_s: float, longest_s: float = LONGEST_STEP_S) -> int:
+    """Return in how many steps a tick is taken, a power of two: one up to ``longest_s``."""
     steps = 1
-    while tick_s > steps * LONGEST_STEP_S * (1.0 + 1e-9):
+    while tick_s > steps * longest_s * (1.0 + 1e-9):
         steps *= 2
     return steps
 

@@ -32,7 +32,7 @@ from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolR
 from services.mechanics.simulation.calls import CallCheck
 from services.mechanics.simulation.healing import Healer
 from services.mechanics.simulation.loads import begin_loads
-from services.mechanics.simulation.pace import Pace, steps_of
+from services.mechanics.simulation.pace import LONGEST_STEP_S, Pace, steps_of
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.mechanics.simulation.scene_world import build_world
 from services.mechanics.simulation.step_solver import StepSolver
@@ -71,7 +71,6 @@ class Simulation:
         self.effects = build_effects(scene)
         stages = by_stage(self.effects.values())
         self._rungs = [_stages_without(self.effects, level.without) for level in scene.quality]
-        self._stages = self._rungs[0]
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
         self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
@@ -84,14 +83,12 @@ class Simulation:
         )
         self.tool_results = ToolResults()
         self.max_penetration_m = 0.0
-        self.quality_level = 0
-        self._touch_every = scene.quality[0].touch_every
         self._mouth = Mouth(duct)
         self._manifold = ContactManifold(self.system.geometry.wall, scene.contact.margin_m)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self.solver = StepSolver(world, self._tool_force)
-        self.solver.use(self._stages, scene.quality[0].iterations)
+        self._use_rung(0)
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
@@ -113,7 +110,8 @@ class Simulation:
         pairs : ContactPairs, optional
             Candidate pairs of the tools, as the haptics process found them; None finds them here.
         dt_s : float
-            Length of the tick, at most `LONGEST_TICK_S`. Longer than a millisecond, it is taken in parts.
+            Length of the tick, at most `LONGEST_TICK_S`. Longer than a millisecond, or than the rung in force lets a
+            step be, it is taken in parts.
 
         Raises
         ------
@@ -130,7 +128,7 @@ class Simulation:
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         if self._healer.rest():
             return
-        steps = steps_of(dt_s)
+        steps = steps_of(dt_s, self._longest_step_s)
         for _ in range(steps):
             if not self._step_in_parts(tools, pairs, dt_s / steps):
                 self._heal(dt_s)
@@ -256,10 +254,13 @@ class Simulation:
             raise ValueError(f"quality level {level} is not within 0 and {len(self.scene.quality) - 1}")
         for name in set(self._resting) - set(self.scene.quality[level].without):
             self.effects[name].wake()
-        self.quality_level = level
+        self._use_rung(level)
+
+    def _use_rung(self, level: int) -> None:
+        self.quality_level, rung = level, self.scene.quality[level]
         self._stages = self._rungs[level]
-        self._touch_every = self.scene.quality[level].touch_every
-        self.solver.use(self._stages, self.scene.quality[level].iterations)
+        self._touch_every, self._longest_step_s = rung.touch_every, rung.ticks_per_step * LONGEST_STEP_S
+        self.solver.use(self._stages, rung.iterations)
 
     @property
     def _resting(self) -> tuple[str, ...]:

@@ -53,12 +53,12 @@ def insertion_tick(scene: SceneModel, draw: Draw, dt_s: float = TICK_S) -> Tick:
     return in_steps(simulation, tools, dt_s)
 
 
-def in_steps(simulation: Simulation, tools: ToolInputs, dt_s: float) -> Tick:
-    """Return a millisecond of a simulation, hands held still, in steps of a whole part of it."""
+def in_steps(simulation: Simulation, tools: ToolInputs, dt_s: float, times: int = 1) -> Tick:
+    """Return so many milliseconds of a simulation, hands held still, in as many steps as one has of ``dt_s``."""
     per_tick = max(1, round(TICK_S / dt_s))
 
     def tick() -> None:
         for _ in range(per_tick):
-            simulation.step(tools, None, dt_s)
+            simulation.step(tools, None, times * dt_s)
 
     return tick

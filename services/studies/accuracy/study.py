@@ -146,6 +146,10 @@ class Cost:
     p99_us: float
     noise_us: float
 
+    def shared(self, n: int) -> Cost:
+        """Return the part of each of ``n`` milliseconds that it is shared by."""
+        return Cost(self.median_us / n, self.p99_us / n, self.noise_us / n)
+
 
 @dataclass(frozen=True, slots=True)
 class Row:

@@ -76,15 +76,20 @@ class Trial:
         self._build_duct = build_duct
 
     def run(self, scene: SceneModel, dt_s: float = TICK_S, level: int = 0) -> Run:
-        """Return what comes of a scene's own hands in steps of ``dt_s``, a whole part of a millisecond."""
+        """Return what comes of a scene's own hands in steps of ``dt_s``, a whole part of a millisecond.
+
+        On a rung whose steps are several times as long, what a step led to is felt until the next.
+        """
         simulation, hands, tools = self._begin(scene, level)
         per_sample, n = round(TICK_S / dt_s), round(hands.duration_s / TICK_S)
+        per_step = scene.quality[level].ticks_per_step
         run = Run(np.empty((n, 2, 4)), np.empty((n, 3)), np.empty(n))
         jaw_m = [tool.jaws.jaw_length_m if tool.jaws else np.inf for tool in simulation.tools.forceps]
         start_m = simulation.catheter.state.position_m[-1].copy()
         for tick in range(n * per_sample):
-            hands.write_inputs((tick + 1) * dt_s, tools)
-            simulation.step(tools, None, dt_s)
+            if (tick + 1) % per_step == 0:
+                hands.write_inputs((tick + 1) * dt_s, tools)
+                simulation.step(tools, None, per_step * dt_s)
             at = tick // per_sample
             run.force_n[at, :, :3] = simulation.tool_results.force_n
             run.force_n[at, :, 3] = simulation.tool_results.grasp_torque_nm / jaw_m
@@ -93,17 +98,20 @@ class Trial:
         return run
 
     def costs(self, scenes: Sequence[tuple[SceneModel, int]]) -> list[Cost]:
-        """Return what a tick costs in the middle of what the hands do."""
+        """Return what a tick costs in the middle of what the hands do: of a step over several, its part."""
         costs = measure_costs({str(k): self.tick(*each) for k, each in enumerate(scenes)}, SAMPLES)
-        return [costs[str(k)] for k in range(len(scenes))]
+        return [costs[str(k)].shared(scene.quality[level].ticks_per_step) for k, (scene, level) in enumerate(scenes)]
 
     def tick(self, scene: SceneModel, level: int = 0, dt_s: float = TICK_S) -> Tick:
-        """Return a millisecond of a scene in steps of ``dt_s``, most of what its hands do being done."""
+        """Return a millisecond of a scene in steps of ``dt_s``, most of what its hands do being done.
+
+        On a rung whose steps are several times as long, it is that many milliseconds.
+        """
         simulation, hands, tools = self._begin(scene, level)
         for tick in range(round(HELD_AT * hands.duration_s / TICK_S)):
             hands.write_inputs((tick + 1) * TICK_S, tools)
             simulation.step(tools, None, TICK_S)
-        return in_steps(simulation, tools, dt_s)
+        return in_steps(simulation, tools, dt_s, scene.quality[level].ticks_per_step)
 
     def _begin(self, scene: SceneModel, level: int) -> tuple[Simulation, Any, ToolInputs]:
         duct = self._build_duct(scene)

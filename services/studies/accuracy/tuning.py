@@ -25,6 +25,7 @@ LEAST_FREED = 0.02
 _FEWEST_MODES, _FEWEST_SEGMENTS, _COARSEST = 10, 25, (12, 14)
 _SWEEPS = (10, 5, 2)
 _TOUCH_EVERY = (2, 3)
+_TICKS_PER_STEP = (1, 2)
 _COARSER_IF_MORE = ("duct.mesh_edge_m",)
 
 
@@ -105,7 +106,7 @@ def finest(scene: SceneModel) -> SceneModel:
     elif duct.mesh_edge_m is not None:
         duct = replace(duct, mesh_edge_m=duct.mesh_edge_m / 1.4)
     duct = replace(duct, n_modes=round(1.5 * duct.n_modes))
-    quality = (replace(best, name="full", iterations=2 * best.iterations, without=()),)
+    quality = (replace(best, name="full", iterations=2 * best.iterations, without=(), touch_every=1, ticks_per_step=1),)
     return replace(
         scene, duct=duct, catheter=replace(catheter, n_segments=round(1.5 * catheter.n_segments)), quality=quality
     )
@@ -251,21 +252,23 @@ def _error_percent(level: QualityLevel) -> float:
 
 
 def _levels(scene: SceneModel) -> Iterator[QualityLevel]:
-    """Yield what may be tried: fewer sweeps, effects that may rest, fewer particles that touch, and these together."""
-    best = replace(scene.quality[0], name="full", without=(), touch_every=1)
+    """Yield what may be tried: fewer sweeps; and effects at rest, fewer particles that touch, longer steps together."""
+    best = replace(scene.quality[0], name="full", without=(), touch_every=1, ticks_per_step=1)
     yield best
     able = tuple(name for name in scene.effects if EFFECTS[name].kind.can_rest and name not in scene.essential)
     resting = [(), *((name,) for name in able), *([able] if len(able) > 1 else [])]
     for sweeps in [sweeps for sweeps in _SWEEPS if sweeps < best.iterations]:
         yield replace(best, name=f"{sweeps} sweeps", iterations=sweeps)
-    for touch_every, without in itertools.product((1, *_TOUCH_EVERY), resting):
-        if touch_every > 1 or without:
-            yield replace(best, name=_name(touch_every, without), touch_every=touch_every, without=without)
+    for ticks, touch_every, without in itertools.product(_TICKS_PER_STEP, (1, *_TOUCH_EVERY), resting):
+        if name := _name(ticks, touch_every, without):
+            yield replace(best, name=name, ticks_per_step=ticks, touch_every=touch_every, without=without)
 
 
-def _name(touch_every: int, without: Sequence[str]) -> str:
+def _name(ticks_per_step: int, touch_every: int, without: Sequence[str]) -> str:
+    longer = f"steps of {ticks_per_step} ms" if ticks_per_step > 1 else ""
     touching = f"one particle in {touch_every} touches" if touch_every > 1 else ""
-    return " ".join(filter(None, (touching, f"without {' and '.join(without)}" if without else "")))
+    resting = f"without {' and '.join(without)}" if without else ""
+    return " ".join(filter(None, (", ".join(filter(None, (longer, touching))), resting)))
 
 
 def _even(value: float) -> int:

@@ -144,6 +144,68 @@ def test_switching_how_many_particles_touch_sets_nothing_in_motion(lying, every)
         assert np.abs(lying.catheter.state.velocity_m_s).max() < 1e-3
 
 
+class Parts:
+    """Counts the parts that steps are taken in."""
+
+    def __init__(self):
+        self.lengths_s = []
+
+    def begin(self):
+        pass
+
+    def end(self, dt_s):
+        self.lengths_s.append(dt_s)
+
+
+@pytest.fixture
+def long_steps(with_effects, small_duct):
+    """A tool pressed on the duct and at rest; on the second rung steps may be of 2 ms."""
+    levels = (QualityLevel(), QualityLevel(name="long steps", ticks_per_step=2))
+    simulation = Simulation(replace(with_effects(friction={}), quality=levels), small_duct)
+    tools = ToolInputs()
+    tools.present[1] = False
+    for tick in range(400):
+        tools.position_m[0] = 20e-3, 0.0, 15e-3 + 4.5e-3 - 5e-6 * min(tick, 200)
+        simulation.step(tools)
+    simulation.watcher = Parts()
+    return simulation, tools
+
+
+def test_steps_are_longer_on_a_rung_that_says_so_and_only_there(long_steps):
+    simulation, tools = long_steps
+    for level, lengths_s in ((0, [1e-3, 1e-3]), (1, [2e-3])):
+        simulation.watcher.lengths_s.clear()
+        simulation.set_quality(level)
+        simulation.step(tools, None, 2e-3)
+        assert simulation.watcher.lengths_s == pytest.approx(lengths_s)
+
+
+def test_switching_to_longer_steps_and_back_moves_nothing(long_steps):
+    """What is pressed at rest stays: a step's length says how far a lasting force swings the rates within it."""
+    simulation, tools = long_steps
+    force_n, q = simulation.tool_results.force_n[0].copy(), simulation.duct.state.q.copy()
+    assert np.linalg.norm(force_n) > 0.03
+    for tick in range(60):
+        level = tick // 3 % 2
+        simulation.set_quality(level)
+        simulation.step(tools, None, (1 + level) * 1e-3)
+        assert simulation.tool_results.force_n[0] == pytest.approx(force_n, abs=0.01 * np.linalg.norm(force_n))
+    assert np.abs(simulation.duct.state.q - q).max() < 0.01 * np.abs(q).max()
+
+
+@pytest.mark.parametrize(("speed_m_s", "parts"), [(0.2, 1), (0.3, 2), (0.45, 2)])
+def test_a_long_step_is_taken_in_parts_where_something_is_fast(long_steps, speed_m_s, parts):
+    """A step of a millisecond is not, up to half a metre a second."""
+    simulation, tools = long_steps
+    tools.present[:] = False
+    simulation.set_quality(1)
+    for dt_s, expected in ((1e-3, 1), (2e-3, parts)):
+        simulation.catheter.state.velocity_m_s[:] = speed_m_s, 0.0, 0.0
+        simulation.watcher.lengths_s.clear()
+        simulation.step(tools, None, dt_s)
+        assert len(simulation.watcher.lengths_s) == expected
+
+
 @pytest.mark.parametrize(
     ("without", "essential", "said"),
     [

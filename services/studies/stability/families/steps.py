@@ -1,10 +1,12 @@
-"""The step itself: from 0.1 to 50 ms, or another one in every tick."""
+"""The step itself: from 0.1 to 50 ms; two milliseconds also at once, as on a rung of the quality ladder."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
+from services.mechanics.scene import QualityLevel
 from services.studies.stability.drive import Play
 from services.studies.stability.family import Case, Draw, played
 from services.studies.stability.situations import approaching, beside, threaded
@@ -21,6 +23,15 @@ def cases(draw: Draw) -> Iterator[Case]:
             for k in range(6 if draw.is_long and step >= 1.0 else 1):
                 name = f"{step:g} ms, {situation}, number {k}"
                 yield played(name, partial(_play, draw, name, step, situation))
+    for situation in SITUATIONS if draw.is_long else ("holding",):
+        for k in range(6 if draw.is_long else 1):
+            name = f"2 ms at once, {situation}, number {k}"
+            yield played(name, partial(_play_at_once, draw, name, situation))
+
+
+def _play_at_once(draw: Draw, name: str, situation: str) -> Play:
+    play = _play(draw, name, 2.0, situation)
+    return replace(play, scene=replace(play.scene, quality=(QualityLevel(ticks_per_step=2),)), may_jump=False)
 
 
 def _play(draw: Draw, name: str, step_ms: float, situation: str) -> Play:
