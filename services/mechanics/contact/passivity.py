@@ -17,6 +17,7 @@ presses while physics is started anew, comes apart by the bounded recovery, and 
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
@@ -44,7 +45,8 @@ class Ledger(Struct):
 
     ``paid_j`` is what the last step could have paid for taking overlaps back, infinite where that was all; ``worked_j``
     the work of the hands lately, and ``most_j`` the most of it lately. ``begun_s`` is for how long there have been
-    contacts since the start; it is over once nothing touches.
+    contacts since the start; it is over once nothing touches. A step may be solved several times, of which the last is
+    what happens: ``solves`` counts them, and ``before`` holds the others as they were when it began.
     """
 
     paid_j: float = math.inf
@@ -52,6 +54,8 @@ class Ledger(Struct):
     worked_j: float = 0.0
     most_j: float = 0.0
     begun_s: float = 0.0
+    before: Annotated[FloatArray, 5]
+    solves: int = 0
 
 
 @kernel
@@ -67,6 +71,7 @@ def solve_passively(
     ``work`` is its scratch, and what is owed; ``hands`` are the tools and the step's length.
     """
     rows, (scratch, ledger) = problem.rows, work
+    _open(ledger)
     _note_hands(ledger, hands[0], hands[1])
     if ledger.begun_s < BEGINS_S:
         ledger.begun_s += hands[1]
@@ -91,6 +96,19 @@ def solve_passively(
         over_j = 0.0
     ledger.owed_j = max(ledger.owed_j + over_j, 0.0)
     return sweeps
+
+
+@kernel
+def _open(ledger: Ledger) -> None:
+    """Begin a step's entries, or take back those of a solve of this step that is not what happens."""
+    before = ledger.before
+    if ledger.solves == 0:
+        before[0], before[1], before[2] = ledger.paid_j, ledger.owed_j, ledger.worked_j
+        before[3], before[4] = ledger.most_j, ledger.begun_s
+    else:
+        ledger.paid_j, ledger.owed_j, ledger.worked_j = before[0], before[1], before[2]
+        ledger.most_j, ledger.begun_s = before[3], before[4]
+    ledger.solves += 1
 
 
 @kernel

@@ -59,7 +59,7 @@ class ContactState(Struct):
             rows=rows,
             problem=ContactProblem.zeros(m=m, rows=rows),
             memory=ForceMemory.zeros(c=capacity),
-            ledger=Ledger(),
+            ledger=Ledger.zeros(),
             scratch=SolverScratch.allocate(capacity),
             **extents,
         )

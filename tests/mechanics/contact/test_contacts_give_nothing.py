@@ -8,7 +8,7 @@ from services.mechanics.contact.free_motion import free_motion, taken_back
 from services.mechanics.contact.identity import pair_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
-from services.mechanics.contact.passivity import BEGINS_S, SLACK_J, Ledger, solve_passively
+from services.mechanics.contact.passivity import BEGINS_S, LATELY_S, SLACK_J, Ledger, solve_passively
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import SolverScratch, solve_contacts
 from services.mechanics.contact.writer import append_row
@@ -35,7 +35,7 @@ class Pressed:
         half = random.normal(size=(3 * k, 8))
         self.bodies_m_n = 1e-3 * half @ half.T / 8.0
         self.W = self.bodies_m_n + np.diag(rows.softness_m_n.ravel())
-        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger(begun_s=BEGINS_S)
+        self.scratch, self.ledger = SolverScratch.allocate(k), Ledger.zeros(begun_s=BEGINS_S)
         free_motion(rows, RECOVERY, DT_S, self.problem.motion)
 
     def solve(self, how, sweeps=30):
@@ -94,6 +94,25 @@ def test_a_shallow_overlap_is_taken_back_beside_a_deep_one():
     assert rows.taken_m[0] == asked_m[0]
     assert 0.0 > rows.taken_m[1] > asked_m[1]
     assert pressed.given_j() <= 1.01 * SLACK_J
+
+
+def test_a_step_that_is_solved_again_is_entered_once():
+    """As where the catheter's step is planned again, or looked at where it ends: what was solved first never was."""
+    pressed, tools = Pressed(0), ToolArrays.zeros(present=np.array([True, False]))
+    tools.stiffness[0], tools.stretch[0], tools.hand[0] = 1000.0, -1e-3, 2e-3
+    pressed.ledger.begun_s = 0.0
+    entered = []
+    for step in range(1, 3):
+        pressed.ledger.solves = 0
+        for _ in range(4):
+            free_motion(pressed.rows, RECOVERY, DT_S, pressed.problem.motion)
+            work = (pressed.scratch, pressed.ledger)
+            solve_passively(pressed.problem, pressed.W, (30, 1e-10), work, (tools, DT_S))
+            ledger = pressed.ledger
+            entered.append((ledger.worked_j, ledger.most_j, ledger.begun_s))
+        assert entered[-4:] == [entered[-4]] * 4
+        assert ledger.begun_s == step * DT_S
+    assert entered[-1][0] == pytest.approx((1.0 + (1.0 - DT_S / LATELY_S)) * 4 * 1000.0 * 1e-3 * 2e-3)
 
 
 def test_a_wall_that_a_scene_begins_in_pushes_the_tool_out(with_effects, small_duct):
