@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import stat
 from pathlib import Path
 
 from services.meshes.errors import MeshError
@@ -15,8 +16,30 @@ TEXT_BYTES = {".stl": 250, ".obj": 45}
 """Bytes that a triangle takes in a text file, about."""
 
 
-def judge_file(path: Path) -> None:
-    """Refuse a file that is empty, cut off, or holds more triangles than are read.
+def judge_place(path: Path) -> None:
+    """Refuse what is no file, or one that this user may not read.
+
+    Raises
+    ------
+    MeshError
+        Names the file and the reason.
+    """
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISREG(mode):
+            path.open("rb").close()
+    except FileNotFoundError:
+        raise MeshError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:  # a closed folder; a name that no file can have
+        raise MeshError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if not stat.S_ISREG(mode):
+        raise MeshError(f"{path}: is a {'folder' if stat.S_ISDIR(mode) else 'device or a pipe'}, not a file")
+
+
+def judge_file(path: Path) -> int:
+    """Return how many faces a file announces, or about how many it can hold.
+
+    One that is empty, cut off, or holds more triangles than are read is refused.
 
     Raises
     ------
@@ -36,6 +59,7 @@ def judge_file(path: Path) -> None:
             f"{path}: about {count:.3g} triangles, which take {1e-9 * BYTES_READ * count:.2g} GB to repair; at most "
             f"{MOST_TRIANGLES_READ:.3g} are read, decimate the surface first"
         )
+    return count
 
 
 def _count_stl(path: Path, size: int, head: bytes, tail: bytes) -> int:
@@ -44,6 +68,11 @@ def _count_stl(path: Path, size: int, head: bytes, tail: bytes) -> int:
         held = max(0, size - STL_HEADER) // STL_TRIANGLE
         if held < announced:
             raise MeshError(f"{path}: the file is cut off, it announces {announced} triangles and holds {held}")
+        if size != STL_HEADER + STL_TRIANGLE * announced:
+            raise MeshError(
+                f"{path}: announces {announced} triangles, which take {STL_HEADER + STL_TRIANGLE * announced} bytes, "
+                f"and has {size}: what is the rest?"
+            )
         return announced
     if b"endsolid" not in tail.lower():
         raise MeshError(f"{path}: the file is cut off, it does not end with 'endsolid'")

@@ -10,7 +10,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.reduction.cache import Entry, fetch
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.surface.mesh import TriangleMesh
-from services.meshes.errors import MeshError
+from services.meshes.announced import judge_place
 from services.meshes.loading import OnStep, SurfaceSettings, load_duct_surface
 
 MESH_LIBRARIES = ("trimesh", "pyvista", "pyacvd")
@@ -37,8 +37,7 @@ def load_mesh(
         The surface cannot be used; the sentence names the file, the reason and the place.
     """
     settings = SurfaceSettings(units, clamped, mouth, edge_m, lumen_diameter_m)
-    if not path.is_file():
-        raise MeshError(f"{path}: no such file")
+    judge_place(path)
     libraries = [f"{name} {version(name)}" for name in MESH_LIBRARIES]
     code = hash_sources(Path(__file__).parent)
     name = "mesh-" + hash_content(path.read_bytes(), path.suffix, dataclasses.asdict(settings), libraries, code)

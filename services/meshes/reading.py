@@ -9,9 +9,10 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.units import METRES_PER_UNIT
-from services.meshes.announced import judge_file
+from services.meshes.announced import judge_file, judge_place
 from services.meshes.errors import MeshError
-from services.meshes.obj_faces import judge_faces
+from services.meshes.obj_file import read_obj
+from services.meshes.vtp_file import read_vtp
 
 FURTHEST_M = 1e9
 """Of a coordinate: beyond, the file is broken, and squares of lengths soon are not numbers."""
@@ -38,19 +39,20 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
         raise MeshError(f"{path}: unknown units '{units}'; known: {', '.join(METRES_PER_UNIT)}")
     if path.suffix.lower() not in READABLE:
         raise MeshError(f"{path}: cannot read '{path.suffix}' files; readable: {', '.join(READABLE)}")
-    if not path.is_file():
-        raise MeshError(f"{path}: no such file")
-    judge_file(path)
-    if path.suffix.lower() == ".obj":
-        judge_faces(path)
-    read = _read_vtp if path.suffix.lower() == ".vtp" else _read_with_trimesh
+    judge_place(path)
+    announced = judge_file(path)
+    read = {".vtp": read_vtp, ".obj": read_obj}.get(path.suffix.lower(), _read_with_trimesh)
     try:
         vertices, triangles = read(path)
         mesh = TriangleMesh(vertices * METRES_PER_UNIT[units], triangles) if len(triangles) else None
+    except MeshError:
+        raise
     except ModuleNotFoundError as error:
         raise MeshError(f"{path}: reading it needs the package '{error.name}', install trocar[mesh]") from error
     except Exception as error:  # The readers raise whatever a broken file trips them over.
         raise MeshError(f"{path}: not a readable triangle surface ({error})") from error
+    if path.suffix.lower() == ".ply" and len(triangles) < announced:
+        raise MeshError(f"{path}: the file is cut off, it announces {announced} faces and holds {len(triangles)}")
     if mesh is None:
         raise MeshError(f"{path}: the file holds no triangles")
     furthest = int(np.abs(mesh.vertices_m).max(axis=1).argmax())
@@ -65,10 +67,3 @@ def _read_with_trimesh(path: Path) -> tuple[FloatArray, IntArray]:
 
     surface = trimesh.load(path, force="mesh", process=False)
     return np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int32)
-
-
-def _read_vtp(path: Path) -> tuple[FloatArray, IntArray]:
-    import pyvista
-
-    surface = pyvista.read(path).extract_surface(algorithm="dataset_surface").triangulate()
-    return np.asarray(surface.points, np.float64), np.asarray(surface.regular_faces, np.int32)

@@ -97,6 +97,24 @@ def test_a_file_that_is_cut_off_is_called_that(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_ply_in_text_that_is_cut_off_is_called_that(tmp_path):
+    """It lost the faces that were not there without a word."""
+    path = tmp_path / "tube.ply"
+    surface = trimesh.Trimesh(TUBE.vertices_m, TUBE.triangles, process=False)
+    path.write_bytes(surface.export(file_type="ply", encoding="ascii"))
+    assert read_surface(path, "m").n_triangles == 640
+    path.write_bytes(b"\n".join(path.read_bytes().splitlines()[:-3]) + b"\n")
+    with pytest.raises(MeshError, match=r"tube.ply: the file is cut off, it announces 640 faces and holds 637"):
+        read_surface(path, "m")
+
+
+def test_an_stl_with_more_than_it_announces_says_how_much(tmp_path):
+    path = save(tmp_path / "longer.stl")
+    path.write_bytes(path.read_bytes() + b"more")
+    with pytest.raises(MeshError, match=r"longer.stl: announces 640 triangles, which take 32084 bytes, and has 32088"):
+        read_surface(path, "m")
+
+
 def test_points_without_triangles_are_called_that(tmp_path):
     path = tmp_path / "points.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")

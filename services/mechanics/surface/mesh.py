@@ -43,7 +43,8 @@ class TriangleMesh:
             place = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
             raise ValueError(f"mesh: vertex {place} is not finite")
         if triangles.min() < 0 or triangles.max() >= len(vertices):
-            raise ValueError(f"mesh: a triangle names vertex {triangles.max()}, there are {len(vertices)}")
+            strange = triangles.min() if triangles.min() < 0 else triangles.max()
+            raise ValueError(f"mesh: a triangle names vertex {strange}, there are {len(vertices)}")
         sets = {name: np.ascontiguousarray(ids, dtype=np.int32) for name, ids in self.vertex_sets.items()}
         for name, ids in sets.items():
             if ids.ndim != 1 or (len(ids) and (ids.min() < 0 or ids.max() >= len(vertices))):
