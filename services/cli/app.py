@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import sys
 from enum import StrEnum
@@ -32,6 +33,20 @@ Token = Annotated[str | None, typer.Option(help="Token that the rig printed, wit
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 
 
+def _finite(value: float | None) -> float | None:
+    """Refuse what has no end."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter(f"{value} is no length of time")
+    return value
+
+
+#: What the system refuses because of a path, a right or a disk that a person can mend; all else is a fault of ours.
+_OF_A_PERSON = (
+    errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EROFS, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR,
+    errno.EISDIR,
+)  # fmt: skip
+
+
 class Viewer(StrEnum):
     """Where the picture is shown."""
 
@@ -46,7 +61,7 @@ def up(
     rig: Rig = "stub",
     scene: Scene = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="Run so long, measured from RUNNING, then end.")
+        float | None, typer.Option(min=0.1, callback=_finite, help="Run so long, measured from RUNNING, then end.")
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write what the run did to this file.")] = None,
     viewer: Annotated[Viewer | None, typer.Option(help="Where the picture is shown; default: as the rig says.")] = None,
@@ -71,7 +86,7 @@ def top(
     rig: Rig = "stub",
     once: Annotated[bool, typer.Option("--once", help="Print once and end.")] = False,
     json: Json = False,
-    seconds: Annotated[float, typer.Option(min=0.3, help="Window of the figures.")] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.3, callback=_finite, help="Window of the figures.")] = 2.0,
     overrides: Overrides = None,
 ) -> None:
     """Show rates, lateness, paths and topics of a running rig."""
@@ -110,7 +125,7 @@ def sniff(
     topic: Annotated[str | None, typer.Argument(help="Topic to print; without it, the rates of all.")] = None,
     rig: Rig = "stub",
     count: Annotated[int | None, typer.Option(min=1, help="End after so many frames.")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.1, help="End after so long.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.1, callback=_finite, help="End after so long.")] = None,
     hz: Annotated[
         bool, typer.Option("--hz", help="Rate, gaps and periods of the topic instead of its frames.")
     ] = False,
@@ -206,7 +221,10 @@ def stability(
     seed: Annotated[int, typer.Option(min=0, help="Other seeds, other members of the families.")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
     minutes: Annotated[
-        float | None, typer.Option(min=0.0, help="After so long begin no more cases, and tell of those that have run.")
+        float | None,
+        typer.Option(
+            min=0.0, callback=_finite, help="After so long begin no more cases, and tell of those that have run."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder that keeps results as they come; a run that was ended goes on there.")
@@ -326,7 +344,7 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno not in _OF_A_PERSON:
             raise
         print(f"trocar: {error.filename or 'a file could not be written'}: {error.strerror}", file=sys.stderr)
         sys.exit(1)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -111,7 +112,7 @@ def _print(result: FemResult, console: Console) -> None:
 def _print_path(points: list[dict[str, Any]], console: Console) -> None:
     """One row a point: load, what it took, and how far the largest and every probed place moved."""
     probes = list(points[-1]["probes"])
-    table = Table("load", "iterations", "largest displacement m", *(f"{name} m" for name in probes))
+    table = Table("load", "iterations", "largest displacement m", *(escape(f"{name} m") for name in probes))
     for point in points:
         moved = [" ".join(f"{x:.5g}" for x in point["probes"][name]) for name in probes]
         table.add_row(
@@ -135,7 +136,7 @@ def _print_static(static: dict[str, Any], console: Console) -> None:
     rows["reaction moment about origin N m"] = static["reaction_moment_about_origin_n_m"]
     rows |= {f"displacement at {name} m": value for name, value in static["probes"].items()}
     for name, vector in rows.items():
-        table.add_row(name, *(f"{component:.6g}" for component in vector))
+        table.add_row(escape(name), *(f"{component:.6g}" for component in vector))
     console.print(table)
     console.print(
         f"largest displacement {static['largest_displacement_m']:.6g} m at vertex "

@@ -58,7 +58,8 @@ def run_stability(request: Request) -> None:
             log = Log(request.out or Path(scratch), order, code)
         except ValueError as error:
             raise ConfigError(f"--out {error}") from None
-        results = _run(order, request.jobs or os.cpu_count() or 1, log, 60.0 * (request.minutes or math.inf))
+        longest_s = math.inf if request.minutes is None else 60.0 * request.minutes
+        results = _run(order, request.jobs or os.cpu_count() or 1, log, longest_s)
     if request.json:
         print(json.dumps({"code": code, "seed": order.seed, "results": [asdict(result) for result in results]}))
     else:

@@ -36,15 +36,23 @@ def find(kind: str, name: str | Path) -> Path:
     """
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
-        if path.is_file():
+        if _is_there(path):
             return path
         raise ConfigError(f"{path}: there is no such {kind} file")
     folder = config_directory() / f"{kind}s"
     named = folder / f"{name}.yaml"
-    if not named.is_file():
+    if not _is_there(named):
         known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml"))) or "none"
         raise ConfigError(f"there is no {kind} {str(name)!r} in {folder}; known: {known}")
     return named
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether `path` is a file, or one of which only reading it says why it is none (a closed folder)."""
+    try:
+        return path.is_file()
+    except OSError:
+        return True
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -236,7 +244,7 @@ def _find_base(path: Path, base: Any) -> Path:
         raise ConfigError(f"{path}: base: must be the name of a rig, or a file beside this one")
     beside = path.parent / (base if base.endswith((".yaml", ".yml")) else f"{base}.yaml")
     try:
-        return beside if beside.is_file() else find("rig", base)
+        return beside if _is_there(beside) else find("rig", base)
     except ConfigError as error:
         raise ConfigError(f"{path}: base: {error}") from None
 

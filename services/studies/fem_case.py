@@ -10,26 +10,28 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from services.mechanics.fem.elements import BendingName, MembraneName
 from services.mechanics.surface.units import LengthUnit
 
-LARGEST = 1e30
-"""Of any number in a file: the solution multiplies several, and beyond 1e308 a product is infinite."""
+LARGEST, SMALLEST = 1e30, 1e-30
+"""Of any number in a file but zero: the solution multiplies several, and beyond 1e308 a product is infinite."""
 
 
-def _not_too_large(value: float) -> float:
+def _in_reach(value: float) -> float:
     if abs(value) > LARGEST:
         raise ValueError(f"must not be larger than {LARGEST:g}, is {value:g}")
+    if 0.0 < abs(value) < SMALLEST:
+        raise ValueError(f"must not be smaller than {SMALLEST:g}, is {value:g}")
     return value
 
 
-Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_not_too_large)]
+Number = Annotated[float, Field(allow_inf_nan=False), AfterValidator(_in_reach)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Vector = tuple[Number, Number, Number]
 Dof = Literal["ux", "uy", "uz", "rx", "ry", "rz"]
 
 
 class Part(BaseModel):
-    """A mapping in the file: unknown keys are refused."""
+    """A mapping in the file: unknown keys are refused, and so are words and truths for numbers."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     def given(self, *names: str) -> list[str]:
         """Those of ``names`` that the file gives."""

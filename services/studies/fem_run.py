@@ -41,6 +41,7 @@ from services.mechanics.fem.supports import DOF_NAMES
 from services.mechanics.fem.thinness import DOUBTFUL_RATIO, THINNEST_RATIO, thickness_over_width
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from services.meshes.errors import MeshError
 from services.meshes.loading import SurfaceSettings, load_duct_surface
 from services.meshes.reading import read_surface
 from services.meshes.repairing import merge_and_drop
@@ -227,7 +228,10 @@ def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tupl
         raise ValueError("mesh: has none of parametric, duct_file, surface_file")
     raw = read_surface(folder / source.surface_file.path, source.surface_file.units)
     check_memory(raw.n_triangles // 2)  # so many vertices has a closed surface; a file may name each once a triangle
-    merged = merge_and_drop(raw, actions)
+    try:
+        merged = merge_and_drop(raw, actions)
+    except MeshError as error:
+        raise MeshError(f"{folder / source.surface_file.path}: {error}") from error
     return face_outwards(wind_consistently(merged, actions, MOST_TURNED), actions), actions
 
 

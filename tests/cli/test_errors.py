@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import math
 import socket
 import subprocess
 import sys
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from services.runtime import config
 from tests.cli.conftest import Trocar
 
 ROOT = Path(__file__).parents[2]
@@ -83,6 +86,33 @@ def test_no_rig_is_running(trocar: Trocar, rig_file: Path, command: tuple[str, .
     ran = trocar(*command, "--rig", rig_file)
     assert ran.code == 3
     assert "running" in ran.sentence()
+
+
+@pytest.mark.parametrize("command", ["up", "top", "sniff"])
+def test_a_time_without_an_end_is_a_usage_error(trocar: Trocar, rig_file: Path, command: str) -> None:
+    ran = trocar(command, "--rig", rig_file, "--seconds", "inf")
+    assert ran.code == 2
+    assert "inf is no length of time" in ran.err
+
+
+def test_no_minutes_are_not_any_number_of_minutes(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nought was taken for nothing said, and all cases were run."""
+    given: list[float] = []
+    monkeypatch.setattr("services.cli.stability.run_suite", lambda *arguments: given.append(arguments[-1]) or [])
+    assert trocar("stability", "--minutes", "0").code == 0
+    assert trocar("stability").code == 0
+    assert given == [0.0, math.inf]
+
+
+def test_a_closed_folder_is_one_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As of a cache, a log or a scene that belongs to somebody else, whichever verb comes upon it."""
+
+    def closed(*arguments: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(tmp_path))
+
+    monkeypatch.setattr(config, "read_yaml", closed)
+    ran = trocar("config", "show", "--scene", "insertion")
+    assert (ran.code, ran.sentence()) == (1, f"{tmp_path}: Permission denied")
 
 
 def test_arm_where_nobody_answers(trocar: Trocar) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -58,6 +59,12 @@ def write(path: Path, text: str) -> Path:
             r"recorder.whole: the recorder does not read 'gateway.coffee'; known: .*gateway.state",
         ),
         ("name: a\n2026-01-01: b", r"rig.yaml: keys must be str"),
+        ("name: 2026-13-45", r"rig.yaml: line 1, column 7: '2026-13-45' is no value of timestamp"),
+        ("name: !!float soft", r"rig.yaml: line 1, column 7: 'soft' is no value of float"),
+        ("name: !!bool perhaps", r"rig.yaml: line 1, column 7: 'perhaps' is no value of bool"),
+        ("name: !!timestamp now", r"rig.yaml: line 1, column 7: 'now' is no value of timestamp"),
+        (f"name: {'9' * 5000}", r"rig.yaml: line 1, column 7: '9{40}' is no value of int"),
+        (f"name: {'[' * 3000}", r"rig.yaml: brackets are nested too deeply"),
         ("name: a\nname: b", r"rig.yaml: line 2, column 1: key 'name' is given twice, first in line 1"),
         (
             "name: a\nprocesses:\n  physics: {core: 1,\n    core: 2}",
@@ -186,6 +193,21 @@ def test_a_float_with_an_exponent_is_one_whether_it_has_a_point_or_not(tmp_path:
 @pytest.mark.parametrize("text", ["e4", "3e", "1e5m", "0x1e5", "2026-01-01"])
 def test_what_only_looks_like_a_float_is_none(tmp_path: Path, text: str) -> None:
     assert not isinstance(config.read_yaml(write(tmp_path, f"name: {text}"))["name"], float)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("012", 12), ("0o12", 10), ("0x1F", 31), ("-007", -7), ("1:30", "1:30"), ("1_000", "1_000"), ("-.inf", -math.inf)],
+)
+def test_a_number_is_what_a_person_takes_it_for(tmp_path: Path, text: str, value: object) -> None:
+    """In YAML 1.1, which PyYAML reads, 012 is ten, 1:30 ninety and 1_000 a thousand."""
+    assert config.read_yaml(write(tmp_path, f"n: {text}")) == {"n": value}
+
+
+def test_a_name_that_no_file_can_have_is_one_sentence() -> None:
+    for name in ("a" * 300, f"{'a' * 300}.yaml"):
+        with pytest.raises(ConfigError, match=r"aaa\.yaml: File name too long"):
+            config.load_rig(name)
 
 
 def test_an_option_reaches_into_lists(tmp_path: Path) -> None:

@@ -45,11 +45,23 @@ def test_a_file_that_says_nothing_is_told_so(tmp_path, text):
         fem_command(path)
 
 
+EVERYWHERE = {"where": {"box_m": [[-1, -1, -1], [1, 1, 1]]}}
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"thicknes_m": 1}, r"case.yaml: thicknes_m: unknown key 'thicknes_m'; known: .*thickness_m"),
         ({"thickness_m": -1}, "case.yaml: thickness_m: .* greater than 0"),
+        ({"thickness_m": True}, "case.yaml: thickness_m: input should be a valid number"),
+        ({"thickness_m": "0.001"}, "case.yaml: thickness_m: input should be a valid number"),
+        ({"thickness_m": 1e-300}, "case.yaml: thickness_m: must not be smaller than 1e-30, is 1e-300"),
+        ({"loads": [{"pressure_pa": 0.0}], "buckling": 1}, "case.yaml: buckling: the loads stress this shell nowhere"),
+        ({"supports": [EVERYWHERE]}, "case.yaml: modes: cannot be had, the supports leave 0 translations free"),
+        (
+            {"supports": [EVERYWHERE], "loads": [{"pressure_pa": 1.0}], "modes": 0, "buckling": 1},
+            "case.yaml: buckling: the supports leave 0 dofs free",
+        ),
         (
             {"loads": [{"pressure_pa": -1e300}]},
             r"case.yaml: loads.0.pressure_pa: must not be larger than 1e\+30, is -1e\+300",
@@ -133,6 +145,34 @@ def test_a_wrong_file_is_one_sentence_with_its_key(tmp_path, change, message):
     with pytest.raises(ConfigError, match=message) as caught:
         run(path, tmp_path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("analysis", ["linear", "nonlinear"])
+def test_where_all_is_held_all_of_the_load_is_reaction(tmp_path, analysis):
+    load = {"force_n": [1.0, 2.0, 3.0], "where": {"vertex_set": "mouth"}}
+    case = changed(supports=[EVERYWHERE], loads=[load], modes=0, analysis=analysis)
+    found = run(write(tmp_path, case), tmp_path)
+    last = found["static"] if analysis == "linear" else found["path"]["points"][-1]
+    assert last["reaction_force_n"] == pytest.approx([-1.0, -2.0, -3.0])
+    assert last["largest_displacement_m"] == 0.0
+
+
+@pytest.mark.parametrize("analysis", ["linear", "nonlinear"])
+def test_a_probe_may_have_any_name(tmp_path, capsys, analysis):
+    """Brackets in it were markup of the terminal, and one that closes nothing a traceback."""
+    name = "[/wall] [bold]upper"
+    case = changed(loads=[{"pressure_pa": 1.0}], probes={name: {"vertex": 150}}, modes=0, analysis=analysis)
+    found = run(write(tmp_path, case), tmp_path)
+    shown = capsys.readouterr().out
+    assert all(word in shown for word in name.split())
+    assert name in (found["static"] if analysis == "linear" else found["path"]["points"][-1])["probes"]
+
+
+def test_a_surface_of_nothing_is_refused_with_its_file(tmp_path):
+    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    mesh = {"surface_file": {"path": "flat.obj", "units": "mm"}}
+    with pytest.raises(ConfigError, match=r"case.yaml: .*flat.obj: surface has no triangle with an area"):
+        run(write(tmp_path, changed(mesh=mesh)), tmp_path)
 
 
 def test_a_surface_at_infinity_is_one_sentence(tmp_path):

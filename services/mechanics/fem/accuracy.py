@@ -126,8 +126,10 @@ def condition_estimate(model: Shell) -> float:
     """1-norm condition of the stiffness over the free dofs, scaled to a unit diagonal so that units do not matter.
 
     Higham and Tisseur's block estimate (SIAM J. Matrix Anal. Appl. 21:1185, 2000): seldom off by more than a factor of
-    three; costs about ten solves with the factors.
+    three; costs about ten solves with the factors. Where all is held there is nothing to solve, and it is one.
     """
+    if not model.K_free.shape[0]:
+        return 1.0
     scale = 1.0 / np.sqrt(model.K_free.diagonal())
     scaled_sums = scale * np.asarray(abs(model.K_free) @ scale)
 

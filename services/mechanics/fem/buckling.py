@@ -58,6 +58,8 @@ def compute_buckling(
         No positive multiple of the load buckles the shell while strains are small, or the model is ill-conditioned.
     """
     free = model.free_dofs
+    if len(free) < 2:
+        raise ValueError(f"buckling: the supports leave {len(free)} dofs free, too few to buckle")
     if not 0 < n_modes < len(free):
         raise ValueError(f"buckling must lie between 1 and {len(free) - 1}, the free dofs, is {n_modes}")
     model.check_condition()
@@ -66,6 +68,8 @@ def compute_buckling(
     if pressure_pa:
         K_g = K_g + pressure_stiffness(model, pressure_pa)
     K_load = K_g.tocsr()[free][:, free]
+    if not forces.any():
+        raise ValueError("buckling: the loads stress this shell nowhere: they are zero, or all on supports")
     most = _factor_of_unit_strain(model, forces)
     if not _factors_below(model, K_load, most)[1]:
         raise ValueError("buckling: no multiple of the loads buckles this shell before it strains by 100 %")

@@ -39,6 +39,8 @@ class EigenModes:
 def check_n_modes(model: ShellModel, n_modes: int) -> None:
     """Raise ValueError if a model has no ``n_modes`` modes."""
     n = len(model.free_translations)
+    if n < 2:
+        raise ValueError(f"n_modes cannot be had, the supports leave {n} translations free")
     if not 0 < n_modes < n:
         raise ValueError(f"n_modes must lie between 1 and {n - 1}, the free translations, is {n_modes}")
 
