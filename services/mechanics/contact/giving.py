@@ -30,7 +30,7 @@ def give_forces(
 ) -> bool:
     """Correct the end of the step of all bodies; ``tool_force`` (2, 4) takes the generalised forces on the tools.
 
-    ``pays`` is whether the catheter's energies are all that `contact_gain` knows.
+    ``pays`` is whether all that the catheter stores is known here, as it is without twist, see `contact_gain`.
     ``motion`` and ``step`` are those of `contact_response.correct`; False, and nothing corrected, where that is False.
     """
     state, catheter = state_at(addresses[0]), step_at(addresses[2])

@@ -214,9 +214,11 @@ class ContactSystem:
                 (catheter.state.position_m, catheter.state.velocity_m_s),
                 (rod.velocity_gain_s, rod.is_factored),
             )
-            pays = rod.twist is None and len(rod.held) == 0
             addresses = (self.address, bodies.duct.loads_address, catheter.step_address, bodies.tools.address)
-            rod.note_factors(give_forces(addresses, rod.addresses, motion, step, bodies.duct.dt_s, tool_force, pays))
+            more = (bodies.duct.dt_s, tool_force, rod.twist is None)
+            rod.note_factors(give_forces(addresses, rod.addresses, motion, step, *more))
+            if rod.twist is not None:
+                rod.pay_for_change(catheter.state, catheter.step_address)
             catheter.note_contacts(k)
         else:
             if k or self._gave_forces:  # once without any, so that the last ones are taken back

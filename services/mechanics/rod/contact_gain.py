@@ -13,10 +13,13 @@ from __future__ import annotations
 import math
 
 from services.mechanics.compiled import kernel
-from services.mechanics.rod.free_step import FreeStep
-from services.mechanics.rod.implicit_kernels import Motion
-from services.mechanics.rod.model import RodModel, RodWork
+from services.mechanics.compiled.struct import Address
+from services.mechanics.rod.free_step import FreeStep, step_at
+from services.mechanics.rod.implicit_kernels import Addresses, Motion
+from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
 from services.mechanics.rod.step_energy import elastic_energy
+from services.mechanics.rod.twist import Task as TwistTask
+from services.mechanics.rod.twist import energy_at
 
 # A tenth of what a catheter's length holds at a millimetre per second: less is not looked at.
 LEAST_J = 1e-9
@@ -24,17 +27,45 @@ LEAST_J = 1e-9
 
 @kernel
 def pay_for_change(model: RodModel, work: RodWork, step: FreeStep, motion: Motion, dt_s: float) -> None:
-    """Take out of the velocities what the step has gained.
+    """Take out of the velocities what the step of a rod without twist has gained.
 
     ``work.rhs`` is what contact forces have changed them by.
     """
-    (x, v), swung_j = motion, 0.0
+    if is_looked_at(model, work, step, motion, dt_s):
+        pay(model, step, motion, 0.0)
+
+
+@kernel
+def pay_for_change_with_twist(
+    rod: Addresses, address: Address[FreeStep], motion: Motion, dt_s: float, twist: TwistTask
+) -> None:
+    """Do as `pay_for_change` of a rod whose material frame stores energy as well; the frame stays where it is."""
+    model, step, x = model_at(rod[0]), step_at(address), motion[0]
+    if is_looked_at(model, work_at(rod[1]), step, motion, dt_s):
+        pay(model, step, motion, energy_at(twist, x) - energy_at(twist, step.start))
+
+
+@kernel
+def is_looked_at(model: RodModel, work: RodWork, step: FreeStep, motion: Motion, dt_s: float) -> bool:
+    """Whether contact forces have changed by anything that counts; not where held particles move: a hand works there.
+
+    ``work.rhs`` is what contact forces have changed velocities by.
+    """
+    x, swung_j = motion[0], 0.0
+    for k in range(model.held.shape[0]):
+        for c in range(3):
+            if x[model.held[k], c] != step.start[model.held[k], c]:
+                return False
     for i in range(x.shape[0]):
         for c in range(3):
             swung_j -= 0.5 * dt_s * (step.contact[i, c] + step.relief[i, c]) * work.rhs[3 * i + c]
-    if abs(swung_j) < LEAST_J and step.owed_j == 0.0:
-        return
-    gained_j, kinetic_j = step.owed_j, 0.0
+    return bool(abs(swung_j) >= LEAST_J or step.owed_j != 0.0)
+
+
+@kernel
+def pay(model: RodModel, step: FreeStep, motion: Motion, more_j: float) -> None:
+    """Take what a step has gained out of the velocities, ``more_j`` of it in what only others know of."""
+    (x, v), gained_j, kinetic_j = motion, step.owed_j + more_j, 0.0
     for i in range(x.shape[0]):
         for c in range(3):
             before, force = step.start_velocity[i, c], step.external[i, c] + step.contact[i, c]

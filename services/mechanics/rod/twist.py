@@ -38,6 +38,9 @@ class TwistModel(Struct):
     rest_rotation: Annotated[FloatArray, "m - 1", 3]  # in the material frame, rad
     diagonal: Annotated[FloatArray, "m"]
     angle: Annotated[FloatArray, "m"]
+    tangent: Annotated[FloatArray, "m", 3]  # these three: scratch, a frame elsewhere
+    m1: Annotated[FloatArray, "m", 3]
+    twist: Annotated[FloatArray, "m - 1"]
     walls: Annotated[FloatArray, 2, 3]  # directions of clamped ends; NaN rows where an end may turn
     first: int  # row of the first segment, 1 behind a wall
     shortest: float  # a segment crushed below this counts as that long, m
@@ -72,6 +75,9 @@ def build_twist_model(properties: RodProperties, walls: FloatArray = NO_WALLS) -
         rest_rotation=rest,
         diagonal=np.zeros(n_directors),
         angle=np.zeros(n_directors),
+        tangent=np.zeros((n_directors, 3)),
+        m1=np.zeros((n_directors, 3)),
+        twist=np.zeros(n_directors - 1),
         walls=walls,
         first=at_start,
         shortest=SHORTEST * properties.segment_length_m,
@@ -113,6 +119,21 @@ def twist_energy(model: TwistModel, state: RodState) -> float:
         return 0.0
     frame = (state.frame.tangent, state.frame.m1, state.frame.twist_rad)
     return float(_energy(model, frame))
+
+
+@kernel
+def energy_at(task: Task, x: FloatArray) -> float:
+    """What `twist_energy` returns of a frame that was brought to particles at ``x`` (n, 3); this one stays."""
+    model, (tangent, m1, twist), end_is_held = twist_at(task[0]), task[1], task[2]
+    for j in range(tangent.shape[0]):
+        for c in range(3):
+            model.tangent[j, c], model.m1[j, c] = tangent[j, c], m1[j, c]
+    for i in range(twist.shape[0]):
+        model.twist[i] = twist[i]
+    there = (model.tangent, model.m1, model.twist)
+    follow(x, there, model.first)
+    relax(model, there, end_is_held)
+    return float(_energy(model, there))
 
 
 @kernel
