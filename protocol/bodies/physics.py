@@ -112,6 +112,9 @@ class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     duct: Duct
     catheter: Catheter
     contacts: ContactForces
+    ticks_per_step: Annotated[
+        int, Meta(ge=1, le=16, description="so many ticks make up a step of physics: it asks for tools no more often")
+    ] = 1
 
     def reactions(self, most: int | None = None) -> tuple[ToolReaction, ...]:
         """Return what the tools, or the first ``most`` of them, feel by its names, of a checked body."""

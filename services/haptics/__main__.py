@@ -29,7 +29,13 @@ STAGES = ("model", "detect", "send")
 
 
 class Haptics:
-    """Collision detection and haptic rendering of one scene."""
+    """Collision detection and haptic rendering of one scene.
+
+    Attributes
+    ----------
+    ticks_per_step : int
+        So many ticks physics takes as one step now: it is told of tools and contacts no more often.
+    """
 
     def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
         self._bus, self._meter = process.bus, meter
@@ -46,6 +52,8 @@ class Haptics:
         self._grasps = [Grasp(i, each, duct.mesh, segment_m) for i, each in jaws if each is not None]
         self._ttl_s = 0.02
         self._dropped_pairs = 0
+        self._solved: PhysicsState | None = None
+        self._told_tick, self.ticks_per_step = 0, 1
         process.health.counts = self._counts
 
     def answer(self, frame: Frame) -> None:
@@ -59,8 +67,18 @@ class Haptics:
         model = ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
         self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
         modelled = time.monotonic_ns()
-        if solved is not None:
-            self._take_shapes(solved.body)
+        self._meter.tick = state.tick
+        self._meter.stages_ns = (modelled - started, 0, 0)
+        if not 0 < state.tick - self._told_tick < self.ticks_per_step:
+            self._tell_physics(frame, modelled)
+
+    def _tell_physics(self, frame: Frame, began_ns: int) -> None:
+        """Find contacts and send them to physics, as often as it takes a step."""
+        state: GatewayState = frame.body
+        self._told_tick = state.tick
+        if self._solved is not None:
+            self._take_shapes(self._solved)
+            self._solved = None
         n_tools = self._instruments.count
         hands = self.tools.take_hands(n_tools)
         self._detect()
@@ -69,16 +87,18 @@ class Haptics:
         holds = [hold for grasp in grasps for hold in grasp.update(self._pairs, self.tools.jaws(grasp.tool))]
         body = self._writer.body(state.tick, hands, holds)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
-        self._meter.tick = state.tick
-        self._meter.stages_ns = (modelled - started, detected - modelled, time.monotonic_ns() - detected)
+        self._meter.stages_ns = (self._meter.stages_ns[0], detected - began_ns, time.monotonic_ns() - detected)
 
     def _take_reactions(self, solved: Frame | None) -> bool:
         """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
         if solved is not None:
-            self._reactions.take(solved.body.tools)
+            self._solved = solved.body
+            self._reactions.take(self._solved.tools)
+            self.ticks_per_step = self._solved.ticks_per_step
         known = self._bus.is_fresh("physics.state")
         if not known:
             self._reactions.forget()
+            self.ticks_per_step = 1
         return known
 
     def _take_shapes(self, state: PhysicsState) -> None:

@@ -125,7 +125,7 @@ class Physics:
         level = min(level, len(self._scene.quality) - 1)
         if level != self.simulation.quality_level:
             self.simulation.set_quality(level)
-        self._meter.periods_allowed = self._scene.quality[level].ticks_per_step
+        self._meter.periods_allowed = self.simulation.rung.ticks_per_step
         self._process.health.quality_level = level
 
 

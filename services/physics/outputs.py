@@ -103,6 +103,7 @@ class Outputs:
             duct=self._duct(),
             catheter=self._catheter(),
             contacts=contacts,
+            ticks_per_step=self._simulation.rung.ticks_per_step,
         )
 
     def _duct(self) -> Duct:

@@ -115,9 +115,9 @@ class LoopMeter:
         self.misses += ticks
 
     def catch_up(self, ticks: int) -> None:
-        """Count ticks that ran, but only now, together with a later one."""
+        """Count ticks that ran together with a later one: those beyond what it may do the work of ran only now."""
         self.ticks += ticks
-        self.misses += ticks
+        self.misses += max(ticks + 1 - self.periods_allowed, 0)
 
     def body(self) -> bodies.LoopReport:
         """Return the counts as they travel."""
@@ -174,7 +174,8 @@ def ticks(
         scheduled += (behind + 1) * meter.period_ns
 
 
-#: A jump of the rig's clock by up to this many ticks is caught up; a larger one is skipped and counted.
+#: A jump of the rig's clock by up to this many ticks, or times what one does the work of, is caught up; a larger one is
+#: skipped and counted.
 CATCH_UP = 3
 
 
@@ -197,7 +198,7 @@ class TickClock:
         if last is None or index < last:
             return 1
         jump = index - last
-        if jump > CATCH_UP:
+        if jump > CATCH_UP * self._meter.periods_allowed:
             self._meter.skip(jump - 1)
             return 1
         if jump > 1:
@@ -246,7 +247,7 @@ def follow(
     while not stop():
         bus.flush()
         slack()
-        if not bus.wait(topic, time.monotonic_ns() + 2 * meter.period_ns):
+        if not bus.wait(topic, time.monotonic_ns() + 2 * meter.periods_allowed * meter.period_ns):
             meter.idle(time.monotonic_ns())
             yield None
             continue

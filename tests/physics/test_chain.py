@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from protocol import Frame
 from protocol.arrays import pack
 from protocol.bodies import GatewayState, GraspHold, InstrumentState
 from services.mechanics.collision.pairs import ContactPairs
@@ -236,12 +237,26 @@ def test_on_a_rung_with_long_steps_physics_answers_every_second_tick_and_loses_n
         lengths_s.append(dt_s)
         step(tools, pairs, dt_s)
 
+    asked: list[int] = []
+    advance = rig.physics.advance
+
+    def told(frame: Frame, ticks: int) -> None:
+        asked.append(ticks)
+        advance(frame, ticks)
+
+    monkeypatch.setattr(rig.physics, "advance", told)
     monkeypatch.setattr(rig.physics.simulation, "step", watched)
-    for level, ticks in ((0, 3), (1, 5), (0, 2)):  # a tick is owed when it goes back
+    frames = []
+    for level, ticks in ((0, 4), (1, 40), (0, 4)):
         rig.physics.obey(level)
+        before = len(lengths_s), len(asked)
         _hold(rig, 0.02, ticks)
-    assert lengths_s == pytest.approx([1e-3] * 3 + [2e-3] * 2 + [1e-3] * 3)
+        frames.append((len(lengths_s) - before[0], len(asked) - before[1]))
+    assert frames[0] == (4, 4)
+    assert frames[1] == (20, 21)  # haptics hears of it with the first answer, and then asks every second tick
+    assert set(lengths_s) == {1e-3, 2e-3}
     assert sum(lengths_s) == pytest.approx(1e-3 * rig.tick)
+    assert rig.meter.misses <= 1  # none but where it goes back to short steps
 
 
 def test_what_is_pressed_at_rest_feels_the_same_with_long_steps(in_memory: type[Rig]) -> None:

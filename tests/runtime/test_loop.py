@@ -127,6 +127,26 @@ def test_one_step_per_index_of_the_rigs_clock(indices: list[int], steps: list[in
     assert meter.skipped == skipped
 
 
+@pytest.mark.parametrize(
+    ("indices", "steps", "misses", "skipped"),
+    [
+        ([4, 6, 8], [1, 2, 2], 0, 0),
+        ([4, 8, 10], [1, 4, 2], 2, 0),
+        ([4, 10, 18], [1, 6, 1], 11, 7),
+    ],
+    ids=["each second", "one lost", "three lost, then a leap"],
+)
+def test_ticks_that_one_does_the_work_of_are_not_late(
+    indices: list[int], steps: list[int], misses: int, skipped: int
+) -> None:
+    meter = LoopMeter(1000.0)
+    meter.periods_allowed = 2
+    clock = TickClock(meter)
+    assert [clock.steps(index) for index in indices] == steps
+    assert (meter.misses, meter.skipped) == (misses, skipped)
+    assert meter.ticks + skipped + len(indices) == indices[-1] - indices[0] + 1  # each of its own is counted elsewhere
+
+
 def test_a_follower_answers_each_frame_and_breathes_without_any() -> None:
     hub = MemoryHub()
     sender, reader = MemoryBus(hub, publishes=["gateway.state"]), MemoryBus(hub, reads=["gateway.state"])

@@ -128,7 +128,7 @@ class Simulation:
         self.cost_ns[:] = [0] * len(STAGE_NAMES)
         if self._healer.rest():
             return
-        steps = steps_of(dt_s, self._longest_step_s)
+        steps = steps_of(dt_s, self.rung.ticks_per_step * LONGEST_STEP_S)
         for _ in range(steps):
             if not self._step_in_parts(tools, pairs, dt_s / steps):
                 self._heal(dt_s)
@@ -252,19 +252,14 @@ class Simulation:
         """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""
         if not 0 <= level < len(self.scene.quality):
             raise ValueError(f"quality level {level} is not within 0 and {len(self.scene.quality) - 1}")
-        for name in set(self._resting) - set(self.scene.quality[level].without):
+        for name in set(self.rung.without) - set(self.scene.quality[level].without):
             self.effects[name].wake()
         self._use_rung(level)
 
     def _use_rung(self, level: int) -> None:
-        self.quality_level, rung = level, self.scene.quality[level]
+        self.quality_level, self.rung = level, self.scene.quality[level]
         self._stages = self._rungs[level]
-        self._touch_every, self._longest_step_s = rung.touch_every, rung.ticks_per_step * LONGEST_STEP_S
-        self.solver.use(self._stages, rung.iterations)
-
-    @property
-    def _resting(self) -> tuple[str, ...]:
-        return self.scene.quality[self.quality_level].without
+        self.solver.use(self._stages, self.rung.iterations)
 
     def _add_loads(self, dt_s: float) -> None:
         begin_loads(self.duct.motion_address, self.catheter.step_address)
@@ -296,8 +291,8 @@ class Simulation:
         catheter_pairs = self.world.pairs
         catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, catheter_pairs)
-        if self._touch_every > 1:
-            catheter, every = self.catheter, self._touch_every
+        if self.rung.touch_every > 1:
+            catheter, every = self.catheter, self.rung.touch_every
             rod = catheter.state.velocity_m_s, catheter.contact_force_n, catheter.mass_kg
             thin_pairs(catheter_pairs.address, rod, (every, catheter.properties.n_segments), dt_s)
         if not (self._stages["add_pairs"] or self._stages["add_rows"]):
