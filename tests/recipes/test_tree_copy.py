@@ -51,9 +51,9 @@ exit 3
 
 @pytest.fixture
 def anchor() -> str:
-    """Some line of a file that nobody edits for this test's sake."""
+    """The last import of a file that nobody edits for this test's sake."""
     lines = (ROOT / "services" / "scenes" / "__init__.py").read_text().splitlines()
-    return next(f" {line}" for line in lines if line.startswith("from "))
+    return [f" {line}" for line in lines if line.startswith("from ")][-1]
 
 
 def _told(tree: TreeCopy, anchor: str) -> None:
@@ -72,6 +72,14 @@ def test_blocks_are_done_from_top_to_bottom(tree: TreeCopy, anchor: str) -> None
 def test_a_place_that_is_not_there_once_is_no_place(tree: TreeCopy, stale: str) -> None:
     _told(tree, stale)
     with pytest.raises(AssertionError, match=r"has these lines \d+ times"):
+        tree.follow("Adding a word")
+
+
+def test_what_lint_refuses_fails_the_recipe(tree: TreeCopy, anchor: str) -> None:
+    _told(tree, anchor)
+    recipe = tree.root / "docs" / "recipes.md"
+    recipe.write_text(recipe.read_text().replace('WORD = "trocar"', 'import os\n\n   WORD = "trocar"'))
+    with pytest.raises(AssertionError, match="F401"):
         tree.follow("Adding a word")
 
 

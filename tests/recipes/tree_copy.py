@@ -37,14 +37,21 @@ class TreeCopy:
                 shutil.copy2(source / name, root / name)
 
     def follow(self, section: str) -> None:
-        """Do every step of the section ``## section`` of this copy's docs/recipes.md, from top to bottom."""
+        """Do every step of the section ``## section`` of this copy's docs/recipes.md, from top to bottom.
+
+        What it has written and changed passes the lint that the whole tree has to pass.
+        """
+        touched: set[str] = set()
         for language, text in _blocks((self.root / "docs" / "recipes.md").read_text(encoding="utf-8"), section):
             if language == "sh":
                 self.run("bash", "-ec", text)
             elif language == "diff":
-                self._change(text)
+                touched.add(self._change(text))
             elif text.startswith("# ") and "/" in text.splitlines()[0]:
-                self._create(text)
+                touched.add(self._create(text))
+        sources = sorted(path for path in touched if path.endswith(".py"))
+        for check in (("check",), ("format", "--check")) if sources else ():
+            self.run("ruff", *check, "--no-cache", *sources)
 
     def run(self, *command: str, timeout_s: float = 500.0) -> str:
         """Run a command in the copy, with this interpreter's tools first, and return what it prints.
@@ -100,13 +107,14 @@ class TreeCopy:
                 seen.add(test)
         return failed
 
-    def _create(self, text: str) -> None:
+    def _create(self, text: str) -> str:
         file = self.root / text.splitlines()[0].removeprefix("# ")
         assert not file.exists(), f"the recipe makes {file.name}, which there is already"
         assert file.parent.is_dir(), f"the recipe makes a file in {file.parent}, which there is not"
         file.write_text(text.split("\n", 1)[1].lstrip("\n"), encoding="utf-8")
+        return str(file.relative_to(self.root))
 
-    def _change(self, text: str) -> None:
+    def _change(self, text: str) -> str:
         first, hunks = text.split("\n", 1)
         file = self.root / first.removeprefix("--- ")
         content = file.read_text(encoding="utf-8")
@@ -119,6 +127,7 @@ class TreeCopy:
             assert found == 1, f"{file.name} has these lines {found} times:\n{before}"
             content = f"\n{content}".replace(f"\n{before}", f"\n{after}", 1)[1:]
         file.write_text(content, encoding="utf-8")
+        return str(file.relative_to(self.root))
 
 
 def _blocks(document: str, section: str) -> list[tuple[str, str]]:
