@@ -13,6 +13,7 @@ from services.mechanics.arrays import AnyArray
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.viscoelastic import PronySeries
 from services.mechanics.world import World
 
 if TYPE_CHECKING:
@@ -57,9 +58,10 @@ class Softening(Effect):
 
         duct = world.duct
         # Read by name: no effect needs another's file.
-        lasting = 1.0 - sum(getattr(self.scene.effects.get("viscoelasticity"), "g", ()))
+        viscous = self.scene.effects.get("viscoelasticity")
+        series = PronySeries(getattr(viscous, "g", ()), getattr(viscous, "tau_s", ()))
         softening, load = self._fetch(duct.reduced), duct.constant_modal_force
-        self._wall = FollowedWall(duct.reduced, softening, load, duct.integrator, lasting)
+        self._wall = FollowedWall(duct.reduced, softening, load, duct.integrator, series)
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Push the modes."""

@@ -41,6 +41,10 @@ class PronySeries:
         return left
 
 
+NEVER = PronySeries((), ())
+"""Of a wall that does not relax."""
+
+
 class ViscousModes:
     """The lagging coordinates d_k of every mode: omega^2 sum_k g_k d_k is what the wall has relaxed.
 

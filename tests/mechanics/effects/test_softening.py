@@ -41,7 +41,9 @@ def test_a_tool_meets_less_force(scene, duct, with_effects):
     assert 0.5 * linear < force < 0.95 * linear
 
 
-def test_the_books_balance(scene, duct):
+@pytest.mark.parametrize("others", [{}, {"viscoelasticity": {}}])
+def test_the_books_balance(with_effects, duct, others):
+    scene = with_effects(softening={"n_squeezes": 8}, **others)
     simulation, tools = Simulation(scene, duct), pressing_tools(scene)
     simulation.step(tools)
     book, top, largest = EnergyBook(simulation), tools.position_m[0, 2], 0.0
@@ -50,7 +52,7 @@ def test_the_books_balance(scene, duct):
         book.step(tools)
         largest = max(largest, book.flow.input_j)
     assert abs(book.flow.imbalance_j) < 0.01 * largest
-    assert 0.0 <= book.flow.effects_j < 0.05 * largest
+    assert 0.0 <= book.flow.effects_j < (0.5 if others else 0.05) * largest
 
 
 def test_what_is_let_go_rests(scene, duct):

@@ -58,6 +58,27 @@ def test_a_dent_relaxes_as_the_whole_wall_does(with_effects, cache_dir):
     assert stiffness[0] == pytest.approx(0.6 * stiffness[1], rel=0.01)
 
 
+def test_a_dent_is_where_the_full_model_says_while_it_relaxes(with_effects, cache_dir):
+    """From the contact forces f of every tick: K u = p where all relaxes alike, p = f + sum g h, h' = (p - h) / tau."""
+    g, tau_s = np.array([0.3, 0.2]), np.array([0.3, 1.5])
+    scene = with_effects(viscoelasticity={"g": tuple(g), "tau_s": tuple(tau_s)})
+    duct = build_scene_duct(replace(scene, duct=replace(scene.duct, n_modes=4)), cache_dir)
+    simulation, tools = Simulation(scene, duct), pressing_tools(None)
+    tools.position_m[0] += -13e-3, 0.0, 0.9e-3
+    model, wall = duct.recipe.model(), simulation.duct.surface_m()
+    lag, acting = np.zeros((2, *wall.shape)), np.zeros(wall.shape)
+    for tick in range(1, 1001):
+        simulation.step(tools)
+        nodes, shares = simulation.contacts.on_duct
+        acting[:] = np.tensordot(g, lag, 1)
+        np.add.at(acting, nodes, -shares[:, :, None] * np.array(simulation.contact_force_n)[: len(nodes), None])
+        lag += (1.0 - np.exp(-1e-3 / tau_s))[:, None, None] * (acting - lag)
+        if tick in (300, 600, 1000):  # swings of the first touch are over
+            moved_m, pressed = simulation.duct.surface_m() - wall, np.unique(nodes[shares > 0.0])
+            expected_m = model.solve_static(acting).displacement_m[pressed]
+            np.testing.assert_allclose(moved_m[pressed], expected_m, atol=0.002 * np.abs(expected_m).max())
+
+
 def test_the_books_balance_over_a_poke_that_relaxes(with_effects, cache_dir):
     scene = with_effects(viscoelasticity={})
     scene = replace(scene, duct=replace(scene.duct, n_modes=12))

@@ -24,6 +24,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import dot, row
 from services.mechanics.reduction.softened_wall.candidate import begin_candidate, continue_candidate
+from services.mechanics.reduction.softened_wall.lagging import follow_lag, lagging_j, lags
 from services.mechanics.reduction.softened_wall.pattern import (
     GAIN,
     PART,
@@ -84,13 +85,17 @@ def follow_loads(
     wall = softened_wall_at(address)
     q, _, _, qddot = motion
     is_pressed = _follow(wall, loads, modal_force, 1.0 - math.exp(-dt_s / FOLLOW_S))
-    if not is_pressed and wall.pattern.numbers[GAIN] == 0.0:
+    if not is_pressed and wall.pattern.numbers[GAIN] == 0.0 and not lags(wall):
+        if wall.g.shape[0] > 0:
+            follow_lag(wall, q, 0.0, dt_s)
         return
     _enter_step(wall, motion, gains)
+    if wall.g.shape[0] > 0:
+        _relax(wall, q, dt_s)
     if is_pressed and (wall.made[0] > 0 or begin_candidate(wall)) and continue_candidate(wall):
         _try_candidate(wall, q)
     if not is_pressed:
-        _try_to_forget(wall)
+        _try_to_forget(wall, q)
     _keep_tank(wall)
     if not stiffens(wall.pattern):
         _push(wall, q, qddot)
@@ -151,11 +156,24 @@ def _enter_step(
         _correct_step(wall, motion, gains)
         work, potential = _work(wall, motion), _potential(wall, wall.pattern, q)
     books[TANK] -= work + potential - books[POTENTIAL]
-    if books[TANK] < -CREDIT_J and potential > 0.0:
-        kept = max(0.0, 1.0 + (books[TANK] + CREDIT_J) / potential)
-        numbers[PART] *= kept
-        books[TANK] += (1.0 - kept) * potential
-        potential *= kept
+    if books[TANK] < -CREDIT_J:
+        own = potential - lagging_j(wall, wall.pattern, q)
+        if own > 0.0:
+            numbers[PART] *= max(0.0, 1.0 + (books[TANK] + CREDIT_J) / own)
+            left = _potential(wall, wall.pattern, q)
+            books[TANK] += potential - left
+            potential = left
+    books[POTENTIAL] = potential
+
+
+@kernel
+def _relax(wall: SoftenedWall, q: FloatArray, dt_s: float) -> None:
+    """Let the force relax: what that costs is less than what the linear wall dissipates in the same step."""
+    books, pattern = wall.books, wall.pattern
+    phi = pattern.numbers[PART] * evaluate(pattern, _along(wall, pattern, q))[0]
+    follow_lag(wall, q, phi, dt_s)
+    potential = _potential(wall, pattern, q)
+    books[SPENT] -= potential - books[POTENTIAL]
     books[POTENTIAL] = potential
 
 
@@ -197,19 +215,29 @@ def _find_force(wall: SoftenedWall, start: FloatArray, end: FloatArray, position
     s, moves = _along(wall, pattern, end), 0.0
     for mode in range(end.shape[0]):
         moved = times * position_gain[mode] * pattern.direction[mode]
-        s -= moved * wall.force[mode]
+        s -= moved * (wall.force[mode] - wall.lagged[mode])
         moves += moved * pattern.direction[mode]
     part = pattern.numbers[PART]
     phi = part * evaluate_ahead(pattern, _along(wall, pattern, start), s, moves * part)
     for mode in range(end.shape[0]):
-        wall.force[mode] = phi * pattern.direction[mode]
+        wall.force[mode] = phi * pattern.direction[mode] + wall.lagged[mode]
 
 
 @kernel
 def _potential(wall: SoftenedWall, pattern: Pattern, q: FloatArray) -> float:
-    """Return P of a pattern, as much of it as acts."""
+    """Return P of a pattern, as much of it as acts, and what lags stores with it."""
     potential = evaluate(pattern, _along(wall, pattern, q))[1]
-    return float(pattern.numbers[PART] * potential)
+    return float(pattern.numbers[PART] * potential + lagging_j(wall, pattern, q))
+
+
+@kernel
+def _potential_without(wall: SoftenedWall, pattern: Pattern, q: FloatArray) -> float:
+    """Return what lags stores if nothing of a pattern acts."""
+    part = pattern.numbers[PART]
+    pattern.numbers[PART] = 0.0
+    potential = lagging_j(wall, pattern, q)
+    pattern.numbers[PART] = part
+    return float(potential)
 
 
 @kernel
@@ -228,23 +256,25 @@ def _try_candidate(wall: SoftenedWall, q: FloatArray) -> None:
     potential = _potential(wall, new, q)
     affordable = books[POTENTIAL] + books[TANK] + CREDIT_J
     if potential > affordable:
-        if affordable < 0.0:
+        without = _potential_without(wall, new, q)
+        if affordable < without:
             return
-        new.numbers[PART] = affordable / potential
-        potential = affordable
+        new.numbers[PART] = (affordable - without) / (potential - without)
+        potential = _potential(wall, new, q)
     books[TANK] += books[POTENTIAL] - potential
     books[POTENTIAL] = potential
     copy_pattern(new, old)
 
 
 @kernel
-def _try_to_forget(wall: SoftenedWall) -> None:
+def _try_to_forget(wall: SoftenedWall, q: FloatArray) -> None:
     """Drop the pattern of a wall that nothing presses and that has come back; what the tank owes, it goes on owing."""
     books = wall.books
     wall.made[0] = 0
-    if books[POTENTIAL] == 0.0 or books[POTENTIAL] + books[TANK] >= -2.0 * CREDIT_J:
-        books[TANK] += books[POTENTIAL]
-        books[POTENTIAL] = 0.0
+    left = _potential_without(wall, wall.pattern, q)
+    if books[POTENTIAL] == left or books[POTENTIAL] - left + books[TANK] >= -2.0 * CREDIT_J:
+        books[TANK] += books[POTENTIAL] - left
+        books[POTENTIAL] = left
         wall.pattern.numbers[GAIN] = 0.0
 
 
@@ -264,7 +294,7 @@ def _push(wall: SoftenedWall, q: FloatArray, qddot: FloatArray) -> None:
     phi, _ = evaluate(wall.pattern, _along(wall, wall.pattern, q))
     phi *= wall.pattern.numbers[PART]
     for mode in range(q.shape[0]):
-        force = phi * wall.pattern.direction[mode]
+        force = phi * wall.pattern.direction[mode] + wall.lagged[mode]
         if wall.takes_mean:
             qddot[mode] += force - wall.force[mode]
         wall.force[mode] = force

@@ -8,6 +8,7 @@ from services.mechanics.reduction.softened_wall.follow import follow_loads, push
 from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, SoftenedWall
 from services.mechanics.reduction.softening.training import WallSoftening
 from services.mechanics.reduction.state import ModalIntegrator, ModalState
+from services.mechanics.reduction.viscoelastic import NEVER, PronySeries
 
 
 class FollowedWall:
@@ -25,9 +26,9 @@ class FollowedWall:
         softening: WallSoftening,
         constant_modal_force: FloatArray,
         integrator: ModalIntegrator,
-        lasting: float,
+        series: PronySeries = NEVER,
     ) -> None:
-        self._wall = SoftenedWall.of(duct, softening, constant_modal_force, integrator, lasting)
+        self._wall = SoftenedWall.of(duct, softening, constant_modal_force, integrator, series)
         self._integrator = integrator
         self._ahead = ModalState.at_rest(duct.basis.n_modes)
         self.force = self._wall.force
@@ -39,7 +40,7 @@ class FollowedWall:
 
     @property
     def dissipated_j(self) -> float:
-        """What changes of the pattern have taken out so far."""
+        """What changes of the pattern have taken out so far, less what the relaxation of softening stores."""
         return float(self._wall.books[SPENT])
 
     def follow(

@@ -166,7 +166,7 @@ def _zero(pattern: Pattern) -> int:
 @kernel
 def evaluate(pattern: Pattern, s: float) -> tuple[float, float]:
     """Return phi and P at s; none for a wall that has moved the other way."""
-    theta = _solve_theta(pattern, s, 0.0)
+    theta = _solve_theta(pattern, s, 0.0, 1.0)
     if theta == 0.0:
         return 0.0, 0.0
     numbers = pattern.numbers
@@ -174,6 +174,23 @@ def evaluate(pattern: Pattern, s: float) -> tuple[float, float]:
     work, area = read_law(pattern, theta * rho)
     phi = numbers[GAIN] * theta * work
     return phi, -(linear * numbers[GAIN] * area / (rho * rho) + 0.5 * phi * phi * numbers[DELIVERED])
+
+
+@kernel
+def conjugate(pattern: Pattern, s: float) -> float:
+    """Return W*(h) less that of the linear wall, which h would move by ``s`` along the pattern; see `lagging`.
+
+    Of a pattern of which only a part acts, part times P takes the place of P.
+    """
+    numbers = pattern.numbers
+    if not s > 0.0 or numbers[GAIN] == 0.0 or numbers[PART] == 0.0:
+        return 0.0
+    part, linear, rho = numbers[PART], numbers[LINEAR], numbers[RHO]
+    theta = s / linear if part == 1.0 else _solve_theta(pattern, s, 0.0, 1.0 - part)
+    work, area = read_law(pattern, theta * rho)
+    phi = numbers[GAIN] * theta * work
+    energy = linear * numbers[GAIN] * area / (rho * rho) + 0.5 * (1.0 - part) * phi * phi * numbers[DELIVERED]
+    return float(part * energy)
 
 
 @kernel
@@ -189,8 +206,8 @@ def evaluate_ahead(pattern: Pattern, s_start: float, s: float, moves: float) -> 
     That is what has grown of phi at ``s_start``, where the step begins, and what has fallen of it where it ends: for
     either part of the potential no more work than it falls by.
     """
-    grown = _grown(pattern, _solve_theta(pattern, s_start, 0.0))
-    theta = _solve_theta(pattern, s + moves * grown, moves)
+    grown = _grown(pattern, _solve_theta(pattern, s_start, 0.0, 1.0))
+    theta = _solve_theta(pattern, s + moves * grown, moves, 1.0)
     return float(grown + _phi(pattern, theta) - _grown(pattern, theta))
 
 
@@ -210,10 +227,10 @@ def _grown(pattern: Pattern, theta: float) -> float:
 
 
 @kernel
-def _solve_theta(pattern: Pattern, s: float, moves: float) -> float:
+def _solve_theta(pattern: Pattern, s: float, moves: float, share: float) -> float:
     """Return the theta at which the displacement is s + ``moves`` times what has fallen of phi.
 
-    0 where the wall has moved the other way.
+    0 where the wall has moved the other way. Of what phi moves the modes by, ``share`` counts.
     """
     numbers = pattern.numbers
     linear = numbers[LINEAR]
@@ -226,7 +243,7 @@ def _solve_theta(pattern: Pattern, s: float, moves: float) -> float:
         theta = 0.5 * (low + high)
         phi = _phi(pattern, theta)
         fallen = phi - _grown(pattern, theta) if moves > 0.0 else 0.0
-        if theta * linear + phi * numbers[DELIVERED] - moves * fallen < s:
+        if theta * linear + share * phi * numbers[DELIVERED] - moves * fallen < s:
             low = theta
         else:
             high = theta

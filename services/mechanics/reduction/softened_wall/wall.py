@@ -16,17 +16,18 @@ from services.mechanics.reduction.softening.law import N_PARTS
 from services.mechanics.reduction.softening.sites import Lumen
 from services.mechanics.reduction.softening.training import WallSoftening
 from services.mechanics.reduction.state import ModalIntegrator
+from services.mechanics.reduction.viscoelastic import NEVER, PronySeries
 
 STORED, SPENT, POTENTIAL, TANK = range(4)
 """Books in J: what is stored, and what was dissipated so far; stored are the pattern's potential and the tank."""
 N_BOOKS = 4
 N_MIXED = N_PARTS + 1
 MOST_SOFTENING = 0.9
-"""Of the stiffness that lasts, so much may be lost: what is left brings the wall back."""
+"""Of the stiffness so much may be lost: what is left brings the wall back."""
 
 
 class SoftenedWall(Struct):
-    """n nodes, m sites, r modes."""
+    """n nodes, m sites, r modes, t terms of a Prony series."""
 
     near: Annotated[IntArray, "n", "k"]
     weights: Annotated[FloatArray, "n", "k", 3]
@@ -39,6 +40,11 @@ class SoftenedWall(Struct):
     rest_q: Annotated[FloatArray, "r"]
     takes_mean: bool  # the integrator, of the forces at both ends of a step
     most_softening: float  # part of the linear stiffness that may be lost along a pattern
+    g: Annotated[FloatArray, "t"]  # Prony's terms, none of a wall that does not relax
+    tau_s: Annotated[FloatArray, "t"]
+    followed: Annotated[FloatArray, "t", "r"]  # state: d, the modes as far as a term has followed them
+    lag: Annotated[FloatArray, "t", "r"]  # state: l
+    lagged: Annotated[FloatArray, "r"]  # state: what lags pushes with
     at_sites: Annotated[FloatArray, "m"]  # state: forces on the sites, followed
     modal: Annotated[FloatArray, "r"]  # state: the modal force that belongs to them
     force: Annotated[FloatArray, "r"]  # state: what acts on the modes in the next step
@@ -63,11 +69,11 @@ class SoftenedWall(Struct):
         softening: WallSoftening,
         constant_modal_force: FloatArray,
         integrator: ModalIntegrator,
-        lasting: float = 1.0,
+        series: PronySeries = NEVER,
     ) -> SoftenedWall:
         """Take a softening on for a duct that rests under a constant modal force (r,).
 
-        ``lasting`` is the part of the wall's stiffness that does not relax.
+        ``series`` is how the linear wall relaxes, if it does; see `lagging`.
         """
         sites, law = softening.sites, softening.law
         stiffness = duct.basis.omega_rad_s**2
@@ -83,12 +89,13 @@ class SoftenedWall(Struct):
             "rest_q": constant_modal_force / stiffness,
         }
         plain: dict[str, Any] = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+        plain |= {"g": np.array(series.g, np.float64), "tau_s": np.array(series.tau_s, np.float64)}
         extents = {"r": len(stiffness), "p": len(law.rho)}
         points = {"rho_first": float(law.rho[0]), "rho_step": float(law.rho[1] - law.rho[0])}
         patterns = {name: Pattern.zeros(**extents, **points) for name in ("pattern", "candidate")}
         takes_mean = isinstance(integrator, Newmark)
-        plain |= {"takes_mean": takes_mean, "most_softening": MOST_SOFTENING * lasting}
-        return cls.zeros(m=len(sites.nodes), **extents, **patterns, **plain)
+        plain |= {"takes_mean": takes_mean, "most_softening": MOST_SOFTENING}
+        return cls.zeros(m=len(sites.nodes), t=len(series.g), **extents, **patterns, **plain)
 
     def stiffens(self) -> bool:
         """Whether what acts is a pattern whose potential has a convex part."""
@@ -97,7 +104,8 @@ class SoftenedWall(Struct):
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        return self.at_sites, self.modal, self.force, self.books, self.mixed, *self.pattern.state_arrays()
+        own = self.at_sites, self.modal, self.force, self.books, self.mixed, self.followed, self.lag, self.lagged
+        return *own, *self.pattern.state_arrays()
 
 
 softened_wall_at = reader(SoftenedWall)

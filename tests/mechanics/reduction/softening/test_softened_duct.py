@@ -15,6 +15,7 @@ from services.mechanics.reduction.softening.own_energy import fields_of, interpo
 from services.mechanics.reduction.softening.sites import Lumen
 from services.mechanics.reduction.softening.squeezes import Squeeze, follow
 from services.mechanics.reduction.softening.training import fetch_softening, own_compliance_m_n, train_softening
+from services.mechanics.reduction.viscoelastic import NEVER, PronySeries
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.studies.accuracy.squeezed_wall import DT_S, SqueezedWall
 
@@ -90,6 +91,18 @@ def test_force_is_that_of_the_nonlinear_shell(duct, lumen, softening, name, x_m,
         before = wanted
         true = np.sum(state.force_n * lines, axis=1).sum()
         assert force.sum() == pytest.approx(true, rel=0.12)
+
+
+@pytest.mark.parametrize(("name", "x_m", "angle_rad", "depth", "is_pinch"), [UNSEEN[0], UNSEEN[3], *UNSEEN[5:]])
+def test_a_squeeze_that_is_held_relaxes_by_the_law(duct, lumen, softening, name, x_m, angle_rad, depth, is_pinch):
+    """All of the force: what softening took was elastic before, so that half of it was left where 0.7 is."""
+    nodes, lines = jaws(lumen, duct.mesh, Squeeze(node_at(duct.mesh, x_m, angle_rad), 0.0, 0.0, is_pinch))
+    wanted, series = np.full(len(nodes), depth * WIDTH_M / len(nodes)), PronySeries((0.2, 0.1), (0.2, 0.5))
+    damped = replace(duct, damping_ratio=np.full(duct.basis.n_modes, 0.7))
+    elastic, relaxing = (SqueezedWall(damped, softening, nodes, lines, each) for each in (NEVER, series))
+    held = [relaxing.step(wanted).sum() / elastic.step(wanted).sum() for _ in range(4000)]
+    at = np.array([200, 600, 4000])
+    np.testing.assert_allclose(np.array(held)[at - 1], series.relaxation(1e-3 * at), rtol=0.01)
 
 
 def test_a_force_between_sites_has_its_own_cubic_energy(duct, lumen, softening):
