@@ -13,7 +13,7 @@ from services.haptics.reactions import Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.kernel_progress import told
 from services.mechanics.bodies.catheter import CatheterBody
-from services.mechanics.bodies.forceps.grasp import deepest_touch
+from services.mechanics.bodies.forceps.grasp import deepest_touch, touched_apart_m
 from services.mechanics.collision import CatheterContactDetector
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.effects import build_effects, by_stage
@@ -42,6 +42,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         deformed.tool_detector().detect(tools.segments_m, tools.radius_m, particles_m, pairs, tools.present)
         ContactsWriter(pairs).body(0, tool_table(()), [])
         deepest_touch(pairs, 0, JAW_A, DUCT_TRIANGLE)
+        touched_apart_m(pairs, duct.mesh, 0, 0)
         diameter_m = scene.catheter.outer_diameter_m
         CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)
         kernels.begin("the catheter")
