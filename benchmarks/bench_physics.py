@@ -33,11 +33,13 @@ from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, 
 from services.mechanics.scene.duct_recipe import duct_recipe
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.duct_alone import DuctAlone
 from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
 from services.runtime import realtime
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml
 TICK_BUDGET_S = 250e-6
+SLEEPING_S = 1e-6
 
 
 def loaded_scene() -> SceneModel:
@@ -150,6 +152,30 @@ def sample_ticks(simulation: Simulation, tools: ToolInputs, samples: int) -> tup
     return seconds, stages
 
 
+def sleeping_rows(cache: Path, samples: int) -> list[Row]:
+    """What a tick spends on a catheter that hangs still, and on a duct alone at rest: a look at each."""
+    scene = loaded_scene()
+    gravity = {"gravity": scene.effects["gravity"]}
+    hung = CatheterScene(anchor="clamped", tip_position_m=(0.3, 0.0, 0.0), viscous_drag_n_s_m2=0.5)
+    scene = replace(scene, catheter=hung, effects=gravity)
+    duct, tools = build_scene_duct(scene, cache), ToolInputs()
+    tools.present[:] = False
+    simulation = Simulation(scene, duct)
+    for _ in range(5000):
+        simulation.step(tools)
+    alone = DuctAlone(replace(scene, duct_alone=True, effects={}), duct)
+    for _ in range(3):
+        alone.step()
+    if not (simulation.catheter.is_asleep() and alone.is_asleep()):
+        raise SystemExit("what was to be timed asleep is awake")
+    parts = {
+        "asleep: the catheter's part of a tick": lambda: simulation.catheter.predict(1e-3),
+        "asleep: a tick of a duct alone": alone.step,
+    }
+    timings = {name: measure({name: part}, samples=samples, inner=20)[name] for name, part in parts.items()}
+    return [Row.from_timing(name, timing, SLEEPING_S) for name, timing in timings.items()]
+
+
 _MODES, _GAIN, _SCRATCH, _W = np.ones((111, 100)), np.ones(100), np.zeros(111 * 100), np.zeros((111, 111))
 _EACH = np.arange(37, dtype=np.int32)
 
@@ -192,6 +218,7 @@ def main() -> None:
         rows.append(Row(f"99 % over median, {name}", timing.p99_s / timing.median_s, ""))
     for column, name in enumerate(ours.stage_cost_ns):
         rows.append(Row.from_timing(f"stage {name}", Timing.from_samples(stages[:, column])))
+    rows += sleeping_rows(cache, samples)
     if arguments.ticks_only:
         for row in rows:
             print(f"{row.name:60s} {row.value:8.2f} {row.unit}")

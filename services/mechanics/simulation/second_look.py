@@ -58,8 +58,8 @@ class SecondLook:
         self.looks = self.met = 0
 
     def prepare(self) -> None:
-        """Note the bodies before forces are given to them."""
-        if not self._is_off:
+        """Note the bodies before forces are given to them, if there are any."""
+        if not self._is_off and self._world.system.rows.n_contacts > 0:
             copy_arrays(self._keep)
             self._touched = self._world.catheter.touched
 
@@ -100,7 +100,7 @@ class SecondLook:
         """Compile what a look asks for, also with such pairs: the first may come late, while a loop runs."""
         if self._is_off:
             return
-        self.prepare()
+        copy_arrays(self._keep)
         self.append_rows(knows_tools=pairs is None)
         if pairs is not None:
             self._world.search.node_positions(self._nodes[:3], self._corners[:3])
