@@ -105,6 +105,7 @@ _KEYS_OF_THE_FILE = (
     ("section: ", "material: "),
     ("n_modes", "modes:"),
     ("control: arc_length", "path: arc_length"),
+    ("n_steps", "load_steps"),
 )
 """What the solver calls what a file says, and what the file calls it; as words, for a path may hold them as parts."""
 
@@ -156,6 +157,10 @@ def _trace(case: FemCase, model: ShellModel, imposed: FloatArray, on_stage: OnSt
     load = NonlinearLoad(build_load(case.model_copy(update={"loads": dead}), model), pressure_pa, imposed)
     if not (load.dead.any() or pressure_pa or imposed.any()):
         raise ValueError("loads: add up to nothing, and no support is moved: there is no path to follow")
+    if not (load.dead.ravel()[model.free_dofs].any() or pressure_pa or imposed.any()):
+        raise ValueError(
+            "loads: act only where supports hold them; vertices of a file that coincide are one, a slit needs a gap"
+        )
     on_stage("path", case.load_steps)
     done = 0
 

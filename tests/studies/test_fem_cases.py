@@ -283,6 +283,10 @@ def test_a_path_along_its_length_of_many_steps_has_as_many_points_as_it_takes(tm
         ({"load_steps": 0}, "load_steps"),
         ({"supports": [clamped()], "loads": [nothing()]}, "loads: add up to nothing"),
         ({"supports": [clamped()], "loads": [nothing()], "path": "arc_length"}, "loads: add up to nothing"),
+        (
+            {"supports": [clamped()], "loads": [{"force_n": [0.0, 1.0, 0.0], "where": {"vertex_set": "clamped"}}]},
+            "loads: act only where supports hold them",
+        ),
     ],
 )
 def test_what_does_not_go_with_a_nonlinear_analysis_is_refused(tmp_path, changes, sentence):

@@ -99,7 +99,7 @@ def _by_load(newton: Newton, settings: PathSettings) -> Iterator[PathPoint]:
         except NotConvergedError as error:
             step *= 0.5
             if step < SMALLEST_STEP * regular:
-                raise _gave_up(part, error) from error
+                raise _gave_up(part, error, settings) from error
             continue
         at, part = found.at, target
         yield PathPoint(part, at, found.reaction, found.iterations, found.residual)
@@ -115,20 +115,20 @@ def _by_arc_length(newton: Newton, settings: PathSettings) -> Iterator[PathPoint
     for _ in range(settings.most_points):
         try:
             after = arc.advance(state)
+            last = newton.solve(state.at, state.part, 1.0) if after.part >= 1.0 else None
         except NotConvergedError as error:
             state = state.with_length(0.5 * state.length)
             if state.length < shortest:
-                raise _gave_up(state.part, error) from error
+                raise _gave_up(state.part, error, settings) from error
             continue
-        if after.part >= 1.0:
-            found = newton.solve(state.at, state.part, 1.0)
-            yield PathPoint(1.0, found.at, found.reaction, found.iterations, found.residual)
+        if last is not None:
+            yield PathPoint(1.0, last.at, last.reaction, last.iterations, last.residual)
             return
         state = after.with_length(_adapted(after.length, after.iterations, longest))
         yield PathPoint(after.part, after.at, after.reaction, after.iterations, after.residual)
+    hint = "fewer n_steps make longer ones" if state.length == longest else "more n_steps may take more points"
     raise ValueError(
-        f"nonlinear: after {settings.most_points} points the path is at {state.part:.3g} of the load; give more steps, "
-        "or control it by the load"
+        f"nonlinear: after {settings.most_points} points the path is at {state.part:.3g} of the load; {hint}"
     )
 
 
@@ -138,8 +138,10 @@ def _adapted(step: float, iterations: int, longest: float) -> float:
     return step / GROWTH if iterations >= HARD else step
 
 
-def _gave_up(part: float, error: NotConvergedError) -> ValueError:
-    return ValueError(
-        f"nonlinear: no equilibrium was found beyond {part:.4g} of the load ({error}); where a shell snaps, control: "
-        "arc_length follows it"
+def _gave_up(part: float, error: NotConvergedError, settings: PathSettings) -> ValueError:
+    hint = (
+        "where a shell snaps, control: arc_length follows it"
+        if settings.control == "load"
+        else f"more n_steps than {settings.n_steps} begin with shorter ones, which lose a path less easily"
     )
+    return ValueError(f"nonlinear: no equilibrium was found beyond {part:.4g} of the load ({error}); {hint}")

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from services.mechanics.fem import ShellModel, ShellSection, clamp, pressure_load
-from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, PathSettings, trace_path
+from services.mechanics.fem.nonlinear import (
+    CorotationalShell,
+    NonlinearLoad,
+    PathSettings,
+    arc_length,
+    newton,
+    trace_path,
+)
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.studies.large_displacement_problems import (
     DIAPHRAGMS,
@@ -110,6 +117,39 @@ def test_a_path_controlled_by_the_load_ends_where_the_roof_snaps_and_says_how_to
     problem = hinged_roof(12.7, n=4)
     with pytest.raises(ValueError, match=r"no equilibrium was found beyond 0\.73.* arc_length"):
         trace_path(problem.shell, problem.load, PathSettings(n_steps=4))
+
+
+def test_a_path_along_its_length_that_is_lost_says_how_to_go_on(monkeypatch):
+    """Which is not the way that it went already."""
+    monkeypatch.setattr(newton, "MOST_ITERATIONS", 2)
+    monkeypatch.setattr(arc_length, "MOST_ITERATIONS", 2)
+    problem = hinged_roof(12.7, n=4)
+    with pytest.raises(ValueError, match=r"no equilibrium was found beyond .* more n_steps than 3 begin with shorter"):
+        trace_path(problem.shell, problem.load, PathSettings(n_steps=3, control="arc_length"))
+
+
+def test_a_long_path_says_which_steps_take_it_further():
+    """Points times the longest step are what it comes to: of steps as long as they may be fewer are longer."""
+    problem = hinged_roof(12.7, n=4)
+    with pytest.raises(ValueError, match=r"after 5 points the path is at 0\.\d+ of the load; fewer n_steps"):
+        trace_path(problem.shell, problem.load, PathSettings(n_steps=100, control="arc_length", most_points=5))
+
+
+def test_a_last_step_that_the_load_cannot_control_is_made_along_the_path(monkeypatch):
+    """Where the load is full just beyond a fold, Newton's method at the full load may find nothing from afar."""
+    solve, failed = newton.Newton.solve, []
+
+    def fail_once(self, *args):
+        if not failed:
+            failed.append(args)
+            raise newton.NotConvergedError("residual 1 after 25 iterations")
+        return solve(self, *args)
+
+    monkeypatch.setattr(newton.Newton, "solve", fail_once)
+    problem = hinged_roof(12.7, n=4)
+    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=8, control="arc_length"))
+    assert failed
+    assert path[-1].part == 1.0
 
 
 def test_a_duct_sucked_empty_stays_near_the_linear_solution_below_its_buckling_load():
