@@ -18,16 +18,23 @@ from services.mechanics.compiled import names
 
 names.begin()
 
+_USUAL: dict[str, Any] = {}
 _LINKED: dict[str, Any] = {}
 _SIMPLIFIED: dict[str, Any] = {}
 with contextlib.suppress(ImportError):  # of numba's compiler: without it, kernels are compiled in the usual way
-    from services.mechanics.compiled.linked import LinkedCompiler, SimplifyingCompiler
+    from services.mechanics.compiled.linked import KernelCompiler, LinkedCompiler, SimplifyingCompiler
 
+    _USUAL = {"pipeline_class": KernelCompiler}
     _LINKED, _SIMPLIFIED = {"pipeline_class": LinkedCompiler}, {"pipeline_class": SimplifyingCompiler}
 with contextlib.suppress(ImportError):
     from services.mechanics.compiled import compile_time
 
     compile_time.begin()
+with contextlib.suppress(ImportError):
+    from services.mechanics.compiled import array_access, range_loops
+
+    array_access.begin()
+    range_loops.begin()
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -48,7 +55,7 @@ def made_kernel(function: F) -> F:
 
     All those made in one place have one name, so none is kept on disk by itself: each is part of its callers.
     """
-    compile_it = njit(fastmath=False, **_OPTIONS)
+    compile_it = njit(fastmath=False, **_USUAL, **_OPTIONS)
     compiled: F = compile_it(function)
     return compiled
 
@@ -71,7 +78,7 @@ def _compiled(function: F, options: dict[str, Any]) -> F:
     Nine kernels of ten are called by kernels only: these have neither what takes arguments from Python's objects, which
     is a fifth of what there is to compile, nor machine code of their own.
     """
-    compiled = njit(cache=True, **options)(function)
+    compiled = njit(cache=True, **_USUAL, **options)(function)
 
     @functools.cache
     def twin() -> Any:

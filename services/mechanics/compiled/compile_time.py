@@ -6,14 +6,18 @@ Half of a cold compile is Python. What is replaced here has no public name; wher
 from __future__ import annotations
 
 import contextlib
+import functools
 from typing import Any
 
 from llvmlite.binding import ffi
 from numba.core import base
+from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.targetconfig import ConfigStack
+from numba.core.transforms import canonicalize_cfg
 from numba.core.types.functions import BaseFunction
 
 _RESOLVE = "get_call_type"
+_TAKES_PLACE = "_has_loc"
 
 
 def begin() -> None:
@@ -22,6 +26,10 @@ def begin() -> None:
         _call_nobody()
     with contextlib.suppress(AttributeError):
         setattr(BaseFunction, _RESOLVE, _Remembered(getattr(BaseFunction, _RESOLVE)).ask())
+    with contextlib.suppress(AttributeError):
+        _look_for_lifetimes_when_asked()
+    with contextlib.suppress(AttributeError):
+        setattr(base, _TAKES_PLACE, functools.lru_cache(maxsize=None)(getattr(base, _TAKES_PLACE)))
 
 
 def _call_nobody() -> None:
@@ -29,6 +37,22 @@ def _call_nobody() -> None:
     for taken, given_back in list(ffi.lib._lock._cblist):  # noqa: SLF001
         if taken.__module__ == base.__name__:
             ffi.unregister_lock_callback(taken, given_back)
+
+
+def _look_for_lifetimes_when_asked() -> None:
+    """Let numba find where variables begin and end where that is asked for: it did so nine times for each kernel."""
+    at_once = PostProcessor.run
+
+    def run(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
+        ir = self.func_ir
+        if emit_dels or ir.is_generator:
+            at_once(self, emit_dels, extend_lifetimes)
+            return
+        ir.blocks = canonicalize_cfg(ir.blocks)
+        ir.variable_lifetime = VariableLifetime(ir.blocks)
+        ir.generator_info = None
+
+    PostProcessor.run = run
 
 
 class _Remembered:

@@ -16,7 +16,9 @@ from weakref import WeakKeyDictionary
 from llvmlite import binding as llvm
 from llvmlite import ir
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase
+
+from services.mechanics.compiled.lowering import passes
 
 _ENVIRONMENT = "_ZN08NumbaEnv"
 
@@ -104,16 +106,24 @@ class _SimplifiedLibrary(_LinkedLibrary):
             passes.run(self._final_module, options)
 
 
-class LinkedCompiler(CompilerBase):  # type: ignore[misc]  # numba has no types
-    """The usual compiler, which puts its code into a `_LinkedLibrary`: for `njit`'s option ``pipeline_class``."""
+class KernelCompiler(CompilerBase):  # type: ignore[misc]  # numba has no types
+    """The usual compiler, with fewer passes: for `njit`'s option ``pipeline_class``."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes for kernels."""
+        return [passes()]
+
+
+class LinkedCompiler(KernelCompiler):
+    """The same, which puts its code into a `_LinkedLibrary`."""
 
     _library: type[_LinkedLibrary] = _LinkedLibrary
 
     def define_pipelines(self) -> list[Any]:
-        """Return numba's usual passes."""
+        """Return the passes for kernels."""
         with contextlib.suppress(*_ANOTHER_NUMBA):
             self.state.library = self._library.of(self.state)
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+        return super().define_pipelines()
 
 
 class SimplifyingCompiler(LinkedCompiler):

@@ -13,11 +13,11 @@ from typing import Any
 
 from llvmlite import ir
 from numba import from_dtype, types
-from numba.core import cgutils
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, lower_getattr_generic, lower_setattr_generic, models, register_model
 from numpy import dtype
 
+from services.mechanics.compiled.aggregate import new_array, product
 from services.mechanics.compiled.layout import ArrayField, Field, Layout, ScalarField, StructField
 
 _INT = ir.IntType(64)
@@ -98,22 +98,8 @@ def _array(context: Any, builder: Any, kind: StructType, struct: Any, field: Arr
         for extent in field.extents
     ]
     array_type = kind.type_of(field)
-    array = cgutils.create_struct_proxy(array_type)(context, builder)
-    item_bytes = _INT(context.get_abi_sizeof(context.get_data_type(array_type.dtype)))
-    steps = [item_bytes]  # bytes from item to item, then from row to row, ..., then of the whole
-    for extent in reversed(shape):
-        steps.append(_product(builder, steps[-1], extent))
-    array.data = load_word(builder, struct, field.word, array.data.type, is_constant=True)
-    array.itemsize = item_bytes
-    array.nitems = builder.sdiv(steps[-1], item_bytes)
-    array.shape = cgutils.pack_array(builder, shape)
-    array.strides = cgutils.pack_array(builder, steps[-2::-1])
-    array.meminfo = cgutils.get_null_value(array.meminfo.type)
-    array.parent = cgutils.get_null_value(array.parent.type)
-    return array._getvalue()  # noqa: SLF001 - numba's documentation has no other way to a proxy's value
-
-
-def _product(builder: Any, left: Any, right: Any) -> Any:
-    if isinstance(left, ir.Constant) and isinstance(right, ir.Constant):
-        return _INT(left.constant * right.constant)
-    return builder.mul(left, right)
+    item = _INT(dtype(field.dtype).itemsize)
+    strides = [product(builder, [*shape[axis + 1 :][::-1], item]) for axis in range(len(shape))]
+    pointer = context.get_data_type(array_type.dtype).as_pointer()
+    data = load_word(builder, struct, field.word, pointer, is_constant=True)
+    return new_array(context, builder, array_type, data, shape, strides, itemsize=item)
