@@ -44,7 +44,7 @@ def run_show(request: Request) -> None:
     if len(named) > 1:
         raise ConfigError(f"--{named[0]} and --{named[1]}: show one at a time")
     kind = named[0] if named else "rig"
-    value, origins = _load(kind, getattr(request, kind) or "stub", request.overrides)
+    value, origins = _load(kind, getattr(request, kind) if named else "stub", request.overrides)
     data = plain(value)
     for key in BESIDE_THE_DUCT if kind == "scene" and value.duct_alone else ():
         del data[key]  # whoever names it has more than a duct

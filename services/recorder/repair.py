@@ -34,6 +34,8 @@ _TAIL = _HEAD.size + 20 + len(MAGIC)
 #: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _INDEX_HEAD = struct.Struct("<HI")
+#: What the libraries raise for a record that does not hold what it says.
+_BROKEN = (McapError, ValueError, OverflowError, struct.error, zstandard.ZstdError, zlib.error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +52,17 @@ def repair(path: Path) -> Repaired | None:
     Raises
     ------
     RecordingError
-        if it is no recording, or is being written.
+        if it is no recording, is being written, or is broken within: then it stays as it is.
     """
     with _opened(path) as file:
         if _is_whole(file):
             return None
         scan = _Scan(file, os.fstat(file).st_size)
-        if not scan.read():
+        try:
+            is_recording = scan.read()
+        except _BROKEN:
+            raise RecordingError(f"{path}: is broken within, the record at byte {scan.end} cannot be read") from None
+        if not is_recording:
             raise RecordingError(f"{path}: is not a recording (no MCAP file)")
         scan.mend_last_chunk()
         finish(file, scan.summary, scan.end)
@@ -208,7 +214,7 @@ class _Scan:
                     index.setdefault(channel, array("Q")).extend((log_ns, offset))
                 else:
                     self._declare(opcode, record)
-        except (McapError, ValueError, struct.error, zstandard.ZstdError, zlib.error, UnicodeDecodeError):
+        except _BROKEN:
             return {}
         return index
 

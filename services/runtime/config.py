@@ -96,8 +96,9 @@ def apply_overrides(data: dict[str, Any], overrides: Iterable[str], origins: Ori
             raise ConfigError(f"--set {override}: a base is what a file is written on; name that rig file instead")
         try:
             value = yaml_text.read(text)
-        except yaml.YAMLError:
-            raise ConfigError(f"--set {override}: {text!r} is not a YAML value") from None
+        except yaml.YAMLError as error:
+            why = getattr(error, "problem", None) or "it cannot be read"
+            raise ConfigError(f"--set {override}: {text!r} is not a YAML value: {why}") from None
         _put(data, key.split("."), value, override)
         origins[key] = "--set"
 
@@ -106,10 +107,17 @@ def _put(data: Any, path: list[str], value: Any, override: str) -> None:
     *parents, last = path
     try:
         for part in parents:
-            data = data[int(part)] if isinstance(data, list) else data.setdefault(part, {})
-        data[int(last) if isinstance(data, list) else last] = value
+            data = data[_place(part)] if isinstance(data, list) else data.setdefault(part, {})
+        data[_place(last) if isinstance(data, list) else last] = value
     except (ValueError, IndexError, TypeError, AttributeError):
         raise ConfigError(f"--set {override}: there is nothing to set at {'.'.join(path)}") from None
+
+
+def _place(number: str) -> int:
+    """Return the place in a list that an option names, counted from 0."""
+    if not number.isdecimal():
+        raise ValueError(number)
+    return int(number)
 
 
 def read_scene(scene: str, overrides: Iterable[str] = ()) -> dict[str, Any]:
@@ -159,6 +167,9 @@ def _sentence(error: ValidationError, kind: type[Any]) -> str:
         return f"{path}: unknown key {str(first['loc'][-1])!r}; known: {known}{more}"
     if first["type"] in _MISSING:
         return f"{path}: this key is missing{more}"
+    if first["type"] == "union_tag_not_found":
+        key = str(first["ctx"]["discriminator"]).strip("'")
+        return f"{'.'.join(filter(None, (path, key)))}: this key is missing{more}"
     message = first["msg"].removeprefix("Value error, ")
     return f"{path or 'file'}: {message[:1].lower()}{message[1:]}{more}"
 

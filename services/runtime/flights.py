@@ -7,6 +7,7 @@ import json
 import os
 import struct
 import zipfile
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -27,6 +28,8 @@ _META = "about"
 _PREFIX = len(MAGIC) + 4
 #: What comes of reading a file that is no ring as one.
 _NO_RING = (OSError, ValueError, KeyError, TypeError, struct.error)
+#: What comes of reading a file that is none of flights, or is broken; the last of a zip file of another kind.
+_NO_FLIGHTS = (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +185,7 @@ def read_file(path: Path) -> Flights:
         return Flights(flights, int(about["taken_ns"]), str(about["taken_at"]), str(about["reason"]), threads)
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or 'is no file of flights'}") from None
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
+    except _NO_FLIGHTS:
         raise UserError(f"{path}: is no file of flights; `trocar latency` without a file looks at the rig") from None
 
 

@@ -6,6 +6,7 @@ The mechanics takes plain data; much of it would compute with a negative radius 
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -29,13 +30,18 @@ _NOT_NEGATIVE = {
 MOST_RUNGS = 16
 """As many as the wire can name."""
 _AT_MOST: dict[str, dict[str, float]] = {
-    "duct": {"n_modes": 2000},  # a step with these takes longer than a millisecond, and finding more takes many minutes
+    # A step with so many modes takes longer than a millisecond, and finding more takes many minutes.
+    "duct": {"n_modes": 2000, "length_m": 2.0},
     "catheter": {"spectral_radius": 1.0, "n_segments": 1000},
     "contact": {"recovery": 1.0, "capacity": 1000},  # the matrix of all contacts is dense: 72 MB
     "quality": {"ticks_per_step": 2},  # what moves the hand is stale after five
 }
 LARGEST = 1e30
 """Of any number: the mechanics multiplies several, and beyond 1e308 a product is infinite."""
+FURTHEST_M = 10.0
+"""Of any length and place: what is longer is in another unit."""
+_OF_LENGTH = re.compile(r"(?<!_[1ns])_m(\.\d)?$")
+"""What ends a length's name: not that of a curvature (1_m), a stiffness (n_m) or a damping (n_s_m)."""
 
 
 def fault(scene: SceneModel) -> str:
@@ -53,6 +59,8 @@ def fault(scene: SceneModel) -> str:
         for name, value in _floats(holder):
             if abs(value) > LARGEST:
                 return f"{path}.{name}: must not be above {LARGEST:g} in size, is {value:g}"
+            if abs(value) > FURTHEST_M and _OF_LENGTH.search(name):
+                return f"{path}.{name}: must not be above {FURTHEST_M:g} m, is {value:g}; is it in another unit?"
     if not len(scene.forceps) <= N_TOOLS:
         return f"forceps: at most {N_TOOLS}, are {len(scene.forceps)}"
     return _hands_fault(scene) or _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)

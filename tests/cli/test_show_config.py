@@ -43,6 +43,10 @@ def test_device(trocar: Trocar) -> None:
     assert json.loads(trocar("config", "show", "--device", "phantom_premium_1_5", "--json").out)["max_force_n"] == 8.5
 
 
+def test_a_name_that_is_empty_is_not_the_default_s(trocar: Trocar) -> None:
+    assert "there is no scene ''" in trocar("config", "show", "--scene", "").sentence()
+
+
 def test_two_at_a_time_are_refused(trocar: Trocar) -> None:
     ran = trocar("config", "show", "--rig", "stub", "--scene", "default")
     assert ran.code == 2

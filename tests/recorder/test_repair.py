@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import struct
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
@@ -107,6 +109,21 @@ def test_what_is_no_recording_and_what_is_a_link_is_left_alone(whole: Path, tmp_
     with pytest.raises(RecordingError, match=r"link\.mcap: too many levels of symbolic links"):
         repair(tmp_path / "link.mcap")
     assert (tmp_path / "text.mcap").read_text() == "notes"
+
+
+@pytest.mark.parametrize("opcode", [Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.CHUNK])
+def test_what_is_broken_within_stays_as_it_is_and_keeps_no_recorder_from_its_start(
+    whole: Path, tmp_path: Path, opcode: Opcode
+) -> None:
+    """What the library raised went through to the recorder, which looks at all files there when it starts."""
+    broken = tmp_path / "broken.mcap"
+    record = struct.pack("<BQI", opcode, 8, 4) + 4 * b"\xff"
+    broken.write_bytes(whole.read_bytes()[:8] + record)
+    was = broken.read_bytes()
+    with pytest.raises(RecordingError, match=r"broken\.mcap: is broken within, the record at byte 8 cannot be read"):
+        repair(broken)
+    assert repair_all(tmp_path) == {}
+    assert broken.read_bytes() == was
 
 
 def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:

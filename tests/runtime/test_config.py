@@ -119,6 +119,16 @@ def test_an_unknown_key_names_those_that_are_known_there(data: dict[str, Any], s
     assert str(caught.value).startswith(f"file: {sentence}")
 
 
+def test_what_decides_which_keys_there_are_is_missed_by_its_name() -> None:
+    with pytest.raises(ConfigError, match=r"^a.yaml: kind: this key is missing"):
+        config.build(DeviceFile, {"model": "x"}, "a.yaml")
+
+
+def test_an_option_that_is_no_yaml_says_why(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"is not a YAML value: key 'core' is given twice"):
+        config.load(Rig, write(tmp_path, "name: a"), ["processes.physics={core: 1, core: 2}"])
+
+
 def test_of_a_file_that_may_be_two_things_too() -> None:
     with pytest.raises(
         ConfigError, match=r"arm.modle: unknown key 'modle'; known: continuous_force_n, count_m, friction_n, kind"
@@ -216,7 +226,17 @@ def test_an_option_reaches_into_lists(tmp_path: Path) -> None:
     assert rig.gateway.instruments[0].arm.driver == "phantom_simulated"
 
 
-@pytest.mark.parametrize("option", ["nonsense", "=3", "name.deeper=1", "gateway.instruments.7.name=x"])
+@pytest.mark.parametrize(
+    "option",
+    [
+        "nonsense",
+        "=3",
+        "name.deeper=1",
+        "gateway.instruments.7.name=x",
+        "gateway.instruments.-1.name=x",
+        "gateway.instruments.0x0.name=x",
+    ],
+)
 def test_an_option_that_fits_nowhere_says_so(tmp_path: Path, option: str) -> None:
     file = write(tmp_path, "name: a\ngateway: {instruments: [{name: left, port_m: [0, 0, 0], arm: {driver: x}}]}")
     with pytest.raises(ConfigError, match=r"--set"):

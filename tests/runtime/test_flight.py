@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
@@ -161,6 +162,22 @@ def test_a_file_that_is_none_is_one_sentence(tmp_path: Path, content: bytes) -> 
     file.write_bytes(content)
     with pytest.raises(UserError, match="is no file of flights"):
         read_file(file)
+
+
+def test_a_broken_file_is_one_sentence(tmp_path: Path) -> None:
+    """Some bytes break what was compressed, which is found out by none but the decompressor."""
+    tmp_path.chmod(0o700)
+    ring, path = _shared(tmp_path)
+    for row in range(50):
+        ring.write(row, row * row % 7, 3, 4, 5, (row, 7))
+    flight = read_ring(path)
+    assert flight is not None
+    whole = to_bytes(Flights((flight,), 99, "2026-11-20T00:00:00+00:00", "physics: 1 ticks missed", ()))
+    file = tmp_path / "x.npz"
+    for place in range(len(whole)):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        with contextlib.suppress(UserError):
+            read_file(file)
 
 
 def test_buckets_are_where_their_edges_say() -> None:

@@ -69,6 +69,12 @@ def test_every_scene_file_of_the_repository_loads(path: Path) -> None:
             "catheter: {tip_position_m: [0, -1.0e+99, 0]}",
             r"a.yaml: catheter.tip_position_m.1: must not be above 1e",
         ),
+        ("duct: {length_m: 40, radius_m: 4, thickness_m: 0.5}", r"a.yaml: duct.length_m: must not be above 2, is 40"),
+        ("catheter: {length_m: 120}", r"catheter.length_m: must not be above 10 m, is 120; is it in another unit\?"),
+        (
+            "forceps: [{}, {port_position_m: [10, -70, 110]}]",
+            r"forceps.1.port_position_m.1: must not be above 10 m, is -70; is it in another unit\?",
+        ),
         ("contact: {capacity: 1000000}", r"a.yaml: contact.capacity: must not be above 1000, is 1000000"),
         ("duct: {radius_m: 1.0e-9}", r"a.yaml: duct: thickness_m leaves no lumen at the mouth"),
         ("duct: {n_around: 2}", r"a.yaml: duct: n_around must be at least 3"),
