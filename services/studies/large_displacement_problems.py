@@ -17,6 +17,11 @@ from services.mechanics.fem.nonlinear import CorotationalShell, NonlinearLoad, P
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 
+
+def _pairs(text: str) -> FloatArray:
+    return np.array(text.split(), np.float64).reshape(-1, 2)
+
+
 SHEAR = {0.25: (3.015, 0.563), 0.5: (4.933, 1.604), 0.75: (6.031, 2.541), 1.0: (6.698, 3.286)}
 """Cantilever under shear: deflection and shortening of the tip by part of the load."""
 SLIT_PLATE = {0.25: (10.288, 7.602), 0.5: (13.768, 10.468), 0.75: (15.842, 12.31), 1.0: (17.528, 13.891)}
@@ -42,6 +47,26 @@ it (of the same tables as `PULLED`)."""
 ROOF_LIMITS = {12.7: (0.7421, 11.293), 6.35: (0.1953, 12.892)}
 """Hinged roof, by thickness: part of the load at which it first snaps, and how far its middle has sunk by then (of
 their tables, as S. G. P. Castro's studies of curved panels hold them)."""
+
+ROOF_PATHS = {
+    12.7: _pairs(
+        "0 0  0.0877 0.693  0.198 1.638  0.3473 3.087  0.4686 4.477  0.5647 5.802  0.6381 7.057  0.6908 8.237  "
+        "0.7246 9.339  0.7412 10.358  0.7421 11.293  0.7286 12.141  0.7023 12.903  0.6649 13.583  0.6182 14.188  "
+        "0.5643 14.728  0.5055 15.217  0.4442 15.676  0.383 16.125  0.3245 16.59  0.2717 17.094  0.2272 17.657  "
+        "0.194 18.299  0.175 19.028  0.1729 19.852  0.1905 20.771  0.2303 21.78  0.295 22.875  0.3871 24.049  "
+        "0.4443 24.663  0.5093 25.293  0.5826 25.94  0.6644 26.601  0.7551 27.276  0.8549 27.964  0.9643 28.663"
+    ),
+    6.35: _pairs(
+        "0 0  0.0517 1.846  0.1182 5.271  0.1583 8.257  0.1837 10.799  0.1914 11.904  0.1953 12.892  0.195 13.752  "
+        "0.1901 14.472  0.1806 15.05  0.1671 15.501  0.1323 16.145  0.0923 16.602  0.0504 16.915  0.0083 17.008  "
+        "-0.0312 16.697  -0.0622 15.78  -0.0739 15.206  -0.0861 14.767  -0.1001 14.52  -0.1142 14.451  "
+        "-0.1247 14.862  -0.1288 15.778  -0.1271 16.961  -0.1196 18.32  -0.1055 19.817  -0.0825 21.42  -0.0484 23.1  "
+        "-0.0006 24.824  0.0626 26.565  0.1427 28.302  0.2403 30.023  0.3559 31.72  0.4898 33.388  0.6417 35.024  "
+        "0.8114 36.626"
+    ),
+}
+"""Hinged roof, by thickness: the whole path as parts of the load and how far the middle has sunk, over limit points and
+where it turns back (of the same tables as `PULLED`)."""
 
 Place = Callable[[FloatArray, FloatArray], Sequence[FloatArray]]
 
@@ -237,6 +262,16 @@ def squeezed_duct(n_around: int = 24, n_along: int = 36) -> Problem:
     imposed[jaws[0], 1], imposed[jaws[1], 1] = -0.002, 0.002
     load = NonlinearLoad(np.zeros_like(imposed), 0.0, imposed)
     return Problem(CorotationalShell(model), load, jaws[1].astype(np.int32))
+
+
+def off_the_path(points: FloatArray, path: FloatArray) -> FloatArray:
+    """(k,) how far points (k, 2) are from a path (n, 2), each of the two over the largest of the points."""
+    scale = np.abs(points).max(axis=0)
+    start, way = path[:-1] / scale, np.diff(path, axis=0) / scale
+    to = (points / scale)[:, None] - start
+    along = np.clip(np.sum(to * way, axis=2) / np.sum(way * way, axis=1), 0.0, 1.0)
+    off: FloatArray = np.linalg.norm(to - along[:, :, None] * way, axis=2).min(axis=1)
+    return off
 
 
 def force_over_linear(problem: Problem, path: Sequence[PathPoint]) -> dict[float, float]:

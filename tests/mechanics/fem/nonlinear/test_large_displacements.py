@@ -21,12 +21,14 @@ from services.studies.large_displacement_problems import (
     PINCH,
     PULLED,
     ROOF_LIMITS,
+    ROOF_PATHS,
     SHEAR,
     cantilever,
     closed_hemisphere,
     cylinder_between_diaphragms,
     force_over_linear,
     hinged_roof,
+    off_the_path,
     pulled_cylinder,
     pushed_half_cylinder,
     squeezed_duct,
@@ -105,6 +107,16 @@ def test_hinged_roof_snaps_through_and_back(thickness, lowest):
     assert load[top] == pytest.approx(limit, rel=0.02)
     assert load[top:].min() == pytest.approx(lowest, abs=0.02 * limit)
     assert path[-1].part == 1.0
+
+
+@pytest.mark.parametrize(("thickness", "most"), [(12.7, 0.01), (6.35, 0.02)])
+def test_the_path_of_a_hinged_roof_is_the_published_one(thickness, most):
+    """At all of its points, where the load falls and where the middle comes back up as well."""
+    problem = hinged_roof(thickness)
+    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=40, control="arc_length"))
+    own = np.array([(0.0, 0.0), *((point.part, -problem.moved(point)[0, 2]) for point in path)])
+    off = off_the_path(ROOF_PATHS[thickness], own)
+    assert off.max() < most
 
 
 def test_squeezed_duct_gives_way_as_in_calculix():
