@@ -234,7 +234,7 @@ def test_a_pinch_is_let_go_and_made_again():
     ],
 )
 def test_a_coarse_or_short_duct_is_held_where_it_has_vertices(overrides, depth_m):
-    scene = load_scene("pinch", [*overrides, "duct.curvature_1_m=0.0"])
+    scene = load_scene("pinch", ["duct.n_around=20", "duct.n_along=26", *overrides, "duct.curvature_1_m=0.0"])
     mesh = scene_mesh(scene.duct)
     mouth, hand = mouth_opening(mesh), hands_of(scene, mesh).motions[1]
     away = np.array(hand.grip_point_m[-1]) - mouth.centre_m
