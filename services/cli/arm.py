@@ -24,7 +24,7 @@ class Access:
     token: str
 
 
-def run_command(command: str, rig_name: str, address: str | None, token: str | None) -> None:
+def run_command(command: str, rig_name: str, overrides: tuple[str, ...] = (), access: Access | None = None) -> None:
     """Send ``arm`` or ``safe_stop`` to the rig's supervisor.
 
     Raises
@@ -32,7 +32,7 @@ def run_command(command: str, rig_name: str, address: str | None, token: str | N
     UserError
         if there is no supervisor, or it refuses.
     """
-    access = Access(address, token or "") if address else find_access(config.load_rig(rig_name))
+    access = access or find_access(config.load_rig(rig_name, overrides))
     url = f"{access.address.rstrip('/')}/api/{command}"
     try:
         request = urllib.request.Request(url, method="POST", headers={"X-Trocar-Token": access.token})

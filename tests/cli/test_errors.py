@@ -123,6 +123,13 @@ def test_arm_where_nobody_answers(trocar: Trocar) -> None:
     assert "no supervisor answers" in ran.sentence()
 
 
+@pytest.mark.parametrize("command", ["arm", "safe-stop"])
+def test_a_rig_is_looked_for_where_the_options_put_it(trocar: Trocar, tmp_path: Path, command: str) -> None:
+    """As by the other verbs: these had no --set, and found no rig that was started with one."""
+    ran = trocar(command, "--set", f"transport.directory={tmp_path}")
+    assert (ran.code, str(tmp_path / "page.json") in ran.sentence()) == (3, True)
+
+
 def test_address_that_is_none(trocar: Trocar) -> None:
     assert trocar("arm", "--address", "nonsense").code == 3
 
