@@ -11,7 +11,7 @@ import numpy as np
 from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 from services.meshes.errors import MeshError
 from services.meshes.openings import Opening, find_openings, lumen_diameter_m, name_ends, place_by_ends
-from services.meshes.plausibility import judge_unit
+from services.meshes.plausibility import judge_size, judge_unit
 from services.meshes.reading import read_surface
 from services.meshes.remeshing import remesh
 from services.meshes.repairing import repair_surface
@@ -66,6 +66,8 @@ def load_duct_surface(path: Path, settings: SurfaceSettings, on_step: OnStep = _
     try:
         if settings.lumen_diameter_m is None:
             judge_unit(raw, settings.units)
+        if settings.edge_m is None:
+            judge_size(raw)
         return _make_duct(raw, settings, on_step)
     except MeshError as error:
         raise MeshError(f"{path}: {error}") from error

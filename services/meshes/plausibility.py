@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.fem.memory import solve_bytes
+from services.mechanics.fem.memory import check_memory, solve_bytes
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.units import METRES_PER_UNIT
 from services.meshes.errors import MeshError
@@ -35,6 +35,20 @@ def judge_unit(mesh: TriangleMesh, units: str) -> None:
         f"with units '{units}' the surface is {length_m:.3g} m from corner to corner, a duct is {1e3 * low:g} mm to "
         f"{high:g} m{': ' + ', '.join(fitting) if fitting else ''}"
     )
+
+
+def judge_size(mesh: TriangleMesh) -> None:
+    """Refuse a surface that is to be solved as it stands and would not fit: its repair alone takes minutes.
+
+    Raises
+    ------
+    MeshError
+        Names the number of vertices, the memory they take and what is free.
+    """
+    try:
+        check_memory(mesh.n_triangles // 2)
+    except ValueError as error:
+        raise MeshError(f"{error}, or give edge_m to remesh") from None
 
 
 def judge_remeshing(n_vertices: int, edge_m: float) -> None:

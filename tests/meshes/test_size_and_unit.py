@@ -147,6 +147,17 @@ ShellModel(mesh, ShellSection(5e-4, 1e5, 0.45, 1060.0), [clamp(mesh)])
     assert f"mesh: 112750 vertices take about {wanted} GB to solve, 1 GB are free" in ran.stderr, ran.stderr
 
 
+def test_a_duct_that_does_not_fit_is_refused_before_it_is_repaired(tmp_path, monkeypatch):
+    """The repair of 720,000 triangles took a minute and a half, and then they were too many."""
+    path = save(tmp_path / "tube.stl")
+    monkeypatch.setattr("services.mechanics.fem.memory.free_bytes", lambda: 1000.0)
+    monkeypatch.setattr("services.meshes.loading.repair_surface", lambda *_, **__: pytest.fail("it was repaired"))
+    with pytest.raises(
+        MeshError, match=r"tube.stl: mesh: 320 vertices take .* are free: use larger triangles, or give edge_m to"
+    ):
+        load_duct_surface(path, SurfaceSettings("m"))
+
+
 def test_a_duct_of_numbers_has_a_limit_too():
     with pytest.raises(ValueError, match=r"n_around times n_along make 2e\+10 triangles, at most 2e\+06"):
         DuctGeometry(4e-3, 40e-3, 100_000, 100_000)
