@@ -28,7 +28,7 @@ class Wall:
     def __init__(self, duct: ReducedDuct, half_thickness_m: float) -> None:
         basis = duct.basis
         self.surface = CollisionSurface(duct.mesh, basis.Phi, basis.omega_rad_s, half_thickness_m, duct.warp)
-        self._residual = ResidualField(duct)
+        self._residual = ResidualField(duct, 2.0 * half_thickness_m)
 
     def update(self, q: FloatArray, load_nodes: IntArray, load_force_n: FloatArray) -> None:
         """Take modal coordinates (r,) and the contact loads (l,), (l, 3) along world axes, each node once."""

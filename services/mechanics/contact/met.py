@@ -8,19 +8,36 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.collision.beside import place_along
+from services.mechanics.collision.folds import SAME_FLANK
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs, pairs_at
 from services.mechanics.collision.writer import copy_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, along, combine, dot, put_row, row, scaled, subtract
-from services.mechanics.contact.geometry import ContactGeometry, geometry_at
+from services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    combine,
+    dot,
+    put_row,
+    row,
+    scaled,
+    squared_distance,
+    subtract,
+)
+from services.mechanics.contact.geometry import ContactGeometry
+from services.mechanics.contact.identity import target_kind_of, tool_segment_of
+from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.pair_rows import touches
-from services.mechanics.contact.rows import ContactRows, rows_at
+from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+from services.mechanics.contact.state import ContactState, state_at
 
 # Detection moves the wall under its loads on the nodes round them only: it may be so far off, where a row is not.
 NEARLY_MET_M = 50e-6
 # What is pressed, or is being pushed out, comes no nearer than this.
 LEAST_APPROACH_M = 5e-6
+# Unless there is no row for it: none so near along a tool, as a part of the distance between axis and mid-surface.
+KNOWN_BESIDE = 0.25
 
 
 @kernel
@@ -36,15 +53,16 @@ def list_corners(pairs_address: Address[ContactPairs], triangles: IntArray, out:
 
 @kernel
 def keep_approaching(
-    pairs_address: Address[ContactPairs], geometry_address: Address[ContactGeometry], corners: FloatArray
+    pairs_address: Address[ContactPairs], state_address: Address[ContactState], corners: FloatArray
 ) -> None:
-    """Keep of the pairs found where a step ends those that meet there and come nearer in it; write by how much.
+    """Keep of the pairs found where a step ends those that meet there and that no row foresees; write by how much.
 
     ``corners`` (3 n, 3) are those of `list_corners` at the start of the step. Afterwards ``gap_m`` is how much less the
     gap is at the end than at the start along the pair's normal. That is the one at the end, but where the pair would
     seem to overlap along it at the start already, as it does round a corner: there it is the one at the start.
     """
-    pairs, geometry, kept = pairs_at(pairs_address), geometry_at(geometry_address), 0
+    pairs, state, kept = pairs_at(pairs_address), state_at(state_address), 0
+    geometry = state.geometry
     for i in range(pairs.count):
         tool = pairs.tool[i]
         if not pairs.gap_m[i] < NEARLY_MET_M:
@@ -54,7 +72,7 @@ def keep_approaching(
         away, thickness = _start_offset(pairs, i, geometry, corners)
         normal, distance = row(pairs.normal, i), math.sqrt(dot(away, away))
         start, nearest = dot(away, normal) - thickness, distance - thickness
-        if start - pairs.gap_m[i] < LEAST_APPROACH_M:
+        if start - pairs.gap_m[i] < LEAST_APPROACH_M and _is_foreseen(state, pairs, i):
             continue
         copy_pair(pairs, i, kept)
         if start < 0.0 and dot(away, normal) > 0.0:
@@ -63,6 +81,36 @@ def keep_approaching(
         pairs.gap_m[kept] = start - pairs.gap_m[i]
         kept += 1
     pairs.count = kept
+
+
+@kernel
+def _is_foreseen(state: ContactState, pairs: ContactPairs, i: int) -> bool:
+    """Return whether a row of the same bodies that faces the same way, near by, leads as deep as a pair found."""
+    rows, motion, geometry = state.rows, state.problem.motion, state.geometry
+    tool, segment, s = pairs.tool[i], pairs.tool_segment[i], pairs.tool_parameter[i]
+    ends = geometry.tools.segments[max(tool, 0), segment]
+    near = KNOWN_BESIDE * (geometry.tools.radius[max(tool, 0), segment] + geometry.wall.half_thickness)
+    for at in range(rows.n_contacts):
+        identity, normal = rows.identity[at], row(rows.frame[at], 0)
+        if rows.tool[at] != tool or not HAS_GAP[rows.law[at]] or rows.stone[at] != NO_STONE:
+            continue
+        if target_kind_of(identity) != pairs.target_kind[i] or dot(normal, row(pairs.normal, i)) < SAME_FLANK:
+            continue
+        if tool == NO_TOOL:
+            if rows.rod_node[at, 0] != pairs.particle[i]:
+                continue
+        else:
+            if tool_segment_of(identity) != segment:
+                continue
+            axis = row(ends, 0), row(ends, 1)
+            on_axis = along(scaled(axis[0], 1.0 - s), axis[1], s)
+            t = place_along(row(rows.point_m, at), axis)
+            known = along(scaled(axis[0], 1.0 - t), axis[1], t)
+            if squared_distance(known, on_axis) > near * near:
+                continue
+        if rows.gap_m[at] - rows.taken_m[at] + motion[3 * at] < pairs.gap_m[i] + LEAST_APPROACH_M:
+            return True
+    return False
 
 
 @kernel

@@ -24,6 +24,8 @@ CONTACTS_A_SWEEP = 4
 # so much and more. One of fifty ticks of a hard case needs more than thirty; broken off, they gain energy, too.
 FAR_M = 1e-6
 MOST_SWEEPS = 100
+# One that has taken so many is slow: from then on what sweeps change is followed further.
+SLOW_SWEEPS = 30
 
 
 class SolverScratch(Struct):
@@ -31,6 +33,8 @@ class SolverScratch(Struct):
 
     unknowns: Unknowns
     force: Annotated[FloatArray, "c", 3]
+    before: Annotated[FloatArray, "c", 3]  # forces before a sweep
+    way: Annotated[FloatArray, "c", 3]  # along which they are followed further
     free: Annotated[FloatArray, "m"]
 
     @classmethod
@@ -54,6 +58,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     (Silcowitz-Hansen, Niebe and Erleben, 2010). It is kept if it and the next sweep lower the potential
     :math:`\tfrac12 f^T W f + f^T u_{free}`; how much a sweep changes would tell nothing, for sweeps that creep change
     little. After a step that was not kept twice as many sweeps as before pass until the next.
+    Where neither comes to an end soon, what sweeps change is followed further (`_follow_further`).
     The cost is bounded by the number of sweeps, or by `MOST_SWEEPS` while bodies are in each other. Forces are inside
     their cones, converged or not.
 
@@ -73,8 +78,10 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     _update_motion(problem, W, scratch.free)
     sweeps, patience, last_n = 0, 1, 0.0
     cheap = problem.rows.n_contacts // CONTACTS_A_SWEEP
-    due = patience
+    due, changed_n2 = patience, 0.0
     while True:
+        if sweeps >= SLOW_SWEEPS:
+            _copy_forces(problem.rows.force_n, scratch.before, problem.rows.n_contacts)
         change_n, change_m = _sweep(problem, W)
         sweeps += 1
         is_over = sweeps >= iterations and (change_m <= FAR_M or sweeps >= MOST_SWEEPS)
@@ -86,7 +93,10 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         near = NEARLY_THERE if sweeps == 1 else ALL_BUT_THERE
         is_cheaper = sweeps <= max(cheap, 1) and change_n <= near * tolerance_n
         if sweeps < due or ends_next or is_cheaper:
+            if sweeps > SLOW_SWEEPS:
+                changed_n2 = _follow_further(problem, W, scratch, changed_n2)
             continue
+        changed_n2 = 0.0
         before = _potential(problem, scratch.free)
         if _try_newton_step(problem, W, scratch):
             sweeps += 1
@@ -97,6 +107,31 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
             _copy_forces(scratch.force, problem.rows.force_n, problem.rows.n_contacts)
             _update_motion(problem, W, scratch.free)
         due, last_n = sweeps + patience, 0.0
+
+
+@kernel
+def _follow_further(problem: ContactProblem, W: FloatArray, scratch: SolverScratch, last_n2: float) -> float:
+    """Go on along what sweeps change, conjugately; return the square of what the last one changed, for the next time.
+
+    By Fletcher and Reeves, begun anew where a sweep changes more than the one before, with what a sweep changes in the
+    place of a gradient (Silcowitz-Hansen, Niebe and Erleben, "A nonsmooth nonlinear conjugate gradient method for
+    interactive contact force problems", 2010). The next sweep brings forces back into their cones. ``last_n2`` is what
+    was returned the last time, or 0.
+    """
+    rows, before, way, changed_n2 = problem.rows, scratch.before, scratch.way, 0.0
+    for block in range(rows.n_contacts):
+        for axis in range(3):
+            changed_n2 += (rows.force_n[block, axis] - before[block, axis]) ** 2
+    share = changed_n2 / last_n2 if changed_n2 < last_n2 else 0.0
+    for block in range(rows.n_contacts):
+        for axis in range(3):
+            further = share * way[block, axis] if share > 0.0 else 0.0
+            way[block, axis] = rows.force_n[block, axis] - before[block, axis] + further
+            rows.force_n[block, axis] += further
+            if further != 0.0:
+                for place in range(W.shape[0]):
+                    problem.motion[place] += W[3 * block + axis, place] * further
+    return changed_n2
 
 
 @kernel

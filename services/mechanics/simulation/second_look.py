@@ -27,6 +27,7 @@ from services.mechanics.world import World
 # Surfaces that move no further against each other in a step meet nothing that the first look did not see, unless the
 # wall snaps beside them: no hand moves it so far in a step.
 FAR_M, SNAP_M = 50e-6, 200e-6
+FAR_OF_WALL, SNAP_OF_WALL = 0.25, 1.0
 # Overlaps that are left alone: no deeper than this, nor than this part of the wall.
 TOLERANCE_M = 30e-6
 TOLERANCE_OF_WALL = 0.125
@@ -54,6 +55,8 @@ class SecondLook:
         self._pairs = ContactPairs.allocate(capacity)
         self._nodes, self._corners = np.zeros(3 * capacity, np.int32), np.zeros((3 * capacity, 3))
         self._tolerance_m = min(TOLERANCE_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
+        self._far_m = min(FAR_M, FAR_OF_WALL * world.scene.duct.thickness_m)
+        self._snap_m = min(SNAP_M, SNAP_OF_WALL * world.scene.duct.thickness_m)
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
         self.looks = self.met = 0
 
@@ -68,10 +71,10 @@ class SecondLook:
         system, duct = self._world.system, self._world.duct
         if self._is_off or system.rows.n_contacts == 0:
             return False
-        if slides_far(system.address):
+        if slides_far(system.address, self._far_m):
             return True
-        wall_m: float = furthest_at(self._modes, self._longest, duct.q_start, duct.state.q, SNAP_M)
-        return wall_m > SNAP_M
+        wall_m: float = furthest_at(self._modes, self._longest, duct.q_start, duct.state.q, self._snap_m)
+        return wall_m > self._snap_m
 
     def append_rows(self, *, knows_tools: bool) -> bool:
         """Look where the bodies are now, take the forces back, append rows of what is met, and return whether any.
@@ -91,7 +94,7 @@ class SecondLook:
         geometry = world.system.geometry
         n = list_corners(pairs.address, geometry.wall.triangles, self._nodes)
         search.node_positions(self._nodes[:n], self._corners[:n])
-        keep_approaching(pairs.address, geometry.address, self._corners)
+        keep_approaching(pairs.address, world.system.address, self._corners)
         met = world.system.append_met(pairs, self._tolerance_m) if pairs.count else 0
         self.met += met
         return met > 0
@@ -112,13 +115,13 @@ class SecondLook:
 
 
 @kernel
-def slides_far(state_address: Address[ContactState]) -> bool:
-    """Return whether any two surfaces that have a row move against each other by more than `FAR_M` in the step."""
+def slides_far(state_address: Address[ContactState], far_m: float) -> bool:
+    """Return whether any two surfaces that have a row move against each other by more than ``far_m`` in the step."""
     state = state_at(state_address)
     rows, motion = state.rows, state.problem.motion
     for row in range(rows.n_contacts):
         if laws.HAS_GAP[rows.law[row]]:
             nearer = motion[3 * row] - max(rows.gap_m[row] + rows.pad_m[row], 0.0)
-            if nearer * nearer + motion[3 * row + 1] ** 2 + motion[3 * row + 2] ** 2 > FAR_M * FAR_M:
+            if nearer * nearer + motion[3 * row + 1] ** 2 + motion[3 * row + 2] ** 2 > far_m * far_m:
                 return True
     return False

@@ -11,6 +11,7 @@ from services.studies.stability.criteria import failures
 from services.studies.stability.drive import reduced_duct
 from services.studies.stability.families.jerks import cases as jerks
 from services.studies.stability.families.materials import mass_cases
+from services.studies.stability.families.walls import thickness_cases
 from services.studies.stability.family import Draw, Reach
 from services.studies.stability.hands import least_jerk
 from services.studies.stability.situations import LEAD_STEPS, threaded
@@ -26,6 +27,20 @@ from services.studies.stability.situations import LEAD_STEPS, threaded
 )
 def test_walls_that_snap_beside_a_row_meet_nothing_unseen(family, name):
     (case,) = [case for case in family(Draw(Reach.LONG, 1)) if case.name == name]
+    figures = case.run().figures
+    assert not failures(figures), {name: figures[name] for name in failures(figures)}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "t/R 0.01, holding, number 0",  # 1.55 walls deep in jaws, by motions that counted as small
+        "t/R 0.005, holding, number 0",  # 1.33
+        "t/R 0.005, holding, number 2",  # 0.72, where detection took the wall to be a wall and a half beside
+    ],
+)
+def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(name):
+    (case,) = [case for case in thickness_cases(Draw(Reach.LONG, 1)) if case.name == name]
     figures = case.run().figures
     assert not failures(figures), {name: figures[name] for name in failures(figures)}
 

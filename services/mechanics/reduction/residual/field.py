@@ -6,6 +6,7 @@ loaded nodes alone would see spikes, and contacts would jump from one triangle t
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -21,8 +22,16 @@ from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
 # So many edges away from a load the wall is moved by it.
 RINGS = 3
 # A load that dents its own node by more than this moves what is so many edges away: the residual falls off slowly, to a
-# tenth of that at three edges and a thirtieth at six, and jaws press on dozens of nodes.
+# tenth of that at three edges and a thirtieth at six, and jaws press on dozens of nodes. So does one that dents a thin
+# wall by half its thickness.
 DENT_M, DENT_RINGS = 0.2e-3, 6
+DENT_OF_WALL = 0.5
+# Walls thinner than this are within the error that this leaves of where they are: a sixtieth of all dents together
+# where jaws press. What is more than an eighth of such a wall is made up for near all loads, from as far as there is
+# room for.
+THIN_M = 0.2e-3
+DENTS_OF_WALL = 7.5
+THIN_RINGS, MOST_BLOCKS = 16, 1_800_000
 
 
 class FieldArrays(Struct):
@@ -31,12 +40,15 @@ class FieldArrays(Struct):
     blocks: Annotated[Float32Array, "b", 3, 3]
     place: Annotated[LongArray, "k"]  # of the block of each entry of the ring, -1 where there is none
     start: Annotated[IntArray, "n + 1"]
-    near: Annotated[IntArray, "n"]  # where the part of each ring ends that small loads move
+    near: Annotated[IntArray, "n"]  # where the part of each ring ends that every load moves
+    far: Annotated[IntArray, "n"]  # and that which a deep dent moves
     softness: Annotated[FloatArray, "n"]  # how far a load moves its own node at most, in m/N
     ring: Annotated[IntArray, "k"]
     slot: Annotated[IntArray, "n"]  # scratch, all -1
     node: Annotated[IntArray, "n"]
     displacement: Annotated[FloatArray, "n", 3]
+    dent_m: float  # what a load moves its own node by if its dent is deep
+    most_m: float  # of all loads together; beyond that each moves what is near any of them
 
 
 field_at = reader(FieldArrays)
@@ -44,6 +56,8 @@ field_at = reader(FieldArrays)
 
 class ResidualField:
     """Residual displacement on the loaded nodes and those up to `RINGS`, or `DENT_RINGS`, edges away from each load.
+
+    Of thin walls, what is that near is where all loads together move it to.
 
     It keeps a copy of the blocks near each node in the order in which they are read: out of the whole residual every
     one would come from another page.
@@ -54,10 +68,11 @@ class ResidualField:
         The first ``count`` mean something, each node once.
     """
 
-    def __init__(self, duct: ReducedDuct) -> None:
-        n = duct.mesh.n_vertices
-        (start, ring), near = neighbourhoods(duct.mesh, DENT_RINGS), neighbourhoods(duct.mesh, RINGS)
-        put_first(near, (start, ring))
+    def __init__(self, duct: ReducedDuct, thickness_m: float) -> None:
+        n, is_thin = duct.mesh.n_vertices, thickness_m < THIN_M
+        near, far = neighbourhoods(duct.mesh, RINGS), neighbourhoods(duct.mesh, DENT_RINGS)
+        put_first(near, far)
+        start, ring = _widened(duct.mesh, far) if is_thin else far
         place = np.zeros(len(ring), np.int64)
         find_places(duct.residual.store, (start, ring), place)
         known = place >= 0
@@ -72,7 +87,10 @@ class ResidualField:
             place=place,
             start=start,
             near=start[:-1] + np.diff(near[0]),
+            far=start[:-1] + np.diff(far[0]),
             softness=_own_softness(duct),
+            dent_m=min(DENT_M, DENT_OF_WALL * thickness_m),
+            most_m=DENTS_OF_WALL * thickness_m if is_thin else math.inf,
             ring=ring,
             slot=np.full(n, -1, np.int32),
             node=self.nodes,
@@ -103,6 +121,19 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
         reach = (reach @ step).tocsr()
     reach.sort_indices()
     return reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
+
+
+def _widened(mesh: TriangleMesh, first: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+    """Return wider neighbourhoods that begin with the ``first`` ones, in their order, as wide as there is room for."""
+    rings = THIN_RINGS
+    while rings > DENT_RINGS and 3 * rings * (rings + 1) > MOST_BLOCKS // mesh.n_vertices:
+        rings -= 1
+    start, ring = neighbourhoods(mesh, rings)
+    for node in range(mesh.n_vertices):
+        mine = first[1][first[0][node] : first[0][node + 1]]
+        others = np.setdiff1d(ring[start[node] : start[node + 1]], mine)
+        ring[start[node] : start[node + 1]] = np.concatenate([mine, others])
+    return start, ring
 
 
 @kernel
@@ -149,25 +180,59 @@ def copy_blocks(
 def displace_round_loads(address: Address[FieldArrays], load_nodes: IntArray, load_force: FloatArray) -> int:
     """Write nodes and residual displacements and return how many."""
     field = field_at(address)
-    blocks, places, start, ring = field.blocks, field.place, field.start, field.ring
-    slot, nodes, u = field.slot, field.node, field.displacement
-    count = 0
+    slot, nodes, u, ring = field.slot, field.node, field.displacement, field.ring
+    adds_up = field.most_m < math.inf and _dents_m(field, load_nodes, load_force) > field.most_m
+    n_near = _number_near(field, load_nodes) if adds_up else 0
+    count = n_near
     for load in range(load_nodes.shape[0]):
         source = load_nodes[load]
         x, y, z = load_force[load, 0], load_force[load, 1], load_force[load, 2]
         if x == 0.0 and y == 0.0 and z == 0.0:
             continue
-        is_heavy = field.softness[source] ** 2 * (x * x + y * y + z * z) > DENT_M * DENT_M
-        for k in range(start[source], start[source + 1] if is_heavy else field.near[source]):
-            node, place = ring[k], places[k]
-            number = number_node(node, slot, nodes, count)
+        is_deep = field.softness[source] ** 2 * (x * x + y * y + z * z) > field.dent_m * field.dent_m
+        end = field.far[source] if is_deep else field.near[source]
+        for k in range(field.start[source], end):
+            number = number_node(ring[k], slot, nodes, count)
             if number == count:
                 u[count, 0] = u[count, 1] = u[count, 2] = 0.0
                 count += 1
-            if place < 0:
-                continue
-            for i in range(3):
-                # R is symmetric: the row of the load holds the transposed block.
-                u[number, i] += blocks[place, 0, i] * x + blocks[place, 1, i] * y + blocks[place, 2, i] * z
+            _displace(field, k, number, (x, y, z))
+        for k in range(end, field.start[source + 1] if adds_up else end):
+            if 0 <= slot[ring[k]] < n_near:
+                _displace(field, k, slot[ring[k]], (x, y, z))
     forget_numbers(slot, nodes, count)
+    return count
+
+
+@kernel
+def _displace(field: FieldArrays, k: int, number: int, force: tuple[float, float, float]) -> None:
+    """Add to a displacement what a force does by the block of the k-th entry of the rings."""
+    place, blocks, u = field.place[k], field.blocks, field.displacement
+    if place >= 0:
+        for i in range(3):
+            # R is symmetric: the row of the load holds the transposed block.
+            u[number, i] += (
+                blocks[place, 0, i] * force[0] + blocks[place, 1, i] * force[1] + blocks[place, 2, i] * force[2]
+            )
+
+
+@kernel
+def _dents_m(field: FieldArrays, load_nodes: IntArray, load_force: FloatArray) -> float:
+    """Return the sum of what loads move their own nodes by at most."""
+    total = 0.0
+    for load in range(load_nodes.shape[0]):
+        x, y, z = load_force[load, 0], load_force[load, 1], load_force[load, 2]
+        total += field.softness[load_nodes[load]] * math.sqrt(x * x + y * y + z * z)
+    return total
+
+
+@kernel
+def _number_near(field: FieldArrays, load_nodes: IntArray) -> int:
+    """Number the nodes near all loads, at rest, and return how many."""
+    count, u = 0, field.displacement
+    for load in range(load_nodes.shape[0]):
+        for k in range(field.start[load_nodes[load]], field.near[load_nodes[load]]):
+            if number_node(field.ring[k], field.slot, field.node, count) == count:
+                u[count, 0] = u[count, 1] = u[count, 2] = 0.0
+                count += 1
     return count

@@ -1,5 +1,7 @@
 """The residual displacement round the loads is that of the residual compliance."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from services.mechanics import scenarios
@@ -11,7 +13,7 @@ def test_the_field_is_the_residual_of_the_loads(cache_dir):
     duct = build_scene_duct(scenarios.insertion_scene(), cache_dir)
     nodes = np.array([200, 201, 340], np.int32)  # two neighbours, each within the rings of the other, and one apart
     forces = np.random.default_rng(1).normal(size=(3, 3))
-    field = ResidualField(duct)
+    field = ResidualField(duct, 1e-3)
     for loads in (slice(0, 3), slice(0, 2)):  # the second time on the scratch that the first has left
         field.update(nodes[loads], forces[loads])
         found = field.nodes[: field.count]
@@ -25,7 +27,7 @@ def test_the_field_is_the_residual_of_the_loads(cache_dir):
 def test_a_deep_dent_reaches_further_than_a_shallow_one(cache_dir):
     """Jaws press on dozens of nodes: what each of them moves further off adds up to tenths of a millimetre."""
     duct = build_scene_duct(scenarios.insertion_scene(), cache_dir)
-    node, field = np.array([200], np.int32), ResidualField(duct)
+    node, field = np.array([200], np.int32), ResidualField(duct, 1e-3)
     reached = []
     for force_n in (1e-3, 1.0):
         force = np.array([[0.0, 0.6, 0.8]]) * force_n
@@ -41,3 +43,21 @@ def test_a_deep_dent_reaches_further_than_a_shallow_one(cache_dir):
         own = np.linalg.norm(exact[found.tolist().index(200)])
         assert np.linalg.norm(missed, axis=1).max() < (0.2 if force_n < 0.1 else 0.1) * own
     assert reached[0] < reached[1]
+
+
+def test_a_thin_wall_is_where_all_loads_together_move_it(cache_dir):
+    """What jaws press on moves up to a wall and a half beside, by dents that are each small beyond six edges."""
+    scene = scenarios.insertion_scene()
+    thickness_m = 40e-6
+    duct = build_scene_duct(replace(scene, duct=replace(scene.duct, thickness_m=thickness_m)), cache_dir)
+    nodes = np.concatenate([np.arange(100, 112), np.arange(260, 272)]).astype(np.int32)
+    forces = np.zeros((len(nodes), 3))
+    forces[:, 2] = np.where(nodes < 200, 1.0, -0.3)
+    exact, field = np.zeros((len(nodes), 3)), ResidualField(duct, thickness_m)
+    duct.residual.apply(nodes, forces, nodes, exact)
+    forces *= 0.5e-3 / np.abs(exact).max()  # half a millimetre is what jaws do to such a wall
+    exact *= 0.5e-3 / np.abs(exact).max()
+    field.update(nodes, forces)
+    found = field.nodes[: field.count].tolist()
+    moved = field.displacement_m[[found.index(node) for node in nodes]]
+    assert np.linalg.norm(moved - exact, axis=1).max() < 0.01 * thickness_m
