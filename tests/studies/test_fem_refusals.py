@@ -147,14 +147,11 @@ def test_a_wrong_file_is_one_sentence_with_its_key(tmp_path, change, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("analysis", ["linear", "nonlinear"])
-def test_where_all_is_held_all_of_the_load_is_reaction(tmp_path, analysis):
+def test_where_all_is_held_all_of_the_load_is_reaction(tmp_path):
     load = {"force_n": [1.0, 2.0, 3.0], "where": {"vertex_set": "mouth"}}
-    case = changed(supports=[EVERYWHERE], loads=[load], modes=0, analysis=analysis)
-    found = run(write(tmp_path, case), tmp_path)
-    last = found["static"] if analysis == "linear" else found["path"]["points"][-1]
-    assert last["reaction_force_n"] == pytest.approx([-1.0, -2.0, -3.0])
-    assert last["largest_displacement_m"] == 0.0
+    found = run(write(tmp_path, changed(supports=[EVERYWHERE], loads=[load], modes=0)), tmp_path)["static"]
+    assert found["reaction_force_n"] == pytest.approx([-1.0, -2.0, -3.0])
+    assert found["largest_displacement_m"] == 0.0
 
 
 @pytest.mark.parametrize("analysis", ["linear", "nonlinear"])
