@@ -5,22 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.bodies.forceps.kinematics import N_CELLS
-from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, JAW_B
-from services.mechanics.contact.identity import tool_segment_of
+from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.scenarios import Scenario, ToolMotion
-from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.studies.jaw_moment import JawMoment
 
 TOOL, DT_S = 1, 1e-3
 TICKS, SHUT, OPENS = 1100, slice(620, 790), 800
-JAW_RADIUS_M = ForcepsScene().jaw_radius_m
 EFFECTS = {"friction": FrictionSettings(), "grasp_slip": NoSettings()}
 # Places of the jaws, the opening asked for, and how far along them the duct is taken.
 SQUEEZES = {
@@ -50,28 +47,10 @@ class Pinch:
 
 
 def after_step(simulation, tools, step=None):
-    """Yield the simulation with the moment of what is between the jaws, by virtual work.
-
-    A jaw turns by half the opening; the middle of a layer that is squeezed comes after it by so much less as the layer
-    swells. `thinning_m_rad` is how much, in cells along the jaw.
-    """
-    proxy, frame = simulation.tools.proxy[TOOL].copy(), simulation.tools.frame[TOOL].copy()
+    """Yield the simulation with the moment of what is between the jaws, by virtual work."""
+    moment = JawMoment(simulation, TOOL)
     (step or simulation.step)(tools)
-    rows, total, length_m = simulation.contacts, 0.0, simulation.scene.forceps[TOOL].jaw_length_m
-    cells_m = length_m * (np.arange(N_CELLS) + 0.5) / N_CELLS
-    for row, force in enumerate(simulation.contact_force_n):
-        side = {JAW_A: 0.5, JAW_B: -0.5}.get(tool_segment_of(int(rows.identity[row])), 0.0)
-        if side == 0.0 or rows.tool[row] != TOOL or row in simulation.holds.rows:
-            continue
-        arm_m = rows.point_m[row] - proxy[:3]
-        total += side * float(frame[1] @ np.cross(arm_m, force))
-        normal = rows.frame[row, 0]
-        if row not in simulation.squeeze.rows and rows.pad_m[row] > 0.0:
-            jaw = np.cos(0.5 * proxy[3]) * frame[2] + 2.0 * side * np.sin(0.5 * proxy[3]) * frame[0]
-            at_m = min(max((arm_m + JAW_RADIUS_M * normal) @ jaw, 0.0), length_m)
-            swells = np.interp(at_m, cells_m, simulation.tools.thinning_m_rad[TOOL])
-            total += abs(normal @ frame[0]) * swells * float(normal @ force)
-    yield simulation, total
+    yield simulation, moment.after_step_nm()
 
 
 @pytest.fixture(params=SQUEEZES)
