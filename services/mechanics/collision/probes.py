@@ -232,6 +232,12 @@ def _search(
     if dot(away, away) == 0.0:
         return
     second = closest_opposite(body, wall, a, b, reach + SKIN_M, scaled(unit(away), -1.0))
+    for k in range(MINIMA):
+        # What is followed is given up later than it is taken up, by a search as well.
+        known = followed[k]
+        is_nearer = known[0] != NOT_FOUND and known[1] < second[1]
+        if is_nearer and known[0] != first[0] and _is_opposite(body, wall, first, known, ends):
+            second = known
     if second[0] == NOT_FOUND:
         return
     past = _past_of(second, followed, pasts, index(_NEW))

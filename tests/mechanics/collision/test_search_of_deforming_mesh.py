@@ -117,6 +117,25 @@ def test_second_minimum_is_the_other_wall_of_a_collapsed_duct():
     assert none[0] == search.NOT_FOUND
 
 
+def test_a_search_does_not_lose_the_other_wall_that_was_followed():
+    """It gives it up as late as a tick without a search: at right angles, not as soon as it would not take it up."""
+    mesh = duct_mesh(n_around=96)
+    flattening = np.zeros((mesh.n_vertices, 3, 1))
+    flattening[:, 1, 0] = -mesh.vertices_m[:, 1]
+    surface = type(wavy_surface(mesh, np.random.default_rng(0)))(mesh, flattening, np.ones(1), 0.25e-3)
+    surface.update(np.array([0.7]))
+    detector, pairs, cosines = CatheterContactDetector(surface, 1, 0.2e-3, 0.3e-3), ContactPairs.allocate(64), []
+    probes = detector._detection.probes
+    for z in np.arange(0.0, 3.45e-3, 50e-6):  # towards the sharp end of the lumen
+        for is_searched in (False, True):
+            probes.travel[0] -= 1.0 if is_searched else 0.0
+            pairs.clear()
+            detector.detect(np.array([[20e-3, 20e-6, z]]), pairs)
+            assert probes.triangle[0, 1] != search.NOT_FOUND
+            cosines.append(probes.normal[0, 0] @ probes.normal[0, 1])
+    assert -0.25 < max(cosines) < 0.0
+
+
 def test_a_tick_costs_about_the_same_on_a_finer_mesh():
     """Work per tick of a catheter that slides along a breathing wall, over a 16-fold finer mesh.
 
