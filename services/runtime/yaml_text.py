@@ -7,6 +7,9 @@ from typing import Any
 
 import yaml
 
+MOST_VALUES = 1_000_000
+"""Of a file with its aliases written out: a few lines of them can stand for more than any memory holds."""
+
 
 class _Loader(yaml.SafeLoader):
     """PyYAML reads YAML 1.1, where 3e-4 is a string, 012 is ten and 1:30 ninety.
@@ -59,6 +62,20 @@ _Loader.add_constructor(_NUMBERS[0], _int)
 def read(text: str) -> Any:
     """Return what `text` says; raises yaml.YAMLError where it is not YAML."""
     try:
-        return yaml.load(text, _Loader)
+        value = yaml.load(text, _Loader)
+        if _written_out(value, {}) > MOST_VALUES:
+            raise yaml.MarkedYAMLError(problem=f"aliases stand for more than {MOST_VALUES:g} values")
+        return value
     except RecursionError:
         raise yaml.MarkedYAMLError(problem="brackets are nested too deeply") from None
+
+
+def _written_out(value: Any, known: dict[int, int]) -> int:
+    """Return how many values there are when each alias is what it stands for; one within itself counts once."""
+    if not isinstance(value, dict | list):
+        return 1
+    if id(value) not in known:
+        known[id(value)] = 1
+        items = value.values() if isinstance(value, dict) else value
+        known[id(value)] = 1 + sum(_written_out(item, known) for item in items)
+    return known[id(value)]

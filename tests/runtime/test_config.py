@@ -214,6 +214,13 @@ def test_a_number_is_what_a_person_takes_it_for(tmp_path: Path, text: str, value
     assert config.read_yaml(write(tmp_path, f"n: {text}")) == {"n": value}
 
 
+def test_aliases_of_aliases_are_refused_before_they_are_written_out(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 9)]
+    with pytest.raises(ConfigError, match=r"rig.yaml: aliases stand for more than 1e\+06 values"):
+        config.load_rig(write(tmp_path, "\n".join(lines)))
+
+
 def test_a_name_that_no_file_can_have_is_one_sentence() -> None:
     for name in ("a" * 300, f"{'a' * 300}.yaml"):
         with pytest.raises(ConfigError, match=r"aaa\.yaml: File name too long"):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,8 @@ from services.studies.accuracy.log import Log
 from services.studies.accuracy.report import write_report
 from services.studies.accuracy.study import Cost, Draw, Error, Row, Size
 from services.studies.accuracy.sweeps import modes
+from services.studies.stability import suite
+from services.studies.stability.family import Reach
 from services.whole_file import whole_file, whole_lines
 
 DRAW = Draw(Size.SMALLEST, 0)
@@ -83,3 +87,23 @@ def test_a_run_that_was_ended_within_a_line_goes_on_before_it(tmp_path: Path) ->
 
 def test_a_log_that_is_not_there_has_no_lines(tmp_path: Path) -> None:
     assert whole_lines(tmp_path / "results.jsonl") == []
+
+
+@pytest.mark.parametrize("name", ["order.json", "results.jsonl"])
+@pytest.mark.parametrize("text", [b"not json\n", b"\xff\xff\n", b'{"family": 1}\n'])
+@pytest.mark.parametrize(
+    "open_log",
+    [
+        lambda folder: Log(folder, DRAW, "code"),
+        lambda folder: suite.Log(folder, suite.Order(Reach.QUICK, 1, ("theory",)), "code"),
+    ],
+    ids=["study", "stability"],
+)
+def test_a_folder_with_what_is_not_ours_is_named(
+    tmp_path: Path, name: str, text: bytes, open_log: Callable[[Path], object]
+) -> None:
+    """It was told as "Expecting value", or in a traceback."""
+    (tmp_path / name).write_bytes(text)
+    with pytest.raises(ValueError, match=re.escape(str(tmp_path))):
+        open_log(tmp_path)
+    assert (tmp_path / name).read_bytes() == text

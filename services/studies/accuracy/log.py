@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from services.studies.accuracy.study import Cost, Draw, Error, Reference
-from services.whole_file import whole_file, whole_lines
+from services.whole_file import read_as_ours, whole_file, whole_lines
 
 
 class Log:
@@ -35,16 +35,18 @@ class Log:
         folder.mkdir(parents=True, exist_ok=True)
         head = {"size": draw.size.value, "seed": draw.seed, "code": code}
         head_file = folder / "order.json"
-        if head_file.exists() and json.loads(head_file.read_text()) != head:
-            raise ValueError(f"{folder} holds the results of {json.loads(head_file.read_text())}, not of {head}")
+        with read_as_ours(folder):
+            if head_file.exists() and json.loads(head_file.read_text()) != head:
+                raise ValueError(f"{folder} holds the results of {json.loads(head_file.read_text())}, not of {head}")
         with whole_file(head_file) as half:
             half.write_text(json.dumps(head))
         self._folder, self._file = folder, folder / "results.jsonl"
         self.errors: dict[tuple[str, str], dict[str, Error]] = {}
         self.costs: dict[str, dict[str, Cost]] = {}
         self.timed: set[tuple[str, str]] = set()
-        for line in whole_lines(self._file):
-            self._take(json.loads(line))
+        with read_as_ours(folder):
+            for line in whole_lines(self._file):
+                self._take(json.loads(line))
 
     def _take(self, entry: dict[str, Any]) -> None:
         if "errors" in entry:

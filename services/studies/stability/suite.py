@@ -16,7 +16,7 @@ from time import perf_counter
 from services.studies.stability.criteria import Figures, failures
 from services.studies.stability.families import FAMILIES
 from services.studies.stability.family import Case, Draw, Reach
-from services.whole_file import whole_file, whole_lines
+from services.whole_file import read_as_ours, whole_file, whole_lines
 
 AGAIN_EVERY = 10
 """One case in so many is run a second time, after another one."""
@@ -97,11 +97,12 @@ class Log:
         folder.mkdir(parents=True, exist_ok=True)
         head = {"reach": order.reach.value, "seed": order.seed, "code": code}
         head_file, self._file = folder / "order.json", folder / "results.jsonl"
-        if head_file.exists() and json.loads(head_file.read_text()) != head:
-            raise ValueError(f"{folder} holds the results of {json.loads(head_file.read_text())}, not of {head}")
+        with read_as_ours(folder):
+            if head_file.exists() and json.loads(head_file.read_text()) != head:
+                raise ValueError(f"{folder} holds the results of {json.loads(head_file.read_text())}, not of {head}")
+            self.results = [Result(**json.loads(line)) for line in whole_lines(self._file)]
         with whole_file(head_file) as half:
             half.write_text(json.dumps(head))
-        self.results = [Result(**json.loads(line)) for line in whole_lines(self._file)]
 
     def keep(self, result: Result) -> None:
         """Write a result down."""
