@@ -8,19 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from services.cache_directory import cache_directory
-from services.mechanics.arrays import FloatArray
 from services.mechanics.effects.softening import SofteningSettings
 from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.softening.sites import Lumen
-from services.mechanics.reduction.softening.squeezes import N_STEPS, Squeeze, draw_squeezes, follow, pressed_nodes
+from services.mechanics.reduction.softening.squeezes import Squeeze
 from services.mechanics.reduction.softening.training import fetch_softening
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe
 from services.mechanics.simulation.scene_duct import scene_mesh
 from services.studies.accuracy import insertions, pinches
+from services.studies.accuracy.random_squeezes import Answers, answers, draw_loads, wrong_by
 from services.studies.accuracy.report import costs_us, number, values
-from services.studies.accuracy.squeezed_wall import SqueezedWall
 from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 
 TITLE = "A wall that gives way, under loads that it was not trained on"
@@ -32,9 +30,6 @@ WHAT = (
     "insertion's."
 )
 MEDIAN, WORST, WAY = "force, median load", "force, worst load", "force, worst point of the way"
-SEED_OF_LOADS = 1000
-"""Added to the study's seed: training has a seed of its own."""
-TICKS = 300
 DAMPING_RATIO = 0.7
 """The wall comes to rest at each point; statics do not depend on it."""
 
@@ -48,14 +43,8 @@ def settings(draw: Draw) -> Sequence[Setting]:
 def reference(draw: Draw) -> Reference:
     """Follow all loads with the nonlinear shell: forces (loads, points) in N and displacements of the jaws in m."""
     recipe = _recipe(draw)
-    lumen, loads = Lumen.of(recipe.mesh), _loads(draw, recipe)
-    force, moved = np.full((2, len(loads), N_STEPS), np.nan)
-    for k, load in enumerate(loads):
-        _, lines = pressed_nodes(recipe, lumen, load)
-        for point, state in enumerate(follow(recipe, lumen, load)[:N_STEPS]):
-            force[k, point] = float(np.sum(state.force_n * lines))
-            moved[k, point] = state.work_j / force[k, point]  # the jaws move all their nodes as far
-    return {"force_n": force, "moved_m": moved}
+    true = answers(recipe, _loads(draw, recipe))
+    return {"force_n": true.force_n, "moved_m": true.moved_m}
 
 
 def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
@@ -64,16 +53,13 @@ def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Erro
     duct = pinches.reduced(replace(_duct(draw), damping_ratio=DAMPING_RATIO))
     directory = cache_directory() / "bases"
     softening = fetch_softening(recipe, duct, n_squeezes, directory) if n_squeezes else None
-    lumen, worst, last = Lumen.of(recipe.mesh), [], []
-    for k, load in enumerate(_loads(draw, recipe)):
-        wall = SqueezedWall(duct, softening, *pressed_nodes(recipe, lumen, load))
-        wrong = _wrong(wall, reference["moved_m"][k], reference["force_n"][k])
-        worst.append(float(wrong.max()))
-        last.append(float(wrong[-1]))
+    true = Answers(reference["force_n"], reference["moved_m"])
+    wrong = [np.abs(way) for way in wrong_by(recipe, duct, softening, _loads(draw, recipe), true)]
+    last = [float(way[-1]) for way in wrong]
     return {
         MEDIAN: Error(float(np.median(last)), "%"),
         WORST: Error(max(last), "%"),
-        WAY: Error(max(worst), "%"),
+        WAY: Error(float(np.concatenate(wrong).max()), "%"),
     }
 
 
@@ -82,21 +68,8 @@ def tick(setting: Setting, draw: Draw) -> Tick:
     return insertions.insertion_tick(_scene(draw, _n_squeezes(setting)), draw)
 
 
-def _wrong(wall: SqueezedWall, moved_m: FloatArray, force_n: FloatArray) -> FloatArray:
-    """Return the errors in per cent at the points to which the reference came."""
-    before, wrong = np.zeros(len(wall.nodes)), []
-    for to, true in zip(moved_m[np.isfinite(moved_m)], force_n[np.isfinite(force_n)], strict=True):
-        wanted = np.full(len(wall.nodes), to)
-        force, _ = wall.squeeze(wanted, TICKS, before)
-        before = wanted
-        wrong.append(100.0 * abs(force.sum() / true - 1.0))
-    return np.array(wrong)
-
-
 def _loads(draw: Draw, recipe: DuctRecipe) -> list[Squeeze]:
-    held = np.unique(np.concatenate([support.vertices for support in recipe.supports]))
-    free = np.setdiff1d(np.arange(recipe.mesh.n_vertices), held).astype(np.int32)
-    return draw_squeezes(recipe, Lumen.of(recipe.mesh), free, draw.pick(3, 30, 30), SEED_OF_LOADS + draw.seed)
+    return draw_loads(recipe, draw.pick(3, 30, 30), draw.seed)
 
 
 def _duct(draw: Draw) -> DuctScene:
