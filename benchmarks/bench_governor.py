@@ -2,7 +2,8 @@
 
     python benchmarks/bench_governor.py [--scene everything] [--seconds 15] [--share 0.5] [trocar up's options]
 
-Runs the rig twice for each of ``--runs``: with the scene as it is, and with nothing of its ladder but the first rung.
+Runs the rig three times for each of ``--runs``: with the scene as it is, and with nothing of its ladder but the first
+rung, or the last.
 Once the rig runs, `slow_core` takes ``--share`` of each of its cores. Ticks are counted over the whole run, with the
 seconds that the governor takes to act. `machine_floor` says what else the load takes: two cores that are one to the
 host share its arithmetic, so that what is left of a core is slower, too.
@@ -83,14 +84,14 @@ def mean_arithmetic_us(floor: Floor) -> float:
     return float(np.mean([core["arithmetic_us"] for core in floor.cores]))
 
 
-def first_rung_only(scene: str, folder: Path) -> Path:
+def one_rung_only(scene: str, folder: Path, rung: int) -> Path:
     """Write the scene without the rest of its ladder."""
     path = config.find("scene", scene)
     data = config.read_yaml(path)
-    data["quality"] = data.get("quality", [{}])[:1]
+    data["quality"] = [data.get("quality", [{}])[rung]]
     if mesh_file := data.get("duct", {}).get("mesh_file"):
         data["duct"]["mesh_file"] = str((path.parent / mesh_file).absolute())
-    alone = folder / "first-rung.yaml"
+    alone = folder / f"rung{rung}.yaml"
     alone.write_text(yaml.safe_dump(data, sort_keys=False))
     return alone
 
@@ -133,7 +134,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         scenes = {
             "with the ladder": config.find("scene", arguments.scene),
-            "first rung only": first_rung_only(arguments.scene, Path(folder)),
+            "first rung only": one_rung_only(arguments.scene, Path(folder), 0),
+            "last rung only": one_rung_only(arguments.scene, Path(folder), -1),
         }
         runs: dict[str, list[dict[str, Any]]] = {name: [] for name in scenes}
         for _ in range(arguments.runs):

@@ -68,6 +68,8 @@ def _checked(request: Request) -> SceneModel:
     scene = load_scene(request.scene, request.overrides)
     if scene.duct_alone:
         raise ConfigError(f"scene {request.scene}: names but a duct; tuning needs tools that feel something")
+    if not scene.forceps:
+        raise ConfigError(f"scene {request.scene}: forceps: has none, and without a tool nothing is felt")
     if scene.hands == "none":
         raise ConfigError(
             f"scene {request.scene}: hands: with none nothing is felt that a setting could be judged by; "

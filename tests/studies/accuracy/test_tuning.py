@@ -206,6 +206,25 @@ def test_bad_input_is_one_sentence(scene, budget_us, out, said):
     assert "\n" not in str(caught.value)
 
 
+def test_a_scene_without_tools_is_refused():
+    with pytest.raises(ConfigError, match="scene pinch: forceps: has none, and without a tool nothing is felt"):
+        run_tune(Request("pinch", ("forceps=[]",), None, Path("a.yaml"), json=False))
+
+
+def test_longer_steps_are_on_the_ladder_where_they_free_time():
+    class Halving(MadeUp):
+        def costs(self, scenes):
+            return [
+                cost.shared(scene.quality[level].ticks_per_step)
+                for cost, (scene, level) in zip(super().costs(scenes), scenes, strict=True)
+            ]
+
+    ladder = measure_ladder(example_scene(), Halving(), lambda *_: None).ladder
+    assert ladder[-1].ticks_per_step == 2
+    assert ladder[-1].name.startswith("steps of 2 ms")
+    assert ladder[-1].cost_us < 0.55 * ladder[0].cost_us
+
+
 def test_the_command_prints_what_was_given_up_and_writes_the_scene(tmp_path, monkeypatch):
     monkeypatch.setattr("services.cli.tune.Trial", lambda build_duct: MadeUp())
     out = tmp_path / "tuned.yaml"
