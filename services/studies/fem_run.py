@@ -280,8 +280,9 @@ def _section(case: FemCase, mesh: TriangleMesh) -> ShellSection:
         inside = np.linalg.norm(centres - region.centre_m, axis=1) < region.radius_m
         if not inside.any():
             raise ValueError(f"regions.{k}: no triangle has its centre within radius_m of centre_m")
-        thickness[inside] *= region.thickness_factor
-        modulus[inside] *= region.modulus_factor
+        with np.errstate(over="ignore"):  # the section refuses what has become infinite
+            thickness[inside] *= region.thickness_factor
+            modulus[inside] *= region.modulus_factor
     given = case.material.orthotropy
     orthotropy = (
         None if given is None else Orthotropy(np.array(given.axis), given.modulus_ratio, given.shear_modulus_ratio)

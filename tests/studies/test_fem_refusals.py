@@ -57,6 +57,10 @@ EVERYWHERE = {"where": {"box_m": [[-1, -1, -1], [1, 1, 1]]}}
         ({"thickness_m": "0.001"}, "case.yaml: thickness_m: input should be a valid number"),
         ({"thickness_m": 1e-300}, "case.yaml: thickness_m: must not be smaller than 1e-30, is 1e-300"),
         ({"loads": [{"pressure_pa": 0.0}], "buckling": 1}, "case.yaml: buckling: the loads stress this shell nowhere"),
+        (
+            {"regions": 12 * [{"centre_m": [0, 0, 0], "radius_m": 1, "modulus_factor": 1e30}]},
+            "case.yaml: material: youngs_modulus_pa must be positive everywhere",
+        ),
         ({"supports": [EVERYWHERE]}, "case.yaml: modes: cannot be had, the supports leave 0 translations free"),
         (
             {"supports": [EVERYWHERE], "loads": [{"pressure_pa": 1.0}], "modes": 0, "buckling": 1},
