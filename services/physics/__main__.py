@@ -24,7 +24,7 @@ from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
 RATE_HZ = 1000.0
-TICK_S = 1e-3
+TICK_S = 1.0 / RATE_HZ
 #: Orders are looked for after one tick of so many: they come ten times a second. To look takes 7 us, to find one 80:
 #: within the tick that was its 99th percentile.
 _ORDERS_EVERY = 16
