@@ -48,9 +48,11 @@ def test_a_frozen_and_a_dead_haptics_leave_a_limp_arm_and_force_comes_back_by_en
 
 
 def _assert_goes_limp(bench: Bench) -> None:
-    heard = bench.listen(0.4)
-    stale = [frame for frame in heard if frame.body.instruments[0].model_age_s >= TTL_S]
-    assert len(stale) > 100
+    first = len(bench.frames)
+    bench.until(lambda i: i.model_age_s >= TTL_S)
+    bench.hear(150)
+    stale = [frame for frame in bench.frames[first:] if frame.body.instruments[0].model_age_s >= TTL_S]
+    assert len(stale) > 150
     assert {frame.body.instruments[0].state for frame in stale} == {"stale"}
     # A tick that itself came late finds force that should be gone, and takes it back at the rate limit.
     np.testing.assert_array_equal(forces(stale[round(FORCE_N / RATE_LIMIT_N_S * 1e3) :]), 0.0)
@@ -62,25 +64,25 @@ def test_a_safe_stop_is_limp_until_armed_and_a_gateway_ends_when_asked(bench: Be
     bench.until(_felt)
     bench.tell(safe_stop=True)
     bench.until(lambda i: i.state == "ready")
-    stopped = forces(bench.listen(0.4))
-    assert len(stopped) > 150
+    stopped = forces(bench.hear(200))
     np.testing.assert_array_equal(stopped[50:], 0.0)
     bench.tell(safe_stop=False)
     bench.until(lambda i: i.state == "active")
     bench.until(_felt)
     gateway.terminate()
-    assert gateway.wait(10) == 0
-    np.testing.assert_array_equal(forces(bench.listen(0.1))[-1], 0.0)  # let go at the rate limit, not dropped
+    assert gateway.wait(60) == 0
+    bench.until(lambda i: not any(i.applied_force_n))  # let go at the rate limit, not dropped
     assert_never_a_kick(bench.frames)
-    frame = bench.bus.latest("gateway.health")
-    assert frame is not None
-    assert frame.body.state == "stopping"
+    said: list[str] = []
+    while "stopping" not in said:  # what it said last may still be on its way
+        assert bench.bus.wait("gateway.health", time.monotonic_ns() + 20_000_000_000), said
+        said += [frame.body.state for frame in bench.bus.drain("gateway.health")]
 
 
 def test_a_bad_rig_file_is_one_sentence(bench: Bench, capfd: pytest.CaptureFixture[str]) -> None:
     text = bench.rig_file.read_text().replace("phantom_simulated", "phantom_unheard_of")
     bench.rig_file.write_text(text)
-    assert bench.gateway().wait(30) == 4
+    assert bench.gateway().wait(120) == 4
     error = capfd.readouterr().err
     assert "gateway: instrument 'left': there is no driver 'phantom_unheard_of'; known:" in error
     assert "Traceback" not in error
@@ -108,7 +110,14 @@ def test_a_gateway_that_hangs_or_dies_is_let_go_by_the_drive(tmp_path: Path) -> 
 
 
 def _assert_ends(pid: int) -> None:
-    deadline_s = time.monotonic() + 20.0
-    while Path(f"/proc/{pid}/stat").exists() and Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z":
+    deadline_s = time.monotonic() + 60.0
+    while _lives(pid):
         assert time.monotonic() < deadline_s, "the drives end with their gateway"
         time.sleep(0.01)
+
+
+def _lives(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except (FileNotFoundError, ProcessLookupError):  # it may end while it is read of
+        return False
