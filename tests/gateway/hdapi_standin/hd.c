@@ -3,6 +3,7 @@
 #include "standin.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stddef.h>
 #include <string.h>
 #include <time.h>
@@ -23,7 +24,7 @@ static ErrorInfo errors[ERRORS];
 static int n_errors;
 static unsigned current; /* a handle */
 unsigned refuse_init;
-int init_ms; /* how long a device takes to be opened */
+atomic_int init_ms; /* how long a device takes to be opened: until then, or until it is less */
 int running; /* the scheduler: devices are added while it stands */
 
 void raise_error(unsigned code, unsigned handle)
@@ -61,8 +62,8 @@ unsigned hdInitDevice(const char *name)
                        : running ? INVALID_OPERATION
                        : !is_there ? DEVICE_FAULT
                        : arms[k].open ? ALREADY_INITIATED : 0;
-    struct timespec patience = {init_ms / 1000, 1000000L * (init_ms % 1000)};
-    nanosleep(&patience, NULL);
+    for (int waited_ms = 0; waited_ms < atomic_load(&init_ms); waited_ms++)
+        nanosleep(&(struct timespec){0, 1000000L}, NULL);
     if (failure) {
         raise_error(failure, 0xFFFFFFFFu);
         return 0xFFFFFFFFu;

@@ -11,7 +11,7 @@
 enum { CALLBACK_CONTINUE = 1, KEPT = 1 << 16, TICK_NS = 1000000 };
 
 extern unsigned refuse_init;
-extern int init_ms;
+extern atomic_int init_ms;
 extern int running;
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* a test's hook waits for the end of a tick */
 static pthread_t thread;
