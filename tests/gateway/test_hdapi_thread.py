@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 from services.gateway.bench import BenchUnavailable
+from services.gateway.drivers import phantom_hdapi
 from services.gateway.hdapi.standin import StandIn
 from tests.gateway.hdapi_bench import HdapiBench
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
@@ -33,7 +34,11 @@ def standin(tmp_path: Path) -> Iterator[StandIn]:
 
 
 @pytest.fixture
-def bench(standin: StandIn) -> Iterator[HdapiBench]:
+def bench(standin: StandIn, monkeypatch: pytest.MonkeyPatch) -> Iterator[HdapiBench]:
+    # Two ordinary threads: either may be kept from running for longer than a rig's are. What silence comes to is
+    # tested where time passes tick by tick.
+    monkeypatch.setattr(phantom_hdapi, "_START_S", PATIENCE_S)
+    monkeypatch.setattr(phantom_hdapi, "_SILENT_READS", round(1e3 * PATIENCE_S))
     arms = HdapiBench(standin)
     arms.open()
     yield arms
@@ -49,10 +54,14 @@ def _until(condition: Callable[[], bool], doing: Callable[[], None] = lambda: ti
 
 def test_the_callback_needs_no_interpreter(bench: HdapiBench) -> None:
     _until(lambda: bench.left.calibrated, lambda: bench.run(1, (0.0,) * 3, (0.0,) * 3))
-    frames = bench.standin.look(1).frames
     with_the_lock = ctypes.PyDLL(None)  # calls of a PyDLL keep the interpreter's lock
-    with_the_lock.usleep(300_000)
-    assert bench.standin.look(1).frames > frames + 10
+    end = time.monotonic() + PATIENCE_S
+    frames = called = 0
+    while called <= frames + 10:  # one that needs the lock would be called once, as it is let go
+        assert time.monotonic() < end, "it is not called"
+        frames = bench.standin.look(1).frames
+        with_the_lock.usleep(300_000)
+        called = bench.standin.look(1).frames
     assert bench.force_n(1) == 0.0, "nobody has given an order for long"
 
 
@@ -98,12 +107,17 @@ def test_the_thread_runs_one_above_a_loop_that_has_become_real_time(bench: Hdapi
     except PermissionError:
         pytest.skip("this user may not be real-time")
     try:
-        bench.run(40, (0.0,) * 3, (0.0,) * 3)
-        others = {int(task.name) for task in Path("/proc/self/task").iterdir()} - {threading.get_native_id()}
-        real_time = [each for each in others if os.sched_getscheduler(each) == os.SCHED_FIFO]
-        assert [os.sched_getparam(each).sched_priority for each in real_time] == [priority + 1]
+        _until(lambda: bool(_real_time_threads()), lambda: bench.run(1, (0.0,) * 3, (0.0,) * 3))
+        assert _real_time_threads() == [priority + 1]
     finally:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def _real_time_threads() -> list[int]:
+    """Return the priorities of all threads of this process that are real-time, but for the one that asks."""
+    others = {int(task.name) for task in Path("/proc/self/task").iterdir()} - {threading.get_native_id()}
+    real_time = [each for each in others if os.sched_getscheduler(each) == os.SCHED_FIFO]
+    return [os.sched_getparam(each).sched_priority for each in real_time]
 
 
 def _assert_never_a_kick(rig: Bench) -> None:
@@ -130,10 +144,10 @@ def test_a_gateway_process_pushes_through_the_library_and_lets_go(standin: Stand
         os.kill(gateway.pid, signal.SIGSTOP)
         time.sleep(0.3)
         os.kill(gateway.pid, signal.SIGCONT)
-        rig.until(lambda i: i.state == "active")
-        assert rig.frames[-1].body.instruments[0].fault == ""
+        rig.until(lambda i: i.state != "active")
+        rig.until(lambda i: i.state == "active" and not i.fault)
         _assert_never_a_kick(rig)
         gateway.terminate()
-        assert gateway.wait(10) == 0
+        assert gateway.wait(60) == 0
     finally:
         rig.close()

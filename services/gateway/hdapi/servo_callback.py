@@ -133,9 +133,7 @@ def _exchange(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
 
 @kernel
 def _take_order(arm: ArmCell) -> None:
-    if (
-        take(arm.orders, arm.order) <= 0
-    ):  # none that is whole, or none yet: an arm opened anew has not been armed by that
+    if take(arm.orders, arm.order) <= 0:  # none that is whole, or none yet: that arms nothing
         arm.order[ORDER_TIME] = 0.0
         return
     if arm.order[ORDER_ARMED] != arm.armed:
