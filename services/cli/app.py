@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import errno
 import math
-import os
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from services.runtime.errors import UserError
+from services.cli import refusals
 
 app = typer.Typer(
     name="trocar", no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
@@ -38,13 +35,6 @@ def _finite(value: float | None) -> float | None:
     if value is not None and not math.isfinite(value):
         raise typer.BadParameter(f"{value} is no length of time")
     return value
-
-
-#: What the system refuses because of a path, a right or a disk that a person can mend; all else is a fault of ours.
-_OF_A_PERSON = (
-    errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EROFS, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR,
-    errno.EISDIR,
-)  # fmt: skip
 
 
 class Viewer(StrEnum):
@@ -328,26 +318,7 @@ def config_schema(kind: Annotated[str, typer.Argument(help="rig, scene or device
 
 def main() -> None:
     """Run the command; what a person can mend is one sentence and an exit code."""
-    try:
-        app()
-    except UserError as error:
-        print(f"trocar: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] in ("services", "protocol"):
-            raise
-        print(
-            f"trocar: the package {error.name} is not installed; `trocar doctor` says what brings it", file=sys.stderr
-        )
-        sys.exit(1)
-    except BrokenPipeError:  # `trocar sniff | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
-    except OSError as error:
-        if error.errno not in _OF_A_PERSON:
-            raise
-        print(f"trocar: {error.filename or 'a file could not be written'}: {error.strerror}", file=sys.stderr)
-        sys.exit(1)
+    refusals.run(app)
 
 
 if __name__ == "__main__":

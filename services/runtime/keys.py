@@ -7,6 +7,7 @@ a 1 kHz loop has none to spare, so the bus answers when it sends.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,12 +81,15 @@ def make(directory: Path) -> Path:
     file = directory / f"{_NAME}.key_secret"
     if file.exists():
         raise ConfigError(f"{file} is there already: a rig whose keys change must restart on every host")
+    mask = os.umask(0o077)  # nobody else reads the secret, not even while it is written
     try:
-        directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+        directory.mkdir(parents=True, exist_ok=True)
         zmq.auth.create_certificates(directory, _NAME)
-        file.chmod(0o600)
     except OSError as error:
+        file.unlink(missing_ok=True)  # half of one would be "there already" the next time
         raise ConfigError(f"{directory}: keys cannot be written: {error.strerror}") from None
+    finally:
+        os.umask(mask)
     return file
 
 

@@ -104,6 +104,26 @@ def test_no_minutes_are_not_any_number_of_minutes(trocar: Trocar, monkeypatch: p
     assert given == [0.0, math.inf]
 
 
+@pytest.mark.parametrize(
+    ("command", "where"),
+    [
+        (("keys", ""), "an argument"),
+        (("study", "element", "--out", ""), "--out"),
+        (("stability", "--out="), "--out="),
+        (("repair", ""), "an argument"),
+        (("config", "show", "--set", ""), "--set"),
+    ],
+)
+def test_a_variable_of_the_shell_that_is_not_set_is_no_place(
+    trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: tuple[str, ...], where: str
+) -> None:
+    """The keys of a rig were written into the present folder."""
+    monkeypatch.chdir(tmp_path)
+    ran = trocar(*command)
+    assert (ran.code, ran.sentence()) == (2, f"{where} is empty; the present folder is called '.'")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_closed_folder_is_one_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As of a cache, a log or a scene that belongs to somebody else, whichever verb comes upon it."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import stat
 import time
 from collections.abc import Iterator
@@ -97,6 +98,24 @@ def test_keys_are_private_and_made_once(rig_keys: Path) -> None:
     file.chmod(0o644)
     with pytest.raises(ConfigError, match="can be read by others"):
         keys.load(rig_keys)
+
+
+def test_a_secret_is_never_open_to_others_nor_half_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was closed once written; and what a full disk had left of it kept whoever tried again from making any."""
+    seen: list[int] = []
+
+    def run_out_of_disk(folder: Path, name: str) -> None:
+        file = folder / f"{name}.key_secret"
+        file.write_text("half")
+        seen.append(stat.S_IMODE(file.stat().st_mode))
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("zmq.auth.create_certificates", run_out_of_disk)
+        with pytest.raises(ConfigError, match="keys cannot be written: No space left on device"):
+            keys.make(tmp_path)
+    assert seen == [0o600]
+    keys.load(keys.make(tmp_path).parent)
 
 
 @pytest.mark.parametrize(("text", "says"), [(None, "No such file"), ("nonsense", "holds no")])
