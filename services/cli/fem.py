@@ -62,6 +62,7 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
     targets.look_at_file("--json", json_file)
     targets.look_at_file("--vtu", vtu_file)
     case, _ = config.load(FemCase, file)
+    _keep_apart(file, case, json_file, vtu_file)
     try:
         result = _solve_with_progress(case, file)
     except ModuleNotFoundError as error:
@@ -74,6 +75,22 @@ def fem_command(file: Path, json_file: Path | None = None, vtu_file: Path | None
     if vtu_file is not None:
         with targets.writing("--vtu", vtu_file):
             save_vtu(result, vtu_file)
+
+
+def _keep_apart(file: Path, case: FemCase, json_file: Path | None, vtu_file: Path | None) -> None:
+    """Refuse to write over what is read, or twice to one place."""
+    surface = case.mesh.duct_file or case.mesh.surface_file
+    taken = {file: "is the case itself"}
+    if surface is not None:
+        taken[file.parent / surface.path] = "is the case's mesh"
+    for option, path in (("--json", json_file), ("--vtu", vtu_file)):
+        if path is None:
+            continue
+        for other, what in taken.items():
+            if (path.is_file() and other.exists() and path.samefile(other)) or path.absolute() == other.absolute():
+                raise ConfigError(f"{option} {path}: {what}")
+        if path.is_file() or not path.exists():  # both may go to one device
+            taken[path] = f"is what {option} writes"
 
 
 def _solve_with_progress(case: FemCase, file: Path) -> FemResult:
@@ -98,21 +115,29 @@ def _print(result: FemResult, console: Console) -> None:
     if "path" in data:
         _print_path(data["path"]["points"], console)
     if "frequency_hz" in data:
-        table = Table("mode", "Hz")
+        table = _table("mode", "Hz")
         for k, frequency in enumerate(data["frequency_hz"], 1):
             table.add_row(str(k), f"{frequency:.6g}")
         console.print(table)
     if "load_factor" in data:
-        table = Table("buckling", "multiple of the loads")
+        table = _table("buckling", "multiple of the loads")
         for k, factor in enumerate(data["load_factor"], 1):
             table.add_row(str(k), f"{factor:.6g}")
         console.print(table)
 
 
+def _table(*titles: str) -> Table:
+    """In a narrow terminal a number goes on in the next line: cut off it would be another, without its exponent."""
+    table = Table()
+    for title in titles:
+        table.add_column(title, overflow="fold")
+    return table
+
+
 def _print_path(points: list[dict[str, Any]], console: Console) -> None:
     """One row a point: load, what it took, and how far the largest and every probed place moved."""
     probes = list(points[-1]["probes"])
-    table = Table("load", "iterations", "largest displacement m", *(escape(f"{name} m") for name in probes))
+    table = _table("load", "iterations", "largest displacement m", *(escape(f"{name} m") for name in probes))
     for point in points:
         moved = [" ".join(f"{x:.5g}" for x in point["probes"][name]) for name in probes]
         table.add_row(
@@ -131,7 +156,7 @@ def _print_supports(forces_n: list[list[float]], console: Console) -> None:
 
 
 def _print_static(static: dict[str, Any], console: Console) -> None:
-    table = Table("static solution", "x", "y", "z")
+    table = _table("static solution", "x", "y", "z")
     rows = {"reaction force N": static["reaction_force_n"]}
     rows["reaction moment about origin N m"] = static["reaction_moment_about_origin_n_m"]
     rows |= {f"displacement at {name} m": value for name, value in static["probes"].items()}

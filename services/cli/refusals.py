@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from io import TextIOWrapper
 
 from services.runtime.errors import ConfigError, UserError
 
@@ -19,6 +20,7 @@ _OF_A_PERSON = (
 
 def run(command: Callable[[], object]) -> None:
     """Run a command on the arguments of this process; leaves with an exit code where it is refused."""
+    _write_any_name()
     try:
         _refuse_empty(sys.argv[1:])
         command()
@@ -36,10 +38,28 @@ def run(command: Callable[[], object]) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:
+        if error.errno == errno.ENOENT and not _is_anywhere():
+            print("trocar: the present folder is gone; `cd` to one that is there", file=sys.stderr)
+            sys.exit(1)
         if error.errno not in _OF_A_PERSON:
             raise
         print(f"trocar: {error.filename or 'a file could not be written'}: {error.strerror}", file=sys.stderr)
         sys.exit(1)
+
+
+def _write_any_name() -> None:
+    """Make a name with characters that the terminal's encoding lacks readable there, and no error."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # not where nothing is open, or a test listens
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _is_anywhere() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def _refuse_empty(arguments: list[str]) -> None:

@@ -18,6 +18,8 @@ from services.runtime.rig import Rig
 T = TypeVar("T")
 Origins = dict[str, str]
 
+#: Of a file, which may be a device without an end.
+_LONGEST = 20_000_000
 _DEFAULT = Path(__file__).resolve().parents[2] / "configs"
 
 
@@ -64,7 +66,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
         naming file and line, if it cannot be read, is not YAML, or is not a mapping.
     """
     try:
-        data = yaml_text.read(path.read_text(encoding="utf-8"))
+        with path.open(encoding="utf-8") as file:
+            text = file.read(_LONGEST + 1)
+        if len(text) > _LONGEST:
+            raise ConfigError(f"{path}: has more than {_LONGEST:g} characters, that is no configuration")
+        data = yaml_text.read(text)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from None
     except UnicodeDecodeError:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from protocol.topics import TOPICS, observed_by, read_by
 
@@ -19,16 +19,32 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+def _not_nothing(path: Any) -> Any:
+    if path == "":  # as a path it would be the present folder
+        raise ValueError("is empty; the present folder is called '.'")
+    return path
+
+
+def _a_file_can_have_it(name: str) -> str:
+    if "/" in name or not name.isprintable() or name.startswith("."):
+        raise ValueError(f"recordings are called after it: {name!r} holds '/', a line's end, or begins with '.'")
+    return name
+
+
+Place = Annotated[Path, BeforeValidator(_not_nothing)]
+Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_a_file_can_have_it)]
+
+
 class Transport(Settings):
     """How frames travel: ipc on one host, tcp across hosts or containers."""
 
     kind: Literal["ipc", "tcp"] = "ipc"
-    directory: Path | None = Field(None, description="of the ipc sockets; by default private to the user")
+    directory: Place | None = Field(None, description="of the ipc sockets; by default private to the user")
     base_port: Annotated[int, Field(ge=1024, le=57000)] = 21000
     host: str = Field("127.0.0.1", description="tcp: where publishers are reached")
     hosts: dict[str, str] = Field({}, description="tcp: by publisher, where it is not `host`")
     bind_host: str = Field("127.0.0.1", description="tcp: address that publishers bind")
-    keys: Path | None = Field(None, description="tcp: directory of the rig's keys, made by `trocar keys`")
+    keys: Place | None = Field(None, description="tcp: directory of the rig's keys, made by `trocar keys`")
     insecure: bool = Field(False, description="allow tcp beyond loopback without keys")
 
     @model_validator(mode="after")
@@ -182,7 +198,7 @@ class SupervisorSettings(Settings):
     heartbeat_timeout_s: Annotated[float, Field(gt=0.02)] = 0.5
     ready_timeout_s: Annotated[float, Field(gt=0)] = 120.0
     window_s: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="over which the dashboard shows figures")
-    backoff_s: tuple[float, ...] = (0.1, 0.5, 1.0, 2.0, 5.0)
+    backoff_s: tuple[Annotated[float, Field(ge=0)], ...] = (0.1, 0.5, 1.0, 2.0, 5.0)
     max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
     web: WebSettings = WebSettings()
     watch_floor: bool = Field(True, description="whether a thread a core measures how late the machine itself wakes")
@@ -198,7 +214,7 @@ class Contracts(Settings):
 class RecorderSettings(Settings):
     """What is written to disk."""
 
-    directory: Path = Path("out/recordings")
+    directory: Place = Path("out/recordings")
     shared: bool = Field(False, description="whether other users may read recordings, as the umask says")
     whole: tuple[str, ...] = Field(
         ("gateway.state", "supervisor.state"),
@@ -219,7 +235,7 @@ class RecorderSettings(Settings):
 class Rig(Settings):
     """A whole rig file."""
 
-    name: Annotated[str, Field(min_length=1, max_length=64)]
+    name: Name
     base: str | None = Field(
         None, description="rig, or file beside this one, that holds for whatever is not said here; lists are replaced"
     )

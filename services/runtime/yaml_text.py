@@ -9,6 +9,10 @@ import yaml
 
 MOST_VALUES = 1_000_000
 """Of a file with its aliases written out: a few lines of them can stand for more than any memory holds."""
+LARGEST_WHOLE = 2**63
+"""Of whole numbers: what is counted fits the machine's own; a larger quantity is written as 1e20 is."""
+
+_STRANGE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
 class _Loader(yaml.SafeLoader):
@@ -29,6 +33,15 @@ class _Loader(yaml.SafeLoader):
                 raise yaml.composer.ComposerError(None, None, problem, key.start_mark)
             lines[key.value] = key.start_mark.line + 1
         return node
+
+    def construct_scalar(self, node: Any) -> Any:
+        """Refuse what only an escape can write: half a character, a null, a code that steers a terminal."""
+        value = super().construct_scalar(node)
+        strange = _STRANGE.search(value)
+        if strange:
+            problem = f"a text holds the character U+{ord(strange[0]):04X}, which has no place in one"
+            raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+        return value
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         """Make what PyYAML's conversions raise (the 45th of a month, a tag that does not fit) an error with a place."""
@@ -53,7 +66,10 @@ _Loader.add_implicit_resolver(_NUMBERS[1], re.compile(_FLOAT), list("-+.01234567
 def _int(loader: _Loader, node: yaml.ScalarNode) -> int:
     """Decimal whatever it begins with, octal and hexadecimal by their prefix."""
     text = loader.construct_scalar(node)
-    return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+    value = int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+    if abs(value) >= LARGEST_WHOLE:
+        raise ValueError(text)
+    return value
 
 
 _Loader.add_constructor(_NUMBERS[0], _int)
@@ -70,12 +86,17 @@ def read(text: str) -> Any:
         raise yaml.MarkedYAMLError(problem="brackets are nested too deeply") from None
 
 
+_BEGUN = -1
+
+
 def _written_out(value: Any, known: dict[int, int]) -> int:
-    """Return how many values there are when each alias is what it stands for; one within itself counts once."""
+    """Return how many values there are when each alias is what it stands for."""
     if not isinstance(value, dict | list):
         return 1
+    if known.get(id(value)) == _BEGUN:
+        raise yaml.MarkedYAMLError(problem="an alias stands for what it is a part of")
     if id(value) not in known:
-        known[id(value)] = 1
+        known[id(value)] = _BEGUN
         items = value.values() if isinstance(value, dict) else value
         known[id(value)] = 1 + sum(_written_out(item, known) for item in items)
     return known[id(value)]

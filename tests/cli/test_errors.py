@@ -124,6 +124,17 @@ def test_a_variable_of_the_shell_that_is_not_set_is_no_place(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_present_folder_that_is_gone_is_one_sentence(
+    trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    ran = trocar("fem", ROOT / "configs/fem/incised-duct.yaml", "--json", "out.json")
+    assert (ran.code, ran.sentence()) == (1, "the present folder is gone; `cd` to one that is there")
+
+
 def test_a_closed_folder_is_one_sentence(trocar: Trocar, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """As of a cache, a log or a scene that belongs to somebody else, whichever verb comes upon it."""
 

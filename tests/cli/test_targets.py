@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -109,3 +111,54 @@ def test_what_this_user_may_not_write_is_refused_before(tmp_path: Path, monkeypa
         targets.look_at_file("--json", tmp_path / "new.json")
     with pytest.raises(ConfigError, match=r"^--out .*: this user may not write there$"):
         targets.make_folder("--out", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--json", "case.yaml"), "--json case.yaml: is the case itself"),
+        (("--vtu", "./case.yaml"), "--vtu case.yaml: is the case itself"),
+        (("--json", "out", "--vtu", "out"), "--vtu out: is what --json writes"),
+    ],
+)
+def test_nothing_that_is_read_is_written_over(
+    trocar: Trocar, case: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], why: str
+) -> None:
+    """A case was lost to its own result."""
+    monkeypatch.chdir(case.parent)
+    ran = trocar("fem", "case.yaml", *options)
+    assert (ran.code, ran.sentence()) == (2, why)
+    assert case.read_text() == PLATE
+    assert list(case.parent.iterdir()) == [case]
+
+
+def test_the_mesh_is_not_written_over(trocar: Trocar, case: Path) -> None:
+    mesh = case.parent / "plate.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    case.write_text(
+        PLATE.replace(
+            "parametric: {radius_m: 0.004, length_m: 0.02, n_around: 8, n_along: 4}",
+            "surface_file: {path: plate.obj, units: m}",
+        )
+    )
+    assert trocar("fem", case, "--vtu", mesh).sentence() == f"--vtu {mesh}: is the case's mesh"
+
+
+def test_a_number_in_a_narrow_terminal_keeps_its_exponent(
+    trocar: Trocar, case: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was cut off behind some digits: 0.0025 looked like 0.002, and 1e-19 like 1."""
+    monkeypatch.setenv("COLUMNS", "40")
+    ran = trocar("fem", case)
+    assert "…" not in ran.out
+
+
+def test_a_name_that_the_terminal_cannot_write_is_escaped(case: Path) -> None:
+    case.write_text(PLATE + 'probes: {"wall \u2603": {vertex: 3}}\n')
+    command = [sys.executable, "-m", "services.cli.app", "fem", str(case)]
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    ran = subprocess.run(
+        command, capture_output=True, text=True, env=environment, check=False, cwd=Path(__file__).parents[2]
+    )
+    assert (ran.returncode, ran.stderr.strip()) == (0, "")
+    assert r"wall \u2603" in ran.stdout

@@ -221,6 +221,50 @@ def test_aliases_of_aliases_are_refused_before_they_are_written_out(tmp_path: Pa
         config.load_rig(write(tmp_path, "\n".join(lines)))
 
 
+@pytest.mark.parametrize("text", ["gateway: &a {instruments: *a}", "gateway: &a [1, *a]"])
+def test_an_alias_within_itself_is_one_sentence(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match=r"rig.yaml: an alias stands for what it is a part of"):
+        config.load_rig(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("written", ["\\uD800", "\\0", "\\e[2J"])
+def test_a_character_that_no_text_has_is_told_with_its_place(tmp_path: Path, written: str) -> None:
+    """Half a character was called bad JSON at a column of a text that nobody had written; an escape cleared screens."""
+    with pytest.raises(ConfigError, match=r"rig.yaml: line 2, column 7: a text holds the character U\+[0-9A-F]{4},"):
+        config.load_rig(write(tmp_path, f'base: stub\nname: "a{written}b"'))
+
+
+def test_a_whole_number_beyond_the_machine_s_is_told_with_its_place(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"rig.yaml: line 1, column 4: '9{40}' is no value of int"):
+        config.read_yaml(write(tmp_path, "n: " + "9" * 400))
+
+
+def test_a_file_without_an_end_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(config, "_LONGEST", 1000)
+    with pytest.raises(ConfigError, match=r"/dev/zero: has more than 1000 characters, that is no configuration"):
+        config.read_yaml(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("name", ["../../evil", "a/b", '"a\\nb"', ".hidden"])
+def test_a_rig_s_name_cannot_lead_out_of_the_folder_of_its_recordings(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ConfigError, match=r"rig.yaml: name: recordings are called after it"):
+        config.load_rig(write(tmp_path, f"name: {name}"))
+
+
+@pytest.mark.parametrize("key", ["transport.directory", "transport.keys", "recorder.directory"])
+def test_a_path_that_is_empty_is_not_the_present_folder(tmp_path: Path, key: str) -> None:
+    above, _, below = key.partition(".")
+    with pytest.raises(ConfigError, match=rf"rig.yaml: {above}.{below}: is empty; the present folder is called '.'"):
+        config.load_rig(write(tmp_path, f'name: a\n{above}: {{{below}: ""}}'))
+
+
+def test_a_wait_before_a_restart_is_not_negative(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"rig.yaml: supervisor.backoff_s.0: input should be greater than or equal to 0"
+    ):
+        config.load_rig(write(tmp_path, "name: a\nsupervisor: {backoff_s: [-1.0]}"))
+
+
 def test_a_name_that_no_file_can_have_is_one_sentence() -> None:
     for name in ("a" * 300, f"{'a' * 300}.yaml"):
         with pytest.raises(ConfigError, match=r"aaa\.yaml: File name too long"):
