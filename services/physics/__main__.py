@@ -45,6 +45,9 @@ class Physics:
 
     def _begin(self) -> None:
         self.simulation = Simulation(self._scene, self._duct)
+        # Hands go on while a process begins anew: a tool that pressed the duct is then inside one that is round again,
+        # and its jaws would close on the wall across them.
+        self.simulation.tools.were_here()
         self._told_rests = 0
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)

@@ -62,6 +62,19 @@ def test_pressing_the_wall_pushes_back(rig: Rig) -> None:
     assert K[2, 2] >= 0.9 * (forces[1][2] - forces[0][2]) / 0.0004
 
 
+def test_a_hand_that_presses_while_physics_begins_anew_feels_the_duct_once_it_has_lifted(rig: Rig) -> None:
+    """A duct that is round again is where the tool is: pushed out of it, jaws would be wedged for good."""
+    _press(rig, 200, 0.005)
+    felt_n = rig.model().force_n[2]
+    rig.physics._begin()
+    for _ in range(200):
+        _hold(rig, 0.005, 1)
+        assert rig.physics.simulation.tool_results.force_n[0].tolist() == [0.0, 0.0, 0.0]
+        assert rig.physics.simulation.tool_results.grasp_torque_nm[0] == 0.0
+    _press(rig, 200, 0.005)
+    assert rig.model().force_n[2] == pytest.approx(felt_n, rel=0.05)
+
+
 def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
     """In health's gauges, from where metrics and the dashboard have it; nothing where there is room."""
     told = {}

@@ -278,7 +278,8 @@ class Simulation:
         self.seal.append_row()
         self.squeeze.append_rows(self.tools)
         self.search.start(self.duct)
-        if pairs is None or self.tools.is_behind:  # others look for pairs where the hand is
+        # Others look for pairs where the hand is, and may not know yet that the duct is another one.
+        if pairs is None or self.tools.is_behind or self.tools.have_come:
             pairs = self._tool_pairs
             pairs.clear()
             self.search.tool_pairs(self.catheter, self.tools, pairs)

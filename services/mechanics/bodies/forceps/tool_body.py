@@ -159,6 +159,10 @@ class ToolBody:
         present = inputs.present & self._is_named if self._missing else inputs.present
         self._flags = predict_proxies(self.address, present, position, opening, roll, dt_s)
 
+    def were_here(self) -> None:
+        """Take tools that come for ones that have come back: where one is inside something it touches nothing yet."""
+        self._arrays.was_here[:] = True
+
     def correct(self, force: FloatArray) -> None:
         """Apply the generalised contact forces (2, 4) of the step, in N and N m."""
         correct_proxies(self.address, force)
