@@ -59,6 +59,12 @@ class ToolContactDetector:
         self._detection.probes.reset()
         self._detection.capsules.reset()
 
+    def look_afresh(self, tool: int) -> None:
+        """Forget the past of one tool that has touched nothing yet: it may be withdrawn through what it is in."""
+        first = tool * PROBES_PER_TOOL
+        self._detection.probes.seen[first : first + PROBES_PER_TOOL] = -1.0
+        self._detection.capsules.active[tool * N_SEGMENTS : (tool + 1) * N_SEGMENTS] = 0
+
     def let_through(self, tool: int) -> None:
         """Forget on which side of a tool's jaws the catheter is: while they hold it they do not push it back.
 

@@ -117,6 +117,9 @@ class DuctSearch:
     def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append those of the tools against duct and catheter."""
         present = bool(tools.present.any())
+        if tools.have_come:
+            for tool in np.flatnonzero(tools.waiting):
+                self.tools.look_afresh(int(tool))
         # An absent tool has to be told once, so that it loses its past.
         if present or self._had_tools:
             self._detect_tools(catheter.start_m, tools, pairs)
