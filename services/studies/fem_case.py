@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -59,6 +60,45 @@ class ParametricMesh(Part):
     slit_width_m: Number = 0.0
 
 
+class PlateMesh(Part):
+    """See `services.mechanics.surface.panel.Plate`."""
+
+    length_m: Positive
+    width_m: Positive
+    n_along: int
+    n_across: int
+
+
+class AnnulusMesh(Part):
+    """See `services.mechanics.surface.panel.Annulus`."""
+
+    inner_radius_m: Positive
+    outer_radius_m: Positive
+    n_around: int
+    n_across: int
+    angle_rad: Positive = 2.0 * math.pi
+
+
+class CylinderMesh(Part):
+    """See `services.mechanics.surface.panel.Cylinder`."""
+
+    radius_m: Positive
+    length_m: Positive
+    n_around: int
+    n_along: int
+    angle_rad: Positive = 2.0 * math.pi
+
+
+class SphereMesh(Part):
+    """See `services.mechanics.surface.panel.Sphere`."""
+
+    radius_m: Positive
+    n_around: int
+    n_up: int
+    angle_rad: Positive = 2.0 * math.pi
+    latitudes_rad: tuple[Number, Number] = (0.0, math.radians(72.0))
+
+
 class DuctFile(Part):
     """A tube from a surface file, repaired, with named open ends; see `services.meshes.loading.SurfaceSettings`."""
 
@@ -78,15 +118,19 @@ class SurfaceFile(Part):
 
 
 class Mesh(Part):
-    """Where the triangles come from: exactly one of the three."""
+    """Where the triangles come from: exactly one of them."""
 
     parametric: ParametricMesh | None = None
+    plate: PlateMesh | None = None
+    annulus: AnnulusMesh | None = None
+    cylinder: CylinderMesh | None = None
+    sphere: SphereMesh | None = None
     duct_file: DuctFile | None = None
     surface_file: SurfaceFile | None = None
 
     @model_validator(mode="after")
     def _one(self) -> Mesh:
-        exactly_one(self, "parametric", "duct_file", "surface_file")
+        exactly_one(self, *type(self).model_fields)
         return self
 
 

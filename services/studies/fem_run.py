@@ -40,6 +40,7 @@ from services.mechanics.fem.nonlinear import (
 from services.mechanics.fem.supports import DOF_NAMES
 from services.mechanics.fem.thinness import DOUBTFUL_RATIO, THINNEST_RATIO, thickness_over_width
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges
+from services.mechanics.surface.panel import Annulus, Cylinder, Plate, Sphere
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.errors import MeshError
 from services.meshes.loading import SurfaceSettings, load_duct_surface
@@ -98,8 +99,11 @@ def solve_case(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> FemR
         raise ValueError(_in_keys_of_the_file(str(error))) from error
 
 
+PANELS = {"plate": Plate, "annulus": Annulus, "cylinder": Cylinder, "sphere": Sphere}
+"""What builds a mesh of the key's name."""
 _KEYS_OF_THE_FILE = (
     ("duct: ", "mesh.parametric: "),
+    *((f"{name}: ", f"mesh.{name}: ") for name in PANELS),
     ("wall_thickness_m", "thickness_m"),
     ("section: thickness_m", "thickness_m:"),
     ("section: ", "material: "),
@@ -223,6 +227,9 @@ def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tupl
     source = case.mesh
     if source.parametric is not None:
         return parametric_duct(DuctGeometry(**source.parametric.model_dump(), wall_thickness_m=case.thickness_m)), []
+    for name, panel in PANELS.items():
+        if (given := getattr(source, name)) is not None:
+            return panel(**given.model_dump()).mesh(), []
     if source.duct_file is not None:
         settings = source.duct_file.model_dump(exclude={"path"})
         path = folder / source.duct_file.path
@@ -230,7 +237,7 @@ def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tupl
         return duct.mesh, duct.actions
     actions: list[str] = []
     if source.surface_file is None:
-        raise ValueError("mesh: has none of parametric, duct_file, surface_file")
+        raise ValueError("mesh: says nothing of where triangles come from")
     raw = read_surface(folder / source.surface_file.path, source.surface_file.units)
     check_memory(raw.n_triangles // 2)  # so many vertices has a closed surface; a file may name each once a triangle
     try:

@@ -14,7 +14,8 @@ from services.runtime.errors import ConfigError
 from services.studies import fem_run
 from services.studies.fem_case import FemCase
 from services.studies.fem_output import to_json
-from services.studies.fem_run import solve_case
+from services.studies.fem_run import build_load, build_mesh, build_model, solve_case
+from services.studies.fem_select import select
 from services.studies.shell_problems import DUCT_RITZ_HZ, mapped_patch
 from tests.studies.fem_files import DUCT, changed, clamped, held, run, square, surface_case, write
 
@@ -29,6 +30,32 @@ def test_every_example_runs(path, tmp_path, capsys):
     assert min(result.get("frequency_hz", result.get("load_factor", [2.0]))) > 1.0
     assert (tmp_path / "out.vtu").stat().st_size > 1000
     assert "free dofs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("path", sorted((EXAMPLES / "published").glob("*.yaml")), ids=lambda p: p.stem)
+def test_every_published_shell_can_be_built(path):
+    """What each comes to is in docs/published-shells.md."""
+    case, _ = config.load(FemCase, path)
+    mesh, _ = build_mesh(case, path.parent)
+    model, imposed = build_model(case, mesh)
+    for name, where in case.probes.items():
+        assert len(select(mesh, where, name)) >= 1
+    assert build_load(case, model).ravel()[model.free_dofs].any() or imposed.any()
+
+
+def test_a_cantilever_bends_as_published_at_every_load_step(tmp_path):
+    """Sze, Liu and Lo 2004, 3.1: shortening and deflection at 0.2, 0.4, ... of the load."""
+    published = {
+        0.2: (0.381, 2.493),
+        0.4: (1.184, 4.292),
+        0.6: (2.002, 5.444),
+        0.8: (2.705, 6.190),
+        1.0: (3.286, 6.698),
+    }
+    points = run(EXAMPLES / "published" / "cantilever-shear.yaml", tmp_path)["path"]["points"]
+    own = {round(point["part"], 6): point["probes"]["tip"] for point in points}
+    for part, (shortening, deflection) in published.items():
+        assert own[part][::2] == pytest.approx([-shortening, deflection], rel=0.003)
 
 
 def test_pinched_example_gives_the_published_first_frequency_and_a_balanced_pinch(tmp_path):

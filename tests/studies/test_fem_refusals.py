@@ -78,7 +78,15 @@ EVERYWHERE = {"where": {"box_m": [[-1, -1, -1], [1, 1, 1]]}}
             {"loads": [{"pressure_pa": 1e9}], "analysis": "nonlinear", "load_steps": 1},
             "where a shell snaps, path: arc_length follows it",
         ),
-        ({"mesh": {}}, "case.yaml: mesh: give exactly one of parametric, duct_file, surface_file, not none"),
+        (
+            {"mesh": {}},
+            "case.yaml: mesh: give exactly one of parametric, plate, annulus, cylinder, sphere, duct_file, "
+            "surface_file, not none",
+        ),
+        (
+            {"mesh": {"annulus": {"inner_radius_m": 2.0, "outer_radius_m": 1.0, "n_around": 8, "n_across": 2}}},
+            "case.yaml: mesh.annulus: outer_radius_m must be above inner_radius_m, is 1",
+        ),
         ({"mesh": {"parametric": {"radius_m": 1e-3}}}, "mesh.parametric.length_m: this key is missing"),
         (
             {"mesh": {"parametric": {"radius_m": 1e-3, "length_m": 1, "taper": 0.9}}},
