@@ -174,9 +174,9 @@ def _update(
         _search(body, wall, probes, i, ends, (first, second), reach_and_hint)
         return
     if first[0] != NOT_FOUND:
-        _store(body, wall, probes, i, 0, contact_followed(body, wall, first, ends, _past(probes, i, 0)))
+        _store(body, wall, probes, i, 0, contact_followed(body, wall, first, ends, _past(probes, i, 0), reach))
     if second[0] != NOT_FOUND and _is_opposite(body, wall, first, second, ends):
-        _store(body, wall, probes, i, 1, contact_followed(body, wall, second, ends, _past(probes, i, 1)))
+        _store(body, wall, probes, i, 1, contact_followed(body, wall, second, ends, _past(probes, i, 1), reach))
     else:
         triangle[i, 1] = NOT_FOUND
 
@@ -221,13 +221,14 @@ def _search(
     triangle = probes.triangle
     pasts = (_past(probes, i, 0), _past(probes, i, 1))
     first = followed[0]
-    if first[0] == NOT_FOUND or contact_followed(body, wall, first, ends, pasts[0])[2] >= 0.0:
+    if first[0] == NOT_FOUND or contact_followed(body, wall, first, ends, pasts[0], reach)[2] >= 0.0:
         first = closest(body, wall, a, b, reach + SKIN_M, first[0])
     _note_seen(body, wall, probes, i, ends, first, reach)
     triangle[i, 0] = triangle[i, 1] = NOT_FOUND
     if first[0] == NOT_FOUND:
         return
-    _store(body, wall, probes, i, 0, contact_followed(body, wall, first, ends, _past_of(first, followed, pasts, hint)))
+    past = _past_of(first, followed, pasts, hint)
+    _store(body, wall, probes, i, 0, contact_followed(body, wall, first, ends, past, reach))
     away = offset(body, wall, first, a, b)
     if dot(away, away) == 0.0:
         return
@@ -242,7 +243,7 @@ def _search(
         return
     past = _past_of(second, followed, pasts, index(_NEW))
     is_new = past[0] == _NEW
-    contact = contact_followed(body, wall, second, ends, (hint if is_new else past[0], past[1], past[2]))
+    contact = contact_followed(body, wall, second, ends, (hint if is_new else past[0], past[1], past[2]), reach)
     # Through a wall one sees the back of the opposite one, which nobody has been pushed through.
     if contact[2] >= 0.0 or hint == UNKNOWN or not is_new:
         _store(body, wall, probes, i, 1, contact)

@@ -7,7 +7,9 @@ the wall ends in a round edge, and a probe may pass around it.
 Which side of the surface a point is on is read off the pseudo-normal, and that is right while the surface does not
 cross itself. Jaws turn a fold inside out: at its edge the two normals then point inwards, and a probe two millimetres
 off would be told to be as deep in the wall. Nobody passes a wall without its offset from it turning round, so a
-minimum that is followed is beyond the wall only if its offset points against the normal that it had.
+minimum that is followed is beyond the wall only if its offset points against the normal that it had. Nor does anybody
+pass a wall from further away than it is thick: a minimum that slid to another flank of the fold, millimetres off, is on
+the side of that flank on which it is.
 """
 
 from __future__ import annotations
@@ -116,14 +118,19 @@ def contact_of(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, sid
 
 
 @kernel
-def contact_followed(body: Body, patch: Patch, touch: Touch, ends: tuple[Vector, Vector], past: Past) -> Contact:
-    """Turn a touch into a contact as `contact_of`, of a probe with this past at the minimum that it touches."""
+def contact_followed(
+    body: Body, patch: Patch, touch: Touch, ends: tuple[Vector, Vector], past: Past, reach: float
+) -> Contact:
+    """Turn a touch into a contact as `contact_of`, of a probe with this past at the minimum that it touches.
+
+    Nobody goes through the wall by more than ``reach`` in a tick.
+    """
     side, normal, distance = past
     contact = contact_of(body, patch, touch, ends[0], ends[1], side)
     if contact[2] >= 0.0 or distance <= 0.0 or touch[1] < TOUCHING_M * TOUCHING_M:
         return contact
-    away = offset(body, patch, touch, ends[0], ends[1])
-    if dot(away, normal) > STILL * math.sqrt(touch[1]):
+    away, apart = offset(body, patch, touch, ends[0], ends[1]), math.sqrt(touch[1])
+    if dot(away, normal) > STILL * apart or distance + apart > reach:
         return contact_of(body, patch, touch, ends[0], ends[1], UNKNOWN)
     return contact
 

@@ -20,7 +20,13 @@ from collision_cases import (
     wavy_surface,
 )
 
-from services.mechanics.collision import CatheterContactDetector, CollisionSurface, ToolContactDetector
+from services.mechanics.collision import (
+    CatheterContactDetector,
+    CollisionSurface,
+    ToolContactDetector,
+    search,
+    sides,
+)
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, JAW_B, SHAFT, ContactPairs
 from services.mechanics.surface.mesh import TriangleMesh
 
@@ -113,6 +119,26 @@ def test_a_jaw_off_a_fold_stays_there_when_the_fold_turns_inside_out(squeezed):
         found = detect(detector, jaw)
         assert min(pair["gap_m"] for pair in found) == pytest.approx(0.2e-3, abs=1e-6)
         assert min(pair["normal"][2] for pair in found) > 0.7
+
+
+@pytest.mark.parametrize("away_mm", [0.3, 1.1, 2.0])
+def test_a_jaw_that_was_far_from_the_wall_is_not_beyond_it_a_tick_later(away_mm):
+    """What a piece of a jaw followed slid from the ridge of a fold to its flank, which shows its inside there.
+
+    Before, jaws that opened were told to be four millimetres deep in the fold that they had let go.
+    """
+    triangle = TriangleMesh(np.array([[0.0, 0, 0], [20e-3, 0, 0], [0, 20e-3, 0]]), np.array([[0, 1, 2]], np.int32))
+    shell, height = rigid_surface(triangle).shell, -1e-3 * away_mm  # on the inside, the normal being along z
+    ends = (4e-3, 4e-3, height), (6e-3, 4e-3, height - 1e-3)
+    touch = search.touch_triangle(shell.body, shell.wall, 0, *ends)
+    reach_m, sideways = 2.5e-3, (0.9, 0.0, -0.43)
+    for past_m in (2.3e-3, 0.2e-3):
+        past = (sides.OUTSIDE, sideways, past_m)
+        _, normal, distance, side = sides.contact_followed(shell.body, shell.wall, touch, ends, past, reach_m)
+        is_far = past_m + abs(height) > reach_m
+        assert side == (sides.INSIDE if is_far else sides.OUTSIDE)
+        assert normal[2] == (-1.0 if is_far else 1.0)
+        assert (distance > 0.0) == is_far
 
 
 @pytest.mark.parametrize("speed_m_s", [0.05, 1.0, 5.0, 15.0])
