@@ -104,15 +104,12 @@ def integrate_law(pattern: Pattern) -> None:
 
 @kernel
 def turns(pattern: Pattern) -> bool:
-    """Whether the law of a wall that is pressed in turns: rho Y falls from a third to two thirds of the largest rho.
+    """Whether the law of a wall that is pressed in turns: at the largest rho that was learned the wall is stretched.
 
     Less than that is how the law goes on where nothing was learned. It is no matter of how far the wall is pressed:
     a pattern that turned late would store more than the one before it, which would stay.
     """
-    zero = _zero(pattern)
-    third = (pattern.work.shape[0] - 1 - zero) // 3
-    falls = 2.0 * pattern.work[zero + 2 * third] < pattern.work[zero + third]
-    return bool(pattern.numbers[RHO] > 0.0 and falls)
+    return bool(pattern.numbers[RHO] > 0.0 and pattern.work[pattern.work.shape[0] - 1] < 0.0)
 
 
 @kernel

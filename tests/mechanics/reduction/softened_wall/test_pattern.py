@@ -118,6 +118,13 @@ def test_a_step_of_a_law_that_turns_does_no_more_work_than_its_potential_falls_b
         assert phi * (end - start) <= fell + 1e-9 * (1.0 + abs(fell))
 
 
+def test_a_law_that_turns_late_turns():
+    """3 rho - 3 rho^2: rho Y grows up to two thirds of 1.19, the largest rho, and is below nothing at its end."""
+    late = made(0.6, 0.5, (3.0, 0.0, 0.0, -3.0, -3.0))
+    assert late.numbers[TURN] == pytest.approx(2.0 / 3.0, abs=0.011)
+    assert evaluate(late.address, 6.0)[0] < 0.0
+
+
 def test_a_law_that_ends_flat_does_not_turn():
     """Where nothing was learned the law goes on as it may: it is held from falling."""
     assert made(0.6, 0.5, (3.0, 0.0, 0.0, -2.0, -3.0)).numbers[TURN] == np.inf
