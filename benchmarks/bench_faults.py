@@ -9,8 +9,9 @@ loop runs in the two seconds around the fifth after the fault, beside a bare sle
 the rig (`machine_floor`). Where forces came back later than three seconds after the fault, the two seconds begin one
 second after that. Exit status 1 if any of it fails.
 
-Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped; one
-that is ended by SIGTERM takes its rig with it. 200 faults take about 25 minutes.
+Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped, unless
+what was struck then is other code than what lies here now: a table is of one rig, so it is begun anew. One that is
+ended by SIGTERM takes its rig with it. 200 faults take about 25 minutes.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import json
 import os
 import random
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -38,12 +40,16 @@ from services.runtime.flight import flight_directory
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_rates_n_s, rate_limit_n_s
 
+ROOT = Path(__file__).resolve().parents[1]
 LOOPS = ("gateway", "haptics", "physics")
 SIGNALS = (signal.SIGKILL, signal.SIGSTOP)
 BACK_S, SLOWEST_HZ = 60.0, 990.0
 #: Rates are those of so long, around so long after a fault, and not before forces have been on for so long.
 MEASURED_S, JUDGED_S, SETTLED_S = 2.0, 5.0, 1.0
 NOTICE_S, LATEST_NOTICE_S = 0.05, 0.1
+#: What a struck rig is made of, and what strikes it: where it changes, earlier outcomes are another rig's.
+_RIG = ("services", "protocol", "configs", "tests/scenes/small.yaml", "tests/rig/press.yaml")
+CODE = (*_RIG, "tests/rig/conftest.py", "tests/rig/faults.py", "benchmarks/bench_faults.py")
 
 
 @dataclass(frozen=True)
@@ -204,10 +210,23 @@ def _draws(seed: int, n: int) -> list[tuple[str, signal.Signals, float]]:
     return [(chance.choice(LOOPS), chance.choice(SIGNALS), chance.uniform(0.0, 1.5)) for _ in range(n)]
 
 
-def _kept(file: Path, seed: int) -> list[Outcome]:
-    """Return the outcomes of earlier runs with the same seed."""
+def kept(file: Path, seed: int, root: Path = ROOT) -> list[Outcome]:
+    """Return the outcomes of earlier runs with the same seed and the same code; none where any was of other code."""
     data = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    return [Outcome(**each) for each in data["outcomes"]] if data.get("seed") == seed else []
+    outcomes = [Outcome(**each) for each in data["outcomes"]] if data.get("seed") == seed else []
+    others = sorted({outcome.commit for outcome in outcomes if not is_same_code(outcome.commit, root)})
+    if others:
+        print(f"{len(outcomes)} outcomes are forgotten: {', '.join(others)} is other code", file=sys.stderr)
+        return []
+    return outcomes
+
+
+def is_same_code(commit: str, root: Path = ROOT) -> bool:
+    """Return whether what lies in `root` now, committed or not, is what that commit's rig was made of."""
+    if not commit:
+        return False
+    command = ["git", "diff", "--quiet", commit, "--", *CODE]
+    return subprocess.run(command, cwd=root, stderr=subprocess.DEVNULL, check=False).returncode == 0
 
 
 def main() -> int:
@@ -221,7 +240,7 @@ def main() -> int:
     arguments = parser.parse_args()
     end_in_good_order()
     file = RESULTS / f"{arguments.name}-outcomes.json"
-    outcomes = [] if arguments.anew else _kept(file, arguments.seed)
+    outcomes = [] if arguments.anew else kept(file, arguments.seed)
     script = HERE / "press.yaml"
     overrides = [f"gateway.instruments.{i}.arm.settings.script={script}" for i in (0, 1)]
     # A fault comes every nine seconds; who is restarted more than five times a minute would be given up.
