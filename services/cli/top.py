@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +17,12 @@ from rich.text import Text
 import protocol
 import protocol.bodies as bodies
 from services.runtime import config
+from services.runtime.bus import Bus
 from services.runtime.errors import BusError
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import figures
 from services.supervisor.dashboard import Spread, loop_row, spread, topic_rows
+from services.supervisor.holders import holders
 from services.supervisor.window import Window
 
 _TURN_S = 0.1
@@ -40,11 +43,12 @@ class Request:
 
 
 class Listener:
-    """Hears every process."""
+    """Hears every process; `running` tells the ids of those that are known to run before they are heard."""
 
-    def __init__(self, bus: ZmqBus, window_s: float) -> None:
+    def __init__(self, bus: Bus, window_s: float, running: Mapping[str, int]) -> None:
         self._bus = bus
         self._window_s = window_s
+        self._running = running
         self.health: dict[str, tuple[bodies.Health, float]] = {}
         self.windows = {name: Window(window_s) for name in protocol.PROCESSES}
         self.state: bodies.SupervisorState | None = None
@@ -59,35 +63,55 @@ class Listener:
         for frame in self._bus.drain("supervisor.state"):
             self.state = frame.body
 
+    def is_anybody(self) -> bool:
+        """Return whether somebody was heard, or is known to run: it may be compiling, which it does in silence."""
+        return bool(self.health or self._running)
+
     def result(self, now_s: float) -> dict[str, Any]:
         """Return what was heard as plain data, NaN as None."""
-        restarts = {p.name: p.restarts for p in self.state.processes} if self.state else {}
         counted = {
             name: window.figures(self._window_s) or figures.Figures(0.0) for name, window in self.windows.items()
         }
-        processes = []
-        for name, (health, heard_s) in self.health.items():
-            window = counted[name]
-            processes.append(
-                {
-                    "name": name,
-                    "state": health.state if now_s - heard_s < _STALE_S else "silent",
-                    "pid": health.pid,
-                    "restarts": restarts.get(name, 0),
-                    "detail": health.detail,
-                    "loop": loop_row(window.loop, window.seconds, kept=True) if window.loop else None,
-                }
-            )
+        unheard = self._unheard()
+        waits = [] if self.state else ["the supervisor's judgement"]
+        waits += [f"{name} ({report.state})" for name, report in unheard.items() if report.state != "failed"]
+        processes = [self._heard_row(name, now_s, counted[name]) for name in self.health]
         data = {
             "state": self.state.state if self.state else "unknown",
             "reason": self.state.reason if self.state else "no word from the supervisor",
             "quality_level": self.state.quality_level if self.state else None,
-            "processes": processes,
+            "waits_for": waits,
+            "processes": processes + [_unheard_row(report) for report in unheard.values()],
             "paths": {n: spread(p.latency) for w in counted.values() for n, p in w.paths.items()},
             "topics": topic_rows(counted),
         }
         plain: dict[str, Any] = json.loads(msgspec.json.encode(data))
         return plain
+
+    def _unheard(self) -> dict[str, bodies.ProcessReport]:
+        """Return who has said nothing yet: as the supervisor knows it, else as the lock of its endpoints tells."""
+        known = {name: bodies.ProcessReport(name=name, state="running", pid=pid) for name, pid in self._running.items()}
+        if self.state is not None:
+            known |= {report.name: report for report in self.state.processes}
+        return {name: report for name, report in known.items() if name not in self.health}
+
+    def _heard_row(self, name: str, now_s: float, window: figures.Figures) -> dict[str, Any]:
+        (health, heard_s), said = self.health[name], self.state.processes if self.state else ()
+        return {
+            "name": name,
+            "state": health.state if now_s - heard_s < _STALE_S else "silent",
+            "pid": health.pid,
+            "restarts": next((report.restarts for report in said if report.name == name), 0),
+            "detail": health.detail,
+            "loop": loop_row(window.loop, window.seconds, kept=True) if window.loop else None,
+        }
+
+
+def _unheard_row(report: bodies.ProcessReport) -> dict[str, Any]:
+    return {
+        "name": report.name, "state": report.state, "pid": report.pid, "restarts": report.restarts,
+        "detail": report.reason, "loop": None,
+    }  # fmt: skip
 
 
 def run_top(request: Request) -> None:
@@ -102,9 +126,10 @@ def run_top(request: Request) -> None:
     reads = [*(f"{name}.health" for name in protocol.PROCESSES), "supervisor.state"]
     bus = ZmqBus(transport, reads=reads)
     try:
-        listener = Listener(bus, request.seconds)
-        _listen(listener, request.seconds if request.once else 0.5)
-        if not listener.health:
+        listener = Listener(bus, request.seconds, holders(transport))
+        if request.once or not listener.is_anybody():
+            _listen(listener, request.seconds if request.once else 0.5)
+        if not listener.is_anybody():
             raise BusError("nothing was heard: is a rig running on this transport?")
         if request.once:
             _print_once(listener, as_json=request.json)
@@ -137,18 +162,25 @@ def _follow(listener: Listener, *, as_json: bool) -> None:
         while True:
             _listen(listener, 1.0)
             print(json.dumps(listener.result(time.monotonic())), flush=True)
-    with Live(render(listener.result(time.monotonic())), refresh_per_second=4, screen=False) as live:
+    with Live(auto_refresh=False) as live:
         while True:
-            _listen(listener, 0.5)
-            live.update(render(listener.result(time.monotonic())))
+            result = listener.result(time.monotonic())
+            live.update(render(result), refresh=True)
+            _listen(listener, _TURN_S if result["waits_for"] else 0.5)  # who is awaited is shown when he is heard
 
 
 def render(result: dict[str, Any]) -> Group:
-    """Return the tables of a result."""
+    """Return the tables of a result, above them whom it waits for."""
     head = Text(f"rig {result['state']}  quality level {result['quality_level']}  {result['reason']}")
+    waits = [Text(f"waiting for {', '.join(result['waits_for'])}", style="yellow")] if result["waits_for"] else []
     what = Text("late: p50, p99 and max of a tick's start; work: its p99; us", style="dim")
     return Group(
-        head, what, _process_table(result["processes"]), _path_table(result["paths"]), _topic_table(result["topics"])
+        head,
+        *waits,
+        what,
+        _process_table(result["processes"]),
+        _path_table(result["paths"]),
+        _topic_table(result["topics"]),
     )
 
 

@@ -8,7 +8,9 @@ from typing import Any
 from rich.console import Console
 
 import protocol
-from services.cli.top import render
+from protocol.bodies import Health, ProcessReport, SupervisorState
+from services.cli.top import Listener, render
+from tests.memory_bus import MemoryBus, MemoryHub
 
 LONG = {"p50": 99_999.0, "p99": 123_456.0, "p99_9": 234_567.0, "max": 345_678.0}
 
@@ -21,7 +23,7 @@ def _process(name: str) -> dict[str, Any]:
 def test_every_row_is_a_line_of_eighty_columns() -> None:
     topic = {"topic": "supervisor.health", "rate_hz": 1000.0, "target_hz": 1000.0, "drops": 30_648, "refused": {"a": 1}}
     result = {
-        "state": "running", "reason": "", "quality_level": 0,
+        "state": "running", "reason": "", "quality_level": 0, "waits_for": [],
         "processes": [_process(name) for name in protocol.PROCESSES],
         "paths": dict.fromkeys(("device_model", "device_force", "device_pixel"), LONG),
         "topics": [{**topic, "topic": name, "age_us": LONG} for name in protocol.TOPICS],
@@ -32,3 +34,46 @@ def test_every_row_is_a_line_of_eighty_columns() -> None:
     assert len(lines) == 2 + (1 + len(protocol.PROCESSES)) + (1 + 3) + (1 + len(protocol.TOPICS)), "no row is wrapped"
     assert max(map(len, lines)) <= 80
     assert not any("\u2026" in line for line in lines), "nothing is cut"
+
+
+def _shown(listener: Listener) -> str:
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(render(listener.result(1.0)))
+    return console.export_text()
+
+
+def test_what_is_known_is_shown_at_once_and_what_it_waits_for() -> None:
+    hub, reads = MemoryHub(), [*(f"{name}.health" for name in protocol.PROCESSES)]
+    bus = MemoryBus(hub, reads=reads, reads_every=["supervisor.state"])
+    said = MemoryBus(hub, publishes=["gateway.health", "supervisor.state"])
+    listener = Listener(bus, 2.0, {"gateway": 17, "physics": 18})
+    assert listener.is_anybody(), "locks tell that somebody runs before he has said a word"
+    listener.hear(1.0)
+    text = _shown(listener)
+    assert "waiting for the supervisor's judgement, gateway (running), physics (running)" in text
+    assert "no word from the supervisor" in text
+
+    said.publish("gateway.health", Health(process="gateway", pid=17, state="running", uptime_s=3.0))
+    listener.hear(1.0)
+    assert listener.result(1.0)["waits_for"] == ["the supervisor's judgement", "physics (running)"]
+
+    reports = (
+        ProcessReport(name="gateway", state="ready", pid=17, restarts=2),
+        ProcessReport(name="physics", state="starting", pid=18),
+        ProcessReport(name="recorder", state="failed", reason="recorder: the disk is full"),
+    )
+    said.publish("supervisor.state", SupervisorState(state="starting", processes=reports))
+    listener.hear(1.0)
+    result = listener.result(1.0)
+    assert result["waits_for"] == ["physics (starting)"], "who was given up is not waited for"
+    rows = {row["name"]: (row["state"], row["restarts"], row["detail"]) for row in result["processes"]}
+    assert rows == {
+        "gateway": ("running", 2, ""),
+        "physics": ("starting", 0, ""),
+        "recorder": ("failed", 0, "recorder: the disk is full"),
+    }
+
+
+def test_nobody_is_nobody() -> None:
+    bus = MemoryBus(MemoryHub(), reads=[f"{name}.health" for name in protocol.PROCESSES])
+    assert not Listener(bus, 2.0, {}).is_anybody()
