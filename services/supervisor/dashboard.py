@@ -87,6 +87,14 @@ class FloorRow(msgspec.Struct, frozen=True):
     lateness_us: Spread
 
 
+class JudgeRow(msgspec.Struct, frozen=True):
+    """The supervisor's own turns: how late they began lately, and the latest since it began."""
+
+    rate_hz: float
+    lateness_us: Spread
+    latest_us: float
+
+
 class ProcessRow(msgspec.Struct, frozen=True):
     """One process."""
 
@@ -174,6 +182,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     answered_next_tick: float
     heat: Mapping[str, Heat]
     floor: tuple[FloorRow, ...]
+    judge: JudgeRow | None
     flight: str
     events: tuple[EventRow, ...]
 
@@ -252,6 +261,7 @@ def snapshot(
         answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
         heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
         floor=tuple(_floor_row(core, latencies) for core, latencies in sorted(around.floor.items())),
+        judge=_judge_row(heard.get("supervisor", nothing)),
         flight=around.flight,
         events=tuple(EventRow(round(e.t, 3), e.level, e.text) for e in notes.events[-EVENTS_SHOWN:]),
     )
@@ -261,6 +271,14 @@ def _floor_row(core: int, latencies: Latencies) -> FloorRow:
     total = latencies.total
     ratio = latencies.late / total if total else UNKNOWN
     return FloorRow(core, total, latencies.late, ratio, spread(latencies))
+
+
+def _judge_row(heard: Heard) -> JudgeRow | None:
+    health, window = heard.health, heard.figures
+    if health is None or health.loop is None or window.loop is None:
+        return None
+    rate_hz = window.loop.ticks / window.seconds if window.seconds > 0 else UNKNOWN
+    return JudgeRow(rate_hz, spread(window.loop.lateness), 1e-3 * health.loop.lateness.max_ns)
 
 
 def process_row(member: MemberNote, heard: Heard, broken: set[str], usage: Usage | None = None) -> ProcessRow:

@@ -251,6 +251,7 @@ def test_stages_on_the_page_are_those_of_metrics(page: Page) -> None:
     assert len(floor) == len(os.sched_getaffinity(0))
     assert min(floor) > 100
     assert "The machine alone wakes over 1 ms late: core 0" in page.browser.text("#floor")
+    assert re.search(r"judges \d\d(\.\d)? times a second, now at most [\d.]+ (µs|ms) late", page.browser.text("#judge"))
 
 
 @pytest.mark.parametrize("length_ms", [20, 100, 400])

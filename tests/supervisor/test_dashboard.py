@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 import protocol.bodies as bodies
+from services.supervisor.dashboard import Heard
 from tests.supervisor.made_up import Bench, health, histogram, loop_report, rig, shown
 
 ROW = {
@@ -47,6 +48,20 @@ def test_nothing_heard_yet_is_null_not_nan() -> None:
     assert shown["state"] == "off"
     assert shown["answered_next_tick"] is None
     assert [row["loop"] for row in shown["processes"]] == [None] * 5
+
+
+def test_how_late_the_supervisor_judged_is_shown() -> None:
+    """Lately, and since it began: a turn of 30 ms is in the first report only."""
+    bench = Bench(rig())
+    assert _shown(bench)["judge"] is None
+    late, now = bench.heard.setdefault("supervisor", Heard.nothing(2.0)), loop_report(50)
+    for k, lateness_ns in enumerate([[30_000_000], [30_000_000, 400_000, 500_000]]):
+        body = msgspec.structs.replace(now, ticks=50 + 50 * k, lateness=histogram(lateness_ns))
+        late.take(health("supervisor", uptime_s=50.0 + k, loop=body))
+    judge = _shown(bench)["judge"]
+    assert judge["rate_hz"] == pytest.approx(50.0)
+    assert 480 < judge["lateness_us"]["max"] < 525
+    assert judge["latest_us"] == pytest.approx(30_000.0)
 
 
 def test_the_agreed_keys() -> None:

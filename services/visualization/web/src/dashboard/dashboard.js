@@ -105,7 +105,7 @@ export class Dashboard {
     this.shown = state;
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);
-    this.floor.update(state.floor ?? [], state.processes ?? []);
+    this.floor.update(state.floor ?? [], state.processes ?? [], state.judge);
     text($("flight"), state.flight ? `last flight: ${state.flight} (trocar latency)` : "");
     this.events.update(state.events ?? []);
     this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);

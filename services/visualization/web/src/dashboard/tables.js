@@ -143,15 +143,22 @@ export class Realtime {
   }
 }
 
-// Misses of the machine itself, beside those of the rig: who is to blame.
+// Misses of the machine itself, beside those of the rig: who is to blame; and how late who says so was.
 export class Floor {
-  update(floor, processes) {
+  update(floor, processes, judge) {
+    text($("judge"), judge
+      ? `The supervisor judges ${hz(judge.rate_hz)} times a second, now at most ${late(judge.lateness_us.max)} late, since its start ${late(judge.latest_us)}.`
+      : "");
     const worst = Math.max(0, ...processes.map(({ loop }) => (loop?.target_hz >= 500 ? loop.miss_ratio ?? 0 : 0)));
-    const parts = floor.map((row) => `core ${row.core} ${share(row.late_ratio)} (worst ${us(row.lateness_us.max)}${row.lateness_us.max < 10000 ? " µs" : ""})`);
+    const parts = floor.map((row) => `core ${row.core} ${share(row.late_ratio)} (worst ${late(row.lateness_us.max)})`);
     text($("floor"), floor.length
       ? `The machine alone wakes over 1 ms late: ${parts.join(", ")}, in the last minute. ${verdict(floor, worst)}`
       : "What the machine itself costs is not measured (supervisor.watch_floor, or the rig runs in containers).");
   }
+}
+
+function late(x) {
+  return x < 10000 ? `${us(x)} µs` : us(x);
 }
 
 // Twice the floor is what a loop can hope for: it meets a stall in its sleep and in its work.
