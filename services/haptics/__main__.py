@@ -133,7 +133,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     meter = LoopMeter(RATE_HZ, STAGES)
     haptics = Haptics(process, meter, *prepared)
     process.ready(meter)
-    for frame in follow(process.bus, "gateway.state", meter, process.stop, process.health.send_in_halves):
+    for frame in follow(process.bus, "gateway.state", meter, process.stop, process.health.do_a_piece):
         if frame is not None:
             haptics.answer(frame)
             process.health.change("running")

@@ -107,7 +107,7 @@ class Physics:
     def settle(self) -> None:
         """Do what no tick waits for, between two."""
         if not (self._outputs.settle() or self._look_for_orders()):
-            self._process.health.send_in_halves()
+            self._process.health.do_a_piece()
         if self.simulation.rests != self._told_rests:
             self._told_rests = self.simulation.rests
             self._process.log.error(

@@ -92,4 +92,4 @@ def run_duct_alone(process: Process, meter: LoopMeter, scene: SceneModel, duct: 
         physics.advance(tick)
         process.bus.flush()
         process.bus.drain("supervisor.state")  # nothing is to be obeyed: no lower quality could save anything
-        process.health.send_if_due()
+        process.health.do_a_piece()

@@ -230,7 +230,7 @@ class DutyCycleLimiter:
 
 
 def follow(
-    bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool], slack: Callable[[], None] = lambda: None
+    bus: Bus, topic: str, meter: LoopMeter, stop: Callable[[], bool], slack: Callable[[], object] = lambda: None
 ) -> Iterator[Frame | None]:
     """Yield each new frame of `topic`, newest only; None when none came for two periods.
 

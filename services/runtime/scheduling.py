@@ -168,6 +168,17 @@ class Scheduling:
         return f"nice {_NICE}, slice {slice_ns / 1e6:g} ms" if slice_ns else f"nice {_NICE}, the kernel's slice"
 
 
+def step_aside() -> None:
+    """Let threads of the caller's priority run first: ZeroMQ's, which inherited it and has something to send.
+
+    With SCHED_DEADLINE nothing is done. There `sched_yield(2)` gives up what is left of the budget, and the thread
+    stands still until its next period: a tick was lost with every report, ten a second of each loop. The others have
+    budgets of their own.
+    """
+    if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != DEADLINE:
+        os.sched_yield()
+
+
 def _own_thread() -> int:
     import threading
 

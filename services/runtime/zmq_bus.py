@@ -5,7 +5,6 @@ On one host the loops send and receive the fast topics themselves (`services.run
 
 from __future__ import annotations
 
-import os
 import select
 import time
 from collections.abc import Callable, Iterable
@@ -20,6 +19,7 @@ from services.runtime import bus, endpoints, keys
 from services.runtime.direct import DirectReader, DirectSender
 from services.runtime.errors import BusError
 from services.runtime.rig import Transport
+from services.runtime.scheduling import step_aside
 from services.runtime.whole import (
     SENDS_PER_S,
     BatchSender,
@@ -174,7 +174,7 @@ class ZmqBus:
         else:
             self._senders[name].send(data, zmq.NOBLOCK)
             if at_once:
-                os.sched_yield()
+                step_aside()
         if batches is not None:
             batches.add(data, time.monotonic_ns())
         if box.sent % _COUNT_READERS_EVERY == 0:

@@ -42,7 +42,7 @@ def test_between_the_same_two_ticks_it_measures_looks_for_orders_or_reports(
     done: list[tuple[int, str]] = []
     monkeypatch.setattr(Simulation, "inserted_length_m", property(lambda _: done.append((rig.tick, "measured")) or 0.0))
     health = rig.physics_process.health
-    monkeypatch.setattr(health, "send_in_halves", lambda: done.append((rig.tick, "reported")), raising=False)
+    monkeypatch.setattr(health, "do_a_piece", lambda: done.append((rig.tick, "reported")), raising=False)
     drain = rig.physics_process.bus.drain
     monkeypatch.setattr(
         rig.physics_process.bus, "drain", lambda topic: done.append((rig.tick, f"looked at {topic}")) or drain(topic)

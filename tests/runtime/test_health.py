@@ -1,6 +1,9 @@
-"""A report of a process: made whole, or in two halves by a loop that has no room for a whole one between two ticks."""
+"""A report of a process: made whole, or in pieces by a loop that has no room for a whole one between two ticks."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,47 +43,63 @@ def _counted(report: bodies.Health) -> list[int]:
     return [int(np.sum(stage.counts.view())) for stage in report.stages]
 
 
-def test_what_is_made_in_halves_counts_each_tick_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_made_in_pieces_counts_each_tick_once(monkeypatch: pytest.MonkeyPatch) -> None:
     loop = Loop(monkeypatch)
     reporter = loop.reporter
     reporter.send_if_due()
     loop.reports()
     loop.tick(100)
-    assert reporter.halve()
+    assert reporter.do_a_piece()
     loop.tick(1)
-    assert not reporter.halve(), "the second half is left to be done"
+    assert reporter.do_a_piece(), "what is left is to be done"
+    loop.tick(1)
     reporter.send_if_due()
     (report,) = loop.reports()
     assert _counted(report) == [100, 100]
     assert report.loop is not None
     assert report.loop.ticks == 101
+    assert report.uptime_s == pytest.approx(0.101), "when its ticks were counted"
     loop.tick(100)
     reporter.send_if_due()
-    assert [_counted(each) for each in loop.reports()] == [[201, 201]]
+    assert [_counted(each) for each in loop.reports()] == [[202, 202]]
 
 
-def test_nothing_is_halved_before_it_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_begun_before_it_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
     loop = Loop(monkeypatch)
     loop.reporter.send_if_due()
     loop.tick(50)
-    assert not loop.reporter.halve()
+    assert not loop.reporter.do_a_piece()
     loop.reporter.send_if_due()
     assert len(loop.reports()) == 1
 
 
-def test_a_loop_never_does_both_halves_between_the_same_two_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_change_of_state_is_told_at_once_in_the_midst_of_a_report(monkeypatch: pytest.MonkeyPatch) -> None:
     loop = Loop(monkeypatch)
-    reporter, done = loop.reporter, []
-    costs, publish = reporter._stage_costs, loop.bus.publish
-    monkeypatch.setattr(reporter, "_stage_costs", lambda: done.append((loop.now_ns, "count")) or costs())
-    monkeypatch.setattr(loop.bus, "publish", lambda *said: done.append((loop.now_ns, "send")) or publish(*said))
+    assert loop.reporter.do_a_piece()
+    loop.reporter.change("degraded", "left: no drive")
+    (report,) = loop.reports()
+    assert (report.state, report.detail) == ("degraded", "left: no drive")
+    assert not loop.reporter.do_a_piece(), "one report is due at a time"
+
+
+def test_no_two_parts_of_a_report_are_made_between_the_same_two_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A third of a millisecond in one piece takes the next tick's time, or its budget where that is what is granted."""
+    loop = Loop(monkeypatch)
+    reporter, bus, done = loop.reporter, loop.bus, []
+    parts = [(reporter, "_stage_costs"), (loop.meter, "body"), (bus, "reports"), (reporter, "counts"), (bus, "publish")]
+
+    def noting(name: str, made: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *said: done.append((loop.now_ns, name)) or made(*said)
+
+    for owner, name in parts:
+        monkeypatch.setattr(owner, name, noting(name, getattr(owner, name)), raising=False)
     for _ in range(250):
         loop.tick(1)
-        reporter.send_in_halves()
-    assert [what for _, what in done] == ["count", "send"] * 3
+        reporter.do_a_piece()
+    assert [what for _, what in done] == [name for _, name in parts] * 3
     moments = [when for when, _ in done]
     assert len(set(moments)) == len(moments)
-    assert moments[3] - moments[1] == 101 * MS
+    assert moments[5] - moments[0] == 100 * MS, "ten a second, whatever they take"
     assert len(loop.reports()) == 3
 
 

@@ -76,6 +76,16 @@ while not full.is_set():
 print("full", flush=True)
 input()
 """
+#: Whether a thread that steps aside yields, in the class that it has.
+_ASIDE = """
+import os
+from services.runtime import scheduling
+yielded = []
+os.sched_yield = lambda: yielded.append(1)
+scheduling.set_attributes(0, {policy}, {flags}, runtime_ns={runtime_ns})
+scheduling.step_aside()
+print(len(yielded))
+"""
 NO_DEADLINE = "Scheduling._deadline = refused"
 
 
@@ -100,6 +110,22 @@ def test_a_slow_loop_has_its_share_in_one_piece_and_later_deadlines(asked_ns: in
     assert [thread[5:] for thread in had["threads"]] == [
         [pytest.approx(share * period_ns), period_ns, period_ns] for share in (0.1, 0.01)
     ]
+
+
+@pytest.mark.parametrize(
+    ("policy", "flags", "yields"),
+    [
+        pytest.param(scheduling.DEADLINE, 1 | 2, 0, marks=needs_deadline),
+        pytest.param(os.SCHED_OTHER, 0, 1),
+        pytest.param(os.SCHED_OTHER, 1, 1, marks=needs_nice),
+    ],
+)
+def test_who_steps_aside_never_gives_up_a_deadline_threads_budget(policy: int, flags: int, yields: int) -> None:
+    """The kernel takes a yield of such a thread as the end of its work: it is not run before its next period."""
+    runtime_ns = 300_000 if policy == scheduling.DEADLINE else 0
+    script = _ASIDE.format(policy=policy, flags=flags, runtime_ns=runtime_ns)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.strip() == str(yields), done.stderr
 
 
 @needs_deadline
