@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import json
 import secrets
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -25,6 +26,9 @@ from services.supervisor.page_place import DIST
 Endpoint = Callable[[Request], Awaitable[Response]]
 
 EVENT_PERIOD_S = 0.2
+#: Where the page says who the rig is; as it is built it does not know.
+_UNTOLD = '<script id="rig" type="application/json">null'
+_NOT_KEPT = {"Cache-Control": "no-store"}
 _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
 <p>The rig runs, but <code>services/visualization/web/dist</code> is missing. Build it once with
 <code>npm ci &amp;&amp; npm run build</code> in <code>services/visualization/web</code> and load this page again.</p>
@@ -100,10 +104,21 @@ def build_app(context: PageContext) -> Starlette:
         Route("/healthz", _healthz(context)),
     ]
     if (context.dist / "index.html").is_file():
+        routes += [Route("/", _index(context)), Route("/index.html", _index(context))]
         routes.append(Mount("/", StaticFiles(directory=context.dist, html=True)))
     else:
         routes.append(Route("/", _not_built))
     return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
+
+
+def _index(context: PageContext) -> Endpoint:
+    async def index(request: Request) -> Response:
+        """Return the page with the rig in it: what it would ask for first, and wait for before it draws."""
+        text = (context.dist / "index.html").read_text(encoding="utf-8")
+        told = json.dumps(_told(context, request)).replace("<", "\\u003c")  # no name may end the script it stands in
+        return HTMLResponse(text.replace(_UNTOLD, f"{_UNTOLD[: -len('null')]}{told}", 1), headers=_NOT_KEPT)
+
+    return index
 
 
 async def _not_built(_request: Request) -> Response:
@@ -126,28 +141,31 @@ def _events(context: PageContext) -> Endpoint:
             await asyncio.sleep(EVENT_PERIOD_S)
 
     async def events(_request: Request) -> Response:
-        return StreamingResponse(stream(), media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+        return StreamingResponse(stream(), media_type="text/event-stream", headers=_NOT_KEPT)
 
     return events
 
 
 def _rig(context: PageContext) -> Endpoint:
     async def rig(request: Request) -> Response:
-        host = host_of(request.scope)
-        host = f"[{host}]" if ":" in host else host
-        return JSONResponse(
-            {
-                "name": context.rig.name,
-                "scene": context.scene,
-                "viewer": context.rig.visualization.viewer,
-                "view_ws": f"ws://{host}:{context.view_port()}/ws",
-                "hands": context.rig.page_hands(),
-                "token_needed": True,
-                "contracts": context.rig.contracts.model_dump(mode="json"),
-            }
-        )
+        return JSONResponse(_told(context, request))
 
     return rig
+
+
+def _told(context: PageContext, request: Request) -> dict[str, object]:
+    """Return who the rig is, for whoever sees it under the name that was asked for."""
+    host = host_of(request.scope)
+    host = f"[{host}]" if ":" in host else host
+    return {
+        "name": context.rig.name,
+        "scene": context.scene,
+        "viewer": context.rig.visualization.viewer,
+        "view_ws": f"ws://{host}:{context.view_port()}/ws",
+        "hands": context.rig.page_hands(),
+        "token_needed": True,
+        "contracts": context.rig.contracts.model_dump(mode="json"),
+    }
 
 
 def _command(context: PageContext, act: Callable[[str], None]) -> Endpoint:

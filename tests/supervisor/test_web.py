@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -102,6 +103,22 @@ def test_page_that_is_built_is_served(context: PageContext) -> None:
     assert client.get("/app.js").text == "1"
     assert client.get("/%2e%2e/made_up.txt").status_code == 404
     assert client.get("/healthz").status_code == 200
+
+
+def test_the_page_brings_the_rig_that_it_would_ask_for(context: PageContext) -> None:
+    """The built document has a place for it; a name that would end the script there is a name still."""
+    source = Path(__file__).resolve().parents[2] / "services" / "visualization" / "web" / "src" / "index.html"
+    context.dist.mkdir()
+    (context.dist / "index.html").write_text(source.read_text())
+    context.scene = "</script><script>alert(1)</script>"
+    client = Client(build_app(context))
+    for path in ("/", "/index.html"):
+        answer = client.get(path, headers={"Host": "[::1]:8080"})
+        assert answer.headers["Cache-Control"] == "no-store"
+        assert answer.text.count("<script") == source.read_text().count("<script")
+        found = re.search(r'<script id="rig" type="application/json">(.*?)</script>', answer.text)
+        assert found is not None
+        assert json.loads(found[1]) == client.get("/api/rig", headers={"Host": "[::1]:8080"}).json()
 
 
 def test_rig_names_the_view_on_the_host_that_was_asked(client: Client) -> None:

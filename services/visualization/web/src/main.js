@@ -52,4 +52,4 @@ new RigStream({
     dashboard.link(text);
     if (!view) makeView(); // no rig answers: the page is there all the same
   },
-});
+}, JSON.parse(document.getElementById("rig").textContent));

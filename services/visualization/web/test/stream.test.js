@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Silence } from "../src/dashboard/stream.js";
+import { RigStream, Silence } from "../src/dashboard/stream.js";
 
 test("a supervisor that says nothing for three seconds is silent", () => {
   const silence = new Silence(0);
@@ -16,4 +16,26 @@ test("time in which the page itself was not run counts against nobody", () => {
   assert.equal(silence.look(13000), false);
   for (let now = 13500; now <= 15000; now += 500) assert.equal(silence.look(now), false);
   assert.equal(silence.look(15500), true);
+});
+
+// What a page does first: who is asked for what, in order.
+async function begun(t, rig) {
+  const done = [];
+  t.mock.timers.enable({ apis: ["setInterval"] });
+  globalThis.EventSource = class { constructor(address) { done.push(address); } addEventListener() {} };
+  globalThis.fetch = async (address) => (done.push(address), { ok: true, json: async () => ({ name: "asked" }) });
+  new RigStream({ onRig: ({ name }) => done.push(name) }, rig);
+  const atOnce = done.length;
+  await new Promise(setImmediate);
+  return { done, atOnce };
+}
+
+test("a page that was served with its rig asks nobody who that is, and begins in the same turn", async (t) => {
+  const { done, atOnce } = await begun(t, { name: "told" });
+  assert.deepEqual(done, ["events", "told"]);
+  assert.equal(atOnce, 2);
+});
+
+test("a page that was not asks first", async (t) => {
+  assert.deepEqual((await begun(t, null)).done, ["api/rig", "events", "asked"]);
 });

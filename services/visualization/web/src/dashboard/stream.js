@@ -25,25 +25,33 @@ export class Silence {
 }
 
 export class RigStream {
-  // handlers: onRig(rig), onState(state), onLink(text or null)
-  constructor(handlers) {
+  // handlers: onRig(rig), onState(state), onLink(text or null); `rig`: as the page was served with it, null where it was not.
+  constructor(handlers, rig = null) {
     this.handlers = handlers;
     this.silence = new Silence(performance.now());
-    this.open();
+    this.begin(rig);
     setInterval(() => this.silence.look(performance.now()) && this.lost(), LOOK_MS);
   }
 
+  // With what the page itself brought (`rig`, null for nothing) nothing is asked first: on a busy computer an answer takes long.
+  begin(rig) {
+    if (!rig) return this.open();
+    this.follow("events"); // on its way while what is made of the rig is made
+    this.handlers.onRig(rig);
+  }
+
   async open() {
+    let rig;
     try {
       const answer = await fetch("api/rig", { cache: "no-store" });
       if (!answer.ok) throw new Error(`status ${answer.status}`);
-      const rig = await answer.json();
-      this.handlers.onRig(rig);
-      this.follow("events");
+      rig = await answer.json();
     } catch {
       this.lost();
       setTimeout(() => this.open(), RETRY_MS);
+      return;
     }
+    this.begin(rig);
   }
 
   follow(address) {
