@@ -147,21 +147,25 @@ def test_what_a_tool_pressed_is_let_go_at_rest_when_it_vanishes(pressed):
     np.testing.assert_allclose(came_back, 0.5 * turn[pressed_far] ** 2, rtol=0.5)
 
 
-def test_a_tool_that_comes_back_inside_the_wall_touches_nothing_until_it_has_been_withdrawn(pressed):
+@pytest.mark.parametrize("deeper_m", [0.0, 3e-3, 6e-3])
+def test_a_tool_that_comes_back_inside_the_wall_touches_nothing_until_it_has_been_withdrawn(pressed, deeper_m):
+    """One that comes back with its tips in the lumen is not in its right place there: it goes out through the wall."""
     simulation, tools = pressed
+    pressing_m = tools.position_m[0].copy()
     tools.present[0] = False
     for _ in range(100):
         simulation.step(tools)
     tools.present[0] = True
+    tools.position_m[0, 2] -= deeper_m
     for _ in range(50):
         simulation.step(tools)
         assert not simulation.tool_results.force_n.any()
-    inside = tools.position_m[0].copy()
-    tools.position_m[0] = AWAY_M
-    for _ in range(100):
+    for lifted_m in np.linspace(0.0, deeper_m + 6e-3, 100):
+        tools.position_m[0] = np.add(pressing_m, (0.0, 0.0, lifted_m - deeper_m))
         simulation.step(tools)
-    for part in np.linspace(0.0, 1.0, 150):
-        tools.position_m[0] = (1.0 - part) * np.array(AWAY_M) + part * inside
+        assert np.abs(simulation.tool_results.force_n).max() < 1e-3
+    for lifted_m in np.linspace(6e-3, 0.0, 150):
+        tools.position_m[0] = np.add(pressing_m, (0.0, 0.0, lifted_m))
         simulation.step(tools)
     assert np.linalg.norm(simulation.tool_results.force_n[0]) > 0.05
 
