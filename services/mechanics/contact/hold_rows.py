@@ -9,8 +9,9 @@ from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.contact.frames import write_frame
-from services.mechanics.contact.geometry import RodGeometry, ToolGeometry, WallGeometry
+from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, unit
+from services.mechanics.contact.frames import tangents
+from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.identity import hold_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows
@@ -26,9 +27,13 @@ from services.mechanics.contact.writer import (
 )
 from services.mechanics.scene.tools import N_TOOLS
 
-_HOLD = number_of("hold")
+_HOLD, _GRIP = number_of("hold"), number_of("grip")
+# The axis of a catheter's row that lies along it; the first one is across the jaws.
+_ALONG = 1
 # A direction in which a point is guided, not held.
 LOOSE_SOFTNESS_M_N = 1.0
+# Sine between catheter and opening below which jaws round it are not across it.
+LEAST_ACROSS = 0.1
 
 
 class HoldArrays(Struct):
@@ -57,14 +62,15 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
     n_rows = rows.reserved = 0
     for index in range(count):
         slot = holds.order[index]
-        row = append_row(rows, _HOLD, hold_identity(holds.number[slot]))
+        law = _GRIP if holds.target_kind[slot] == CATHETER_SEGMENT else _HOLD
+        row = append_row(rows, law, hold_identity(holds.number[slot]))
         if row == NO_ROOM:
             continue
         _tool_side(holds, slot, geometry.tools, rows, row)
         if holds.target_kind[slot] == CATHETER_SEGMENT:
-            _catheter_side(holds, slot, geometry.rod, rows, row)
+            _catheter_side(holds, slot, geometry, rows, row)
             if _follows_another(holds, index):
-                rows.softness_m_n[row, 0] = LOOSE_SOFTNESS_M_N
+                rows.softness_m_n[row, _ALONG] = LOOSE_SOFTNESS_M_N
         else:
             _wall_side(holds, slot, geometry.wall, rows, row)
             _let_jaws_close(holds.tool[slot], geometry.tools, rows, row)
@@ -88,16 +94,21 @@ def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactR
 
 
 @kernel
-def _catheter_side(holds: HoldArrays, slot: int, rod: RodGeometry, rows: ContactRows, row: int) -> None:
-    """Take the held point off, and turn the frame along the catheter."""
-    first, weights = holds.target[slot], holds.weights[slot]
+def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
+    """Take the held point off, and turn the frame across the jaws and along the catheter."""
+    rod, first, weights = geometry.rod, holds.target[slot], holds.weights[slot]
     put_on_rod(rows, row, TARGET_SIDE, (first, first + 1), (-weights[0], -weights[1]))
     for end in range(2):
         for axis in range(3):
             rows.slip_m[row, axis] -= weights[end] * (rod.position[first + end, axis] + rod.motion[first + end, axis])
-    tangent = rows.frame[row, 0]
-    _tangent(rod.position, first, tangent)
-    write_frame(tangent, rows.frame[row])
+    _tangent(rod.position, first, rows.frame[row, _ALONG])
+    tangent, opening = row_of(rows.frame, row, _ALONG), row_of(geometry.tools.frame, holds.tool[slot], 0)
+    across = along(opening, tangent, -dot(opening, tangent))
+    if dot(across, across) < LEAST_ACROSS**2:  # it stands on the jaws, and what is across them is anybody's guess
+        across, _ = tangents(tangent[0], tangent[1], tangent[2])
+    across = unit(across)
+    put_row_of(rows.frame, row, 0, across)
+    put_row_of(rows.frame, row, 2, cross(across, tangent))
 
 
 @kernel
@@ -134,7 +145,7 @@ def _another_slides(state: ContactState, holds: HoldArrays, index: int, first: i
     for earlier in range(index):
         slot = holds.order[earlier]
         if holds.tool[slot] == tool and holds.target_kind[slot] == CATHETER_SEGMENT:
-            is_guide = state.rows.softness_m_n[first + index, 0] == LOOSE_SOFTNESS_M_N
+            is_guide = state.rows.softness_m_n[first + index, _ALONG] == LOOSE_SOFTNESS_M_N
             return bool(is_guide and state.slides[first + earlier])
     return False
 
@@ -185,7 +196,8 @@ def slide_holds(
             holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
         if follows:
             # It goes with the other one: left behind, it would hold the jaws to the line through it.
-            _to_world(rows, row, (-rows.softness_m_n[row, 0] * rows.force_n[row, 0], 0.0, 0.0), slip)
+            stretch = rows.softness_m_n[row, _ALONG] * rows.force_n[row, _ALONG]
+            _to_world(rows, row, (0.0, -stretch, 0.0), slip)
         if holds.target_kind[slot] == CATHETER_SEGMENT:
             _slide_along(holds, slot, slip, state.geometry.rod.position, state.scratch.free)
         _slide_in_jaws(holds, slot, slip, state.geometry.tools)
@@ -225,6 +237,6 @@ def _slide_in_jaws(holds: HoldArrays, slot: int, slip: FloatArray, tools: ToolGe
     frame = tools.frame[tool]
     for axis in range(3):
         anchor[axis] -= frame[axis, 0] * slip[0] + frame[axis, 1] * slip[1] + frame[axis, 2] * slip[2]
-    across, along = holds.reach[tool, 0], holds.reach[tool, 1]
-    if not (-across <= anchor[2] <= along and abs(anchor[0]) <= across and abs(anchor[1]) <= across):
+    across, beyond = holds.reach[tool, 0], holds.reach[tool, 1]
+    if not (-across <= anchor[2] <= beyond and abs(anchor[0]) <= across and abs(anchor[1]) <= across):
         holds.lost[slot] = True

@@ -118,6 +118,13 @@ def test_penalty_of_a_hold_is_a_spring_up_to_its_limit():
     assert penalty(row_of("hold", slip_m=slip, force_limit_n=0.1)) == pytest.approx(-0.1 * slip / 5e-3)
 
 
+def test_penalty_of_a_grip_has_no_limit_across_the_jaws():
+    slip = np.array([5e-3, 3e-3, -4e-3])
+    assert penalty(row_of("grip", slip_m=slip)) == pytest.approx(-100.0 * slip)
+    limited = penalty(row_of("grip", slip_m=slip, force_limit_n=0.1))
+    assert limited == pytest.approx([-0.5, -0.06, 0.08])
+
+
 @pytest.mark.parametrize("viscosity", [0.5, 2.0])
 def test_penalty_of_a_film_is_its_viscosity_times_the_rate(viscosity):
     """b v with v the slip over the step; the spring of the contacts has no part in it."""

@@ -9,7 +9,7 @@ from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.solver import SolverScratch, solve_contacts
 from services.mechanics.contact.writer import append_row
 
-UNILATERAL, HOLD = number_of("unilateral"), number_of("hold")
+UNILATERAL, HOLD, GRIP = number_of("unilateral"), number_of("hold"), number_of("grip")
 TIED = 1.0 - 1e-4
 
 
@@ -41,6 +41,26 @@ def test_a_slipping_hold_beside_one_that_holds(limit):
     assert np.abs(motion[3:]).max() < 1e-9
     assert np.allclose(np.cross(motion[:3], force[:3]), 0.0, atol=1e-9)
     assert motion[:3] @ force[:3] < 0.0
+
+
+@pytest.mark.parametrize("limit", [0.5, 2.0, 5.0])
+def test_a_grip_slips_along_the_jaws_only_however_hard_it_is_pressed_on_one_of_them(limit):
+    free = [30e-2, 2e-2, -1e-2, 40e-2, 2e-2, 1e-2]
+    W, motion, force, sweeps = tied_pair([GRIP, GRIP], [0, 0], [limit, 1e3], free)
+    assert sweeps <= 25
+    assert np.allclose(motion, free + W @ force)
+    assert np.hypot(*force[1:3]) == pytest.approx(limit, rel=1e-8)
+    assert abs(force[0]) > 5.0 * limit
+    assert abs(motion[0]) < 1e-9
+    assert np.abs(motion[3:]).max() < 1e-9
+    assert motion[1] * force[2] == pytest.approx(motion[2] * force[1], rel=1e-6)
+    assert motion[1:3] @ force[1:3] < 0.0
+
+
+def test_a_grip_that_squeezes_no_more_bears_nothing():
+    _, motion, force, _ = tied_pair([GRIP, GRIP], [0, 0], [0.0, 0.0], [3e-2, 2e-2, -1e-2, 4e-2, 2e-2, 1e-2])
+    assert not force.any()
+    assert motion[0] == 3e-2
 
 
 def test_a_sliding_contact_beside_a_hold():

@@ -44,7 +44,7 @@ class Pull:
         self.simulation.step(self.tools, dt_s=self.dt_s)
         rows, n = self.simulation.contacts, self.simulation.contacts.n_contacts
         along = self.simulation.contact_force_n[:, 0]
-        return tuple(along[rows.law[:n] == number_of(law)].sum() for law in ("hold", "seal"))
+        return tuple(along[rows.law[:n] == number_of(law)].sum() for law in ("grip", "seal"))
 
 
 @pytest.mark.parametrize("dt_s", [1e-3, 2.5e-4])

@@ -70,6 +70,27 @@ def test_jaws_that_open_and_squeeze_no_more_meet_the_catheter_that_they_held(hol
     assert not simulation.tools.held.any()
 
 
+def test_what_slips_in_jaws_does_not_slip_into_one_of_them(small_duct, with_effects):
+    """Held by friction alone, it went through them across, and was 2 mm deep in one when they let go."""
+    simulation, tools = Simulation(with_effects(grasp_slip={}), small_duct), ToolInputs()
+    tools.present[0] = False
+    held_at = simulation.catheter.state.position_m[15].copy()
+    shaft = held_at - simulation.tools.port_m[1]
+    at = held_at - 12e-3 * shaft / np.linalg.norm(shaft)
+    tools.roll_rad[1], tools.jaw_angle_rad[1] = 0.5 * np.pi, 0.31
+    tools.holds = [
+        GraspHold(number, 1, CATHETER_SEGMENT, 15, np.array([1.0 - s, s, 0.0]), 0.01, 0.31)
+        for number, s in ((3, 0.0), (5, 0.5))
+    ]
+    for tick in range(150):
+        b, h, d = simulation.tools.frame[1]
+        tools.position_m[1] = at + min(tick, 100) * 1e-5 * (4.0 * b + h - 2.0 * d)
+        simulation.step(tools)
+        assert list(simulation.holds.active) == [3, 5]
+        assert jaws_depth_m(simulation) < 0.1e-3
+    assert simulation.holds.active[3].slipped_m > 0.5e-3
+
+
 def test_jaws_at_rest_on_two_edges_of_the_wall_feel_the_same_for_ever(cache_dir):
     """Before, the edges took turns from tick to tick: the force went to and fro by 0.2 mN, and crept by 1 mN/s."""
     scene = insertion_scene()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from services.mechanics.compiled import made_kernel
-from services.mechanics.contact.laws import film, hold, seal, squeeze, unilateral
+from services.mechanics.contact.laws import film, grip, hold, seal, squeeze, unilateral
 from services.mechanics.contact.laws.law import ContactLaw, Kernel
 
 LAWS: dict[str, ContactLaw] = {
@@ -19,6 +19,7 @@ LAWS: dict[str, ContactLaw] = {
     "film": film.LAW,
     "seal": seal.LAW,
     "squeeze": squeeze.LAW,
+    "grip": grip.LAW,
 }
 
 
