@@ -216,7 +216,7 @@ class FemCase(Part):
     regions: tuple[Region, ...] = ()
     elements: Elements = Elements()
     constraints: Literal["elimination", "penalty"] = "elimination"
-    supports: tuple[Held, ...] = Field(min_length=1)
+    supports: tuple[Held, ...]
     loads: tuple[Load, ...] = ()
     probes: dict[str, Where] = {}
     analysis: Literal["linear", "nonlinear"] = "linear"

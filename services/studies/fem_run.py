@@ -26,19 +26,16 @@ from services.mechanics.fem import (
     pressure_load,
     surface_load,
 )
-from services.mechanics.fem.elements import MEMBRANE_ELEMENTS
-from services.mechanics.fem.facets import drilling_excess
+from services.mechanics.fem.floating import Floating, compute_floating_modes, find_floating
 from services.mechanics.fem.memory import check_memory
 from services.mechanics.fem.nonlinear import (
     CorotationalShell,
     NonlinearLoad,
     PathPoint,
     PathSettings,
-    largest_strain,
     trace_path,
 )
-from services.mechanics.fem.supports import DOF_NAMES
-from services.mechanics.fem.thinness import DOUBTFUL_RATIO, THINNEST_RATIO, thickness_over_width
+from services.mechanics.fem.supports import DOF_NAMES, held_dofs
 from services.mechanics.surface.mesh import TriangleMesh, unique_edges
 from services.mechanics.surface.panel import Annulus, Cylinder, Plate, Sphere
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
@@ -48,17 +45,12 @@ from services.meshes.reading import read_surface
 from services.meshes.repairing import merge_and_drop
 from services.meshes.winding import face_outwards, flipped_edges, wind_consistently
 from services.studies.fem_case import FemCase, Held, Load
+from services.studies.fem_cautions import find_cautions
 from services.studies.fem_select import place_mm, select
 
 OnStage = Callable[[str, int], None]
 """Told the name of a stage and how many steps it is expected to take; then called with "" and 1 a step."""
 
-LARGE_DISPLACEMENT = 0.1
-"""Part of the mesh's size beyond which a linear solution is no picture of what happens."""
-LARGE_STRAIN = 0.1
-"""Of the wall's middle surface, beyond which elements that are linear in strain say little."""
-DOUBTFUL_EXCESS = 0.01
-"""Part by which torsion may be too stiff without a word."""
 MOST_TURNED = 0.25
 """Part of a sheet's area that may be wound against the rest; beyond it the file does not say which side is out."""
 MOST_POINTS, POINTS_A_STEP = 500, 10
@@ -125,7 +117,7 @@ def _solve(case: FemCase, folder: Path, on_stage: OnStage) -> FemResult:
     on_stage("mesh", 1)
     mesh, actions = build_mesh(case, folder, on_stage)
     on_stage("assembly", 1)
-    model, imposed = build_model(case, mesh)
+    model, imposed, floating = build_model(case, mesh)
     for name, where in case.probes.items():
         select(mesh, where, f"probes.{name}")
     on_stage("factors", 1)
@@ -140,14 +132,15 @@ def _solve(case: FemCase, folder: Path, on_stage: OnStage) -> FemResult:
     if case.modes:
         on_stage("modes", 3 * case.modes + 20)
         with _naming("modes"):
-            modes = compute_modes(model, case.modes, lambda: on_stage("", 1))
+            modes = _modes(case, model, floating, lambda: on_stage("", 1))
     buckling = None
     if case.buckling and static is not None:
         on_stage("buckling", 1)
         pressure_pa = sum(load.pressure_pa or 0.0 for load in case.loads)
         with _naming("buckling"):
             buckling = compute_buckling(model, static, case.buckling, pressure_pa)
-    return FemResult(case, model, actions, _cautions(model, static, path), static, modes, buckling, path)
+    cautions = [*find_cautions(case, model, static, path), *_about_freedom(floating)]
+    return FemResult(case, model, actions, cautions, static, modes, buckling, path)
 
 
 def _trace(case: FemCase, model: ShellModel, imposed: FloatArray, on_stage: OnStage) -> list[PathPoint]:
@@ -178,6 +171,17 @@ def _trace(case: FemCase, model: ShellModel, imposed: FloatArray, on_stage: OnSt
     return trace_path(CorotationalShell(model), load, settings, advance)
 
 
+def _about_freedom(floating: Floating) -> list[str]:
+    n = len(floating.pins)
+    return [f"the supports leave {n} rigid motions: they are the first modes, at 0 Hz"] if n else []
+
+
+def _modes(case: FemCase, model: ShellModel, floating: Floating, on_solve: Callable[[], None]) -> EigenModes:
+    if len(floating.pins):
+        return compute_floating_modes(model, floating, case.modes, on_solve)
+    return compute_modes(model, case.modes, on_solve)
+
+
 @contextmanager
 def _naming(key: str) -> Iterator[None]:
     """Make an iteration that gives up a sentence about the key that asked for it."""
@@ -186,40 +190,6 @@ def _naming(key: str) -> Iterator[None]:
     except ArpackNoConvergence as error:
         found = len(error.eigenvalues)
         raise ValueError(f"{key}: the iteration gave up with {found} found to rounding; ask for fewer") from error
-
-
-def _cautions(model: ShellModel, static: StaticSolution | None, path: list[PathPoint]) -> list[str]:
-    cautions = []
-    ratio, centre_m = thickness_over_width(model.mesh, model.section)
-    if ratio > DOUBTFUL_RATIO:
-        place_mm = np.round(1e3 * centre_m, 2).tolist()
-        cautions.append(
-            f"the wall's thickness is {ratio:.2g} of the width of the piece round {place_mm} mm: transverse shear, "
-            "which a Kirchhoff shell lacks, counts there"
-        )
-    if ratio < THINNEST_RATIO:
-        cautions.append(
-            f"the wall's thickness is {ratio:.2g} of the width of every piece: is the mesh, or thickness_m, in "
-            f"another unit? {THINNEST_RATIO:g} is the thinnest that makes sense here"
-        )
-    excess = drilling_excess(model.mesh, model.section)
-    name = model.elements.membrane
-    if MEMBRANE_ELEMENTS[name].has_stiff_drilling and excess > DOUBTFUL_EXCESS:
-        cautions.append(
-            f"elements.membrane: '{name}' makes torsion of this wall about {100 * excess:.2g} % too stiff, its cells "
-            "are short beside the angle between them; 'cst' or longer cells do not"
-        )
-    size_m = float(np.linalg.norm(np.ptp(model.mesh.vertices_m, axis=0)))
-    moved_m = 0.0 if static is None else float(np.linalg.norm(static.displacement_m, axis=1).max())
-    if moved_m > LARGE_DISPLACEMENT * size_m:
-        cautions.append(
-            f"the largest displacement is {moved_m / size_m:.2g} of the mesh's size: displacements are taken as small, "
-            "so only its proportion to the load means something (analysis: nonlinear follows it)"
-        )
-    strain = largest_strain(model, path[-1].at) if path else 0.0
-    if strain > LARGE_STRAIN:
-        cautions.append(f"the largest strain of the wall's middle is {strain:.2g}: rotations may be large, strains not")
-    return cautions
 
 
 def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tuple[TriangleMesh, list[str]]:
@@ -247,8 +217,11 @@ def build_mesh(case: FemCase, folder: Path, on_stage: OnStage = _silent) -> tupl
     return face_outwards(wind_consistently(merged, actions, MOST_TURNED), actions), actions
 
 
-def build_model(case: FemCase, mesh: TriangleMesh) -> tuple[ShellModel, FloatArray]:
-    """The supported model, and the (n, 6) displacements imposed on its held dofs."""
+def build_model(case: FemCase, mesh: TriangleMesh) -> tuple[ShellModel, FloatArray, Floating]:
+    """The supported model, the (n, 6) displacements imposed on its held dofs, and what it may do rigidly.
+
+    Only a case that asks for nothing but modes may float: then the model is pinned, as `find_floating` says.
+    """
     supports = []
     imposed = np.zeros((mesh.n_vertices, 6))
     held_by = np.full((mesh.n_vertices, 6), -1, np.int32)
@@ -257,7 +230,11 @@ def build_model(case: FemCase, mesh: TriangleMesh) -> tuple[ShellModel, FloatArr
         supports.append(Support(vertices, held.dofs))
         _impose(held, k, vertices, imposed, held_by, mesh)
     elements = ElementChoice(case.elements.membrane, case.elements.bending)
-    return ShellModel(mesh, _section(case, mesh), supports, elements, case.constraints), imposed
+    floating = Floating(np.zeros((6 * mesh.n_vertices, 0)), np.zeros(0, np.int32))
+    if not case.loads and not imposed.any() and case.constraints == "elimination":
+        floating = find_floating(mesh, held_dofs(mesh, supports))
+        supports += [Support(np.array([dof // 6]), (DOF_NAMES[dof % 6],)) for dof in floating.pins]
+    return ShellModel(mesh, _section(case, mesh), supports, elements, case.constraints), imposed, floating
 
 
 def _impose(held: Held, k: int, vertices: IntArray, imposed: FloatArray, held_by: IntArray, mesh: TriangleMesh) -> None:

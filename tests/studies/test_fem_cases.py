@@ -339,3 +339,29 @@ def test_a_moment_bends_a_strip_to_the_beam_s_curvature(tmp_path):
     }
     tip = run(write(tmp_path, case), tmp_path)["path"]["points"][-1]["probes"]["tip"]
     assert tip == pytest.approx([-0.1, 0.0, 0.2 / np.pi], abs=3e-4)
+
+
+def test_a_plate_that_nothing_holds_has_its_rigid_motions_at_nothing(tmp_path, capsys):
+    found = run(surface_case(tmp_path, square(0.0), supports=[], loads=[], modes=8, thickness_m=0.01), tmp_path)
+    assert found["frequency_hz"][:6] == [0.0] * 6
+    assert found["frequency_hz"][6] > 0.0
+    assert "the supports leave 6 rigid motions: they are the first modes, at 0 Hz" in capsys.readouterr().out
+
+
+def test_forces_on_a_rim_that_stiff_drilling_freedoms_bend_are_cautioned(tmp_path):
+    """By 6 (l phi / 8) / t of the membrane's stress; not where rotations are held, nor with the other membrane."""
+    thin = {"parametric": {"radius_m": 0.1, "length_m": 0.2, "n_around": 32, "n_along": 10}}
+    pull = {"force_n": [1.0, 0.0, 0.0], "where": {"vertex_set": "mouth"}}
+
+    def cautions(membrane, load):
+        case = changed(
+            mesh=thin, thickness_m=1e-3, loads=[load], modes=0, elements={"membrane": membrane, "bending": "dkt"}
+        )
+        return run(write(tmp_path, case), tmp_path)["cautions"]
+
+    said = cautions("andes", pull)
+    edge_m, angle = 2.0 * 0.1 * np.sin(np.pi / 32), 2.0 * np.pi / 32
+    assert len(said) == 1
+    assert f"{edge_m * angle / 8.0 / 1e-3:.2g} of the thickness beside the wall" in said[0]
+    assert cautions("cst", pull) == []
+    assert cautions("andes", {"acceleration_m_s2": [1.0, 0.0, 0.0]}) == []

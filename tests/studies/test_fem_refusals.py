@@ -101,9 +101,12 @@ EVERYWHERE = {"where": {"box_m": [[-1, -1, -1], [1, 1, 1]]}}
             {"mesh": {"parametric": {"radius_m": 0.004, "length_m": 0.04, "n_around": 9999, "n_along": 9999}}},
             r"case.yaml: mesh.parametric: n_around times n_along make 2e\+08 triangles",
         ),
-        ({"supports": []}, "case.yaml: supports: .* at least 1"),
+        ({"supports": [], "loads": [{"traction_pa": [1.0, 0, 0]}]}, "case.yaml: supports: .* rigidly in 6 of 6 ways"),
         ({"supports": [{"where": {"vertex": 3}}]}, None),
-        ({"supports": [{"where": {"vertex": 3}, "dofs": ["ux"]}]}, "case.yaml: supports: .* rigidly in 5 of 6 ways"),
+        (
+            {"supports": [{"where": {"vertex": 3}, "dofs": ["ux"]}], "loads": [{"traction_pa": [1.0, 0, 0]}]},
+            "case.yaml: supports: .* rigidly in 5 of 6 ways",
+        ),
         ({"supports": [{"where": {"vertex": 9999}}]}, r"supports.0.where.vertex: 9999 does not exist"),
         (
             {"supports": [{"where": {"vertex_set": "rim"}}]},

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.fem.elements.andes import ALPHA_B
 from services.mechanics.fem.section import ShellSection
-from services.mechanics.surface.mesh import TriangleMesh, half_edges, paired_half_edges, triangle_area_vectors
+from services.mechanics.surface.mesh import (
+    TriangleMesh,
+    edge_of_half_edges,
+    half_edges,
+    paired_half_edges,
+    triangle_area_vectors,
+)
 
 CREASE_RAD = np.radians(60.0)
 """Triangles that meet at more than this make a crease, not a curved wall."""
@@ -30,6 +37,36 @@ def drilling_excess(mesh: TriangleMesh, section: ShellSection) -> float:
     if not is_curved.any():
         return 0.0
     return EXCESS_PER_SQUARE * float(np.median((thickness * angle / length)[is_curved] ** 2))
+
+
+def rim_eccentricity(mesh: TriangleMesh, section: ShellSection, vertices: IntArray) -> float:
+    """Return by how much of the wall's thickness forces on rim vertices act beside a wall with stiff drilling freedoms.
+
+    A force per length N across an edge of length l turns the drilling freedoms of its ends by moments alpha_b N l² / 12
+    against each other (`elements.andes`). On a flat rim those of two neighbours cancel; where these are tilted by an
+    angle phi, what is left bends the wall like a moment N e per length with e = alpha_b l phi / 12. Forces on vertices
+    bring no such moments, nor do supports that leave rotations free. A cylinder's rim then moves by
+    6 (1 - nu²) / sqrt(3 (1 - nu²)) N e R / (E t²) across its wall. The median over open edges between two of the
+    ``vertices``; zero where these are straight.
+    """
+    directed = half_edges(mesh)
+    _, edge, shared = edge_of_half_edges(mesh)
+    is_named = np.zeros(mesh.n_vertices, bool)
+    is_named[vertices] = True
+    open_edges = np.flatnonzero((shared[edge] == 1) & is_named[directed].all(axis=1))
+    area_vectors = triangle_area_vectors(mesh)[open_edges // 3]
+    normals = area_vectors / np.linalg.norm(area_vectors, axis=1, keepdims=True)
+    before = {int(end): k for k, end in enumerate(directed[open_edges, 1])}
+    pairs = [(before[start], k) for k, start in enumerate(directed[open_edges, 0].tolist()) if start in before]
+    if not pairs:
+        return 0.0
+    one, other = np.array(pairs).T
+    angle = np.arccos(np.clip(np.sum(normals[one] * normals[other], axis=1), -1.0, 1.0))
+    angle[(angle < FLAT_RAD) | (angle > CREASE_RAD)] = 0.0
+    ends = mesh.vertices_m[directed[open_edges]]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    thickness = section.per_triangle("thickness_m", mesh.n_triangles)[open_edges // 3]
+    return float(np.median(ALPHA_B / 12.0 * length[other] * angle / thickness[other]))
 
 
 def _inner_edges(mesh: TriangleMesh, section: ShellSection) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -12,6 +12,8 @@ from services.mechanics.surface.mesh import TriangleMesh, vertex_components
 
 DOF_NAMES = ("ux", "uy", "uz", "rx", "ry", "rz")
 """Translations and rotations in global axes, in the order of the six dofs of a node."""
+RANK_TOLERANCE = 1e-6
+"""Of held dofs' motions in the rigid ones, lengths in the size of the piece: what is less holds nothing."""
 
 
 @dataclass(frozen=True)
@@ -96,4 +98,4 @@ def _rigid_freedom(piece_m: FloatArray, all_m: FloatArray, held: IntArray) -> in
     length = float(np.linalg.norm(np.ptp(piece_m, axis=0)))
     modes = rigid_body_modes(all_m[held // 6], centre, length)
     rows = modes[np.arange(len(held)), held % 6]
-    return 6 - int(np.linalg.matrix_rank(rows, tol=1e-6)) if len(held) else 6
+    return 6 - int(np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE)) if len(held) else 6

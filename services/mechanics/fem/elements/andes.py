@@ -6,7 +6,9 @@ passes the patch test; the higher-order part is scaled so that in-plane bending 
 at any aspect ratio, where the constant-strain triangle locks.
 
 On a curved wall the drilling freedoms meet the bending of tilted neighbours: torsion of thick tubes comes out too
-stiff by a part that depends on the cells' shape and not on their number (`fem.facets`).
+stiff by a part that depends on the cells' shape and not on their number, and forces on the vertices of a curved rim
+bend it as if they acted beside the wall, by a part of its thickness that shrinks with the square of the edges
+(`fem.facets`).
 """
 
 from __future__ import annotations

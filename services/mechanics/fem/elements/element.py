@@ -36,7 +36,8 @@ class Element:
         Fails the patch test or depends on which node comes first: to compare with, not to compute with.
     has_stiff_drilling
         Of a membrane: its drilling rotations are about as stiff as its shear, which makes torsion of a thick wall of
-        short flat triangles too stiff (`facets.drilling_excess`).
+        short flat triangles too stiff (`facets.drilling_excess`) and a curved rim under forces too soft
+        (`facets.rim_eccentricity`).
     """
 
     stiffness: StiffnessKernel
