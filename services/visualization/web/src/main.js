@@ -9,7 +9,12 @@ import { ViewStream } from "./view/stream.js";
 import { View } from "./view/view.js";
 
 let view = null, hands = null;
-const dashboard = new Dashboard({ period: () => (view?.software ? (view.slow ? 3000 : 900) : 0) });
+const PICTURE_FIRST_MS = 5000;
+const dashboard = new Dashboard({
+  period: () => (view?.software ? (view.slow ? 3000 : 900) : 0),
+  // Curves and tables were a seventh of what a computer that draws on its processor did until the first picture.
+  waits: () => Boolean(view?.software && view.stream && !view.last) && performance.now() < PICTURE_FIRST_MS,
+});
 const controls = new Controls();
 globalThis.trocar = { view, hands, dashboard }; // for whoever looks into the page with the browser's tools
 

@@ -43,8 +43,10 @@ class Tabs {
 export class Dashboard {
   // `period()`: milliseconds between two showings, each with a picture (`turn`) while they come; 0: with every message. Where the
   // browser draws on the processor each frame of the page costs as much as a picture does, and all curves more than one.
-  constructor({ period = () => 0 } = {}) {
+  // `waits()`: whether all but the state of the rig is to wait, for something that a person waits for.
+  constructor({ period = () => 0, waits = () => false } = {}) {
     this.period = period;
+    this.waits = waits;
     this.drawnAt = -Infinity;
     this.history = [];
     this.shown = null; // the message that the tables are of
@@ -101,7 +103,7 @@ export class Dashboard {
     const { state } = this;
     this.drawnAt = performance.now();
     this.showRig(state);
-    if (document.body.classList.contains("alone")) return;
+    if (document.body.classList.contains("alone") || this.waits()) return;
     this.shown = state;
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);

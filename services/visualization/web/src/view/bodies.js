@@ -223,11 +223,22 @@ export class Tool {
   }
 }
 
+const ARROW = { color: "#7ad7c4", transparent: true, opacity: 0.92, depthTest: false };
+
+// Something small of every material that bodies of a look are made of, to be got ready before there is a body.
+export function samples(look) {
+  const geometry = new THREE.BufferGeometry();
+  for (const name of ["position", "normal", "color", "rest"]) geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(9), 3));
+  const materials = [RUBBER[look](), ...Object.values(METAL[look]), new THREE.MeshBasicMaterial(ARROW)];
+  const flesh = tissue(geometry.clone(), { colour: "#b9594f", pale: "#d99a83", vein: "#86283a" }, look);
+  return new THREE.Group().add(flesh, ...materials.map((material) => new THREE.Mesh(geometry, material)));
+}
+
 const ARROW_MM = 22; // of 1 N; the length grows with the root, so that millinewtons are seen beside newtons
 
 export class ForceArrow {
   constructor() {
-    this.material = new THREE.MeshBasicMaterial({ color: "#7ad7c4", transparent: true, opacity: 0.92, depthTest: false });
+    this.material = new THREE.MeshBasicMaterial(ARROW);
     this.stem = new THREE.Mesh(new THREE.CylinderGeometry(0.28, 0.28, 1, 12).translate(0, 0.5, 0), this.material);
     this.head = new THREE.Mesh(new THREE.ConeGeometry(0.85, 2.2, 16).translate(0, 1.1, 0), this.material);
     this.object = new THREE.Group().add(this.stem, this.head);

@@ -4,7 +4,7 @@ import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 import { backdrop } from "./backdrop.js";
-import { Catheter, Duct, ForceArrow, Tool } from "./bodies.js";
+import { Catheter, Duct, ForceArrow, samples, Tool } from "./bodies.js";
 import { lightFrom } from "./gouraud.js";
 import { Lens } from "./lens.js";
 
@@ -50,6 +50,16 @@ export class Stage {
     this.scene.add(this.bodies, this.lens.object);
     this.layout = null;
     this.showForces = true;
+    this.prepare();
+  }
+
+  // Begins to make what bodies are drawn with, while their shapes are on the way: a processor takes long for each program, and
+  // the first picture would wait for one after the other.
+  prepare() {
+    const small = samples(this.look);
+    this.scene.add(small);
+    this.renderer.compile(this.scene, this.camera);
+    this.scene.remove(small);
   }
 
   // The room that wet tissue mirrors. Plain materials mirror nothing, and making it takes a processor seconds.

@@ -44,12 +44,11 @@ export function refine(triangles, n) {
 
 // Edges that belong to one triangle only, wound as that triangle has them.
 export function boundary(triangles) {
-  const open = new Map();
+  const n = triangles.reduce((most, i) => Math.max(most, i), 0) + 1, open = new Map();
   for (let t = 0; t < triangles.length; t += 3) {
     for (let e = 0; e < 3; e++) {
       const a = triangles[t + e], b = triangles[t + ((e + 1) % 3)];
-      const opposite = `${b},${a}`;
-      if (!open.delete(opposite)) open.set(`${a},${b}`, [a, b]);
+      if (!open.delete(b * n + a)) open.set(a * n + b, [a, b]);
     }
   }
   return [...open.values()];
