@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -26,7 +27,7 @@ class PathSettings:
     Attributes
     ----------
     n_steps
-        Parts into which the load is divided to begin with; a part that does not converge is halved.
+        Parts into which the load is divided, each of them a point of the path; one that does not converge is halved.
     control
         ``load`` raises the load, up to where the shell snaps; ``arc_length`` also follows a path on which the load
         falls (Crisfield's cylinder over the translations, Computers and Structures 13:55, 1981).
@@ -89,15 +90,16 @@ def trace_path(
 
 
 def _by_load(newton: Newton, settings: PathSettings) -> Iterator[PathPoint]:
-    """Equal parts of the load; halved where Newton's method fails, longer again where it is easy."""
+    """Equal parts of the load, each of them a point; halved where Newton's method fails, longer where it is easy."""
     regular = 1.0 / settings.n_steps
     at, part, step = Configuration.undeformed(newton.shell.model), 0.0, regular
     while part < 1.0:
-        target = 1.0 if part + step > 1.0 - 1e-9 else part + step
+        stop = (math.floor(part * settings.n_steps + 1e-9) + 1) / settings.n_steps
+        target = stop if part + step > stop - 1e-9 * regular else part + step
         try:
             found = newton.solve(at, part, target)
         except NotConvergedError as error:
-            step *= 0.5
+            step = 0.5 * (target - part)
             if step < SMALLEST_STEP * regular:
                 raise _gave_up(part, error, settings) from error
             continue

@@ -140,6 +140,26 @@ def test_a_path_along_its_length_that_is_lost_says_how_to_go_on(monkeypatch):
         trace_path(problem.shell, problem.load, PathSettings(n_steps=3, control="arc_length"))
 
 
+def test_every_load_step_is_a_point_also_where_one_was_halved(monkeypatch):
+    """A published table is met at its own parts of the load."""
+    solve, failed = newton.Newton.solve, []
+
+    def fail_once(self, at, part_now, part):
+        if part_now > 0.2 and not failed:
+            failed.append(part)
+            raise newton.NotConvergedError("residual 1 after 25 iterations")
+        return solve(self, at, part_now, part)
+
+    monkeypatch.setattr(newton.Newton, "solve", fail_once)
+    problem = cantilever("shear", 8)
+    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=10))
+    assert failed
+    parts = [point.part for point in path]
+    assert parts == sorted(set(parts))
+    assert len(parts) > 10
+    assert set(np.arange(1, 11) / 10) <= set(parts)
+
+
 def test_a_long_path_says_which_steps_take_it_further():
     """Points times the longest step are what it comes to: of steps as long as they may be fewer are longer."""
     problem = hinged_roof(12.7, n=4)
