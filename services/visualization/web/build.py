@@ -58,7 +58,7 @@ def build() -> None:
     """
     node, npm = find_node()
     environment = {**os.environ, "PATH": f"{node.parent}{os.pathsep}{os.environ.get('PATH', '')}"}
-    quiet = ["--no-audit", "--no-fund", "--loglevel=error"]
+    quiet = ["--no-audit", "--no-fund", "--loglevel=error", "--fetch-retries=5"]
     _call([node, npm, "ci", *quiet], environment, "npm could not install the page's packages")
     _call([node, WEB / "build.mjs"], environment, "the page's bundle failed")
     _STAMP.write_text(fingerprint())
