@@ -23,7 +23,7 @@ needs_other_user = pytest.mark.skipif(
 def as_other_user(program: str, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run a Python program of the standard library as another user."""
     command = [*_SETPRIV, sys.executable, "-I", "-S", "-c", program, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, cwd="/")
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd="/")
 
 
 @pytest.fixture

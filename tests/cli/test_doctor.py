@@ -62,7 +62,7 @@ def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -
     assert "TouchDriver" in checks["OpenHaptics"]["advice"]
 
 
-def _probe(script: str, patience_s: float = 20.0) -> Finding:
+def _probe(script: str, patience_s: float = 120.0) -> Finding:
     return probes.probe("picture", script, patience_s, {}, "advice")
 
 

@@ -177,7 +177,7 @@ def test_missing_mesh(rig_file: Path) -> None:
     scene.write_text("duct: {mesh_file: nowhere/duct.stl}\n")
     rig_file.write_text(rig_file.read_text() + "processes: {visualization: {enabled: false}}\n")
     command = [sys.executable, "-m", "services.cli.app", "up", "--rig", str(rig_file), "--scene", str(scene)]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT)
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=ROOT)
     assert ran.returncode == 2, ran.stderr
     assert "nowhere/duct.stl" in ran.stderr
     assert "Traceback" not in ran.stderr
@@ -192,7 +192,7 @@ def test_missing_vendor_library(rig_file: Path) -> None:
     others = ", ".join(f"{name}: {{enabled: false}}" for name in ("visualization", "physics", "haptics", "recorder"))
     rig_file.write_text(f"{rig_file.read_text()}processes: {{{others}}}\ngateway: {{instruments: [{instrument}]}}\n")
     command = [sys.executable, "-m", "services.cli.app", "up", "--rig", str(rig_file)]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=ROOT)
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=ROOT)
     assert ran.returncode == 4, ran.stderr
     assert "instrument 'left': OpenHaptics cannot be loaded: libHD-that-nobody-has.so" in ran.stderr
     assert ran.stderr.strip().count("\n") == 0, ran.stderr

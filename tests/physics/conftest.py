@@ -21,7 +21,7 @@ from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
-STALE_S = 1.0
+STALE_S = 60.0
 PORTS = ((0.06, -0.10, 0.13), (0.08, 0.10, 0.13))
 
 

@@ -11,7 +11,7 @@ from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
 from tests.protocol.samples import physics_state
 bus = ZmqBus(config.load_rig("rig.yaml").transport, publishes=["physics.state"])
-for tick in range(60_000):
+for tick in range(1_000_000):
     bus.publish("physics.state", physics_state(tick), origin_ns=time.monotonic_ns())
     time.sleep(1e-3)
 """

@@ -83,7 +83,7 @@ class TreeCopy:
             yield process
         finally:
             process.terminate()
-            process.wait(30)
+            process.wait(120)
 
     @property
     def _environment(self) -> dict[str, str]:

@@ -83,7 +83,7 @@ def test_the_process_ends_with_a_sentence_and_an_exit_code_and_its_publishers_go
     command = [sys.executable, "-c", _LIMITED, "--rig", str(tmp_path / "rig.yaml")]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + 200.0
         sent = itertools.count()
         while process.poll() is None:
             assert time.monotonic() < deadline
@@ -107,7 +107,7 @@ def test_frames_that_a_slow_disk_leaves_no_room_for_are_counted(
 ) -> None:
     """The disk stands still: what is handed over waits, up to a limit; then frames are lost, and counted."""
     goes_on, close = threading.Event(), OpenChunk.close
-    monkeypatch.setattr(OpenChunk, "close", lambda self, offset: goes_on.wait(10.0) and close(self, offset))
+    monkeypatch.setattr(OpenChunk, "close", lambda self, offset: goes_on.wait(600.0) and close(self, offset))
     monkeypatch.setattr(recording, "PENDING_MAX", 300_000)
     writer = long_recording(tmp_path / "a.mcap", 4000)
     lost = writer.lost["gateway.state"]
@@ -128,10 +128,10 @@ def test_a_write_that_the_disk_holds_is_told_while_it_does(
     recorder = Recording(stub)
     settle(recorder._writer)
     goes_on, write_at = threading.Event(), disk.write_at
-    monkeypatch.setattr(disk, "write_at", lambda *arguments: goes_on.wait(20.0) and write_at(*arguments))
+    monkeypatch.setattr(disk, "write_at", lambda *arguments: goes_on.wait(600.0) and write_at(*arguments))
     recorder._writer.write(state(0))
     recorder._writer.turn(10**18)
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + 60.0
     while stub.health.state != "degraded":
         assert time.monotonic() < deadline
         recorder.sleep_until(time.monotonic_ns() + 5 * MS)

@@ -19,7 +19,7 @@ def transport(tmp_path_factory: pytest.TempPathFactory) -> Transport:
 
 @pytest.fixture
 def eventually() -> Callable[[Callable[[], bool]], None]:
-    """Wait for a condition; fails after two seconds."""
+    """Wait for a condition; fails after half a minute."""
 
     def wait(condition: Callable[[], bool]) -> None:
         deadline = time.monotonic() + 30.0

@@ -26,7 +26,7 @@ from services.runtime.zmq_bus import ZmqBus
 from tests.memory_bus import MemoryBus, MemoryHub
 
 STATE = "gateway.state"
-STALE_S = 0.2
+STALE_S = 60.0
 Make = Callable[..., Any]
 Eventually = Callable[[Callable[[], bool]], None]
 
@@ -124,7 +124,8 @@ def test_what_the_sender_calls_invalid_or_old_is_not_fresh(
     sender.publish(STATE, state(2))
     eventually(lambda: reader.latest(STATE) is not None)
     assert reader.is_fresh(STATE)
-    time.sleep(STALE_S)
+    now_ns = time.monotonic_ns
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns() + round(1e9 * STALE_S))
     assert not reader.is_fresh(STATE)
 
 
@@ -165,17 +166,17 @@ def test_a_peer_of_another_version_is_refused_by_name_and_the_next_frame_is_read
     assert reader.reports()[0].refused == {"newer_version": 1, "protocol_version": 1}
 
 
-def test_a_flood_is_refused_beyond_three_times_the_rate() -> None:
+def test_a_flood_is_refused_beyond_three_times_the_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_ns = 10**12
+    monkeypatch.setattr(bus_module, "time", SimpleNamespace(monotonic_ns=lambda: now_ns))
     hub = MemoryHub()
     sender, reader = MemoryBus(hub, publishes=[STATE]), MemoryBus(hub, reads=[STATE])
-    started = time.monotonic()
     for tick in range(3000):
+        now_ns += 50_000
         sender.publish(STATE, state(tick))
         reader.latest(STATE)
-    elapsed = time.monotonic() - started
     report = reader.reports()[0]
-    most = bus_module.FLOOD_BURST + 3000.0 * elapsed + 1
-    assert report.received <= most
+    assert report.received == pytest.approx(bus_module.FLOOD_BURST + 3000.0 * 0.15, abs=1)
     assert report.refused["flood"] == 3000 - report.received
 
 
@@ -287,16 +288,22 @@ def test_a_slow_reader_loses_frames_counts_them_and_delays_nobody(
         time.sleep(0.05)
         sender.publish(STATE, state(total))
         eventually(lambda: bool((f := quick.latest(STATE)) and f.body.tick == total))
-        received = 0
-        for _ in range(50):
-            received += len(slow.drain(STATE))
-            time.sleep(0.004)
-        sender.publish(STATE, state(total + 1))
-        time.sleep(0.05)
-        received += len(slow.drain(STATE))
+        read: list[int] = []
+        sent = total
+
+        def has_the_newest() -> bool:
+            nonlocal sent
+            sent += 1
+            sender.publish(STATE, state(sent))
+            time.sleep(1.0 / SENDS_PER_S)  # with the next one leaves what was kept
+            read.extend(frame.body.tick for frame in slow.drain(STATE))
+            return bool(read) and read[-1] > total
+
+        eventually(has_the_newest)
         report = slow.reports()[0]
-        assert report.received == received < total
-        assert received + report.dropped == total + 2, "each frame was either read or counted as lost"
+        assert report.received == len(read)
+        assert sum(tick <= total for tick in read) < total
+        assert len(read) + report.dropped == read[-1] + 1, "each frame was either read or counted as lost"
     finally:
         for each in (sender, slow, quick):
             each.close()

@@ -40,7 +40,7 @@ print(json.dumps(dict(
 
 def take(share: float = 0.3, *, alone: bool = False, period_ns: int = 1_000_000, more: str = "") -> dict[str, Any]:
     script = _TAKE.format(share=share, alone=alone, period_ns=period_ns, more=more)
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     result: dict[str, Any] = json.loads(done.stdout)
     return result

@@ -37,7 +37,7 @@ def render(*messages: bytes) -> list[bytes]:
     """Return what the worker answers; a worker that dies fails the test."""
     done = subprocess.run(
         [sys.executable, "-m", "services.visualization.render_worker"],
-        input=b"".join(messages), capture_output=True, timeout=100,
+        input=b"".join(messages), capture_output=True, timeout=500,
     )  # fmt: skip
     assert done.returncode == 0, f"the worker ended with {done.returncode}: {done.stderr.decode()[-2000:]}"
     stream, images = io.BytesIO(done.stdout), []

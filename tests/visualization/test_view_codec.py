@@ -106,7 +106,7 @@ def test_the_page_reads_what_the_server_writes():
     picture = a_picture(layout)
     message = json.dumps([codec.encode_hello(layout), base64.b64encode(codec.encode(picture, 77)).decode()])
     done = subprocess.run(
-        [node, "--input-type=module", "-e", _READ, message], cwd=build.WEB, capture_output=True, text=True, timeout=60
+        [node, "--input-type=module", "-e", _READ, message], cwd=build.WEB, capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
     seen = json.loads(done.stdout)

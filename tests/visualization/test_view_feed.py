@@ -161,12 +161,13 @@ async def test_a_new_layout_is_sent_at_once_whatever_is_wanted():
     feed = Feed(a_path())
     feed.epoch = 1
     feed.want(1.0)
-    feed.offer(message(1))
-    assert await taken(feed) == [b"frame 1"]
-    feed.offer(message(2))
-    assert await taken(feed) is None
-    feed.offer(message(3, epoch=2))
-    assert await taken(feed) == ["hello 2", b"frame 3"]
+    with Clock():
+        feed.offer(message(1))
+        assert await taken(feed) == [b"frame 1"]
+        feed.offer(message(2))
+        assert await taken(feed) is None
+        feed.offer(message(3, epoch=2))
+        assert await taken(feed) == ["hello 2", b"frame 3"]
 
 
 def test_the_fastest_client_says_how_many_are_made():

@@ -30,6 +30,7 @@ from tests.visualization.test_view_codec import a_layout, a_picture
 TOKEN = "what trocar up printed"
 LOG = logging.getLogger("test")
 PERIOD_NS = 4_000_000
+PATIENCE_S = 60.0
 
 
 def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) -> Hands:
@@ -53,7 +54,7 @@ class Show:
 
     def __enter__(self) -> "Show":
         self._thread.start()
-        assert self.ready.wait(10)
+        assert self.ready.wait(PATIENCE_S)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -88,7 +89,7 @@ def show() -> Iterator[Show]:
 
 def frame_of(client: ClientConnection, show: Show) -> Picture:
     while True:
-        message = client.recv(timeout=5)
+        message = client.recv(timeout=PATIENCE_S)
         if isinstance(message, bytes):
             return codec.decode(message, show.layout)[0]
 
@@ -99,8 +100,8 @@ def echo(client: ClientConnection, picture: Picture) -> None:
 
 def test_a_client_gets_state_hello_and_then_frames(show):
     with show.connect() as client:
-        assert client.recv(timeout=5) == '{"type": "rig"}'
-        assert codec.decode_hello(client.recv(timeout=5)).scene == "test"
+        assert client.recv(timeout=PATIENCE_S) == '{"type": "rig"}'
+        assert codec.decode_hello(client.recv(timeout=PATIENCE_S)).scene == "test"
         last = 0
         for _ in range(20):
             picture = frame_of(client, show)
@@ -148,7 +149,7 @@ def test_a_client_that_vanishes_is_forgotten(show):
 
 
 def clients_become(show: Show, count: int) -> None:
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE_S
     while show.clients != count and time.monotonic() < deadline:
         time.sleep(0.01)
     assert show.clients == count
@@ -174,7 +175,7 @@ def test_origins():
 
 
 def test_the_server_says_that_it_lives(show):
-    assert httpx.get(f"http://127.0.0.1:{show.port}/healthz").text == "ok\n"
+    assert httpx.get(f"http://127.0.0.1:{show.port}/healthz", timeout=PATIENCE_S).text == "ok\n"
 
 
 def test_a_port_that_is_taken_is_one_sentence():
@@ -187,22 +188,22 @@ def test_a_port_that_is_taken_is_one_sentence():
 def test_hands_reach_the_rig_with_the_token_and_one_that_speaks_bytes_is_let_go(show):
     with show.connect("hands") as page:
         page.send(TOKEN)
-        assert json.loads(page.recv(timeout=5))["type"] == "hands"
+        assert json.loads(page.recv(timeout=PATIENCE_S))["type"] == "hands"
         page.send('[[["left",[0.01,0.02,0.03],0.5,1.0]]]')
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + PATIENCE_S
         while not show.published and time.monotonic() < deadline:
             time.sleep(0.01)
         assert show.published[0].hands[0].position_m == (0.01, 0.02, 0.03)
         page.send(b"\x00")
         with pytest.raises(ConnectionClosed):
-            page.recv(timeout=5)
+            page.recv(timeout=PATIENCE_S)
     with show.connect("hands") as stranger:
         stranger.send("guess")
         with pytest.raises(ConnectionClosed) as caught:
-            stranger.recv(timeout=5)
+            stranger.recv(timeout=PATIENCE_S)
         assert "token" in caught.value.rcvd.reason
     with pytest.raises((ConnectionClosed, InvalidStatus)), show.connect("hands", origin="http://evil.example") as page:
-        page.recv(timeout=5)
+        page.recv(timeout=PATIENCE_S)
 
 
 def test_a_client_that_asks_for_fewer_pictures_is_sent_fewer_and_the_process_is_told(show: Show):
@@ -210,14 +211,11 @@ def test_a_client_that_asks_for_fewer_pictures_is_sent_fewer_and_the_process_is_
         frame_of(client, show)
         client.send('{"type": "want", "pictures_hz": 20}')
         eventually(lambda: show.wanted_hz == 20.0)
-        began, first = time.monotonic(), show.shown
-        got = 0
-        while time.monotonic() - began < 2.0:
+        began, got = time.monotonic(), 0
+        while got < 40:
             client.send(struct.pack("<Q", frame_of(client, show).sequence))
             got += 1
-        made = show.shown - first
-        assert got <= 44
-        assert got < 0.7 * made
+        assert time.monotonic() - began > (got - 4) / 20.0, "but for those that were on their way"
         client.send('{"type": "want", "pictures_hz": null}')
         eventually(lambda: show.wanted_hz is None)
     eventually(lambda: show.clients == 0)
@@ -238,7 +236,7 @@ def test_a_wish_that_makes_no_sense_is_ignored(show: Show, nonsense: str):
         assert show.wanted_hz is None
 
 
-def eventually(condition: Callable[[], bool], seconds: float = 30.0) -> None:
+def eventually(condition: Callable[[], bool], seconds: float = PATIENCE_S) -> None:
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until, "it did not happen"

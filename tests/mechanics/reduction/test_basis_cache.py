@@ -162,7 +162,7 @@ def test_those_who_ask_together_make_an_entry_once(tmp_path):
         entry.save("data", np.arange(10))
 
     def ask(_):
-        together.wait(10)
+        together.wait(120)
         return cache.fetch(tmp_path, "entry", make).load("data")
 
     with ThreadPoolExecutor(4) as pool:
