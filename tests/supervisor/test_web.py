@@ -12,6 +12,7 @@ import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from starlette.applications import Starlette
+from starlette.types import Message, Receive, Scope, Send
 
 import protocol.bodies as bodies
 from services.supervisor.metrics import RigSource, Source, registry
@@ -167,13 +168,24 @@ def test_events_carry_the_newest_state_only(context: PageContext) -> None:
 
     async def read() -> list[str]:
         states = []
-        transport = httpx.ASGITransport(build_app(context))
+        told, app = asyncio.Semaphore(0), build_app(context)
+
+        async def overheard(scope: Scope, receive: Receive, send: Send) -> None:
+            async def pass_on(message: Message) -> None:
+                await send(message)
+                if b"event: state" in message.get("body", b""):
+                    told.release()
+
+            await app(scope, receive, pass_on)
+
+        transport = httpx.ASGITransport(overheard)
         context.latest = b'{"n":1}'
 
         async def later() -> None:
             for n in (2, 3, 4):
                 context.latest = json.dumps({"n": n}).encode()
-            await asyncio.sleep(0.3)
+            for _ in range(2):
+                await told.acquire()
             context.closing = True
 
         task = asyncio.create_task(later())
