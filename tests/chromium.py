@@ -18,6 +18,7 @@ from typing import Any, Self
 from websockets.sync.client import ClientConnection, connect
 
 _PR_SET_PDEATHSIG = 1
+_PATIENCE_S = 170.0
 _libc = ctypes.CDLL(None)
 
 #: What a browser of a container needs, and what keeps it from doing anything but the page.
@@ -82,16 +83,16 @@ class Chromium:
         import httpx
 
         port_file = self._profile / "DevToolsActivePort"
-        self.until(lambda: port_file.is_file() and "\n" in port_file.read_text(), 60, "the browser started")
+        self.until(lambda: port_file.is_file() and "\n" in port_file.read_text(), _PATIENCE_S, "the browser started")
         port = int(port_file.read_text().splitlines()[0])
         pages: list[dict[str, str]] = []
 
         def opened() -> bool:
-            targets = httpx.get(f"http://127.0.0.1:{port}/json", timeout=30).json()
+            targets = httpx.get(f"http://127.0.0.1:{port}/json", timeout=_PATIENCE_S).json()
             pages[:] = [target for target in targets if target["type"] == "page"]
             return bool(pages)
 
-        self.until(opened, 30, "the browser opened a page")
+        self.until(opened, _PATIENCE_S, "the browser opened a page")
         return self._stack.enter_context(connect(pages[0]["webSocketDebuggerUrl"], max_size=None, compression=None))
 
     @staticmethod
@@ -107,7 +108,7 @@ class Chromium:
         self._last += 1
         self._socket.send(json.dumps({"id": self._last, "method": method, "params": parameters}))
         while True:
-            answer = json.loads(self._socket.recv(timeout=60))
+            answer = json.loads(self._socket.recv(timeout=_PATIENCE_S))
             if answer.get("id") == self._last:
                 assert "error" not in answer, answer
                 result: dict[str, Any] = answer["result"]

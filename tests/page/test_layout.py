@@ -56,7 +56,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
         profile: Path = tmp_path_factory.mktemp("layout") / "profile"
         with Chromium(profile) as browser:
             browser.open(f"http://127.0.0.1:{server.server_port}/")
-            browser.until(lambda: browser.evaluate("Boolean(globalThis.trocar?.hands)"), 120, "the page loaded")
+            browser.until(lambda: browser.evaluate("Boolean(globalThis.trocar?.hands)"), 170, "the page loaded")
             browser.evaluate(_FULL)
             yield browser
         server.shutdown()
@@ -67,7 +67,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
 def test_no_button_is_covered_and_nothing_too_wide(browser: Chromium, width: int, height: int, *, taken: bool) -> None:
     browser.set_size(width, height)
     browser.evaluate(f"trocar.hands.show({str(taken).lower()})")
-    browser.until(lambda: browser.evaluate("innerWidth") == width, 30, "the size was taken")
+    browser.until(lambda: browser.evaluate("innerWidth") == width, 170, "the size was taken")
     assert browser.evaluate(_COVERED) == []
     assert browser.evaluate(_TOO_WIDE) <= 0
     assert browser.evaluate(_SAID)

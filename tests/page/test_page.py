@@ -8,14 +8,16 @@ import os
 import re
 import signal
 import time
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from protocol.bodies import Health, Stall
 from services.runtime.rig import Transport
 from services.supervisor.page_place import page_file
 from tests import chromium
@@ -29,6 +31,10 @@ pytestmark = [
 ]
 
 
+#: A browser that draws in software beside a rig, on a machine that may have other work.
+PATIENCE_S = 170.0
+
+
 @dataclass
 class Page:
     """A rig, and a browser that looks at its page."""
@@ -39,14 +45,14 @@ class Page:
 
     def metrics(self) -> dict[str, float]:
         """Return what Prometheus would get."""
-        text = httpx.get(f"{self.address}metrics", timeout=10).text
+        text = httpx.get(f"{self.address}metrics", timeout=PATIENCE_S).text
         return {
             line.rpartition(" ")[0]: float(line.rpartition(" ")[2]) for line in text.splitlines() if line[:1] != "#"
         }
 
     def state(self) -> Any:
         """Return what the dashboard was last sent."""
-        return httpx.get(f"{self.address}api/state", timeout=10).json()
+        return httpx.get(f"{self.address}api/state", timeout=PATIENCE_S).json()
 
     def picture_time_s(self) -> float:
         """Return the rig's time as the picture shows it."""
@@ -57,17 +63,21 @@ class Page:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     directory = tmp_path_factory.mktemp("page")
-    with running_rig(directory, str(SCENE), []) as rig, Chromium(directory / "profile") as browser:
+    with (
+        running_rig(directory, str(SCENE), [], topics=("physics.health",)) as rig,
+        Chromium(directory / "profile") as browser,
+    ):
         address = json.loads(page_file(Transport(directory=directory / "bus")).read_text())["address"]
         browser.open(address)
-        browser.until(lambda: browser.evaluate("document.querySelector('#view.ready') !== null"), 60, "the page loaded")
-        browser.until(lambda: browser.text("#tick").endswith(" s"), 60, "a picture came")
+        ready = "document.querySelector('#view.ready') !== null"
+        browser.until(lambda: browser.evaluate(ready), PATIENCE_S, "the page loaded")
+        browser.until(lambda: browser.text("#tick").endswith(" s"), PATIENCE_S, "a picture came")
         yield Page(rig, browser, address)
 
 
 def test_pictures_advance_with_the_rig(page: Page) -> None:
     began_s = page.picture_time_s()
-    page.browser.until(lambda: page.picture_time_s() > began_s + 4.0, 60, "the picture went on")
+    page.browser.until(lambda: page.picture_time_s() > began_s + 4.0, PATIENCE_S, "the picture went on")
 
 
 def test_the_canvas_is_drawn_on(page: Page, tmp_path: Path) -> None:
@@ -92,7 +102,8 @@ def test_it_says_in_small_print_how_it_draws_and_the_rig_sends_no_more_than_it_a
 
     assert asked_hz() <= 20.0  # the most that is asked for in software
     browser = page.browser
-    browser.until(lambda: _loop(page, "visualization")["target_hz"] == asked_hz(), 40, "the rig makes as many pictures")
+    made = "the rig makes as many pictures"
+    browser.until(lambda: _loop(page, "visualization")["target_hz"] == asked_hz(), PATIENCE_S, made)
 
 
 _DRAWN = """({
@@ -110,13 +121,24 @@ _BURDEN = f"""(() => {{
   trocar.view.takeStep(3);
   return {_DRAWN};
 }})()"""
-#: Drawing takes no time and every picture that comes is painted, whatever else this machine does.
-_RELIEF = """(() => {
-  const { stage, governor } = trocar.view, look = governor.look;
-  stage.draw = () => {};
-  governor.look = (seen) => look.call(governor, { ...seen, cost: 0.1, painted: seen.offered });
+#: Drawing takes no time and every picture that comes is painted, whatever else this machine does. What is drawn is kept
+#: from step to step: who asks now and then may come too late for one.
+_RELIEF = f"""(() => {{
+  const {{ stage, governor }} = trocar.view, look = governor.look, takeStep = trocar.view.takeStep;
+  stage.draw = () => {{}};
+  governor.look = (seen) => look.call(governor, {{ ...seen, cost: 0.1, painted: seen.offered }});
+  trocar.view.drawn = [];
+  trocar.view.takeStep = (...at) => {{
+    takeStep.apply(trocar.view, at);
+    trocar.view.drawn.push({_DRAWN});
+  }};
+}})()"""
+_AS_BEFORE = """(() => {
+  const { view } = trocar;
+  delete view.stage.draw;
+  delete view.governor.look;
+  delete view.takeStep;
 })()"""
-_AS_BEFORE = "(() => { const { stage, governor } = trocar.view; delete stage.draw; delete governor.look; })()"
 
 
 def test_the_resolution_falls_under_load_and_comes_back(page: Page) -> None:
@@ -130,14 +152,20 @@ def test_the_resolution_falls_under_load_and_comes_back(page: Page) -> None:
     try:
         before = browser.evaluate(_BURDEN)
         assert before["step"] == 3
-        browser.until(lambda: drawn()["step"] >= 6, 90, "it draws more coarsely")
+        browser.until(lambda: drawn()["step"] >= 6, PATIENCE_S, "it draws more coarsely")
         loaded = drawn()
         assert loaded["width"] < 0.8 * before["width"]
         share = round(100 * loaded["width"] / browser.evaluate("document.querySelector('#scene').clientWidth"))
         assert f" {share} % of the resolution" in loaded["words"], loaded
         browser.evaluate(_RELIEF)
-        browser.until(lambda: drawn()["step"] == 3, 120, "it draws as before")
-        assert drawn() == before
+        steps: list[Any] = []
+
+        def is_as_before() -> bool:
+            steps[:] = [each for each in browser.evaluate("trocar.view.drawn") if each["step"] <= 3]
+            return bool(steps)
+
+        browser.until(is_as_before, PATIENCE_S, "it draws as before")
+        assert steps[0] == before
     finally:
         browser.evaluate(_AS_BEFORE)
         browser.evaluate(f"trocar.view.takeStep({began})")
@@ -193,7 +221,7 @@ class Exported:
 def test_numbers_agree_with_metrics(page: Page) -> None:
     exported = {name: Exported(name) for name in _LOOPS}
     agreed: set[tuple[str, str]] = set()
-    until_s = time.monotonic() + 60.0
+    until_s = time.monotonic() + PATIENCE_S
     while len(agreed) < 2 * len(_LOOPS):
         assert time.monotonic() < until_s, f"no two reports to compare with, or other figures; agreed: {agreed}"
         metrics = page.metrics()
@@ -234,7 +262,9 @@ Object.fromEntries([...document.querySelectorAll('.stage-group')].map((group) =>
 def test_stages_on_the_page_are_those_of_metrics(page: Page) -> None:
     shown: dict[str, dict[str, str]] = {}
     names = {"gateway", "haptics", "physics", "visualization", "recorder"}
-    page.browser.until(lambda: shown.update(page.browser.evaluate(_STAGES)) or names <= shown.keys(), 40, "all stages")
+    page.browser.until(
+        lambda: shown.update(page.browser.evaluate(_STAGES)) or names <= shown.keys(), PATIENCE_S, "all stages"
+    )
     metrics = page.metrics()
     for name in names:
         exported = {
@@ -247,54 +277,90 @@ def test_stages_on_the_page_are_those_of_metrics(page: Page) -> None:
             assert re.fullmatch(r"[\d.]+( ms)? · [\d.]+( ms)? · [\d.]+( ms)?", words), (name, words)
     count = metrics['trocar_stage_seconds_count{loop="physics",stage="solve"}']
     assert count == pytest.approx(metrics['trocar_loop_iterations_total{loop="physics"}'], rel=0.1)
-    floor = [value for key, value in metrics.items() if key.startswith("trocar_machine_lateness_seconds_count")]
-    assert len(floor) == len(os.sched_getaffinity(0))
-    assert min(floor) > 100
-    assert "The machine alone wakes over 1 ms late: core 0" in page.browser.text("#floor")
-    assert re.search(r"judges \d\d(\.\d)? times a second, now at most [\d.]+ (µs|ms) late", page.browser.text("#judge"))
+    assert len(_floor(page)) == len(os.sched_getaffinity(0))
+    page.browser.until(lambda: min(_floor(page)) > 100, PATIENCE_S, "the machine's floor is counted")
+    words = "The machine alone wakes over 1 ms late: core 0"
+    page.browser.until(lambda: words in page.browser.text("#floor"), PATIENCE_S, words)
+    judges = re.compile(r"judges \d\d(\.\d)? times a second, now at most [\d.]+ (µs|ms) late")
+    page.browser.until(lambda: judges.search(page.browser.text("#judge")), PATIENCE_S, "who judges is told of")
+
+
+def _floor(page: Page) -> list[float]:
+    counts = page.metrics().items()
+    return [value for key, value in counts if key.startswith("trocar_machine_lateness_seconds_count")]
+
+
+@dataclass
+class Stalls:
+    """The stalls of physics as its own loop has measured them: what the history is to tell, each once."""
+
+    rig: Rig
+    seen: dict[int, Stall] = field(default_factory=dict)
+    reports: int = 0
+
+    def look(self) -> None:
+        self.rig.observer.look()
+        for frame in self.rig.observer.bus.drain("physics.health"):
+            body: Health = frame.body
+            self.reports += 1
+            if body.loop is not None:
+                self.seen.update({stall.index: stall for stall in body.loop.stalls})
+
+    def until_calm(self) -> None:
+        """Wait until some reports have told nothing new, so that all is in the history that there is."""
+        deadline_s, calm = time.monotonic() + PATIENCE_S, 0
+        while calm < _CALM:
+            assert time.monotonic() < deadline_s, f"this machine stalls all the time: {self.seen}"
+            known, reports = len(self.seen), self.reports
+            time.sleep(0.05)
+            self.look()
+            calm = 0 if len(self.seen) > known else calm + self.reports - reports
+
+
+#: So many reports, of ten a second.
+_CALM = 8
+_LENGTH = re.compile(r"physics: stalled for (\d+) ms")
 
 
 @pytest.mark.parametrize("length_ms", [20, 100, 400])
 def test_the_history_shows_a_stall_once_with_its_length(page: Page, length_ms: int) -> None:
-    found: list[str] = []
-    for _ in range(_TRIES):
-        before, stopped_ms = _stop_physics(page, length_ms)
-        try:
-            page.browser.until(lambda: len(_stalls(page, stopped_ms)) > before, 10, "the history shows it")  # noqa: B023
-        except AssertionError:
-            continue  # the host kept the process longer than the test did: what it tells is true, and another length
-        time.sleep(1.0)
-        found = _stalls(page, stopped_ms)
-        if len(found) == before + 1:
-            return  # else the host made one of that length beside it
-    pytest.fail(f"{_TRIES} stalls of {length_ms} ms, none told once within a tenth of its length: {found}")
-
-
-_TRIES = 4
-
-
-def _stop_physics(page: Page, length_ms: float) -> tuple[int, float]:
-    """Stop physics for so long; return how many stalls of that length were told before, and how long it was."""
+    """Of the one that the test makes, and of all that this machine makes beside it: as the loop has measured them."""
+    stalls = Stalls(page.rig)
+    stalls.until_calm()
+    known, before = set(stalls.seen), Counter(_history(page))
     pid = page.rig.observer.pids()["physics"]
-    before = len(_stalls(page, length_ms))
-    began = time.monotonic()
     os.kill(pid, signal.SIGSTOP)
+    stopped_ns = time.monotonic_ns()
     time.sleep(length_ms / 1e3)
+    continued_ns = time.monotonic_ns()
     os.kill(pid, signal.SIGCONT)
-    return before, (time.monotonic() - began) * 1e3
+
+    def new() -> list[Stall]:
+        stalls.look()
+        return [stall for index, stall in stalls.seen.items() if index not in known]
+
+    def is_told() -> bool:
+        told = _LENGTH.findall("\n".join((Counter(_history(page)) - before).elements()))
+        return sorted(told) == sorted(f"{stall.length_ns * 1e-6:.0f}" for stall in new())
+
+    page.browser.until(lambda: any(stall.ended_ns >= continued_ns for stall in new()), PATIENCE_S, "it measures it")
+    own = min((stall for stall in new() if stall.ended_ns >= continued_ns), key=lambda stall: stall.ended_ns)
+    assert own.length_ns > continued_ns - stopped_ns - 1_000_000
+    page.browser.until(is_told, PATIENCE_S, "the history shows it")
+    stalls.until_calm()
+    page.browser.until(is_told, PATIENCE_S, "and once")
 
 
-def _stalls(page: Page, length_ms: float) -> list[str]:
-    """Return the lines of the history that tell of a stall of physics of that length within a tenth, and a tick."""
+def _history(page: Page) -> list[str]:
+    """Return the lines of the history that tell of a stall of physics, each with its time."""
     lines = page.browser.evaluate("[...document.querySelectorAll('#events li')].map((line) => line.textContent)")
-    told = [(line, re.search(r"physics: stalled for (\d+) ms", line)) for line in lines]
-    return [line for line, m in told if m is not None and abs(int(m[1]) - length_ms) <= 0.1 * length_ms + 1.5]
+    return [line for line in lines if "physics: stalled for " in line]
 
 
 def test_the_page_answers_while_the_rig_works_and_the_browser_draws(page: Page) -> None:
     """How soon is `benchmarks/bench_page.py`'s to say."""
     for path in ("", "metrics", "api/state", "healthz") * 5:
-        assert httpx.get(f"{page.address}{path}", timeout=30).status_code == 200, path
+        assert httpx.get(f"{page.address}{path}", timeout=PATIENCE_S).status_code == 200, path
 
 
 _TOO_WIDE = """
@@ -309,8 +375,8 @@ def test_nothing_is_wider_than_the_screen(page: Page, width: int, height: int) -
     browser = page.browser
     try:
         browser.set_size(width, height)
-        browser.until(lambda: browser.evaluate("innerWidth") == width, 10, "the size was taken")
-        browser.until(lambda: browser.evaluate(_TOO_WIDE) == [], 10, "everything fits")
+        browser.until(lambda: browser.evaluate("innerWidth") == width, PATIENCE_S, "the size was taken")
+        browser.until(lambda: browser.evaluate(_TOO_WIDE) == [], PATIENCE_S, "everything fits")
         assert browser.evaluate("document.documentElement.scrollWidth") <= width
     finally:
         browser.set_size(1280, 800)

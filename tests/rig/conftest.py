@@ -35,6 +35,7 @@ class Sample:
     tick: int
     force_n: tuple[float, float, float]
     state: str
+    model_age_s: float
 
 
 @dataclass
@@ -54,7 +55,8 @@ class Observer:
                 self.devices.append(body)
             left = body.instruments[0]
             times_ns = frame.sent_ns, frame.origin_ns
-            self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, left.applied_force_n, left.state))
+            felt = left.applied_force_n, left.state, left.model_age_s
+            self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, *felt))
         if self.solved is not None:
             self.solved.extend(frame.body for frame in self.bus.drain("physics.state"))
         self.states.extend((frame.sent_ns, frame.body) for frame in self.bus.drain("supervisor.state"))
@@ -104,7 +106,7 @@ def running_rig(
     rig: str = "stub",
     program: tuple[str, ...] = ("-m", "services.supervisor"),
 ) -> Iterator[Rig]:
-    """Launch a rig in `directory` and yield it once it runs.
+    """Launch a rig in `directory` and yield it once it runs. It is not restarted for being slow: the machine may be.
 
     Its observer may read more `topics` whole, or keep all that gateway and physics say.
     """
@@ -114,6 +116,7 @@ def running_rig(
         f"recorder.directory={directory / 'recordings'}",
         f"supervisor.web.port={_free_port()}",
         f"visualization.port={_free_port()}",
+        *(f"contracts.loops.{loop}.stop_miss_ratio=1" for loop in ("gateway", "haptics", "physics")),
         *overrides,
     ]
     options = [word for override in overrides for word in ("--set", override)]
@@ -136,7 +139,7 @@ def running_rig(
         process.send_signal(signal.SIGCONT)
         process.send_signal(signal.SIGINT)
         try:
-            process.wait(20)
+            process.wait(60)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()

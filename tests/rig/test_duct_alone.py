@@ -31,7 +31,7 @@ def test_runs_what_a_duct_calls_for_and_nothing_else(rig: Rig) -> None:
         states.extend(frame.body for frame in rig.observer.bus.drain("physics.state"))
         return len(states) > 100
 
-    rig.observer.until(has_come, 30.0, "a hundred states of the wall")
+    rig.observer.until(has_come, 120.0, "a hundred states of the wall")
     assert set(rig.observer.pids()) == {"physics", "visualization", "recorder"}
     bus = rig.directory / "bus"
     names = [path.name for path in bus.iterdir()]

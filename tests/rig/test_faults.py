@@ -15,9 +15,9 @@ from tests.rig.faults import MENDED_S, engage, force_n, force_rates_n_s, rate_li
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
-TTL_S = 0.020
-# The machine that runs the tests may be busy: what is asserted is the mechanism, figures are in benchmarks/.
-SLACK_S = 0.100
+#: Of the gateway, each of a millisecond or more, in which force is gone: the ttl of models, and to let go. Counted in
+#: these, as a machine that stands still runs none; figures in time are in benchmarks/.
+TICKS = 120
 
 
 FAULTS = [
@@ -33,11 +33,11 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
     engage(rig)
     before, incarnation = observer.pids(), observer.samples[-1].incarnation
     observer.samples.clear()
-    struck_ns = time.monotonic_ns()
-    os.kill(before[name], number)
-
     noticed = len(observer.states)
-    observer.until(lambda: any(_is_lost(s, name, before) for _, s in observer.states[noticed:]), 10.0, "noticed")
+    os.kill(before[name], number)
+    struck_ns = time.monotonic_ns()
+
+    observer.until(lambda: any(_is_lost(s, name, before) for _, s in observer.states[noticed:]), MENDED_S, "noticed")
 
     observer.until(
         lambda: observer.report(name) == "ready" and observer.pids()[name] not in (0, before[name]),
@@ -46,10 +46,9 @@ def test_a_process_that_dies_or_hangs(rig: Rig, name: str, number: signal.Signal
     observer.until(lambda: observer.rig_state in ("running", "degraded"), MENDED_S, "running again")
     after = observer.pids()
     assert {k: v for k, v in after.items() if k != name} == {k: v for k, v in before.items() if k != name}
-    late_ns = struck_ns + round((TTL_S + SLACK_S) * 1e9)
-    observer.until(lambda: _returned(observer.samples, late_ns) is not None, MENDED_S, "force back")
     if name in ("haptics", "physics"):
-        _assert_faded(observer.samples, late_ns)
+        _assert_fades_and_returns(rig, struck_ns)
+    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, MENDED_S, "a force at the left hand")
     rates_n_s = force_rates_n_s(observer.samples)
     assert len(rates_n_s) > 50
     assert max(rates_n_s) <= rate_limit_n_s()
@@ -64,17 +63,22 @@ def _is_lost(state: object, name: str, before: dict[str, int]) -> bool:
     return report.state != "ready" or report.pid != before[name]
 
 
-def _returned(samples: list[Sample], late_ns: int) -> Sample | None:
-    return next((s for s in samples if s.sent_ns > late_ns and force_n(s) > 1e-9), None)
+def _first(samples: list[Sample], begin: int, *, felt: bool) -> int | None:
+    """Return the number of the first sample from one on that has a force, or none."""
+    return next((k for k in range(begin, len(samples)) if (force_n(samples[k]) > 1e-9) is felt), None)
 
 
-def _assert_faded(samples: list[Sample], late_ns: int) -> None:
+def _assert_fades_and_returns(rig: Rig, struck_ns: int) -> None:
     """After the ttl the hand feels nothing, until the force returns through re-engagement."""
-    first = next(s for s in samples if s.sent_ns > late_ns)
-    assert force_n(first) == pytest.approx(0.0, abs=1e-9)
-    returned = _returned(samples, late_ns)
+    samples = rig.observer.samples
+    struck = next(k for k, sample in enumerate(samples) if sample.sent_ns > struck_ns)
+    limp = _first(samples, struck, felt=False)
+    assert limp is not None
+    assert limp - struck <= TICKS
+    rig.observer.until(lambda: _first(samples, limp, felt=True) is not None, MENDED_S, "force back")
+    returned = _first(samples, limp, felt=True)
     assert returned is not None
-    assert returned.state in ("engaging", "active")
+    assert samples[returned].state in ("engaging", "active")
 
 
 def test_recordings_up_to_then_are_readable(rig: Rig) -> None:

@@ -37,6 +37,6 @@ def test_floods_and_a_slow_disk_are_in_the_history_and_harm_nobody(
 def _misbehave(rig: Rig, process: str, text: str) -> None:
     os.kill(rig.observer.pids()[process], signal.SIGUSR1)
     log = rig.directory / "log"
-    rig.observer.until(lambda: text in log.read_text(errors="replace"), 20.0, text)
+    rig.observer.until(lambda: text in log.read_text(errors="replace"), 60.0, text)
     began = time.monotonic()
     rig.observer.until(lambda: time.monotonic() - began > 0.6, 20.0, "its end")

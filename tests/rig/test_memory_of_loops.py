@@ -37,22 +37,25 @@ def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig) -> None:
 
 
 def test_what_a_process_takes_is_counted() -> None:
-    code = "import mmap, time\nwhile True: mmap.mmap(-1, 4096).write(b'x'); time.sleep(1e-3)"
-    process = subprocess.Popen(["python3", "-c", code])
+    code = "import mmap, time\nprint(1, flush=True)\nwhile True: mmap.mmap(-1, 4096).write(b'x'); time.sleep(1e-3)"
+    process = subprocess.Popen(["python3", "-c", code], stdout=subprocess.PIPE)
     try:
+        assert process.stdout is not None
+        process.stdout.readline()
         counter = _start_counting(process.pid, seconds=1.2)
         counts = _counts(counter)
     finally:
         process.kill()
         process.wait()
-    assert counts["syscalls:sys_enter_mmap"] >= 50
-    assert counts["syscalls:sys_enter_munmap"] >= 49
-    assert counts["page-faults"] >= 50
+    mapped = counts["syscalls:sys_enter_mmap"]
+    assert mapped >= 10
+    assert counts["syscalls:sys_enter_munmap"] >= mapped - 1
+    assert counts["page-faults"] >= mapped - 1
 
 
 def _let_run(rig: Rig, seconds: float) -> None:
     began_s = time.monotonic()
-    rig.observer.until(lambda: time.monotonic() - began_s > seconds, 2 * seconds, "the time")
+    rig.observer.until(lambda: time.monotonic() - began_s > seconds, 60.0 + seconds, "the time")
 
 
 def _children(pid: int) -> list[int]:
@@ -69,7 +72,7 @@ def _start_counting(pid: int, seconds: float = SECONDS) -> subprocess.Popen[str]
 
 def _counts(counter: subprocess.Popen[str]) -> dict[str, int]:
     """Return what was counted; skip where this kernel does not let this user count."""
-    _, text = counter.communicate(timeout=30.0)
+    _, text = counter.communicate(timeout=300.0)
     rows = [line.split(",") for line in text.splitlines() if line.count(",") > 3]
     if counter.returncode != 0 or not all(row[0].isdigit() for row in rows) or len(rows) < len(EVENTS):
         pytest.skip(f"perf may not count here: {text.strip().splitlines()[-1:]}")

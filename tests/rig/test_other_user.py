@@ -60,7 +60,7 @@ def _children(pid: int) -> list[int]:
 
 def test_nothing_of_a_running_rig_is_to_be_had_by_another_user(everybodys: Path) -> None:
     with running_rig(everybodys, str(SCENE), []) as rig:
-        rig.observer.until(lambda: any((everybodys / "recordings").glob("*.mcap")), 30.0, "a recording")
+        rig.observer.until(lambda: any((everybodys / "recordings").glob("*.mcap")), 120.0, "a recording")
         files, sockets, pids = _attacked(rig)
         names = {Path(path).name for path in (*files, *sockets)}
         assert {"page.json", "gateway.state.ipc", "gateway.log", "physics.flight"} <= names

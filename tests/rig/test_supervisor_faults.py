@@ -12,34 +12,38 @@ from pathlib import Path
 
 import pytest
 
-from protocol import topic
-from services.runtime.config import load_rig
 from tests.rig.conftest import HERE, SCENE, Rig, running_rig
 from tests.rig.faults import engage, force_n, force_rates_n_s, rate_limit_n_s
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
 PRESS = [f"gateway.instruments.{i}.arm.settings.script={HERE / 'press.yaml'}" for i in (0, 1)]
-HELD_S = 1.5
+#: How long the gateway waits for a word of its supervisor: far longer than it is kept from one, on any machine.
+TIMEOUT_S = 10.0
+HELD_TICKS = 1000
+TTL_S = 0.020
+SOON_S = 3.5
 
 
 def test_without_its_supervisor_the_rig_lets_go_and_waits_until_somebody_ends_it(tmp_path: Path) -> None:
-    with running_rig(tmp_path, str(SCENE), PRESS) as rig:
+    with running_rig(tmp_path, str(SCENE), [*PRESS, f"gateway.supervisor_timeout_s={TIMEOUT_S}"]) as rig:
         engage(rig)
         before = rig.observer.pids()
         assert len(before) == 5
         _stop_for_a_while(rig)
-        rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, 20.0, "a word from it")
+        rig.observer.until(lambda: rig.observer.states[-1][0] > time.monotonic_ns() - 10**9, 60.0, "a word from it")
         assert rig.observer.pids() == before, "its own stall counts against nobody"
 
+        rig.observer.samples.clear()
         os.kill(rig.process.pid, signal.SIGKILL)
-        rig.process.wait(10)
-        _assert_hands_are_let_go(rig)
+        killed_ns = time.monotonic_ns()
+        rig.process.wait(60)
+        _assert_hands_are_let_go(rig, killed_ns)
         assert all(Path(f"/proc/{pid}").exists() for pid in before.values())
 
         down = [sys.executable, "-c", "from services.cli.app import main; main()", "down", "--json"]
         command = [*down, "--set", f"transport.directory={rig.directory / 'bus'}"]
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
         assert all(name in ended.stdout for name in before)
         assert not any(_lives(pid) for pid in before.values())
 
@@ -56,28 +60,30 @@ def _assert_force_goes_on(rig: Rig) -> None:
     """For a while the gateway ticks, and what the hand feels neither ends nor jumps."""
     samples = rig.observer.samples
     samples.clear()
-    began = time.monotonic()
-    rig.observer.until(lambda: time.monotonic() - began > HELD_S, 2 * HELD_S, "the time")
+    rig.observer.until(
+        lambda: bool(samples) and samples[-1].tick - samples[0].tick >= HELD_TICKS, 60.0, "a second of the gateway's"
+    )
     assert len({sample.incarnation for sample in samples}) == 1
     ticks = [sample.tick for sample in samples]
-    assert ticks[-1] - ticks[0] > 0.5 * HELD_S * topic("gateway.state").rate_hz
     assert all(b > a for a, b in itertools.pairwise(ticks))
     assert max(force_rates_n_s(samples)) <= rate_limit_n_s()
-    assert sum(sample.state in ("active", "engaging") for sample in samples) > 0.5 * len(samples)
+    assert any(sample.state == "active" for sample in samples)
+    left = [b for a, b in itertools.pairwise(samples) if a.state == "active" != b.state]
+    assert all(sample.model_age_s >= TTL_S for sample in left), "but for models that the machine keeps for too long"
 
 
-def _assert_hands_are_let_go(rig: Rig) -> None:
-    """Nobody could stop the rig any more: the gateway ticks on, and force fades within the rig file's time."""
-    samples, timeout_s = rig.observer.samples, load_rig("stub").gateway.supervisor_timeout_s
-    assert timeout_s is not None
-    samples.clear()
+def _assert_hands_are_let_go(rig: Rig, killed_ns: int) -> None:
+    """Nobody could stop the rig any more: the gateway ticks on, and force fades within its time."""
+    samples = rig.observer.samples
 
     def let_go() -> bool:  # for good: a stream of models that was late for a moment is engaged again after 0.1 s
         last = samples[-500:]
         return len(last) == 500 and all(sample.state == "stale" for sample in last)
 
-    rig.observer.until(let_go, timeout_s + 4.0, "let go")
+    rig.observer.until(let_go, TIMEOUT_S + 60.0, "let go")
     assert len({sample.incarnation for sample in samples}) == 1
+    last = max((sample.sent_ns for sample in samples if sample.state != "stale"), default=killed_ns)
+    assert last - killed_ns < round((TIMEOUT_S + SOON_S) * 1e9)
     assert max(force_n(sample) for sample in samples[-100:]) == 0.0
     assert max(force_rates_n_s(samples)) <= rate_limit_n_s()
 
