@@ -18,8 +18,10 @@ from typing import Any
 import httpx
 import pytest
 
+from services.runtime import config
 from services.runtime.errors import BusError
 from services.runtime.process import Options
+from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import page, run_report, session
 from services.supervisor.member import MemberState
 from services.supervisor.processes import TABLE, ProcessSpec
@@ -31,6 +33,7 @@ pytestmark = pytest.mark.rig
 
 
 HERE = Path(__file__).parent
+PATIENCE_S = 120.0
 Scenario = Iterator[None]
 
 
@@ -88,7 +91,7 @@ def fakes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fakes]:
         signal.signal(number, handler)
 
 
-def until(condition: Callable[[], bool], patience_s: float = 45.0) -> Scenario:
+def until(condition: Callable[[], bool], patience_s: float = 120.0) -> Scenario:
     deadline = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < deadline, "it did not happen"
@@ -134,8 +137,7 @@ def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes) -> None:
             others = {n: m.pid for n, m in supervisor.crew.members.items() if n != name}
             first = member.pid
             os.kill(first, number)
-            yield from until(lambda: supervisor.state is RigState.DEGRADED)
-            assert name in supervisor.reason
+            yield from until(lambda name=name: supervisor.state is RigState.DEGRADED and name in supervisor.reason)
             yield from until(lambda member=member, first=first: member.up and member.pid != first)
             yield from until_running(supervisor)
             assert member.restarts.count == 1
@@ -229,9 +231,10 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     gateway, slow = result["loops"]["gateway"], result["loops"]["recorder"]
     assert gateway.keys() >= {"rate_hz", "ticks", "misses", "miss_ratio", "lateness_us", "work_us"}
     assert gateway["lateness_us"].keys() == {"p50", "p99", "p99_9", "max"}
-    # 200 Hz over three seconds, give or take a report at either end; what came before RUNNING is not in it.
+    # 200 Hz over three seconds, give or take a report at either end, or however long the machine kept one back; what
+    # came before RUNNING is not in it.
     due = gateway["ticks"] + gateway["skipped"]
-    assert due == pytest.approx(200 * 3, abs=150)
+    assert 200 * 3 - 150 < due < 200 * report[0].measured_s + 150
     assert due / (gateway["ticks"] / gateway["rate_hz"]) == pytest.approx(200, rel=0.05)
     assert slow["miss_ratio"] > 0.2
     assert slow["work_us"]["p99"] > 5000
@@ -248,6 +251,7 @@ def test_a_process_that_does_not_end_is_killed_and_counts_no_longer(
     monkeypatch.setattr("services.supervisor.crew.END_S", 1.5)
     report: list[run_report.RunReport] = []
     pids: list[int] = []
+    asked_to_end_s: list[float] = []
 
     def scenario(supervisor: Supervisor) -> Scenario:
         report.append(run_report.RunReport(supervisor))
@@ -255,12 +259,13 @@ def test_a_process_that_does_not_end_is_killed_and_counts_no_longer(
             report[0].turn(time.monotonic())
             yield
         pids.append(supervisor.crew.members["recorder"].pid)
+        asked_to_end_s.append(report[0].measured_s)
 
     events = fakes.play(scenario, recorder="stubborn")  # goes on for another 1.5 s
     assert gone(pids[0])
     assert any(event.startswith("recorder: did not end within") for event in events)
     loop = report[0].result()["loops"]["recorder"]
-    assert 0.5 < loop["ticks"] / loop["rate_hz"] < 1.4
+    assert 0.5 < loop["ticks"] / loop["rate_hz"] < asked_to_end_s[0] + 0.4
 
 
 UP = """
@@ -291,7 +296,7 @@ def _command(fakes: Fakes, *arguments: str) -> list[str]:
 
 def _trocar(fakes: Fakes, verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "services.cli.app", verb, "--rig", fakes.options.rig, *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=30, check=False, cwd=HERE.parents[1])
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False, cwd=HERE.parents[1])
 
 
 def test_up_announces_the_page_and_ctrl_c_still_writes_the_report(fakes: Fakes, tmp_path: Path) -> None:
@@ -303,11 +308,25 @@ def test_up_announces_the_page_and_ctrl_c_still_writes_the_report(fakes: Fakes, 
         assert lines[-1], "it ended"
         lines.append(up.stderr.readline())
     assert sum("page: not the one of here" in line for line in lines) == 1
-    time.sleep(2.0)
+    _until_measured(fakes)
     up.send_signal(signal.SIGINT)
-    assert up.wait(20) == 0
+    assert up.wait(PATIENCE_S) == 0
     up.stderr.close()
     assert json.loads(file.read_text())["loops"]["gateway"]["ticks"] > 0
+
+
+def _until_measured(fakes: Fakes) -> None:
+    """Wait until the gateway has ticked for longer than what a report leaves out, and said so."""
+    bus = ZmqBus(config.load_rig(fakes.options.rig).transport, reads_every=["gateway.health"])
+    try:
+        heard: list[float] = []
+        deadline = time.monotonic() + PATIENCE_S
+        while not heard or heard[-1] < heard[0] + run_report.SETTLE_S + 1.0:
+            assert time.monotonic() < deadline
+            heard += [frame.body.uptime_s for frame in bus.drain("gateway.health")]
+            time.sleep(0.02)
+    finally:
+        bus.close()
 
 
 def test_a_start_without_a_terminal_says_first_where_to_look(fakes: Fakes) -> None:
@@ -318,7 +337,7 @@ def test_a_start_without_a_terminal_says_first_where_to_look(fakes: Fakes) -> No
             said.append(up.stdout.readline())
             assert said[-1], "it ended"
         up.send_signal(signal.SIGINT)
-        assert up.wait(20) == 0
+        assert up.wait(PATIENCE_S) == 0
     (starts,) = (line for line in said if " is starting: open http://127.0.0.1:" in line)
     assert starts.split("open ")[1].strip() == said[-1].split("open ")[1].split()[0]
 
@@ -336,7 +355,7 @@ def test_a_start_whose_output_nobody_takes_goes_on(fakes: Fakes, where: str) -> 
             line = up.stderr.readline()
             assert line, "it ended"
         up.send_signal(signal.SIGINT)
-        assert up.wait(20) == 0
+        assert up.wait(PATIENCE_S) == 0
 
 
 def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes) -> None:
@@ -349,7 +368,7 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     up.kill()
     up.wait()
     up.stderr.close()
-    again = subprocess.run(_command(fakes), capture_output=True, text=True, timeout=30, check=False)
+    again = subprocess.run(_command(fakes), capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert again.returncode == 3
     assert again.stderr.count("\n") == 1
     assert "a rig is running here already: physics (process" in again.stderr
@@ -383,7 +402,7 @@ def test_without_the_web_packages_there_is_no_page_and_flights_are_kept_all_the_
 
 
 def ask(supervisor: Supervisor, path: str) -> httpx.Response:
-    return httpx.get(supervisor.page_address.partition("#")[0] + path, timeout=20.0)
+    return httpx.get(supervisor.page_address.partition("#")[0] + path, timeout=PATIENCE_S)
 
 
 def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> None:
@@ -404,7 +423,7 @@ def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> 
         asking.start()
         yield from until(lambda: not asking.is_alive())
         assert told[1]["state"] == "running"
-        assert supervisor.state is RigState.RUNNING
+        assert [member.restarts.count for member in supervisor.crew.members.values()] == [0] * 5, "the rig goes on"
 
     fakes.play(scenario)
     assert _page_servers() == []
@@ -412,7 +431,7 @@ def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> 
 
 def _once_running(supervisor: Supervisor) -> dict[str, Any]:
     """Return the state that the page shows once it serves, and has heard that the rig runs."""
-    for _ in range(60):
+    for _ in range(300):
         with suppress(httpx.HTTPError):
             told = ask(supervisor, "api/state").json()
             if told.get("state") == "running":
