@@ -31,7 +31,7 @@ _UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
 _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h1>
 <p>The rig runs, but <code>services/visualization/web/dist</code> is missing. Build it once with
-<code>npm ci &amp;&amp; npm run build</code> in <code>services/visualization/web</code> and load this page again.</p>
+<code>python -m services.visualization.web.build</code> and load this page again.</p>
 <p>Meanwhile: <a href="/events">/events</a>, <a href="/metrics">/metrics</a>, and <code>trocar top</code>.</p>"""
 
 
@@ -92,6 +92,20 @@ def host_of(scope: Scope) -> str:
     return text.partition(":")[0]
 
 
+class _BuiltFiles(StaticFiles):
+    """Files of a folder that may come to be there later."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(directory=folder, check_dir=False)
+        self._folder = folder
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if self._folder.is_dir():
+            await super().__call__(scope, receive, send)
+        else:
+            await Response(status_code=404)(scope, receive, send)
+
+
 def build_app(context: PageContext) -> Starlette:
     """Return the web application."""
     routes: list[BaseRoute] = [
@@ -103,26 +117,23 @@ def build_app(context: PageContext) -> Starlette:
         Route("/metrics", _metrics(context)),
         Route("/healthz", _healthz(context)),
     ]
-    if (context.dist / "index.html").is_file():
-        routes += [Route("/", _index(context)), Route("/index.html", _index(context))]
-        routes.append(Mount("/", StaticFiles(directory=context.dist, html=True)))
-    else:
-        routes.append(Route("/", _not_built))
+    # Whether the page is built is looked at when it is asked for: it may be built while the rig runs.
+    routes += [Route("/", _index(context)), Route("/index.html", _index(context))]
+    routes.append(Mount("/", _BuiltFiles(context.dist)))
     return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
 
 
 def _index(context: PageContext) -> Endpoint:
     async def index(request: Request) -> Response:
         """Return the page with the rig in it: what it would ask for first, and wait for before it draws."""
-        text = (context.dist / "index.html").read_text(encoding="utf-8")
+        try:
+            text = (context.dist / "index.html").read_text(encoding="utf-8")
+        except (FileNotFoundError, NotADirectoryError):
+            return HTMLResponse(_NOT_BUILT, 503)
         told = json.dumps(_told(context, request)).replace("<", "\\u003c")  # no name may end the script it stands in
         return HTMLResponse(text.replace(_UNTOLD, f"{_UNTOLD[: -len('null')]}{told}", 1), headers=_NOT_KEPT)
 
     return index
-
-
-async def _not_built(_request: Request) -> Response:
-    return HTMLResponse(_NOT_BUILT, 503)
 
 
 def _state(context: PageContext) -> Endpoint:

@@ -88,10 +88,17 @@ def client(context: PageContext) -> Client:
     return Client(build_app(context))
 
 
-def test_page_that_is_not_built_says_how(client: Client) -> None:
+def test_page_that_is_not_built_says_how_and_is_there_once_it_is(client: Client, context: PageContext) -> None:
+    """Loaded again, as the page itself asked for, it still said so: it was looked for at the start only."""
     answer = client.get("/")
     assert answer.status_code == 503
-    assert "npm run build" in answer.text
+    assert "python -m services.visualization.web.build" in answer.text
+    assert client.get("/app.js").status_code == 404
+    context.dist.mkdir()
+    (context.dist / "index.html").write_text("<title>it is here</title>")
+    (context.dist / "app.js").write_text("1")
+    assert "it is here" in client.get("/").text
+    assert client.get("/app.js").text == "1"
 
 
 def test_page_that_is_built_is_served(context: PageContext) -> None:
@@ -135,7 +142,7 @@ def test_rig_names_the_view_on_the_host_that_was_asked(client: Client) -> None:
 def test_commands_need_the_token(client: Client, context: PageContext, asked: Asked, command: str) -> None:
     assert client.post(f"/api/{command}").status_code == 403
     assert client.post(f"/api/{command}", headers={"X-Trocar-Token": "guess"}).status_code == 403
-    assert client.get(f"/api/{command}", headers={"X-Trocar-Token": context.token}).status_code == 405
+    assert client.get(f"/api/{command}", headers={"X-Trocar-Token": context.token}).status_code == 404  # no file
     assert getattr(asked, command) == []
     answer = client.post(f"/api/{command}", headers={"X-Trocar-Token": context.token})
     assert answer.status_code == 200
