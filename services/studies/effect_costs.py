@@ -10,7 +10,7 @@ import numpy as np
 
 from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.reduction import ReducedDuct
-from services.mechanics.scenarios import insertion
+from services.mechanics.scenarios import Scenario, insertion
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
@@ -57,7 +57,7 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
     settings = scene.effects[name] if name in scene.effects else EFFECTS[name].kind.Settings()
     with_it = replace(scene, effects={**bare.effects, name: settings})
     simulations = [Simulation(each, build_duct(each)) for each in (with_it, bare, bare)]
-    times_us = _time_in_turns(simulations)
+    times_us = time_in_turns(simulations, insertion())
     return EffectCost(
         extra_us=float(np.median(times_us[0] - times_us[1])),
         noise_us=float(np.median(times_us[2] - times_us[1])),
@@ -65,9 +65,9 @@ def measure_effect(name: str, scene: SceneModel, build_duct: Callable[[SceneMode
     )
 
 
-def _time_in_turns(simulations: list[Simulation]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Duration [us] of every tick (len(simulations), N_TICKS), past the start."""
-    hands, tools = insertion(), ToolInputs()
+def time_in_turns(simulations: list[Simulation], hands: Scenario) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Duration [us] of every tick (len(simulations), N_TICKS), past the start, of simulations in the same hands."""
+    tools = ToolInputs()
     times_us = np.zeros((len(simulations), N_TICKS))
     for tick in range(START_TICK + N_TICKS):
         hands.write_inputs(1e-3 * tick, tools)
