@@ -20,7 +20,7 @@ from services.runtime import config
 from services.runtime.zmq_bus import ZmqBus
 
 RATE_LIMIT_N_S = 200.0
-START_TIMEOUT_S = 170.0  # compiling every kernel on a busy machine
+START_TIMEOUT_S = 400.0  # compiling every kernel on a busy machine
 
 _ARM = {"driver": "phantom_simulated", "device": "phantom_premium_1_5", "settings": {"hand_stiffness_n_m": 300}}
 
