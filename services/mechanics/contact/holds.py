@@ -27,22 +27,14 @@ class ActiveHold:
     request : GraspHold
     slot : int
         Its place in the arrays that the kernels work on.
-    room_m : float or None
-        Half of the distance between the jaws' axes where they stop at a catheter, once they do.
     """
 
-    __slots__ = ("_arrays", "request", "room_m", "slot")
+    __slots__ = ("_arrays", "request", "slot")
 
     def __init__(self, request: GraspHold, slot: int, arrays: HoldArrays) -> None:
         self.request = request
         self.slot = slot
-        self.room_m: float | None = None
         self._arrays = arrays
-
-    @property
-    def arm_m(self) -> float:
-        """How far from the hinge the point is, along the shaft."""
-        return float(self._arrays.anchor[self.slot, 2])
 
     @property
     def target(self) -> int:
@@ -138,10 +130,8 @@ class HoldRegistry:
 
     def stop_jaws(self, tools: ToolBody) -> None:
         """Write into the tools what they hold, and where a catheter between their jaws resists them."""
-        stops = [
-            (each.tool, each.target_kind, hold.arm_m, _carries(each))
-            for hold, each in ((hold, hold.request) for hold in self.active.values())
-        ]
+        requests = [hold.request for hold in self.active.values()]
+        stops = [(each.tool, each.target_kind, each.jaw_angle_rad, _carries(each)) for each in requests]
         if stops == self._stops:
             return
         self._stops = stops
@@ -150,22 +140,14 @@ class HoldRegistry:
         self._held = {(tool, target_kind) for tool, target_kind, _, carries in stops if carries}
         for tool, target_kind in self._held:
             tools.held[tool, target_kind] = True
-        for hold in self.active.values():
-            if hold.request.target_kind == CATHETER_SEGMENT:
-                self._stop_at_catheter(hold, tools)
-
-    @staticmethod
-    def _stop_at_catheter(hold: ActiveHold, tools: ToolBody) -> None:
-        """Let jaws shut until they are as far apart as in the grasp where the catheter is now, to which it may slip."""
-        tool = hold.request.tool
-        arm_m = max(hold.arm_m, float(tools.radius_m[tool, JAW_A]))
-        if hold.room_m is None:
-            # Jaws that have closed a little more in the tick of the grasp are not opened by what they hold.
-            stop_rad = min(hold.request.jaw_angle_rad, float(tools.proxy[tool, 3]))
-            hold.room_m = arm_m * math.sin(0.5 * stop_rad)
-        stop_rad = 2.0 * math.asin(min(hold.room_m / arm_m, 1.0))
-        if stop_rad > tools.jaw_stop_rad[tool]:
-            tools.jaw_stop_rad[tool], tools.stop_arm_m[tool] = stop_rad, arm_m
+        for hold, (tool, target_kind, jaw_angle_rad, _) in zip(self.active.values(), stops, strict=True):
+            if target_kind == CATHETER_SEGMENT:
+                # Jaws that have closed a little more in the tick of the grasp are not opened by what they hold.
+                stop_rad = min(jaw_angle_rad, float(tools.proxy[tool, 3]))
+                tools.jaw_stop_rad[tool] = max(tools.jaw_stop_rad[tool], stop_rad)
+                tools.stop_arm_m[tool] = max(
+                    float(self._arrays.anchor[hold.slot, 2]), float(tools.radius_m[tool, JAW_A])
+                )
 
     def _free_jaws(self) -> None:
         """Let jaws collide at once with what they held until now: it may spring back against them in this step."""
