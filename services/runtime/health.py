@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 
 import protocol.bodies as bodies
@@ -107,9 +107,25 @@ class HealthReporter:
         while self.is_due():
             self.do_a_piece()
 
+    def body(self) -> bodies.Health:
+        """Return a report, made in one go."""
+        pieces = self._compose()
+        while True:
+            try:
+                next(pieces)
+            except StopIteration as end:
+                health: bodies.Health = end.value
+                return health
+
     def _make(self) -> Iterator[None]:
         """Make and send a report, pausing after each piece that is about as long as the others."""
         began_ns = time.monotonic_ns()
+        health = yield from self._compose()
+        step_aside()
+        self._due_ns = began_ns + _PERIOD_NS
+        self._bus.publish(f"{self.process}.health", health)
+
+    def _compose(self) -> Generator[None, None, bodies.Health]:
         stages = self._stage_costs()
         yield
         counted_ns = time.monotonic_ns()  # when its ticks were: rates are their differences
@@ -123,9 +139,7 @@ class HealthReporter:
         )
         counts = self.counts()
         yield
-        step_aside()
-        self._due_ns = began_ns + _PERIOD_NS
-        health = bodies.Health(
+        return bodies.Health(
             process=self.process,
             pid=os.getpid(),
             state=self.state,
@@ -144,7 +158,6 @@ class HealthReporter:
                 **{f"{FLOOD}{topic}": float(frames) for topic, frames in self._bus.floods().items()},
             },
         )
-        self._bus.publish(f"{self.process}.health", health)
 
     def _stage_costs(self) -> tuple[bodies.StageCost, ...]:
         if self.meter is None:

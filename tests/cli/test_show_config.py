@@ -44,7 +44,7 @@ def test_device(trocar: Trocar) -> None:
 
 
 def test_a_name_that_is_empty_is_not_the_default_s(trocar: Trocar) -> None:
-    assert "there is no scene ''" in trocar("config", "show", "--scene", "").sentence()
+    assert "--scene is empty" in trocar("config", "show", "--scene", "").sentence()
 
 
 def test_two_at_a_time_are_refused(trocar: Trocar) -> None:

@@ -82,7 +82,7 @@ def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
         rig = in_memory(f"contact.capacity={capacity}")
         _press(rig, 60)
         for process in (rig.haptics_process, rig.physics_process):
-            told[process.name, capacity] = process.health._body(1.0).gauges
+            told[process.name, capacity] = process.health.body().gauges
     assert told["haptics", 96]["dropped_pairs"] == told["physics", 96]["dropped_pairs"] == 0.0
     assert told["physics", 96]["dropped_contacts"] == told["physics", 96]["dropped_holds"] == 0.0
     assert told["physics", 96]["refused_inputs"] == 0.0

@@ -41,7 +41,7 @@ while not supervisor.stop() and time.monotonic() < until_s and len(found) < int(
 over.set()
 sender.join()
 from services.supervisor import dashboard, figures
-windows = {name: figures.of(each.health._body(1.0)) for name, each in (("physics", physics), ("haptics", haptics))}
+windows = {name: figures.of(each.health.body()) for name, each in (("physics", physics), ("haptics", haptics))}
 found["dashboard"] = [row.publisher for row in dashboard.topic_rows(windows) if row.topic == topic]
 print(json.dumps(found))
 """

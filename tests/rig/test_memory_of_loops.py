@@ -38,15 +38,14 @@ def test_no_loop_takes_or_returns_memory_while_it_runs(rig: Rig) -> None:
 
 def test_what_a_process_takes_is_counted() -> None:
     code = "import mmap, time\nprint(1, flush=True)\nwhile True: mmap.mmap(-1, 4096).write(b'x'); time.sleep(1e-3)"
-    process = subprocess.Popen(["python3", "-c", code], stdout=subprocess.PIPE)
-    try:
-        assert process.stdout is not None
-        process.stdout.readline()
-        counter = _start_counting(process.pid, seconds=1.2)
-        counts = _counts(counter)
-    finally:
-        process.kill()
-        process.wait()
+    with subprocess.Popen(["python3", "-c", code], stdout=subprocess.PIPE) as process:
+        try:
+            assert process.stdout is not None
+            process.stdout.readline()
+            counter = _start_counting(process.pid, seconds=1.2)
+            counts = _counts(counter)
+        finally:
+            process.kill()
     mapped = counts["syscalls:sys_enter_mmap"]
     assert mapped >= 10
     assert counts["syscalls:sys_enter_munmap"] >= mapped - 1

@@ -34,13 +34,14 @@ def test_walls_that_snap_beside_a_row_meet_nothing_unseen(family, name):
 @pytest.mark.parametrize(
     "name",
     [
-        "t/R 0.01, holding, number 0",  # 1.55 walls deep in jaws, by motions that counted as small
-        "t/R 0.005, holding, number 0",  # 1.33
-        "t/R 0.005, holding, number 2",  # 0.72, where detection took the wall to be a wall and a half beside
+        "t/R 0.005, holding, number 0",
+        "t/R 0.01, holding, number 0",
+        "t/R 0.005, holding, number 2",  # 0.69 walls deep where detection takes the wall to be beside where it is
     ],
 )
 def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(name):
-    (case,) = [case for case in thickness_cases(Draw(Reach.LONG, 1)) if case.name == name]
+    """By no means all are: which of them, a change elsewhere decides as well, see docs/decisions/overlaps.md."""
+    (case,) = [case for case in thickness_cases(Draw(Reach.LONG, 2)) if case.name == name]
     figures = case.run().figures
     assert not failures(figures), {name: figures[name] for name in failures(figures)}
 
