@@ -46,9 +46,9 @@ class CapsuleMemory(Struct):
     best: Annotated[IntArray, STRETCHES]  # second segment of the deepest contact in each stretch, or NONE
     found: Annotated[FloatArray, STRETCHES, 2, 3]  # its (s, t, distance) and normal
 
-    def reset(self) -> None:
-        """Drop the past of every pair."""
-        self.active.fill(0)
+    def reset(self, which: slice = slice(None)) -> None:
+        """Drop the past of every pair of ``which`` first segments."""
+        self.active[which] = 0
 
 
 capsules_at = reader(CapsuleMemory)

@@ -78,9 +78,9 @@ class Probes(Struct):
         """Return n probes without a past."""
         return cls.zeros(n=n, seen=np.full(n, -1.0), triangle=np.full((n, MINIMA), NOT_FOUND, np.int32))
 
-    def reset(self) -> None:
-        """Drop the past of every probe."""
-        self.seen.fill(-1.0)
+    def reset(self, which: slice = slice(None)) -> None:
+        """Drop the past of ``which`` probes."""
+        self.seen[which] = -1.0
 
 
 @kernel

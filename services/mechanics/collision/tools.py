@@ -61,9 +61,8 @@ class ToolContactDetector:
 
     def look_afresh(self, tool: int) -> None:
         """Forget the past of one tool that has touched nothing yet: it may be withdrawn through what it is in."""
-        first = tool * PROBES_PER_TOOL
-        self._detection.probes.seen[first : first + PROBES_PER_TOOL] = -1.0
-        self._detection.capsules.active[tool * N_SEGMENTS : (tool + 1) * N_SEGMENTS] = 0
+        self._detection.probes.reset(slice(tool * PROBES_PER_TOOL, (tool + 1) * PROBES_PER_TOOL))
+        self._detection.capsules.reset(slice(tool * N_SEGMENTS, (tool + 1) * N_SEGMENTS))
 
     def let_through(self, tool: int) -> None:
         """Forget on which side of a tool's jaws the catheter is: while they hold it they do not push it back.
@@ -71,7 +70,7 @@ class ToolContactDetector:
         It may slip through them. Who says so before every `detect` then finds it where it is once they let go.
         """
         first = tool * N_SEGMENTS
-        self._detection.capsules.active[first + JAW_A : first + JAW_B + 1] = 0
+        self._detection.capsules.reset(slice(first + JAW_A, first + JAW_B + 1))
 
     def state_arrays(self) -> list[AnyArray]:
         """Return the live arrays of the past."""
