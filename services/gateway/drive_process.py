@@ -23,7 +23,8 @@ from services.runtime import realtime
 _MOTION_HZ = 1000
 _PERIOD_NS = round(ESTIMATE_S * 1e9)
 _LISTEN_EVERY = 5
-_SHARE = 0.12  # of a core, where SCHED_DEADLINE is what is granted: two drives take 0.1 ms every 2 ms
+#: Of a core, where SCHED_DEADLINE is what is granted: two drives take 0.1 ms every 2 ms.
+SHARE = 0.12
 #: Bytes read in a tick. The gateway sends a frame every 2 ms; what a stall leaves behind is read in a few ticks.
 _READ = 64 * can_frame.SIZE
 
@@ -122,7 +123,7 @@ def main(core: int | None, priority: int | None) -> None:
     """Run the drives until the gateway has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is the gateway's to act on
     _release_scheduling()
-    _facts, scheduling = realtime.set_up(core, priority, share=_SHARE)
+    _facts, scheduling = realtime.set_up(core, priority, share=SHARE)
     drives = Drives(socket.socket(fileno=sys.stdin.fileno()))
     realtime.freeze_garbage_collector()
     if scheduling is not None:

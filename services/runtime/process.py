@@ -78,6 +78,8 @@ class Process:
         if self._scheduling is not None:
             self._scheduling.resume(alone=starts_others, period_ns=meter.period_ns if meter is not None else 0)
             had = realtime.scheduling_fact(self._scheduling)
+            if had not in self.facts:  # others have reserved since what it was promised
+                _warn_of(had, self.log)
             self.facts[:] = [had if fact.name == had.name else fact for fact in self.facts]
         self.facts.extend((realtime.freeze_garbage_collector(), realtime.read_back()))
         self.health.realtime = self.facts
@@ -151,8 +153,7 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
         settings.core, settings.priority, settings.nice, settings.share, rig.rungs, awake=not rig.spare_power
     )
     for fact in facts:
-        if not fact.ok:
-            logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)
+        _warn_of(fact, logger)
     called = process_config.called_for
     read, observed = tuple(filter(called.speaks, read_by(name))), tuple(filter(called.speaks, observed_by(name)))
     bus = ZmqBus(
@@ -180,6 +181,11 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     _stop_on_signals(process)
     process.health.change("starting", "building")
     return process
+
+
+def _warn_of(fact: realtime.Fact, logger: logging.Logger) -> None:
+    if not fact.ok:
+        logger.warning("%s: asked for %s, had %s", fact.name, fact.asked, fact.had)
 
 
 def listen_as(name: str, rig: Rig) -> ZmqBus:

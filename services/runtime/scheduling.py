@@ -33,8 +33,11 @@ _RESET_ON_FORK, _RECLAIM = 1, 2  # RECLAIM: a tick that takes longer has what ot
 #: one piece, and after those who are due sooner. With longer ones for all, the earliest deadline is often another
 #: loop's.
 PERIOD_NS = 1_000_000
-#: Of the threads beside the loop's own: ZeroMQ's.
-_BESIDE = 0.01
+#: Of each of the threads beside the loop's own: ZeroMQ's two.
+BESIDE = 0.01
+#: Of each core, for all that reserve together: 95 %, less the 5 % that the kernel reserves since Linux 6.12 so that
+#: ordinary threads are never starved (its fair server). What comes last and does not fit gets the next rung.
+ADMITTED = 0.9
 _NICE, _SLICE_NS = -20, 100_000
 RUNGS = ("fifo", "deadline", "nice")
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -147,7 +150,7 @@ class Scheduling:
                     thread,
                     DEADLINE,
                     _RESET_ON_FORK | _RECLAIM,
-                    runtime_ns=round((self.wish.share if own else _BESIDE) * self._period_ns),
+                    runtime_ns=round((self.wish.share if own else BESIDE) * self._period_ns),
                     period_ns=self._period_ns,
                 )
         except OSError:
