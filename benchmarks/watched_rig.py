@@ -130,7 +130,8 @@ class History:
             due = _DUE_HZ.get(m[1], 1000.0) * float(m[2])
             return self._misses(m[1], since, until) >= float(m[3]) / 100.0 * min(due, self._ticks(m[1], since, until))
         if m := _BUDGET.search(text):
-            return self._misses(m[1], max(t - 60.0 - _BEFORE_S, self._ran_since(t)), until) >= int(m[2])
+            since = max(t - 60.0 - _BEFORE_S, self._ran_since(t))
+            return max(self._misses(m[1], since, until), self._not_run(m[1], since, until)) >= int(m[2])
         if m := _PATH.search(text):
             since, label = t - int(m[2]) - _BEFORE_S, f'path="{m[1]}"'
             over = self.over("trocar_path_latency_seconds", label, int(m[3]) * 1e-6, since, until)
@@ -152,6 +153,11 @@ class History:
 
     def _misses(self, loop: str, since: float, until: float) -> float:
         return self.change(f'trocar_deadline_misses_total{{loop="{loop}"}}', since, until)
+
+    def _not_run(self, loop: str, since: float, until: float) -> float:
+        """Return the ticks that were due, by the clock of the loop's own reports, and never ran: it waited for another."""
+        lived_s = self.change(f'trocar_service_uptime_seconds{{service="{loop}"}}', since, until)
+        return _DUE_HZ.get(loop, 1000.0) * lived_s - self._ticks(loop, since, until)
 
     def _ticks(self, loop: str, since: float, until: float) -> float:
         return self.change(f'trocar_loop_iterations_total{{loop="{loop}"}}', since, until)

@@ -215,7 +215,8 @@ class Supervisor:
         return member is not None and member.critical
 
     def _act(self, action: Action) -> None:
-        self.say("warning", f"supervisor: {action.rung.value} {action.process}: {action.reason}".replace(" : ", ": "))
+        level = "info" if action.rung is Rung.RAISE else "warning"
+        self.say(level, f"supervisor: {action.rung.value} {action.process}: {action.reason}".replace(" : ", ": "))
         if action.rung is Rung.RESTART:
             self.crew.restart(action.process, action.reason)
         elif action.rung is Rung.SAFE_STOP:

@@ -44,3 +44,25 @@ def test_an_alarm_that_counts_what_was_lost_before_the_rig_ran_is_false(
     watched: Any, before: int, at_once: int, later: int
 ) -> None:
     assert not history(watched, before=before, at_once=at_once, later=later).is_true(SAID, 25.0)
+
+
+@pytest.mark.parametrize(("rate_hz", "true"), [(1000.0, False), (998.0, True)])
+def test_a_loop_that_waits_for_another_loses_ticks_that_it_does_not_miss(
+    watched: Any, rate_hz: float, true: bool
+) -> None:
+    """Haptics ran at 998 Hz behind a gateway that was held up: each of its own ticks came in time."""
+    samples = [
+        watched.Sample(
+            float(t),
+            {
+                'trocar_loop_iterations_total{loop="haptics"}': rate_hz * t,
+                'trocar_service_uptime_seconds{service="haptics"}': float(t),
+                'trocar_rig_state{state="running"}': 1.0,
+            },
+            0,
+        )
+        for t in range(80)
+    ]
+    made = watched.History([])
+    made.samples = samples
+    assert made.is_true("supervisor: degraded: haptics: 86 ticks lost in the last minute, budget 60", 70.0) == true

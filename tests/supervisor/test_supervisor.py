@@ -351,6 +351,17 @@ def test_events_name_what_happened_in_order() -> None:
     assert any(text.startswith("supervisor: degraded: gateway.state: silent") for text in texts)
 
 
+def test_only_a_change_of_quality_for_the_worse_is_a_warning() -> None:
+    bench = running(Bench(rig(**STRICT), levels=2))
+    bench.peers["physics"].miss_ratio = 0.1
+    bench.run(30.0, lambda: bench.supervisor.enforcement.level == 1)
+    bench.peers["physics"].miss_ratio = 0.0
+    bench.run(300.0, lambda: bench.supervisor.enforcement.level == 0)
+    said = [(event.level, event.text) for event in bench.supervisor.events]
+    assert [level for level, text in said if "lower the quality level" in text] == ["warning"]
+    assert [level for level, text in said if "raise the quality level" in text] == ["info"]
+
+
 def test_what_the_rung_in_force_costs_in_accuracy_is_told_to_all_and_exported() -> None:
     bench = running(Bench(rig(**STRICT), levels=(Level("full", 400.0, 0.5, 0.25), Level("dry", 250.0, 1.5, 2.0))))
     bench.peers["physics"].miss_ratio = 0.1
