@@ -155,7 +155,7 @@ class History:
         return self.change(f'trocar_deadline_misses_total{{loop="{loop}"}}', since, until)
 
     def _not_run(self, loop: str, since: float, until: float) -> float:
-        """Return the ticks that were due, by the clock of the loop's own reports, and never ran: it waited for another."""
+        """Return the ticks that were due, by the clock of its reports, and never ran: it waited for another."""
         lived_s = self.change(f'trocar_service_uptime_seconds{{service="{loop}"}}', since, until)
         return _DUE_HZ.get(loop, 1000.0) * lived_s - self._ticks(loop, since, until)
 
