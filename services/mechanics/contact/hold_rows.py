@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
-from services.mechanics.arrays import BoolArray, ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.struct import Address
 from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, unit
 from services.mechanics.contact.frames import tangents
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
+from services.mechanics.contact.hold_arrays import HoldArrays, holds_at
 from services.mechanics.contact.identity import hold_identity
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.contact.wedge import append_wedges
 from services.mechanics.contact.writer import (
     NO_ROOM,
     TARGET_SIDE,
@@ -25,7 +26,6 @@ from services.mechanics.contact.writer import (
     put_on_rod,
     put_on_tool,
 )
-from services.mechanics.scene.tools import N_TOOLS
 
 _HOLD, _GRIP = number_of("hold"), number_of("grip")
 # The axis of a catheter's row that lies along it; the first one is across the jaws.
@@ -36,27 +36,12 @@ LOOSE_SOFTNESS_M_N = 1.0
 LEAST_ACROSS = 0.1
 
 
-class HoldArrays(Struct):
-    """Holds by slot; ``order`` lists the slots in use, in the order of their rows."""
-
-    order: Annotated[IntArray, "h"]
-    number: Annotated[LongArray, "h"]  # the request's
-    tool: Annotated[ByteArray, "h"]
-    target_kind: Annotated[ByteArray, "h"]
-    target: Annotated[IntArray, "h"]
-    weights: Annotated[FloatArray, "h", 3]
-    anchor: Annotated[FloatArray, "h", 3]  # along b, h and d of the tool from J, in m
-    slipped_m: Annotated[FloatArray, "h"]
-    lost: Annotated[BoolArray, "h"]
-    reach: Annotated[FloatArray, N_TOOLS, 2]  # of each tool's jaws beyond J: across, and along d
-
-
-holds_at = reader(HoldArrays)
-
-
 @kernel
 def append_holds(state_address: Address[ContactState], holds_address: Address[HoldArrays], count: int) -> int:
-    """Append one bilateral row for each of the first ``count`` holds in order; return how many found room."""
+    """Append one bilateral row for each of the first ``count`` holds in order; return how many found room.
+
+    After them come the rows of catheters that have slipped towards the hinge, see `wedge`.
+    """
     state, holds = state_at(state_address), holds_at(holds_address)
     rows, geometry = state.rows, state.geometry
     n_rows = rows.reserved = 0
@@ -75,6 +60,7 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
             _wall_side(holds, slot, geometry.wall, rows, row)
             _let_jaws_close(holds.tool[slot], geometry.tools, rows, row)
         n_rows += 1
+    append_wedges(rows, holds, geometry, count)
     return n_rows
 
 

@@ -8,7 +8,8 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
 from services.mechanics.compiled.struct import Address
-from services.mechanics.contact.hold_rows import HoldArrays, append_holds, slide_holds
+from services.mechanics.contact.hold_arrays import HoldArrays
+from services.mechanics.contact.hold_rows import append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.scene import ToolScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
@@ -195,6 +196,8 @@ class HoldRegistry:
         arrays.number[slot], arrays.tool[slot] = request.hold_id, request.tool
         arrays.target_kind[slot], arrays.target[slot] = request.target_kind, request.target
         arrays.weights[slot] = request.target_weights
+        arrays.grasped_m[slot] = arm_m = arrays.anchor[slot, 2]
+        arrays.apart_m[slot] = 2.0 * arm_m * math.sin(0.5 * request.jaw_angle_rad)
         arrays.slipped_m[slot], arrays.lost[slot] = 0.0, False
         self.active[request.hold_id] = ActiveHold(request, slot, arrays)
         self.took_up = True

@@ -10,7 +10,8 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.free_motion import subtract_duct_motion
 from services.mechanics.contact.geometry import ContactGeometry, geometry_at
-from services.mechanics.contact.hold_rows import HoldArrays, append_holds
+from services.mechanics.contact.hold_arrays import HoldArrays
+from services.mechanics.contact.hold_rows import append_holds
 from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.contact.rows import ContactRows, rows_at
 from services.mechanics.contact.state import ContactState, state_at

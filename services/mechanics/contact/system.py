@@ -14,7 +14,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import stages
 from services.mechanics.contact.geometry import Bodies, ContactGeometry
 from services.mechanics.contact.giving import give_forces
-from services.mechanics.contact.hold_rows import HoldArrays
+from services.mechanics.contact.hold_arrays import HoldArrays
 from services.mechanics.contact.met import drop_shallow
 from services.mechanics.contact.passivity import BEGINS_S
 from services.mechanics.contact.rows import add_rod_motion

@@ -9,11 +9,14 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, 
 from services.mechanics.scenarios import Scenario, ToolMotion, insertion_scene
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.studies.stability.criteria import CRITERIA
 from tests.mechanics.trajectories.cases import CASES
 
 PINCHED = 1000
 HALF_WALL = 0.5
+MOST_GAIN, LEAST_ENERGY_J = CRITERIA["gain"].limit, 1e-9
 
 
 def jaws_depth_m(simulation):
@@ -70,8 +73,9 @@ def test_jaws_that_open_and_squeeze_no_more_meet_the_catheter_that_they_held(hol
     assert not simulation.tools.held.any()
 
 
-def test_what_slips_in_jaws_does_not_slip_into_one_of_them(small_duct, with_effects):
-    """Held by friction alone, it went through them across, and was 2 mm deep in one when they let go."""
+@pytest.fixture
+def slipping(small_duct, with_effects):
+    """Tool 1 holds the catheter at two points, 12 mm beyond the hinge, by friction of 10 mN each; and where J is."""
     simulation, tools = Simulation(with_effects(grasp_slip={}), small_duct), ToolInputs()
     tools.present[0] = False
     held_at = simulation.catheter.state.position_m[15].copy()
@@ -82,6 +86,12 @@ def test_what_slips_in_jaws_does_not_slip_into_one_of_them(small_duct, with_effe
         GraspHold(number, 1, CATHETER_SEGMENT, 15, np.array([1.0 - s, s, 0.0]), 0.01, 0.31)
         for number, s in ((3, 0.0), (5, 0.5))
     ]
+    return simulation, tools, at
+
+
+def test_what_slips_in_jaws_does_not_slip_into_one_of_them(slipping):
+    """Held by friction alone, it went through them across, and was 2 mm deep in one when they let go."""
+    simulation, tools, at = slipping
     for tick in range(150):
         b, h, d = simulation.tools.frame[1]
         tools.position_m[1] = at + min(tick, 100) * 1e-5 * (4.0 * b + h - 2.0 * d)
@@ -89,6 +99,27 @@ def test_what_slips_in_jaws_does_not_slip_into_one_of_them(small_duct, with_effe
         assert list(simulation.holds.active) == [3, 5]
         assert jaws_depth_m(simulation) < 0.1e-3
     assert simulation.holds.active[3].slipped_m > 0.5e-3
+
+
+def test_what_slips_towards_the_hinge_opens_the_jaws_and_gains_nothing(slipping):
+    """Before, it came into both of them, as they stayed as wide as in the grasp."""
+    simulation, tools, at = slipping
+    tools.position_m[1] = at
+    simulation.step(tools)
+    book, highest_j, opened_rad = EnergyBook(simulation), 0.0, []
+    for tick in range(300):
+        tools.position_m[1] = at + min(tick, 200) * 4e-5 * simulation.tools.frame[1, 2]
+        book.step(tools)
+        assert list(simulation.holds.active) == [3, 5]
+        assert jaws_depth_m(simulation) < 0.1e-3
+        spent_j = book.flow.input_j - book.flow.stored_j
+        highest_j = max(highest_j, spent_j)
+        assert spent_j >= highest_j - MOST_GAIN * max(book.flow.input_j, LEAST_ENERGY_J)
+        assert book.flow.impact_j > -LEAST_ENERGY_J
+        opened_rad.append(simulation.tools.proxy[1, 3])
+    assert abs(book.flow.imbalance_j) < 1e-3 * book.flow.input_j
+    assert simulation.holds.active[3].slipped_m > 1e-3
+    assert max(opened_rad) > 0.33
 
 
 def test_jaws_at_rest_on_two_edges_of_the_wall_feel_the_same_for_ever(cache_dir):
