@@ -12,8 +12,28 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.collision.aabb_tree import LEAF
+from services.mechanics.collision.boxes import (
+    CHILD,
+    CHILD_RIGHT,
+    REACH,
+    REPRESENTATIVE,
+    REST_LOW,
+    SEEN_AT,
+    SEEN_BOTTOM,
+    SEEN_ENERGY,
+    SEEN_HIGH,
+    SEEN_LOW,
+    SEEN_NORMAL,
+    SEEN_RESIDUAL,
+    SEEN_TOP,
+    SEEN_TURNED,
+    SPREAD,
+    is_leaf,
+    put_vector,
+    vector_at,
+)
 from services.mechanics.collision.nodes import corner_positions, node_position
+from services.mechanics.collision.primitives import index
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import (
@@ -21,10 +41,7 @@ from services.mechanics.compiled.vectors import (
     along,
     cross,
     dot,
-    put_row,
-    put_row_of,
     row,
-    row_of,
     subtract,
     unit,
 )
@@ -45,25 +62,26 @@ def distance2_below(
 
     Infinite where none of them lies `OPPOSITE` to ``direction``, unless that is zero.
     """
+    boxes = patch.boxes
     body.tree_visits += 1
     loose = _LOOSE * math.sqrt(limit2)
     drift = _drift(body, patch, node)
     if drift < loose:
         return _seen_bound2(patch, node, _STILL, drift, (a, b), direction)
-    slack = patch.reach[node] * body.energy_norm + body.largest_residual + body.turned_shift
-    d2 = _bound2(_box(patch.box, node, _STILL, slack), a, b, direction)
+    slack = boxes[node, REACH] * body.energy_norm + body.largest_residual + body.turned_shift
+    d2 = _bound2(_box(boxes, REST_LOW, node, _STILL, slack), a, b, direction)
     if d2 >= limit2:
         return d2
     if drift < math.inf:
         shift, tight = _motion_since(body, patch, node)
         d2 = max(d2, _seen_bound2(patch, node, shift, tight, (a, b), direction))
     else:
-        vertex = patch.representative[node]
-        tight = patch.spread[node] * body.energy_norm + 2.0 * body.largest_residual
+        vertex = index(boxes[node, REPRESENTATIVE])
+        tight = boxes[node, SPREAD] * body.energy_norm + 2.0 * body.largest_residual
         if slack - tight > loose:
             shift = subtract(node_position(body, vertex), row(body.rest, vertex))
-            d2 = max(d2, _bound2(_box(patch.box, node, shift, tight), a, b, direction))
-    if d2 < limit2 and tight > loose and patch.child[node, 0] == LEAF:
+            d2 = max(d2, _bound2(_box(boxes, REST_LOW, node, shift, tight), a, b, direction))
+    if d2 < limit2 and tight > loose and is_leaf(boxes, node):
         _look_at_leaf(body, patch, node)
         return _seen_bound2(patch, node, _STILL, 0.0, (a, b), direction)
     return d2
@@ -76,7 +94,8 @@ def join_children(body: Body, patch: Patch, node: int, limit2: float) -> None:
     Not where it is tight enough as it is for a search of this squared distance: a node of the wall that nobody else
     needs would have to be placed.
     """
-    left, right = patch.child[node, 0], patch.child[node, 1]
+    boxes = patch.boxes
+    left, right = index(boxes[node, CHILD]), index(boxes[node, CHILD_RIGHT])
     stale = 0.5 * _drift(body, patch, node)
     if stale < 0.5 * _LOOSE * math.sqrt(limit2):
         return
@@ -86,21 +105,22 @@ def join_children(body: Body, patch: Patch, node: int, limit2: float) -> None:
     shift_right, tight_right = _motion_since(body, patch, right)
     if not max(tight_left, tight_right) < stale:
         return
-    low, high = _box(patch.seen_box, left, shift_left, tight_left)
-    other_low, other_high = _box(patch.seen_box, right, shift_right, tight_right)
+    low, high = _box(boxes, SEEN_LOW, left, shift_left, tight_left)
+    other_low, other_high = _box(boxes, SEEN_LOW, right, shift_right, tight_right)
     _note(body, patch, node, _lower(low, other_low), _upper(high, other_high))
 
 
 @kernel
 def _motion_since(body: Body, patch: Patch, node: int) -> tuple[Vector, float]:
     """Return how a node's triangles have moved since it was looked at: a shift, and how far any can be off it."""
+    boxes = patch.boxes
     drift = _drift(body, patch, node)
-    energy = body.energy_travel - patch.seen_energy[node]
-    tight = patch.spread[node] * energy + 2.0 * (body.residual_travel - patch.seen_residual[node])
+    energy = body.energy_travel - boxes[node, SEEN_ENERGY]
+    tight = boxes[node, SPREAD] * energy + 2.0 * (body.residual_travel - boxes[node, SEEN_RESIDUAL])
     if drift <= 1.5 * tight:
         return _STILL, drift
-    now = node_position(body, patch.representative[node])
-    return subtract(now, row(patch.seen_at, node)), tight
+    now = node_position(body, index(boxes[node, REPRESENTATIVE]))
+    return subtract(now, vector_at(boxes, node, SEEN_AT)), tight
 
 
 @kernel
@@ -123,18 +143,20 @@ def _look_at_leaf(body: Body, patch: Patch, node: int) -> None:
 
 @kernel
 def _note(body: Body, patch: Patch, node: int, low: Vector, high: Vector) -> None:
-    put_row_of(patch.seen_box, node, 0, low)
-    put_row_of(patch.seen_box, node, 1, high)
-    put_row(patch.seen_at, node, node_position(body, patch.representative[node]))
-    patch.seen_energy[node] = body.energy_noted
-    patch.seen_residual[node] = body.residual_travel
-    patch.seen_turned[node] = body.turned_travel
+    boxes = patch.boxes
+    put_vector(boxes, node, SEEN_LOW, low)
+    put_vector(boxes, node, SEEN_HIGH, high)
+    put_vector(boxes, node, SEEN_AT, node_position(body, index(boxes[node, REPRESENTATIVE])))
+    boxes[node, SEEN_ENERGY] = body.energy_noted
+    boxes[node, SEEN_RESIDUAL] = body.residual_travel
+    boxes[node, SEEN_TURNED] = body.turned_travel
 
 
 @kernel
 def _note_slab(patch: Patch, node: int, normal: Vector, bottom: float, top: float) -> None:
-    put_row(patch.seen_normal, node, normal)
-    patch.seen_slab[node, 0], patch.seen_slab[node, 1] = bottom, top
+    boxes = patch.boxes
+    put_vector(boxes, node, SEEN_NORMAL, normal)
+    boxes[node, SEEN_BOTTOM], boxes[node, SEEN_TOP] = bottom, top
 
 
 @kernel
@@ -142,30 +164,33 @@ def _seen_bound2(
     patch: Patch, node: int, shift: Vector, slack: float, ends: tuple[Vector, Vector], direction: Vector
 ) -> float:
     """Return the bound from what was last seen of a node: its box, and a leaf's slab, moved and inflated."""
-    d2 = _bound2(_box(patch.seen_box, node, shift, slack), ends[0], ends[1], direction)
-    if patch.child[node, 0] != LEAF:
+    boxes = patch.boxes
+    d2 = _bound2(_box(boxes, SEEN_LOW, node, shift, slack), ends[0], ends[1], direction)
+    if not is_leaf(boxes, node):
         return d2
-    normal, slab = row(patch.seen_normal, node), patch.seen_slab
+    normal = vector_at(boxes, node, SEEN_NORMAL)
     from_a, from_b, moved = dot(ends[0], normal), dot(ends[1], normal), dot(shift, normal)
-    gap = max(slab[node, 0] + moved - max(from_a, from_b), min(from_a, from_b) - slab[node, 1] - moved) - slack
+    bottom, top = boxes[node, SEEN_BOTTOM] + moved, boxes[node, SEEN_TOP]
+    gap = max(bottom - max(from_a, from_b), min(from_a, from_b) - top - moved) - slack
     return max(d2, gap * gap) if gap > 0.0 else d2
 
 
 @kernel
 def _drift(body: Body, patch: Patch, node: int) -> float:
     """Return how far any vertex can have moved since the node was looked at, infinite if it never was."""
-    seen = patch.seen_energy[node]
+    boxes = patch.boxes
+    seen = boxes[node, SEEN_ENERGY]
     if seen == -math.inf:
         return math.inf
-    energy = patch.reach[node] * (body.energy_travel - seen)
-    residual = body.residual_travel - patch.seen_residual[node]
-    drift: float = energy + residual + body.turned_travel - patch.seen_turned[node]
+    energy = boxes[node, REACH] * (body.energy_travel - seen)
+    residual = body.residual_travel - boxes[node, SEEN_RESIDUAL]
+    drift: float = energy + residual + body.turned_travel - boxes[node, SEEN_TURNED]
     return drift
 
 
 @kernel
-def _box(boxes: FloatArray, node: int, shift: Vector, slack: float) -> Box:
-    low, high = row_of(boxes, node, 0), row_of(boxes, node, 1)
+def _box(boxes: FloatArray, column: int, node: int, shift: Vector, slack: float) -> Box:
+    low, high = vector_at(boxes, node, column), vector_at(boxes, node, column + 3)
     return (
         (low[0] + shift[0] - slack, low[1] + shift[1] - slack, low[2] + shift[2] - slack),
         (high[0] + shift[0] + slack, high[1] + shift[1] + slack, high[2] + shift[2] + slack),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.collision.aabb_distance import OPPOSITE, distance2_below, join_children
-from services.mechanics.collision.aabb_tree import LEAF
+from services.mechanics.collision.boxes import CHILD, CHILD_RIGHT, is_leaf
 from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.primitives import closest_on_triangle, closest_segment_triangle, index
 from services.mechanics.collision.shell import Body, Patch
@@ -135,7 +135,7 @@ def closest_opposite(body: Body, patch: Patch, a: Vector, b: Vector, radius: flo
 @kernel
 def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direction: Vector) -> Touch:
     """Depth-first search, nearer child first; a zero ``direction`` asks for the closest touch of all."""
-    child, stack, bound = patch.child, patch.stack, patch.bound
+    boxes, stack, bound = patch.boxes, patch.stack, patch.bound
     stack[0] = 0
     bound[0] = distance2_below(body, patch, stack[0], a, b, best[1], direction)
     top = 1
@@ -144,10 +144,10 @@ def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direct
         node = stack[top]
         if bound[top] >= best[1]:
             continue
-        left, right = child[node, 0], child[node, 1]
-        if left == LEAF:
+        if is_leaf(boxes, node):
             best = _search_leaf(body, patch, node, a, b, best, direction)
             continue
+        left, right = index(boxes[node, CHILD]), index(boxes[node, CHILD_RIGHT])
         near = distance2_below(body, patch, left, a, b, best[1], direction)
         far = distance2_below(body, patch, right, a, b, best[1], direction)
         join_children(body, patch, node, best[1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.collision.boxes import WIDTH
 from services.mechanics.compiled.struct import Struct, reader
 
 # A depth-first walk of a balanced binary tree holds one sibling a level.
@@ -63,20 +64,9 @@ class Patch(Struct):
     ring_start: Annotated[IntArray, "n + 1"]
     ring: Annotated[IntArray, "3 m"]  # triangles round each vertex
     on_rim: Annotated[ByteArray, "n"]
-    box: Annotated[FloatArray, "k", 2, 3]  # this and what follows: see `aabb_tree.AabbTree`
-    child: Annotated[IntArray, "k", 2]
-    span: Annotated[IntArray, "k", 2]
+    span: Annotated[IntArray, "k", 2]  # of the tree, see `aabb_tree.AabbTree`
     order: Annotated[IntArray, "m"]
-    representative: Annotated[IntArray, "k"]
-    reach: Annotated[FloatArray, "k"]
-    spread: Annotated[FloatArray, "k"]
-    seen_box: Annotated[FloatArray, "k", 2, 3]  # bounds of the deformed triangles when they were last looked at
-    seen_normal: Annotated[FloatArray, "k", 3]  # a leaf's mean normal at the same moment
-    seen_slab: Annotated[FloatArray, "k", 2]  # lowest and highest offset of its triangles along that
-    seen_at: Annotated[FloatArray, "k", 3]  # the representative vertex then
-    seen_energy: Annotated[FloatArray, "k"]  # the surface's energy travel then; -inf if never
-    seen_residual: Annotated[FloatArray, "k"]  # its residual travel then
-    seen_turned: Annotated[FloatArray, "k"]  # and that of its sections
+    boxes: Annotated[FloatArray, "k", WIDTH]  # see `boxes`
     stack: Annotated[IntArray, MAX_DEPTH]  # nodes still to visit
     bound: Annotated[FloatArray, MAX_DEPTH]  # their distances
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.aabb_tree import build_tree
+from services.mechanics.collision.boxes import REACH, box_rows
 from services.mechanics.collision.motion_bounds import LinearBounds, MotionBounds, TurnedBounds
 from services.mechanics.collision.nodes import place_nodes
 from services.mechanics.collision.shell import Body, Patch, Shell
@@ -85,7 +86,9 @@ class CollisionSurface:
         wall = _patch(mesh, mesh.triangles, bounds)
         owner = np.flatnonzero(wall.neighbour.ravel() == NO_NEIGHBOUR).astype(np.int32)
         self.shell = Shell(
-            body=_body(mesh, Phi, omega_rad_s, _turned_fields(warp, self._frame), wall.reach[0], bounds.growth),
+            body=_body(
+                mesh, Phi, omega_rad_s, _turned_fields(warp, self._frame), float(wall.boxes[0, REACH]), bounds.growth
+            ),
             wall=wall,
             caps=_patch(mesh, np.concatenate(caps), bounds),
             rims=_patch(mesh, _edges_as_triangles(mesh, owner), bounds),
@@ -189,8 +192,7 @@ def _patch(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds) -> Pat
         ring_start=ring_start,
         ring=ring,
         on_rim=rim_vertices(triangles, neighbour, n),
-        **tree._asdict(),
-        k=len(tree.box),
-        seen_box=tree.box.copy(),
-        seen_energy=np.full(len(tree.box), -np.inf),
+        span=tree.span,
+        order=tree.order,
+        boxes=box_rows(tree),
     )
