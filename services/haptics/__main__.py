@@ -69,7 +69,10 @@ class Haptics:
         modelled = time.monotonic_ns()
         self._meter.tick = state.tick
         self._meter.stages_ns = (modelled - started, 0, 0)
-        if not 0 < state.tick - self._told_tick < self.ticks_per_step:
+        is_told = 0 < state.tick - self._told_tick < self.ticks_per_step
+        # The hand has its model. What physics waits for is the work of a whole step's ticks, and due with the last.
+        self._meter.periods_allowed = 1 if is_told else self.ticks_per_step
+        if not is_told:
             self._tell_physics(frame, modelled)
 
     def _tell_physics(self, frame: Frame, began_ns: int) -> None:

@@ -55,21 +55,25 @@ class Physics:
         self._guard = NanGuard("physics", watched, cache_directory() / "dumps")
 
     def advance(self, frame: Frame, ticks: int) -> None:
-        """Go on by `ticks` with the tools of `frame` and publish where that leads, once they make up a whole step."""
+        """Go on by `ticks` with the tools of `frame` and publish where that leads, once they make up a whole step.
+
+        Where a tick was lost, one may be left over: it waits for the next frame. To take it as a step of its own would
+        change the step's length twice, and what is kept between contacts for one length is made anew for another: a
+        single lost tick made the steps after it late as well.
+        """
         began_ns = time.monotonic_ns()
         self._meter.tick = frame.body.tick
         self._owed += ticks
-        longest = self._meter.periods_allowed
-        if self._owed < longest:
+        length = self._meter.periods_allowed
+        if self._owed < length:
             return
-        lengths = step_lengths(self._owed, longest)
-        self._owed = 0
+        steps, self._owed = divmod(self._owed, length)
         if not self._reader.take(frame.body):
             self._process.health.gauges["refused_contacts"] = float(self._reader.refused)
             return
         read_ns = time.monotonic_ns() - began_ns
         costs_ns = [0] * len(STAGE_NAMES)
-        healthy = all(self._step(costs_ns, ticks) for ticks in lengths)
+        healthy = all(self._step(costs_ns, length) for _ in range(steps))
         if not healthy:
             self._reset()
         stepped_ns = time.monotonic_ns()
@@ -130,12 +134,6 @@ class Physics:
             self.simulation.set_quality(level)
         self._meter.periods_allowed = self.simulation.rung.ticks_per_step
         self._process.health.quality_level = level
-
-
-def step_lengths(ticks: int, longest: int) -> list[int]:
-    """Return the ticks of each step that together make up so many, the longest that may be first."""
-    whole, rest = divmod(ticks, longest)
-    return [longest] * whole + [rest] * (rest > 0)
 
 
 def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:

@@ -37,7 +37,8 @@ class Rig:
         )
         scene = load_scene(SMALL, overrides)
         duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
-        self.haptics = Haptics(self.haptics_process, LoopMeter(1000.0, haptics.STAGES), scene, duct)  # type: ignore[arg-type]
+        self.haptics_meter = LoopMeter(1000.0, haptics.STAGES)
+        self.haptics = Haptics(self.haptics_process, self.haptics_meter, scene, duct)  # type: ignore[arg-type]
         self.meter = LoopMeter(1000.0, physics.STAGES)
         self.clock = TickClock(self.meter)
         self.physics = Physics(self.physics_process, self.meter, scene, duct)  # type: ignore[arg-type]

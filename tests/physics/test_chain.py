@@ -273,6 +273,43 @@ def test_on_a_rung_with_long_steps_physics_answers_every_second_tick_and_loses_n
     assert rig.meter.misses <= 1  # none but where it goes back to short steps
 
 
+def test_a_tick_that_is_lost_changes_no_step_s_length(in_memory: type[Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    """What contacts keep for one length is made anew for another: a lost tick made the steps after it late as well."""
+    rig = in_memory("quality=[{name: full}, {name: long steps, ticks_per_step: 2}]")
+    rig.physics.obey(1)
+    _hold(rig, 0.02, 10)
+    lengths_s: list[float] = []
+    step = rig.physics.simulation.step
+
+    def watched(tools: ToolInputs, pairs: ContactPairs, dt_s: float) -> None:
+        lengths_s.append(dt_s)
+        step(tools, pairs, dt_s)
+
+    monkeypatch.setattr(rig.physics.simulation, "step", watched)
+    began = rig.tick
+    for lost, then in ((1, 10), (1, 11), (3, 10), (1, 10), (0, 10)):
+        rig.tick += lost
+        _hold(rig, 0.02, then)
+    assert set(lengths_s) == {2e-3}
+    assert sum(lengths_s) == pytest.approx(1e-3 * (rig.tick - began), abs=2.1e-3)
+    rig.physics.obey(0)
+    _hold(rig, 0.02, 3)
+    assert set(lengths_s) == {1e-3, 2e-3}
+
+
+def test_haptics_has_a_whole_step_for_what_physics_waits_for_and_a_tick_for_the_hand(in_memory: type[Rig]) -> None:
+    rig = in_memory("quality=[{name: full}, {name: long steps, ticks_per_step: 2}]")
+    allowed = []
+    for level, ticks in ((0, 3), (1, 7), (0, 3)):
+        rig.physics.obey(level)
+        for _ in range(ticks):
+            _hold(rig, 0.02, 1)
+            allowed.append(rig.haptics_meter.periods_allowed)
+    assert allowed[:3] == [1, 1, 1]
+    assert allowed[6:10] == [2, 1, 2, 1]
+    assert allowed[-2:] == [1, 1]
+
+
 def test_what_is_pressed_at_rest_feels_the_same_with_long_steps(in_memory: type[Rig]) -> None:
     rig = in_memory("quality=[{name: full}, {name: long steps, ticks_per_step: 2}]")
     _press(rig, 400)
