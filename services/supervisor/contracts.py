@@ -12,6 +12,8 @@ from services.supervisor.window import Window
 
 #: A budget is for a minute, and is only overdrawn while the last seconds still overdraw it.
 BUDGET_S, STILL_S = 60.0, 5.0
+#: Who spends it within the last seconds, and in the last one goes on at that rate, is as sudden as a breakdown.
+_SPENT_RATE = BUDGET_S / STILL_S
 #: A breakdown spends the budget so many times faster than it lasts, over a second and still.
 BREAKDOWN_RATE = 50.0
 _BREAKDOWN_S, _BREAKDOWN_STILL_S = 1.0, 0.2
@@ -24,7 +26,7 @@ class Breach:
     """A contract that is not kept.
 
     `excess` is how many times over the limit (1 is just at it); `severe` says that it is past the limit from which a
-    restart, then a safe stop, is worth its price; `sudden` that the fast window is burning, not the slow one.
+    restart, then a safe stop, is worth its price; `sudden` that the budget is spent within seconds.
     """
 
     process: str
@@ -88,7 +90,8 @@ def _judge_loop(name: str, window: Window, contract: LoopContract) -> Breach | N
     budget = contract.miss_ratio * contract.rate_hz * BUDGET_S
     if minute.lost > budget and lately.ratio > contract.miss_ratio:
         text = f"{name}: {minute.lost:.0f} ticks lost in the last minute, budget {budget:.0f}"
-        return Breach(name, f"{name} ticks", text, _over(minute.lost, budget), severe=False)
+        sudden = lately.lost > budget and burst.ratio > _SPENT_RATE * contract.miss_ratio
+        return Breach(name, f"{name} ticks", text, _over(minute.lost, budget), severe=False, sudden=sudden)
     return None
 
 

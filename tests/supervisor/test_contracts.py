@@ -76,6 +76,27 @@ def test_a_loop_that_runs_too_seldom_loses_ticks_even_where_it_counts_none() -> 
     assert "ticks lost" in breach.text
 
 
+def test_a_budget_that_is_spent_within_seconds_is_sudden_and_one_that_seeps_away_is_not() -> None:
+    watched = Watched()
+    watched.run(20.0)
+    for _ in range(3):
+        watched.run(0.1, skipped=51)  # as where the kernel stops real-time threads for the rest of each second
+        found = watched.run(0.9)
+    assert [breach.sudden for breach in found] == [True]
+    seeping = Watched()
+    seeping.run(20.0)
+    assert [breach.sudden for breach in seeping.run(8.0, late=1)] == [False]
+
+
+def test_a_stall_that_spends_the_budget_is_sudden_for_a_second_only() -> None:
+    watched = Watched()
+    watched.run(20.0)
+    (breach,) = watched.run(0.1, skipped=90)
+    assert breach.sudden
+    (breach,) = watched.run(1.2)
+    assert not breach.sudden
+
+
 def test_a_breakdown_is_told_within_three_reports() -> None:
     watched = Watched()
     watched.run(60.0)
