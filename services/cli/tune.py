@@ -22,7 +22,7 @@ from services.scenes import load_duct, load_scene
 from services.studies.accuracy.trial import Trial
 from services.studies.accuracy.tuning import Rung, Tuned, measure_ladder, tune, value_of
 
-_CHOSEN = ("duct.n_modes", "catheter.n_segments")
+_CHOSEN = ("duct.n_modes", "catheter.n_segments", "catheter.integrator")
 _CELLS = ("duct.n_around", "duct.n_along")
 _AS_EVER = asdict(QualityLevel())
 

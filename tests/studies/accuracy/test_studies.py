@@ -10,7 +10,9 @@ from conftest import SMALLEST
 from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.scenarios import insertion_scene
 from services.scenes import load_scene
-from services.studies.accuracy.study import Draw, Size, load_study, study_names
+from services.studies.accuracy import pinches
+from services.studies.accuracy.frontier import frontier
+from services.studies.accuracy.study import Cost, Draw, Row, Size, load_study, study_names
 from services.studies.accuracy.sweeps import default as study_default
 from services.studies.accuracy.sweeps import mesh, paper
 
@@ -112,6 +114,26 @@ def test_the_default_scene_is_itself_and_each_choice_is_made():
     }
     assert replace(scenes[study_default.AS_IT_IS], duct=replace(default.duct)) == default
     assert len({repr(scene) for name, scene in scenes.items() if "steps" not in name}) == len(scenes) - 1
+
+
+def test_a_wider_duct_is_no_choice_and_has_no_place_on_the_frontier(run_smallest):
+    rows, _ = run_smallest("default", costs=False)
+    cost = Cost(100.0, 120.0, 1.0)
+    best = frontier([replace(row, cost=cost) for row in rows if row.quantity == study_default.WALL])
+    assert [row.setting for row in best] == [study_default.AS_IT_IS]
+    assert {row.setting for row in rows} == {study_default.AS_IT_IS, study_default.WIDER}
+
+
+def test_the_papers_set_up_is_told_beside_the_best_of_ours_that_takes_no_longer():
+    def row(setting, error, us):
+        return Row("paper", setting, "set-ups", pinches.FORCE, error, "%", cost=Cost(us, us, 1.0))
+
+    def told(*rows):
+        return [line for line in paper.findings([row("paper", 20.0, 900.0), *rows]) if "At no more" in line]
+
+    (line,) = told(row("ours", 3.0, 800.0), row("ours, small", 9.0, 300.0), row("ours, dear", 1.0, 901.0))
+    assert "paper's 900 us a tick: force at the tool, pinch 20 % by the paper's, 3 % by 'ours' (800 us)." in line
+    assert told(row("ours, dear", 1.0, 901.0)) == []
 
 
 def test_what_is_changed_by_nothing_is_nothing(run_smallest):

@@ -86,6 +86,18 @@ def test_steps_down_change_what_they_say_and_nothing_else():
         assert set(scene.effects) - set(after.effects) <= {step.effect}
 
 
+def test_a_catheter_by_substeps_may_go_by_implicit_steps_and_that_is_written():
+    scene = example_scene()
+    assert not any("catheter.integrator" in step.changes for step in steps_down(scene))
+    scene = replace(scene, catheter=replace(scene.catheter, integrator="semi_implicit"))
+    (step,) = [step for step in steps_down(scene) if "catheter.integrator" in step.changes]
+    after = step.apply(scene)
+    assert after.catheter == replace(scene.catheter, integrator="implicit")
+    assert step.is_less_than(scene)
+    text = tuned_text(Request("paper", (), 200.0, Path("a.yaml"), json=False), tuned_to(after))
+    assert "integrator: implicit" in text
+
+
 def test_a_surface_file_is_meshed_coarser_by_longer_edges():
     scene = example_scene()
     scene = finest(replace(scene, duct=replace(scene.duct, mesh_file="a.stl", mesh_edge_m=1e-3)))
@@ -167,8 +179,12 @@ def test_a_trial_feels_what_the_hands_do_and_times_every_rung():
 def chosen_of(name):
     scene = load_scene(name)
     chosen = replace(scene, duct=replace(scene.duct, n_modes=24), effects={"friction": scene.effects["friction"]})
-    level = replace(scene.quality[0], cost_us=100.0, force_error_percent=1.5, motion_error_percent=0.5)
-    return chosen, Tuned([Rung((Step("24 modes"),), chosen, Cost(100.0, 120.0, 1.0), Errors(1.5, 0.5))], (level,), True)
+    return chosen, tuned_to(chosen)
+
+
+def tuned_to(chosen):
+    level = replace(chosen.quality[0], cost_us=100.0, force_error_percent=1.5, motion_error_percent=0.5)
+    return Tuned([Rung((Step("24 modes"),), chosen, Cost(100.0, 120.0, 1.0), Errors(1.5, 0.5))], (level,), True)
 
 
 @pytest.mark.parametrize("name", ["insertion", "anatomy"])

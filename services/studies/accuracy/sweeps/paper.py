@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,6 +38,7 @@ DENSE, SPARSE, ALL_NODES, TOUCHED = (
 )
 N_TOUCHED = 30
 _STEP_S, _EVERY_S = 2.5e-4, 1e-3
+_JUDGED = ((pinches.FORCE, "%"), (pinches.MOTION, "%"), (insertions.FORCE, "%"), (insertions.TIP, "mm"))
 
 
 def settings(draw: Draw) -> Sequence[Setting]:
@@ -232,12 +233,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
         "4 n r + 27 r, which is n, all of it the way from modes to every node and back; for touched nodes alone it "
         "does not grow at all.",
     ]
-    for quantity, unit in (
-        (pinches.FORCE, "%"),
-        (pinches.MOTION, "%"),
-        (insertions.FORCE, "%"),
-        (insertions.TIP, "mm"),
-    ):
+    for quantity, unit in _JUDGED:
         error = values(rows, quantity)
         wanted = [name for name in ("paper", "ours", "ours, small") if name in error]
         lines.append(
@@ -246,4 +242,20 @@ def findings(rows: Sequence[Row]) -> list[str]:
     if "paper" in cost:
         told = [f"{name} {cost[name]:.0f} us" for name in ("paper", "ours", "ours, small") if name in cost]
         lines.append(f"A tick: {', '.join(told)}.")
+        lines += _at_equal_cost(rows, cost)
     return lines
+
+
+def _at_equal_cost(rows: Sequence[Row], cost: Mapping[str, float]) -> list[str]:
+    """Say what of ours, for no more time than the paper's set-up takes, is how far off."""
+    told = []
+    for quantity, unit in _JUDGED:
+        error = values(rows, quantity)
+        ours = [name for name in error if name.startswith("ours") and cost.get(name, np.inf) <= cost["paper"]]
+        if ours and "paper" in error:
+            best = min(ours, key=lambda name: error[name])
+            told.append(
+                f"{quantity} {number(error['paper'])} {unit} by the paper's, {number(error[best])} {unit} by {best!r} "
+                f"({cost[best]:.0f} us)"
+            )
+    return [f"At no more than the paper's {cost['paper']:.0f} us a tick: {'; '.join(told)}."] if told else []
