@@ -21,6 +21,15 @@ names.begin()
 _USUAL: dict[str, Any] = {}
 _LINKED: dict[str, Any] = {}
 _SIMPLIFIED: dict[str, Any] = {}
+
+
+def _store(dispatcher: Any, *, needs_runtime: bool = False) -> Any:
+    dispatcher.enable_caching()
+    return dispatcher
+
+
+with contextlib.suppress(ImportError):
+    from services.mechanics.compiled.stored import keep as _store
 with contextlib.suppress(ImportError):  # of numba's compiler: without it, kernels are compiled in the usual way
     from services.mechanics.compiled.linked import KernelCompiler, LinkedCompiler, SimplifyingCompiler
 
@@ -67,8 +76,7 @@ def summing_kernel(function: F) -> F:
 
 def building_kernel(function: F) -> F:
     """Compile a function that prepares a scene and may allocate; decorator. No kernel of a tick calls it."""
-    compile_it = njit(cache=True, nogil=True)
-    compiled: F = compile_it(function)
+    compiled: F = _store(njit(nogil=True)(function), needs_runtime=True)
     return compiled
 
 
@@ -78,13 +86,13 @@ def _compiled(function: F, options: dict[str, Any]) -> F:
     Nine kernels of ten are called by kernels only: these have neither what takes arguments from Python's objects, which
     is a fifth of what there is to compile, nor machine code of their own.
     """
-    compiled = njit(cache=True, **_USUAL, **options)(function)
+    compiled = _store(njit(**_USUAL, **options)(function))
 
     @functools.cache
     def twin() -> Any:
         pipeline = _LINKED if function.__module__.startswith(_OPTIMISED_BY_THEMSELVES) else _SIMPLIFIED
-        linked = njit(cache=True, no_cpython_wrapper=True, **pipeline, **options)
-        return linked(_renamed(cast(FunctionType, function)))
+        linked = njit(no_cpython_wrapper=True, **pipeline, **options)
+        return _store(linked(_renamed(cast(FunctionType, function))))
 
     compiled.get_call_template = lambda args, keywords: twin().get_call_template(args, keywords)
     compiled.get_overload = lambda signature: twin().get_overload(signature)
