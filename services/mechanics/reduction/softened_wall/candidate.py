@@ -18,7 +18,7 @@ from services.mechanics.reduction.softened_wall.pattern import (
     turns,
 )
 from services.mechanics.reduction.softened_wall.wall import N_MIXED, SoftenedWall
-from services.mechanics.reduction.softening.law import FIRST, N_PARTS
+from services.mechanics.reduction.softening.law import N_PARTS
 
 LEAST_SHARE = 1e-4
 """Of the largest force on a site: below it a site does not count."""
@@ -118,13 +118,14 @@ def _complete(wall: SoftenedWall) -> None:
 def _shift(wall: SoftenedWall, rho: float) -> bool:
     """Write inward displacements of the sites that do the work V: those of the forces, by the law; False if none.
 
-    (Phi - rho Phi') W a - Phi' T a a / 2, over Y. Where the law turns Y goes through zero: there those of second order
-    stand for all, -T a a / (6 rho).
+    (Phi - rho Phi') W a - Phi' T a a / 2, over Y. Where the law turns Y goes through zero: there the linear ones stand
+    for all, W a / 2. Of all shapes the wall can be stiffened most along these; along those of second order a stretched
+    wall beside a support stayed 12 % too soft.
     """
     made = wall.candidate
     if turns(made):
         for site in range(wall.shift.shape[0]):
-            wall.shift[site] = -wall.quadratic[site] / (FIRST * rho)
+            wall.shift[site] = 0.5 * wall.moved[site]
         return True
     work, area = read_law(made, rho)
     if abs(work) < NOTHING * abs(rho):

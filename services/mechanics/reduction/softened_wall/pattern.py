@@ -28,9 +28,9 @@ LINEAR, DELIVERED, GAIN, RHO, PART, TURN = range(6)
 """Numbers of a pattern: m . t and t . K t in J, g, rho, how much of its potential acts, which is 1 unless it stiffens,
 and the rho beyond which phi falls: zero where rho is negative, infinite where phi never falls."""
 N_NUMBERS = 6
-MOST_STIFFENING = 0.5
+MOST_STIFFENING = 0.8
 """Of the linear stiffness, that a wall pulled outward may take on beside it: s stays a growing function of theta."""
-MOST_TURNED = 0.8
+MOST_TURNED = 0.95
 """The same of a wall whose law has turned."""
 BISECTIONS = 48
 
@@ -66,7 +66,7 @@ def copy_pattern(source: Pattern, target: Pattern) -> None:
 def read_law(pattern: Pattern, rho: float) -> tuple[float, float]:
     """Return Y, straight between the points and constant beyond them, and A, exactly its integral.
 
-    Where the law has turned it is rho Y that is constant beyond, which is not to grow again.
+    Where a law that has turned ends above nothing it is rho Y that is constant beyond, which is not to grow again.
     """
     first, step, last = pattern.rho_first, pattern.rho_step, pattern.work.shape[0] - 1
     point = min(max(int((rho - first) / step), 0), last - 1)
@@ -75,7 +75,7 @@ def read_law(pattern: Pattern, rho: float) -> tuple[float, float]:
     slope = (pattern.work[point + 1] - pattern.work[point]) / step
     work = pattern.work[point] + slope * (inside - start)
     area = pattern.area[point] + _area(pattern.work[point], slope, start, inside)
-    if rho > inside and pattern.numbers[TURN] < math.inf:
+    if rho > inside and work > 0.0 and pattern.numbers[TURN] < math.inf:
         return work * inside / rho, area + work * inside * (rho - inside)
     return work, area + 0.5 * work * (rho - inside) * (rho + inside)
 

@@ -16,10 +16,15 @@ from services.mechanics.arrays import FloatArray, IntArray
 
 FIRST = 3.0
 """Coefficient of the first part."""
-TURNS = (0.15, 0.35)
-"""Where the saturating parts of the law turn."""
-N_PARTS = 5
-N_POINTS = 129
+FIRST_TURNS = 0.5
+"""Where the first part, rho at first, has come to half of what it would be."""
+TURNS = (0.1, 0.3, 0.8, 2.0)
+"""Where the other parts for walls pressed in turn; where the one for walls pulled out does."""
+OUTWARD_TURNS = 0.35
+N_PARTS = 2 + len(TURNS)
+N_POINTS = 193
+LARGEST_RHO = 2.5
+"""Beyond it the law stays what it is there: as far as points that are evenly spread follow what it does near zero."""
 NOISE = 0.03
 """Scatter of the reference's closures that the law does not explain, over the closure."""
 MEAN_SCALE, LOCAL_SCALE = 5.0, 0.5
@@ -31,11 +36,15 @@ SUPPORT_SCALE, SUPPORT_WIDTHS = 5.0, 0.35
 
 
 def parts(rho: FloatArray) -> FloatArray:
-    """(N_PARTS, ...) the functions that Y is made of: rho, three for walls pressed in, one for walls pulled out."""
+    """(N_PARTS, ...) what Y is made of: rho at first, others for walls pressed in, one for walls pulled out.
+
+    All saturate, as Y does: a wall that is stretched, beside a support, holds forces without end (rho of 5 where it is
+    thin) and gives way by no less than nothing. Powers of rho were fitted to such a wall at the expense of all others.
+    """
     inward, outward = np.maximum(rho, 0.0), np.minimum(rho, 0.0)
-    squared = inward**2
-    saturating = [squared / (squared + turn**2) for turn in TURNS]
-    return np.stack([rho, *saturating, squared, outward**2 / (1.0 - outward)])
+    saturating = [inward**2 / (inward**2 + turn**2) for turn in TURNS]
+    first = rho / (1.0 + np.abs(rho) / FIRST_TURNS)
+    return np.stack([first, *saturating, outward**2 / (outward**2 + OUTWARD_TURNS**2)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +115,9 @@ def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> Sof
     """
     rho = np.array([sample.rho for sample in samples])
     share = np.array([sample.share for sample in samples])
-    wanted = share * (np.array([sample.excess for sample in samples]) - FIRST * rho)
-    seen = share * parts(rho)[1:]
+    first, *others = parts(rho)
+    wanted = share * (np.array([sample.excess for sample in samples]) - FIRST * first)
+    seen = share * np.stack(others)
     places = np.stack([sample.place for sample in samples])
     kernel = MEAN_SCALE**2 + LOCAL_SCALE**2 * (places @ among @ places.T)
     covariance = kernel * (seen.T @ seen) + NOISE**2 * np.eye(len(rho))
@@ -115,7 +125,7 @@ def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> Sof
     at_nodes = MEAN_SCALE**2 + LOCAL_SCALE**2 * (to @ places.T)
     fitted = at_nodes @ (seen * dual).T
     coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
-    grid = _grid(min(rho.min(), -0.05), max(rho.max(), 0.05))
+    grid = _grid(*np.clip([min(rho.min(), -0.05), max(rho.max(), 0.05)], -LARGEST_RHO, LARGEST_RHO))
     return SofteningLaw(grid, parts(grid), coefficients)
 
 

@@ -50,7 +50,8 @@ def random_wall(random, integrator, coefficients, strength=1.0, series=NEVER):
 
 
 OMEGA = np.geomspace(100.0, 2e4, MODES)
-GIVING, STIFFENING, TURNING = (3.0, 1.0, 0.5, 0.3, 0.0), (3.0, -2.0, 4.0, 0.0, -6.0), (3.0, 0.0, 0.0, -60.0, -6.0)
+GIVING, STIFFENING = (3.0, 0.5, 1.0, 0.5, 0.0, 0.0), (3.0, -2.0, 4.0, 0.0, 0.0, -6.0)
+TURNING = (3.0, 0.0, 0.0, -60.0, -60.0, -6.0)
 
 
 @dataclass

@@ -10,13 +10,13 @@ from services.mechanics.reduction.softened_wall.pattern import (
     DELIVERED,
     GAIN,
     LINEAR,
+    MOST_STIFFENING,
     MOST_TURNED,
     PART,
     RHO,
     TURN,
     Pattern,
 )
-from services.mechanics.reduction.softening.law import parts
 
 KNOTS = 0.01 * np.arange(-40, 120)
 MOST_SOFTENING = 0.9
@@ -39,9 +39,21 @@ def evaluate(address: Address[Pattern], s: float) -> tuple[float, float]:
     return law.evaluate(pattern_at(address), s)
 
 
-def made(rho, delivered, coefficients=(3.0, 1.0, 0.5, 2.0, -3.0)):
+def giving(rho, squared=2.0, saturating=1.0):
+    """Y of a wall that gives way where it is pressed, and less and less stiffens where it is pulled."""
+    inward, outward = np.maximum(rho, 0.0) ** 2, np.minimum(rho, 0.0)
+    falls = inward / (inward + 0.15**2) + 0.5 * inward / (inward + 0.35**2)
+    return 3.0 * rho + saturating * falls + squared * inward - 3.0 * outward**2 / (1.0 - outward)
+
+
+def turning(rho, squared=-6.0):
+    """3 rho - 6 rho^2."""
+    return giving(rho, squared, 0.0)
+
+
+def made(rho, delivered, work=giving):
     pattern = Pattern.zeros(r=1, p=len(KNOTS), rho_first=KNOTS[0], rho_step=KNOTS[1] - KNOTS[0])
-    pattern.work[:] = np.array(coefficients) @ parts(KNOTS)
+    pattern.work[:] = work(KNOTS)
     pattern.numbers[[LINEAR, DELIVERED, GAIN, RHO, PART]] = 1.0, delivered, 1.0, rho, 1.0
     bound(pattern.address, MOST_SOFTENING)
     return pattern
@@ -58,14 +70,14 @@ def test_the_force_is_the_slope_of_the_potential(rho, delivered):
     stiffness = np.gradient(phi, s) * delivered
     assert np.all(np.sign(rho) * phi[1:] > 0.0)
     assert stiffness.max() <= MOST_SOFTENING + 1e-9
-    assert stiffness.min() >= (-1e-9 if rho > 0.0 else -1.0 - 1e-9)
+    assert stiffness.min() >= (0.0 if rho > 0.0 else -MOST_STIFFENING / (1.0 - MOST_STIFFENING)) - 1e-9
 
 
 def test_the_law_is_met_where_it_is_within_the_bounds():
     """Loads theta a displace by theta (m . t) + phi (t . K t); phi is theta Y(theta rho)."""
     pattern = made(0.3, 1.0)
     for theta in (0.3, 1.0, 2.0):
-        work = np.interp(theta * 0.3, KNOTS, np.array((3.0, 1.0, 0.5, 2.0, -3.0)) @ parts(KNOTS))
+        work = np.interp(theta * 0.3, KNOTS, giving(KNOTS))
         phi, _ = evaluate(pattern.address, theta + theta * work)
         assert phi == pytest.approx(theta * work, rel=1e-9)
 
@@ -86,13 +98,10 @@ def test_the_other_way_there_is_no_force():
     assert evaluate(made(0.3, 1.0).address, -1.0) == (0.0, 0.0)
 
 
-TURNING = (3.0, 0.0, 0.0, -6.0, -3.0)
-
-
 @pytest.mark.parametrize("delivered", [0.5, 2.0])
 def test_a_law_that_turns_is_the_slope_of_a_concave_and_of_a_convex_part(delivered):
     """3 rho - 6 rho^2: phi grows up to a third of rho, is nothing at half of it, and pushes back beyond."""
-    pattern, s = made(0.6, delivered, TURNING), np.linspace(0.0, 6.0, 2001)
+    pattern, s = made(0.6, delivered, turning), np.linspace(0.0, 6.0, 2001)
     phi, potential = np.array([evaluate(pattern.address, x) for x in s]).T
     work = np.cumsum(0.5 * (phi[1:] + phi[:-1]) * np.diff(s))
     np.testing.assert_allclose(-potential[1:], work, atol=2e-5 * np.abs(work).max())
@@ -109,7 +118,7 @@ def test_a_law_that_turns_is_the_slope_of_a_concave_and_of_a_convex_part(deliver
 @pytest.mark.parametrize("delivered", [0.5, 2.0, 40.0])
 def test_a_step_of_a_law_that_turns_does_no_more_work_than_its_potential_falls_by(delivered):
     """Wherever it begins and wherever it leads."""
-    pattern, random = made(0.6, delivered, TURNING), np.random.default_rng(1)
+    pattern, random = made(0.6, delivered, turning), np.random.default_rng(1)
     for _ in range(300):
         start, free, moves = random.uniform(-1.0, 6.0), random.uniform(-1.0, 6.0), 10.0 ** random.uniform(-2.0, 3.0)
         phi = evaluate_ahead(pattern.address, start, free, moves)
@@ -120,12 +129,27 @@ def test_a_step_of_a_law_that_turns_does_no_more_work_than_its_potential_falls_b
 
 def test_a_law_that_turns_late_turns():
     """3 rho - 3 rho^2: rho Y grows up to two thirds of 1.19, the largest rho, and is below nothing at its end."""
-    late = made(0.6, 0.5, (3.0, 0.0, 0.0, -3.0, -3.0))
+    late = made(0.6, 0.5, lambda rho: turning(rho, -3.0))
     assert late.numbers[TURN] == pytest.approx(2.0 / 3.0, abs=0.011)
     assert evaluate(late.address, 6.0)[0] < 0.0
 
 
 def test_a_law_that_ends_flat_does_not_turn():
     """Where nothing was learned the law goes on as it may: it is held from falling."""
-    assert made(0.6, 0.5, (3.0, 0.0, 0.0, -2.0, -3.0)).numbers[TURN] == np.inf
-    assert made(-0.3, 0.5, TURNING).numbers[TURN] == 0.0
+    assert made(0.6, 0.5, lambda rho: turning(rho, -2.0)).numbers[TURN] == np.inf
+    assert made(-0.3, 0.5, turning).numbers[TURN] == 0.0
+
+
+def test_a_wall_that_is_pulled_may_hold_three_times_as_much():
+    """By its law, Y = -2/3; twice as much was all that it could hold."""
+    pattern = made(-0.3, 1.0, lambda rho: -2.0 / 3.0 * (rho < 0.0))
+    phi, _ = evaluate(pattern.address, 2.0 - 4.0 / 3.0)
+    assert phi == pytest.approx(-4.0 / 3.0, rel=1e-6)
+
+
+def test_a_law_that_ends_below_nothing_stays_there():
+    """Beyond the largest rho that was learned a wall that is stretched goes on being so: phi falls with theta."""
+    pattern = made(0.6, 0.5, turning)
+    end, slope = pattern.work[-1], np.diff([evaluate(pattern.address, s)[0] for s in (4.0, 5.0, 6.0)])
+    assert end < 0.0
+    np.testing.assert_allclose(slope, end / (1.0 + 0.5 * end), rtol=1e-6)

@@ -76,6 +76,7 @@ UNSEEN = [
     ("poke in the middle", 17e-3, 4.0, 0.4, False),
     ("poke at the mouth", 30e-3, 5.0, 0.4, False),
     ("pull", 10e-3, 1.2, -0.15, False),
+    ("pull near the clamp", 7.5e-3, 1.0, -0.17, False),
 ]
 
 
