@@ -145,7 +145,11 @@ def append_on_catheter(
     stone: int,
     reach: float,
 ) -> None:
-    """Append the stone against the closest point of each catheter segment within ``reach`` of its surface."""
+    """Append the stone against the closest point of each catheter segment within ``reach`` of its surface.
+
+    Or as much further as both move against each other in the step: a stone that a tool lets go meets the catheter at
+    more than a metre a second.
+    """
     rows, rod, sphere = rows_at(rows_address), geometry_at(scene_address).rod, geometry_at(stone_address).rod
     centre = sphere.position[0]
     for segment in range(rod.position.shape[0] - 1):
@@ -158,12 +162,14 @@ def append_on_catheter(
         # A particle between two segments belongs to the one before it, the tip to the last.
         if s == 0.0 and segment > 0:
             continue
-        distance_2 = 0.0
+        distance_2, moves_2 = 0.0, 0.0
         for axis in range(3):
             point = (1.0 - s) * rod.position[segment, axis] + s * rod.position[segment + 1, axis]
+            moves = (1.0 - s) * rod.motion[segment, axis] + s * rod.motion[segment + 1, axis]
             distance_2 += (centre[axis] - point) ** 2
+            moves_2 += (sphere.motion[0, axis] - moves) ** 2
         distance = math.sqrt(distance_2)
-        if distance == 0.0 or distance > sphere.radius + reach:
+        if distance == 0.0 or distance > sphere.radius + reach + math.sqrt(moves_2):
             continue
         row = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
         if row == NO_ROOM:

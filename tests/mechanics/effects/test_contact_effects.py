@@ -49,6 +49,21 @@ def test_mucus_film_drags_with_the_couette_force(with_effects, small_duct):
     assert 0.0 < speeds[1] < 0.2 * speeds[0]
 
 
+def test_a_stone_that_flies_at_the_catheter_at_more_than_a_metre_a_second_meets_it(with_effects, small_duct):
+    """Before, it was looked for within half a millimetre, at any speed, and was 0.4 mm inside in the next tick."""
+    simulation, tools = Simulation(with_effects(gallstones={}), small_duct), ToolInputs()
+    tools.present[:] = False
+    stone, rod = simulation.effects["gallstones"], simulation.catheter
+    apart_m = stone.radius_m[0] + rod.radius_m
+    stone.position_m[0] = rod.state.position_m[15] + [0.0, apart_m + 0.8e-3, 0.0]
+    stone.velocity_m_s[0] = 0.0, -1.2, 0.0
+    for _ in range(5):
+        simulation.step(tools)
+        away_m = np.linalg.norm(rod.state.position_m[10:20] - stone.position_m[0], axis=1).min()
+        assert away_m > apart_m - 50e-6
+    assert stone.velocity_m_s[0, 1] > -1.0
+
+
 def test_stone_falls_onto_the_wall_and_rests_with_its_weight(with_effects, small_duct):
     scene = with_effects(
         gravity={},
