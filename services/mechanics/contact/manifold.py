@@ -113,18 +113,18 @@ def append_pressed(
     ``states`` are where the corners (3 k, 3) of their triangles are now, and which of them slid; ``sizes`` half the
     wall's thickness and the gap up to which a point is a candidate.
     """
-    corners, slid = states
+    corners = states[0]
     tools, kept, out = geometry_at(geometry_address).tools, pairs_at(kept_address), pairs_at(pairs_address)
+    n_found = out.count
     for i in range(kept.count):
         tool, segment = kept.tool[i], kept.tool_segment[i]
         weights, ends = row_of(kept.target_weights, i), tools.segments[tool, segment]
-        point = combine(weights, row_of(corners, 3 * i), row_of(corners, 3 * i + 1), row_of(corners, 3 * i + 2))
         axis = row_of(ends, 0), row_of(ends, 1)
-        s, distance, normal = seen_from(point, axis)
+        s, distance, normal = seen_from(_kept_point(kept, corners, i), axis)
         thickness = tools.radius[tool, segment] + sizes[0]
         if distance == 0.0 or distance > thickness + sizes[1]:
             continue
-        if _is_known(kept, i, axis, (point, thickness, slid[i]), out):
+        if _is_known(kept, i, (axis, thickness, n_found), states, out):
             continue
         if dot(normal, row_of(kept.normal, i)) < FACING:
             continue
@@ -133,24 +133,58 @@ def append_pressed(
 
 
 @kernel
-def _is_known(
-    kept: ContactPairs, i: int, ends: tuple[Vector, Vector], place: tuple[Vector, float, bool], pairs: ContactPairs
-) -> bool:
-    """Whether there is a pair of the same segment of the tool with the same point of the wall, or one next to it.
+def _kept_point(kept: ContactPairs, corners: FloatArray, i: int) -> Vector:
+    """Return where a kept point is now."""
+    at = row_of(corners, 3 * i), row_of(corners, 3 * i + 1), row_of(corners, 3 * i + 2)
+    return combine(row_of(kept.target_weights, i), at[0], at[1], at[2])
 
-    ``ends`` are those of the segment's axis, ``place`` the kept point, the thickness between axis and mid-surface, and
-    whether it slid: then a pair next to it is the same.
+
+@kernel
+def _is_known(
+    kept: ContactPairs,
+    i: int,
+    where: tuple[tuple[Vector, Vector], float, int],
+    states: tuple[FloatArray, BoolArray],
+    pairs: ContactPairs,
+) -> bool:
+    """Whether there is a pair of the same segment of the tool with the same point of the wall.
+
+    Or, where the kept point slid, one that was found next to it and is no other kept point. ``where`` are the ends of
+    the segment's axis, the thickness between axis and mid-surface, and how many pairs were found.
     """
-    near = (APART if place[2] else ONE_POINT) * place[1]
+    (corners, slid), (ends, thickness, n_found) = states, where
+    mine = _kept_point(kept, corners, i)
+    near, same = APART * thickness, ONE_POINT * thickness
     for k in range(pairs.count):
-        if (
-            pairs.tool[k] == kept.tool[i]
-            and pairs.tool_segment[k] == kept.tool_segment[i]
-            and pairs.target_kind[k] == DUCT_TRIANGLE
-        ):
-            s, normal = pairs.tool_parameter[k], row_of(pairs.normal, k)
-            on_axis = along(scaled(ends[0], 1.0 - s), ends[1], s)
-            known = along(on_axis, normal, -(pairs.gap_m[k] + place[1]))
-            if squared_distance(known, place[0]) < near * near:
+        if pairs.tool[k] != kept.tool[i] or pairs.tool_segment[k] != kept.tool_segment[i]:
+            continue
+        if pairs.target_kind[k] != DUCT_TRIANGLE:
+            continue
+        s, normal = pairs.tool_parameter[k], row_of(pairs.normal, k)
+        on_axis = along(scaled(ends[0], 1.0 - s), ends[1], s)
+        known = along(on_axis, normal, -(pairs.gap_m[k] + thickness))
+        apart_2 = squared_distance(known, mine)
+        if apart_2 < same * same:
+            return True
+        is_beside = slid[i] and k < n_found and apart_2 < near * near
+        if is_beside and not _is_another(kept, i, (known, apart_2, same), states):
+            return True
+    return False
+
+
+@kernel
+def _is_another(
+    kept: ContactPairs, i: int, found: tuple[Vector, float, float], states: tuple[FloatArray, BoolArray]
+) -> bool:
+    """Whether a found point is where another kept one is, or has slid to, that is nearer than the ``i``-th.
+
+    Two points that a tool rests on would be one otherwise as soon as one of them slips by a micrometre; the other gives
+    way alone then, and they take turns. ``found`` is where it is, its squared distance, and how near stuck ones are.
+    """
+    (known, apart_2, same), (corners, slid) = found, states
+    for j in range(kept.count):
+        if j != i and kept.tool[j] == kept.tool[i] and kept.tool_segment[j] == kept.tool_segment[i]:
+            other_2 = squared_distance(known, _kept_point(kept, corners, j))
+            if other_2 < apart_2 and (slid[j] or other_2 < same * same):
                 return True
     return False
