@@ -58,9 +58,12 @@ def up(
     overrides: Overrides = None,
 ) -> None:
     """Start the whole rig and stay with it until Ctrl-C."""
-    from services.cli.up import Request, run_up
+    from services.supervisor.nursery import Nursery
 
-    run_up(Request(rig, scene, seconds, json_file, viewer and viewer.value, tuple(overrides or ())))
+    with Nursery() as nursery:  # first: it imports on another core than all that follows
+        from services.cli.up import Request, run_up
+
+        run_up(Request(rig, scene, seconds, json_file, viewer and viewer.value, tuple(overrides or ())), nursery)
 
 
 @app.command()

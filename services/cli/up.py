@@ -10,6 +10,7 @@ from services.cli.status_display import StatusDisplay
 from services.runtime.errors import DeviceError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
+from services.supervisor.nursery import Nursery
 from services.supervisor.supervisor import Supervisor
 from services.visualization.web import build
 
@@ -44,7 +45,7 @@ class Run:
         return seconds is not None and self.report.measured_s >= seconds
 
 
-def run_up(request: Request) -> None:
+def run_up(request: Request, nursery: Nursery) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it."""
     targets.look_at_file("--json", request.json_file)
     options = Options(request.rig, request.scene, (*request.overrides, *_viewer(request.viewer)))
@@ -53,7 +54,7 @@ def run_up(request: Request) -> None:
     run = Run(request, display)
     reproach = build.reproach()
     asked = session.SessionOptions(
-        options, on_event=display.event, on_turn=run.turn, remarks=(reproach,) if reproach else ()
+        options, on_event=display.event, on_turn=run.turn, remarks=(reproach,) if reproach else (), nursery=nursery
     )
     try:
         with display:

@@ -89,7 +89,7 @@ class Companion:
         self._link, other = Link.pair()
         self._link.send(self._opening)
         descriptors = (other.fileno(), *self._descriptors)
-        self._child = Child(self._spec, [str(each) for each in descriptors], self._log_file, descriptors)
+        self._child = Child.started(self._spec, [str(each) for each in descriptors], self._log_file, descriptors)
         other.close()
 
     def _lost(self, now_s: float) -> None:

@@ -6,7 +6,7 @@ import os
 import select
 import signal
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,16 +14,13 @@ import protocol.bodies as bodies
 from services.runtime import log
 from services.runtime.bus import Bus
 from services.runtime.errors import EndOfRig
-from services.runtime.rig import Rig
-from services.supervisor import contracts, watch
+from services.supervisor import watch
 from services.supervisor.floods import Floods
 from services.supervisor.last_words import how_it_ended, level_of, start_sentence
-from services.supervisor.launcher import Child
+from services.supervisor.launcher import Child, open_sink
 from services.supervisor.member import Member, MemberState
-from services.supervisor.processes import ProcessSpec
+from services.supervisor.nursery import Nursery
 from services.supervisor.pulses import Pulses
-from services.supervisor.restarts import RestartPolicy
-from services.supervisor.window import Window
 
 #: How long a process may take to end by itself.
 END_S = 5.0
@@ -41,10 +38,11 @@ PATIENCE_NS = 10_000_000
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """How processes are started: their command line, and where they write what they have to say."""
+    """How processes are started: their command line, where they write what they say, where they are born if at all."""
 
     arguments: tuple[str, ...]
     log_directory: Path
+    nursery: Nursery | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +81,7 @@ class Crew:
         self._forgive_own_delay(now_s)
         hearing = self._is_hearing(now_s)  # before the reading: what arrives after this is heard in the next turn
         flowing = self._flowing()
+        self._take_newborn(now_s)
         self._warn(self._floods.seen("supervisor", os.getpid(), self.bus.floods(), now_s))
         for member in self.members.values():
             flows = member.name in flowing
@@ -103,6 +102,9 @@ class Crew:
         for member in self.members.values():
             if member.child is not None:
                 poll.register(member.child.descriptor, select.POLLIN)
+        nursery = self.launch.nursery if self.launch is not None else None
+        if nursery is not None and not nursery.lost:
+            poll.register(nursery.descriptor, select.POLLIN)
         poll.poll(timeout_s * 1e3)
 
     @property
@@ -151,7 +153,7 @@ class Crew:
             elif now_s - member.since_s > END_S and not member.killed:
                 self.say("warning", f"{member.name}: did not end within {END_S:.0f} s, killed")
                 member.kill()
-        return not mine
+        return not mine and not any(member.birth is not None for member in self.members.values())
 
     def _send_end(self, member: Member) -> None:
         assert member.child is not None
@@ -286,8 +288,29 @@ class Crew:
         return all(name in self._prepared for name in names if name in self.members)
 
     def _start(self, member: Member, now_s: float, launch: Launch) -> None:
+        nursery, log_file = launch.nursery, launch.log_directory / f"{member.name}.log"
+        if nursery is None or not nursery.bears(member.spec):
+            self._begin(member, Child.started(member.spec, launch.arguments, log_file), now_s)
+        elif nursery.ready and member.birth is None:
+            with open_sink(log_file) as sink:
+                member.birth = nursery.ask(member.spec, launch.arguments, sink.fileno())
+
+    def _take_newborn(self, now_s: float) -> None:
+        """Take the processes that were asked for and are born."""
+        if self.launch is None or self.launch.nursery is None:
+            return
+        self.launch.nursery.hear()
+        for member in self.members.values():
+            if member.birth is None or member.birth.pid is None:
+                continue
+            pid, member.birth = member.birth.pid, None
+            if pid > 0:
+                log_file = self.launch.log_directory / f"{member.name}.log"
+                self._begin(member, Child(member.spec, pid, log_file), now_s)
+
+    def _begin(self, member: Member, child: Child, now_s: float) -> None:
         member.forget()
-        member.child = Child(member.spec, launch.arguments, launch.log_directory / f"{member.name}.log")
+        member.child = child
         member.enter(MemberState.STARTING, now_s)
         member.progress = ("loading", 0.0)  # until it says more itself
         self.say("debug", f"{member.name}: started as process {member.pid}")
@@ -323,20 +346,3 @@ class Crew:
             member.enter(MemberState.LOST, now_s, reason)
             member.due_s = now_s + delay_s
         self.say("error", member.reason)
-
-
-def build_members(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:
-    """Return the members that `rig` runs, by name."""
-    settings = rig.supervisor
-    launched = settings.mode == "launch"
-    return {
-        spec.name: Member(
-            spec=spec,
-            critical=spec.critical and rig.process(spec.name).critical,
-            may_restart=launched and rig.process(spec.name).restart,
-            restarts=RestartPolicy(settings.backoff_s, settings.max_restarts_per_minute),
-            window=Window(contracts.BUDGET_S),
-        )
-        for spec in table
-        if rig.process(spec.name).enabled
-    }

@@ -15,6 +15,7 @@ import sys
 from collections.abc import Collection, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import IO, Self
 
 from services.runtime.private_directory import open_private
 from services.supervisor.kernel_word import KernelWord, Waits
@@ -27,16 +28,31 @@ _READ_BYTES = 1 << 16
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
-class Child:
-    """A running process of ours, with a descriptor that becomes readable when it ends."""
+def open_sink(log_file: Path) -> IO[bytes]:
+    """Return the emptied file that a process is to write into."""
+    return os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb")
 
-    def __init__(
-        self, spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds: Collection[int] = ()
-    ) -> None:
+
+class Child:
+    """A running process of ours, a child of this one, with a descriptor that becomes readable when it ends."""
+
+    def __init__(self, spec: ProcessSpec, pid: int, log_file: Path) -> None:
         self.spec = spec
+        self.pid = pid
         self.log_file = log_file
-        with os.fdopen(open_private(log_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as sink:
-            self._popen = subprocess.Popen(
+        self._status: int | None = None
+        self.descriptor = os.pidfd_open(self.pid)
+        self._kernel = KernelWord(self.pid)
+        self._log = os.fdopen(open_private(log_file, os.O_RDONLY), "rb")
+        self._rest = b""
+
+    @classmethod
+    def started(
+        cls, spec: ProcessSpec, arguments: Sequence[str], log_file: Path, pass_fds: Collection[int] = ()
+    ) -> Self:
+        """Start a process of its own; return it."""
+        with open_sink(log_file) as sink:
+            popen = subprocess.Popen(
                 [sys.executable, "-m", spec.module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=sink,
@@ -46,22 +62,19 @@ class Child:
                 # A Ctrl-C at the terminal is ours alone, children are ended in order; and `services.runtime.autogroup`.
                 start_new_session=True,
             )
-        self.pid = self._popen.pid
-        self.descriptor = os.pidfd_open(self.pid)
-        self._kernel = KernelWord(self.pid)
-        self._log = os.fdopen(open_private(log_file, os.O_RDONLY), "rb")
-        self._rest = b""
+        popen.returncode = 0  # it is waited for here, as those are that are born elsewhere
+        return cls(spec, popen.pid, log_file)
 
     def end(self) -> int | None:
         """Return the exit status once the process has ended (negative: the signal), and end what it had started."""
-        if self._popen.returncode is None:
+        if self._status is None:
             if os.waitid(os.P_PIDFD, self.descriptor, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
                 return None
             # Still a zombie, so its group id cannot be anybody else's: helpers that it left behind go with it.
             with suppress(ProcessLookupError):
                 os.killpg(self.pid, signal.SIGKILL)
-            self._popen.wait()
-        return self._popen.returncode
+            self._status = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return self._status
 
     def wait(self, timeout_s: float) -> int | None:
         """Return the exit status once the process has ended, None if it has not within `timeout_s`."""
@@ -86,13 +99,13 @@ class Child:
     def send(self, number: signal.Signals) -> None:
         """Send a signal; one to a process that has ended is nothing."""
         if self.end() is None:
-            self._popen.send_signal(number)
+            signal.pidfd_send_signal(self.descriptor, number)
 
     def lines(self) -> list[str]:
         """Return the complete lines written since the last call; everything, once the process has ended."""
         data = self._rest + self._log.read(_READ_BYTES)
         *whole, self._rest = data.split(b"\n")
-        if self._popen.returncode is not None or len(self._rest) > _LINE_MAX:
+        if self._status is not None or len(self._rest) > _LINE_MAX:
             whole.append(self._rest)
             self._rest = b""
         texts = (_COLOURS.sub("", line[:_LINE_MAX].decode("utf-8", "replace")).rstrip() for line in whole)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 import signal
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import protocol.bodies as bodies
-from services.supervisor import figures
+from services.runtime.rig import Rig
+from services.supervisor import contracts, figures
 from services.supervisor.kernel_word import Waits
 from services.supervisor.launcher import Child
+from services.supervisor.nursery import Birth
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.restarts import RestartPolicy
 from services.supervisor.window import Window
@@ -43,6 +46,7 @@ class Member:
     state: MemberState = MemberState.WAITING
     reason: str = ""
     child: Child | None = None
+    birth: Birth | None = None  # of the next child, where one was asked for
     due_s: float = 0.0
     since_s: float = 0.0
     health: bodies.Health | None = None
@@ -142,6 +146,23 @@ class Member:
         return bodies.ProcessReport(
             name=self.name, state=self.state, pid=self.pid, restarts=self.restarts.count, reason=self.reason[:256]
         )
+
+
+def build_members(rig: Rig, table: Sequence[ProcessSpec]) -> dict[str, Member]:
+    """Return the members that `rig` runs, by name."""
+    settings = rig.supervisor
+    launched = settings.mode == "launch"
+    return {
+        spec.name: Member(
+            spec=spec,
+            critical=spec.critical and rig.process(spec.name).critical,
+            may_restart=launched and rig.process(spec.name).restart,
+            restarts=RestartPolicy(settings.backoff_s, settings.max_restarts_per_minute),
+            window=Window(contracts.BUDGET_S),
+        )
+        for spec in table
+        if rig.process(spec.name).enabled
+    }
 
 
 def _words(detail: str) -> list[str]:

@@ -24,6 +24,7 @@ from services.supervisor.crew import Launch
 from services.supervisor.governor import Level
 from services.supervisor.holders import holders
 from services.supervisor.member import MemberState
+from services.supervisor.nursery import Nursery
 from services.supervisor.page import Page, missing_package, onlooker
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
@@ -62,6 +63,8 @@ class SessionOptions:
         Called after every turn, fifty times a second; True ends the session.
     remarks
         Warnings that are events from the beginning: for whoever looks at the page, too.
+    nursery
+        Where processes are born; without one, each imports for itself.
     """
 
     options: Options
@@ -69,6 +72,7 @@ class SessionOptions:
     on_event: Callable[[Event], None] | None = None
     on_turn: Callable[[Supervisor, float], bool] = field(default=lambda _supervisor, _now_s: False)
     remarks: tuple[str, ...] = ()
+    nursery: Nursery | None = None
 
 
 def open_session(options: Options) -> Process:
@@ -172,9 +176,11 @@ def _setup(process: Process, session: SessionOptions) -> Setup:
     rig = process.rig
     levels = quality_levels(process.scene_name, process.scene_overrides)
     if rig.supervisor.mode == "attach":
+        if session.nursery is not None:
+            session.nursery.close()  # the processes are somebody else's
         memory = endpoints.run_directory(rig.transport) / "safe_stop"
         return Setup(rig, session.table, None, levels, safe_stop_file=memory)
-    return Setup(rig, session.table, Launch(arguments(session.options), log_directory(rig)), levels)
+    return Setup(rig, session.table, Launch(arguments(session.options), log_directory(rig), session.nursery), levels)
 
 
 def quality_levels(scene: str, overrides: Sequence[str] = ()) -> tuple[Level, ...]:

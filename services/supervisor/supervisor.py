@@ -15,9 +15,10 @@ from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import open_text
 from services.runtime.rig import Rig
 from services.supervisor import contracts, watch
-from services.supervisor.crew import Crew, Launch, build_members
+from services.supervisor.crew import Crew, Launch
 from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
 from services.supervisor.governor import Governor, Level
+from services.supervisor.member import build_members
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.state_machine import RigState, Situation, next_state
 

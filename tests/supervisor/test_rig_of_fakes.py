@@ -24,6 +24,7 @@ from services.runtime.process import Options
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import page, run_report, session
 from services.supervisor.member import MemberState
+from services.supervisor.nursery import Nursery
 from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
@@ -42,6 +43,7 @@ class Fakes:
     """A rig of fake processes in a folder of its own."""
 
     options: Options
+    nursery: Nursery | None = None
 
     def table(self, **words: str) -> tuple[ProcessSpec, ...]:
         path = os.pathsep.join((str(HERE), str(HERE.parents[1])))
@@ -70,7 +72,9 @@ class Fakes:
 
         process = session.open_session(self.options)
         try:
-            options = session.SessionOptions(self.options, table, lambda event: events.append(event.text), turn)
+            options = session.SessionOptions(
+                self.options, table, lambda event: events.append(event.text), turn, nursery=self.nursery
+            )
             session.run_session(process, options)
         finally:
             process.bus.close()
@@ -127,6 +131,55 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
         "gateway",
         "visualization",
     }  # they wait until haptics and physics say that they are ready
+
+
+def test_who_dies_is_born_anew_and_started_anew_where_nobody_bears_any_more(
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
+    born, pids = [], []
+
+    def struck(supervisor: Supervisor) -> Scenario:
+        member = supervisor.crew.members["haptics"]
+        first = member.pid
+        os.kill(first, signal.SIGKILL)
+        yield from until(lambda: member.up and member.pid != first)
+        yield from until_running(supervisor)
+        assert gone(first)
+        pids.append(member.pid)
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until_running(supervisor)
+        born.extend(_is_born(member.pid) for member in supervisor.crew.members.values())
+        yield from struck(supervisor)
+        born.append(_is_born(pids[-1]))
+        os.kill(nursery.pid, signal.SIGKILL)
+        yield from struck(supervisor)
+        born.append(_is_born(pids[-1]))
+        pids.extend(member.pid for member in supervisor.crew.members.values())
+
+    with Nursery() as nursery:
+        events = replace(fakes, nursery=nursery).play(scenario)
+    assert born == [True] * 6 + [False]
+    assert all(gone(pid) for pid in pids)
+    assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 2
+
+
+def test_who_is_born_while_the_rig_ends_is_ended_too(fakes: Fakes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(HERE), str(HERE.parents[1]))))
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        yield from until(lambda: any(member.birth is not None for member in supervisor.crew.members.values()))
+
+    with Nursery() as nursery:
+        events = replace(fakes, nursery=nursery).play(scenario)
+    assert any("started as process" in event for event in events), "as was asked for before"
+    assert _children("fake_process") == []
+
+
+def _is_born(pid: int) -> bool:
+    """Return whether a process is a copy of one that had more room for its command line."""
+    return Path(f"/proc/{pid}/cmdline").read_bytes().endswith(b"\0\0")
 
 
 def test_killed_or_stopped_is_noticed_and_started_again(fakes: Fakes) -> None:
