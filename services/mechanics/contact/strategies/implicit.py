@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import math
+
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, tools_at
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.anchors import store_anchors
 from services.mechanics.contact.delassus import rotate_to_contact_frames
 from services.mechanics.contact.free_motion import free_motion
+from services.mechanics.contact.geometry import Bodies
 from services.mechanics.contact.passivity import solve_passively
 from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.assembly import ASSEMBLED, MISSING, NO_KERNEL, add_body_compliances, assemble
 from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
+from services.mechanics.reduction.residual.field import own_softness
+from services.mechanics.scene import ContactSettings
+
+# A sweep that changes a force by less than moves the wall by this part of its thickness where it gives way most has
+# ended a solve: a wall of a hundredth of a millimetre goes by a whole one under some micronewtons.
+LEAST_OF_WALL = 0.01
 
 
 class ImplicitStrategy(ContactStrategy):
@@ -20,6 +29,12 @@ class ImplicitStrategy(ContactStrategy):
 
     acts_in_next_step = False
     knows_stiffness = True
+
+    def __init__(self, bodies: Bodies, settings: ContactSettings, state: ContactState) -> None:
+        super().__init__(bodies, settings, state)
+        softness_m_n = float(own_softness(bodies.duct.reduced).max(initial=0.0))
+        finest_m = LEAST_OF_WALL * 2.0 * bodies.half_thickness_m
+        self._tolerance_n = min(settings.tolerance_n, finest_m / softness_m_n if softness_m_n > 0.0 else math.inf)
 
     def assemble(self, add_compliance: AddCompliance | None) -> None:
         """Gather W, along world axes first."""
@@ -56,9 +71,8 @@ class ImplicitStrategy(ContactStrategy):
 
     def solve(self, iterations: int, dt_s: float) -> int:
         """Solve the complementarity problem."""
-        settings = self._settings
-        addresses, effort = (self._address, self._bodies.tools.address), (iterations, settings.tolerance_n)
-        sweeps: int = solve_implicitly(addresses, (settings.recovery, dt_s), effort)
+        addresses, effort = (self._address, self._bodies.tools.address), (iterations, self._tolerance_n)
+        sweeps: int = solve_implicitly(addresses, (self._settings.recovery, dt_s), effort)
         return sweeps
 
 

@@ -88,7 +88,7 @@ class ResidualField:
             start=start,
             near=start[:-1] + np.diff(near[0]),
             far=start[:-1] + np.diff(far[0]),
-            softness=_own_softness(duct),
+            softness=own_softness(duct),
             dent_m=min(DENT_M, DENT_OF_WALL * thickness_m),
             most_m=DENTS_OF_WALL * thickness_m if is_thin else math.inf,
             ring=ring,
@@ -103,7 +103,8 @@ class ResidualField:
         self.count = displace_round_loads(self.address, load_nodes, load_force_n)
 
 
-def _own_softness(duct: ReducedDuct) -> FloatArray:
+def own_softness(duct: ReducedDuct) -> FloatArray:
+    """Return how far a load moves its own node beyond the modes at most (n,), in m/N; 0 where nothing is kept."""
     n = duct.mesh.n_vertices
     place = np.zeros(n, np.int64)
     find_places(duct.residual.store, (np.arange(n + 1, dtype=np.int32), np.arange(n, dtype=np.int32)), place)

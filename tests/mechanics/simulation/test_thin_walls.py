@@ -1,0 +1,50 @@
+"""Walls of a hundredth of a millimetre, which some micronewtons move by as much."""
+
+import numpy as np
+import pytest
+
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
+from services.mechanics.contact.engagement import engage_tools
+from services.mechanics.contact.laws import HAS_GAP
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.studies.stability.situations import LEAD_STEPS, threaded, with_duct
+
+THICKNESS_M = 8e-6
+
+
+def thin(cache_dir):
+    """A catheter half way in such a duct, which one forceps steadies, and a simulation of it."""
+    start = threaded()
+    scene = with_duct(start.scene, thickness_m=THICKNESS_M)
+    return start, Simulation(scene, build_scene_duct(scene, cache_dir))
+
+
+def test_solves_end_where_a_thin_wall_is_within_a_twentieth_of_itself_of_what_presses_it(cache_dir):
+    """Before, they ended where no force changed by a micronewton, and pressed points were up to 5.9 um off."""
+    start, simulation = thin(cache_dir)
+    tools, missed_m, pressed = ToolInputs(), 0.0, 0
+    has_gap = np.array(HAS_GAP, np.bool_)
+    for tick in range(LEAD_STEPS):
+        start.hands.write(tick, tools)
+        simulation.step(tools)
+        rows, k = simulation.contacts, simulation.contacts.n_contacts
+        is_pressed = has_gap[rows.law[:k]] & (rows.force_n[:k, 0] > 0.0)
+        left_m = simulation.system.motion_m[::3] - rows.softness_m_n[:k, 0] * rows.force_n[:k, 0]
+        missed_m = max(missed_m, float(np.abs(left_m[is_pressed]).max(initial=0.0)))
+        pressed = max(pressed, int(is_pressed.sum()))
+    assert pressed > 5
+    assert missed_m < 0.05 * THICKNESS_M
+
+
+@pytest.mark.parametrize(("depth_m", "waits"), [(5e-6, True), (0.5e-6, False)])
+def test_a_tool_that_comes_back_half_a_thin_wall_deep_goes_on_waiting(cache_dir, depth_m, waits):
+    """Before, it touched what it was 10 um deep in: more than such a wall."""
+    simulation = thin(cache_dir)[1]
+    tools, pairs = simulation.tools, ContactPairs.allocate(1)
+    pairs.tool[0], pairs.tool_segment[0], pairs.target_kind[0] = 1, JAW_A, DUCT_TRIANGLE
+    pairs.gap_m[0], pairs.count = -depth_m, 1
+    tools.present[:] = tools.waiting[:] = True
+    engage_tools(pairs.address, simulation.system.geometry.address)
+    assert tools.waiting.tolist() == [False, waits]
