@@ -26,6 +26,8 @@ SEEN_NORMAL, SEEN_BOTTOM, SEEN_TOP = 12, 15, 16
 SEEN_AT = 17
 SPREAD, REPRESENTATIVE = 20, 21
 REST_LOW = 22  # and 25: bounds of the undeformed triangles
+#: The region that the box is the root of, see `regions`, or `NO_REGION`.
+REGION, NO_REGION = 28, -1
 _LINE = 64
 
 
@@ -39,6 +41,7 @@ def box_rows(tree: AabbTree) -> FloatArray:
     rows[:, REACH], rows[:, SPREAD] = tree.reach, tree.spread
     rows[:, CHILD : CHILD + 2] = tree.child
     rows[:, REPRESENTATIVE] = tree.representative
+    rows[:, REGION] = NO_REGION
     rows[:, REST_LOW : REST_LOW + 6] = rows[:, SEEN_LOW : SEEN_LOW + 6] = tree.box.reshape(k, 6)
     return rows
 

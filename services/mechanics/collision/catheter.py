@@ -36,7 +36,7 @@ class CatheterContactDetector:
         self._detection = CatheterDetection.zeros(
             n=n_particles,
             shell=surface.shell,
-            probes=Probes.allocate(n_particles),
+            probes=Probes.allocate(n_particles, surface.n_modes),
             lumen=Lumen.allocate(n_particles),
             rims=RimMemory.allocate(max(n_particles - 1, 0)),
             thickness_m=radius_m + surface.half_thickness_m,

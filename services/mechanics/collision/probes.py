@@ -3,7 +3,8 @@
 Each probe keeps up to two local minima of its distance to the wall and walks them over the mesh. That is all
 the work there is, until probe and wall together have moved by the slack of the last search of the tree. A search
 looks further than a contact reaches, by a skin: until this slack is used up nothing that it did not see can
-have come within reach (a Verlet list, kept for minima instead of pairs). New mesh, jump or lost minimum: the
+have come within reach (a Verlet list, kept for minima instead of pairs). How much is used up is first a sum of all
+motion, then, where that is too much, what `regions` knows of where the wall is. New mesh, jump or lost minimum: the
 slack is gone and the tree answers.
 """
 
@@ -14,10 +15,11 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from services.mechanics.arrays import ByteArray, FloatArray, IntArray
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.aabb_distance import OPPOSITE
 from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.primitives import index
+from services.mechanics.collision.regions import Near, note_near, used_since
 from services.mechanics.collision.search import (
     NOT_FOUND,
     Touch,
@@ -60,9 +62,12 @@ _NEW = 2  # no side
 class Probes(Struct):
     """State of n probes; everything a tick leaves for the next."""
 
+    near: Near
     ends: Annotated[FloatArray, "n", 2, 3]  # at the last tick
-    searched_at: Annotated[FloatArray, "n", 2, 3]  # ends at the last search
-    travel: Annotated[FloatArray, "n"]  # the wall's travel at the last search
+    search: Annotated[LongArray, "n"]  # number of the last search
+    looked_at: Annotated[FloatArray, "n", 2, 3]  # ends when it was last known how much of the slack is left
+    used: Annotated[FloatArray, "n"]  # how much of it was used up then
+    travel: Annotated[FloatArray, "n"]  # the wall's travel then
     seen: Annotated[FloatArray, "n"]  # distance out to which the last search looked; negative without a past
     triangle: Annotated[IntArray, "n", MINIMA]  # of each minimum, or NOT_FOUND
     side: Annotated[ByteArray, "n", MINIMA]  # of the wall at each minimum
@@ -74,9 +79,10 @@ class Probes(Struct):
     due: float = EARLY  # part of its slack from which a probe searches, in this tick
 
     @classmethod
-    def allocate(cls, n: int) -> Self:
-        """Return n probes without a past."""
-        return cls.zeros(n=n, seen=np.full(n, -1.0), triangle=np.full((n, MINIMA), NOT_FOUND, np.int32))
+    def allocate(cls, n: int, n_modes: int = 0) -> Self:
+        """Return n probes without a past, on a wall of so many modes; with 0 they have no second opinion."""
+        near = Near.allocate(n, n_modes)
+        return cls.zeros(n=n, near=near, seen=np.full(n, -1.0), triangle=np.full((n, MINIMA), NOT_FOUND, np.int32))
 
     def reset(self, which: slice = slice(None)) -> None:
         """Drop the past of ``which`` probes."""
@@ -154,11 +160,19 @@ def advance(
 
 @kernel
 def _used(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector]) -> float:
-    """Return how much of the slack motion since the last search has used up."""
-    moved_a = squared_distance(ends[0], row_of(probes.searched_at, i, 0))
-    moved_b = squared_distance(ends[1], row_of(probes.searched_at, i, 1))
-    used: float = math.sqrt(max(moved_a, moved_b)) + body.travel - probes.travel[i]
+    """Return how much of the slack motion since the last search has used up, by what it was and all motion since."""
+    moved_a = squared_distance(ends[0], row_of(probes.looked_at, i, 0))
+    moved_b = squared_distance(ends[1], row_of(probes.looked_at, i, 1))
+    used: float = probes.used[i] + math.sqrt(max(moved_a, moved_b)) + body.travel - probes.travel[i]
     return used
+
+
+@kernel
+def _look(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], used: float) -> None:
+    """Note how much of the slack is used up, with probe and wall where they are now."""
+    for end in range(2):
+        put_row_of(probes.looked_at, i, end, ends[end])
+    probes.used[i], probes.travel[i] = used, body.travel_noted
 
 
 @kernel
@@ -190,11 +204,15 @@ def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector],
 
 @kernel
 def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
-    used, slack = _used(body, probes, i, ends), probes.seen[i] - reach
-    is_due = not used < probes.due * slack
-    if is_due:
-        probes.due = 0.5 * (1.0 + probes.due)
-    return is_due
+    enough = probes.due * (probes.seen[i] - reach)
+    if _used(body, probes, i, ends) < enough:
+        return False
+    used = used_since(body, probes.near, i, ends, probes.search[i])
+    if used < enough:
+        _look(body, probes, i, ends, used)
+        return False
+    probes.due = 0.5 * (1.0 + probes.due)
+    return True
 
 
 @kernel
@@ -255,12 +273,11 @@ def _note_seen(
 ) -> None:
     """Note where the search was made and how far it has looked."""
     seen = probes.seen
-    for end in range(2):
-        put_row_of(probes.searched_at, i, end, ends[end])
-    probes.travel[i] = body.travel_noted
-    seen[i] = reach + SKIN_M
+    _look(body, probes, i, ends, 0.0)
+    seen[i], probes.search[i] = reach + SKIN_M, body.searches
     if first[0] == NOT_FOUND:
         seen[i] = max(seen[i], distance_to_all(body, wall, ends[0], ends[1]))
+    note_near(body, wall, probes.near, i, ends, seen[i])
 
 
 @kernel

@@ -10,6 +10,21 @@ from services.mechanics.compiled.struct import Struct, reader
 
 # A depth-first walk of a balanced binary tree holds one sibling a level.
 MAX_DEPTH = 64
+#: Numbers of a region: the translation of its middle, and of its deformation the leading shapes.
+REGION_WIDTH = 3 + 8
+
+
+class Regions(Struct):
+    """Pieces of a straight wall whose motion since some moment can be asked for, see `regions`; c may be 0."""
+
+    shape: Annotated[FloatArray, "c", REGION_WIDTH, "r"]  # of modal coordinates: the middle's motion, the deformation
+    left: Annotated[FloatArray, "c"]  # what the shapes leave of a vertex' motion, times |omega q|
+    of_node: Annotated[IntArray, "m"]  # regions of each node, side by side
+    first: Annotated[IntArray, "n + 1"]
+    now: Annotated[FloatArray, "c", REGION_WIDTH]  # in this tick, where the stamp is its
+    stamp: Annotated[LongArray, "c"]
+    residual: Annotated[FloatArray, "c"]  # largest residual displacement in this tick
+    residual_tick: int = -1  # in which that was looked for
 
 
 class Body(Struct):
@@ -18,6 +33,8 @@ class Body(Struct):
     rest: Annotated[FloatArray, "n", 3]  # undeformed positions
     Phi: Annotated[FloatArray, "n", 3, "r"]  # modes; turned walls: without the sections' rigid motion
     omega: Annotated[FloatArray, "r"]  # weights of the displacement bound
+    block: Annotated[IntArray, "b + 1"]  # modes side by side, each block with a bound of its own
+    block_reach: Annotated[FloatArray, "b"]  # of |u| by what |omega q| a block has
     q: Annotated[FloatArray, "r"]  # modal coordinates of this tick
     anchor: Annotated[FloatArray, "r"]  # those from which the travel is counted, see `tick`
     residual: Annotated[FloatArray, "n", 3]  # displacement beyond the modes, zero but at loaded nodes
@@ -33,6 +50,7 @@ class Body(Struct):
     last_turn: Annotated[FloatArray, "s", 3]  # the same in the last tick
     last_centre: Annotated[FloatArray, "s", 3]
     rest_centre: Annotated[FloatArray, "s", 3]
+    regions: Regions
     largest_reach: float  # of the wall's tree
     growth: float  # beta: see `motion_bounds`; 0 on a straight wall
     largest_arm: float = 0.0
@@ -43,6 +61,9 @@ class Body(Struct):
     anchor_travel: float = 0.0  # energy travel up to there
     energy_travel: float = 0.0  # changes of E, grown alike; less what was noted it bounds the change since
     energy_noted: float = 0.0  # what is to be noted of it in this tick
+    anchor_motion: float = 0.0  # the same of how far the modes have moved any node
+    motion_travel: float = 0.0
+    motion_noted: float = 0.0
     residual_travel: float = 0.0  # sum of the largest changes of a residual
     turned_shift: float = 0.0  # turned walls: how far the sections' motion has carried any node from rest
     turned_travel: float = 0.0  # and the sum of that of each tick

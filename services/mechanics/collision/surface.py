@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.collision.aabb_tree import build_tree
-from services.mechanics.collision.boxes import REACH, box_rows
+from services.mechanics.collision.aabb_tree import AabbTree, build_tree
+from services.mechanics.collision.boxes import REACH, REGION, box_rows
 from services.mechanics.collision.motion_bounds import LinearBounds, MotionBounds, TurnedBounds
 from services.mechanics.collision.nodes import place_nodes
+from services.mechanics.collision.regions import build_regions, no_regions
 from services.mechanics.collision.shell import Body, Patch, Shell
 from services.mechanics.collision.tick import end_turn, start_tick
 from services.mechanics.collision.topology import (
@@ -78,20 +80,26 @@ class CollisionSurface:
             raise ValueError(f"half_thickness_m must not be negative, got {half_thickness_m}")
         self.mesh = mesh
         self.half_thickness_m = half_thickness_m
-        self._n_modes = len(omega_rad_s)
+        self.n_modes = len(omega_rad_s)
         self.rims = boundary_loops(mesh)
         caps = [np.zeros((0, 3), np.int32), *(fill_rim(mesh.vertices_m, rim) for rim in self.rims)]
         self._frame = None if warp is None else SectionFrame(warp)
         bounds: MotionBounds = LinearBounds(Phi / omega_rad_s) if warp is None else TurnedBounds(warp, omega_rad_s)
-        wall = _patch(mesh, mesh.triangles, bounds)
+        wall, tree = _patch(mesh, mesh.triangles, bounds)
         owner = np.flatnonzero(wall.neighbour.ravel() == NO_NEIGHBOUR).astype(np.int32)
+        if warp is None and self.n_modes:
+            regions, roots = build_regions(mesh.vertices_m, mesh.triangles, tree, Phi, omega_rad_s)
+            wall.boxes[roots, REGION] = np.arange(len(roots))
+        else:
+            regions = no_regions(n, self.n_modes)
+        reach = float(wall.boxes[0, REACH])
+        own = {"regions": regions, "largest_reach": reach, "growth": bounds.growth}
+        own |= _blocks(Phi, omega_rad_s, None if warp is None else reach)
         self.shell = Shell(
-            body=_body(
-                mesh, Phi, omega_rad_s, _turned_fields(warp, self._frame), float(wall.boxes[0, REACH]), bounds.growth
-            ),
+            body=_body(mesh, Phi, omega_rad_s, own | _turned_fields(warp, self._frame)),
             wall=wall,
-            caps=_patch(mesh, np.concatenate(caps), bounds),
-            rims=_patch(mesh, _edges_as_triangles(mesh, owner), bounds),
+            caps=_patch(mesh, np.concatenate(caps), bounds)[0],
+            rims=_patch(mesh, _edges_as_triangles(mesh, owner), bounds)[0],
             rim_owner=owner,
         )
 
@@ -110,10 +118,10 @@ class CollisionSurface:
         """
         nodes = _NO_NODES if load_nodes is None else load_nodes
         residuals = _NO_VECTORS if load_displacements_m is None else load_displacements_m
-        if len(q) != self._n_modes or residuals.shape != (len(nodes), 3) or len(nodes) > self.mesh.n_vertices:
+        if len(q) != self.n_modes or residuals.shape != (len(nodes), 3) or len(nodes) > self.mesh.n_vertices:
             raise ValueError(
                 f"{len(q)} modal coordinates and {residuals.shape} displacements of {len(nodes)} nodes do not fit"
-                f" {self._n_modes} modes and {self.mesh.n_vertices} nodes"
+                f" {self.n_modes} modes and {self.mesh.n_vertices} nodes"
             )
         if not start_tick(self.shell.address, q, nodes, residuals):
             raise ValueError("coordinates and displacements must be finite and loaded nodes exist")
@@ -131,6 +139,8 @@ class CollisionSurface:
         return SearchCost(*(getattr(self.shell.body, name) for name in SearchCost.__dataclass_fields__))
 
 
+#: Bounds of their own for modes side by side.
+_BLOCKS = 8
 _NO_NODES = np.zeros(0, np.int32)
 _NO_VECTORS = np.zeros((0, 3))
 
@@ -142,25 +152,32 @@ def _edges_as_triangles(mesh: TriangleMesh, owner: IntArray) -> IntArray:
     return np.stack([start, end, end], axis=1).astype(np.int32)
 
 
-def _body(
-    mesh: TriangleMesh, Phi: FloatArray, omega: FloatArray, turned: dict[str, Any], largest_reach: float, growth: float
-) -> Body:
+def _body(mesh: TriangleMesh, Phi: FloatArray, omega: FloatArray, more: dict[str, Any]) -> Body:
     n, r = mesh.n_vertices, len(omega)
-    given = {"Phi": np.ascontiguousarray(Phi, np.float64)} | turned
+    given = {"Phi": np.ascontiguousarray(Phi, np.float64)} | more
     return Body.zeros(
         n=n,
         r=r,
-        t=n if turned else 0,
-        s=len(turned["centre"]) if turned else 0,
+        t=len(given.get("arm", ())),
+        s=len(given.get("centre", ())),
         rest=mesh.vertices_m,
         omega=np.ascontiguousarray(omega, np.float64),
         load_stamp=np.full(n, -1, np.int64),
         position=mesh.vertices_m.copy(),
         stamp=np.full(n, -1, np.int64),
-        largest_reach=largest_reach,
-        growth=growth,
         **given,
     )
+
+
+def _blocks(Phi: FloatArray, omega: FloatArray, reach: float | None) -> dict[str, Any]:
+    """Bound the motion of any node by blocks of modes, small ones where modes are soft; or by ``reach`` for all."""
+    r = len(omega)
+    edges = np.unique(np.round(r * np.linspace(0.0, 1.0, _BLOCKS + 1) ** 1.5).astype(np.int32))
+    if reach is not None:
+        return {"block": np.array([0, r], np.int32), "block_reach": np.array([reach])}
+    every = np.arange(len(Phi), dtype=np.int32)
+    reaches = [LinearBounds(Phi[:, :, a:b] / omega[a:b]).reach(every).max() for a, b in itertools.pairwise(edges)]
+    return {"block": edges, "block_reach": np.array(reaches)}
 
 
 def _turned_fields(warp: TubeWarp | None, frame: SectionFrame | None) -> dict[str, Any]:
@@ -181,12 +198,12 @@ def _turned_fields(warp: TubeWarp | None, frame: SectionFrame | None) -> dict[st
     }
 
 
-def _patch(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds) -> Patch:
+def _patch(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds) -> tuple[Patch, AabbTree]:
     n = mesh.n_vertices
     neighbour = triangle_neighbours(triangles)
     ring_start, ring = triangles_round_vertices(triangles, n)
     tree = build_tree(mesh.vertices_m, triangles, bounds)
-    return Patch.zeros(
+    patch = Patch.zeros(
         triangles=np.ascontiguousarray(triangles),
         neighbour=neighbour,
         ring_start=ring_start,
@@ -196,3 +213,4 @@ def _patch(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds) -> Pat
         order=tree.order,
         boxes=box_rows(tree),
     )
+    return patch, tree

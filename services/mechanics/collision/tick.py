@@ -43,6 +43,7 @@ def _take_state(body: Body, q: FloatArray, nodes: IntArray, residuals: FloatArra
     for k in range(omega.shape[0]):
         norm += (omega[k] * q[k]) ** 2
         away += (omega[k] * (q[k] - anchor[k])) ** 2
+    moved = motion_between(body, q, anchor)
     for k in range(residuals.shape[0]):
         unsound += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0  # 0, or NaN where one is not finite
         if nodes[k] < 0 or nodes[k] >= body.rest.shape[0]:
@@ -54,25 +55,45 @@ def _take_state(body: Body, q: FloatArray, nodes: IntArray, residuals: FloatArra
     body.tick += 1
     body.norm = math.sqrt(norm)
     body.energy_norm = body.norm * _grown(body, body.norm)
-    _count_travel(body, math.sqrt(away) * _grown(body, max(body.anchor_norm, body.norm)))
+    grown = _grown(body, max(body.anchor_norm, body.norm))
+    _count_travel(body, math.sqrt(away) * grown, moved * grown)
     body.residual_travel += _replace_residuals(body, nodes, residuals)
-    body.travel = body.largest_reach * body.energy_travel + body.residual_travel
-    body.travel_noted = body.largest_reach * body.energy_noted + body.residual_travel
+    body.travel = body.motion_travel + body.residual_travel
+    body.travel_noted = body.motion_noted + body.residual_travel
     return True
 
 
 @kernel
-def _count_travel(body: Body, away: float) -> None:
-    """Count the energy travel in a state this far from the anchor; let the anchor follow if that is far."""
+def motion_between(body: Body, q: FloatArray, other: FloatArray) -> float:
+    """Return how far two modal states (r,) are apart in any node of a straight wall, at most.
+
+    The softest node's bound by the energy of their difference; or, where that is less, the sum of the bounds by what
+    each block of modes has of it: stiff modes have the energy of contacts that tremble, and move hardly anything.
+    """
+    omega, block, reach = body.omega, body.block, body.block_reach
+    apart, energy = 0.0, 0.0
+    for b in range(reach.shape[0]):
+        part = 0.0
+        for k in range(block[b], block[b + 1]):
+            part += (omega[k] * (q[k] - other[k])) ** 2
+        energy += part
+        apart += reach[b] * math.sqrt(part)
+    return min(apart, body.largest_reach * math.sqrt(energy))
+
+
+@kernel
+def _count_travel(body: Body, away: float, moved: float) -> None:
+    """Count energy travel and motion in a state this far from the anchor; let the anchor follow if that is far."""
     if body.largest_reach * away > ANCHOR_M:
         own, anchor = body.q, body.anchor
         for k in range(own.shape[0]):
             anchor[k] = own[k]
         body.anchor_norm = body.norm
         body.anchor_travel += away
-        away = 0.0
-    body.energy_travel = body.anchor_travel + away
-    body.energy_noted = body.anchor_travel - away
+        body.anchor_motion += moved
+        away = moved = 0.0
+    body.energy_travel, body.motion_travel = body.anchor_travel + away, body.anchor_motion + moved
+    body.energy_noted, body.motion_noted = body.anchor_travel - away, body.anchor_motion - moved
 
 
 @kernel

@@ -44,7 +44,7 @@ class ToolContactDetector:
         self.surface = surface
         self._detection = ToolDetection(
             shell=surface.shell,
-            probes=Probes.allocate(n_tools * PROBES_PER_TOOL),
+            probes=Probes.allocate(n_tools * PROBES_PER_TOOL, surface.n_modes),
             beside=Beside.zeros(p=n_tools * PROBES_PER_TOOL, m=len(surface.mesh.triangles)),
             capsules=CapsuleMemory.zeros(m=n_tools * N_SEGMENTS, n=max(n_particles - 1, 0)),
             half_thickness_m=surface.half_thickness_m,

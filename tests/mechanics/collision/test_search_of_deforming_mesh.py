@@ -128,7 +128,8 @@ def test_a_search_does_not_lose_the_other_wall_that_was_followed():
     probes = detector._detection.probes
     for z in np.arange(0.0, 3.45e-3, 50e-6):  # towards the sharp end of the lumen
         for is_searched in (False, True):
-            probes.travel[0] -= 1.0 if is_searched else 0.0
+            if is_searched:
+                probes.seen[0] = 0.0
             pairs.clear()
             detector.detect(np.array([[20e-3, 20e-6, z]]), pairs)
             assert probes.triangle[0, 1] != search.NOT_FOUND
