@@ -10,7 +10,7 @@ from typing import Annotated
 
 from services.gateway.layout import READ_ROLL, READ_SIZE, READ_TEMPERATURE
 from services.gateway.script import COLUMNS, ROLL, draw_back
-from services.gateway.simulated_arm import HAND_SIZE, filter_reading, hottest, place_hand, step_links
+from services.gateway.simulated_arm import HAND_SIZE, filter_reading, hottest, place_hand, step_links, tremble
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
@@ -26,6 +26,7 @@ class ArmTick(Struct):
     rate: Annotated[FloatArray, COLUMNS]
     port: Annotated[FloatArray, 3]
     beyond_m: float
+    tremor_m: float
     stand: Annotated[FloatArray, 8]
     hand: Annotated[FloatArray, HAND_SIZE]
     angles: Annotated[FloatArray, 3]
@@ -45,13 +46,18 @@ arm_tick_at = reader(ArmTick)
 
 
 @kernel
-def tick_arm(address: Address[ArmTick], script_s: float) -> None:
-    """Put the hand where its script has it at `script_s`, let the arm follow for a tick, and read it."""
+def tick_arm(address: Address[ArmTick], script_s: float, time_s: float) -> None:
+    """Put the hand where its script has it at `script_s`, let the arm follow for a tick, and read it.
+
+    What a script does that begins again does not: `time_s`, by which the hand trembles, goes on.
+    """
     tick = arm_tick_at(address)
     minimum_jerk(tick.times, tick.values, script_s, tick.value, tick.rate)
     if tick.beyond_m > 0.0:
         draw_back(tick.port, tick.beyond_m, tick.value, tick.rate)
     place_hand(tick.value, tick.rate, tick.stand, tick.hand)
+    if tick.tremor_m > 0.0:
+        tremble(tick.hand, tick.tremor_m, time_s)
     step_links(tick.angles, tick.rates, tick.heat, tick.force, tick.hand, tick.work, tick.jacobian)
     filter_reading(tick.angles, tick.measured, tick.filter, tick.coefficients, tick.centre, tick.reading)
     tick.reading[READ_TEMPERATURE] = hottest(tick.heat)

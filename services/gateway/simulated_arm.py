@@ -148,6 +148,21 @@ def place_hand(value: FloatArray, rate: FloatArray, stand: FloatArray, hand: Flo
 
 
 @kernel
+def tremble(hand: FloatArray, tremor_m: float, time_s: float) -> None:
+    """Add to where the hand is wanted, (HAND_SIZE,), a tremor that comes to ``tremor_m`` along each axis at most.
+
+    Two sines, which beat: physiological tremor is of 8 to 12 Hz, and of one to two tenths of a millimetre in a hand
+    that holds an instrument (Harwell and Ferguson, Microsurgery 4, 1983; Riviere, Rader and Khosla, EMBS 1997).
+    """
+    for axis in range(3):
+        for k in range(2):
+            omega = 2.0 * math.pi * (9.3 + 1.8 * k)
+            phase = omega * time_s + 2.1 * axis + k
+            hand[HAND_TARGET + axis] += 0.5 * tremor_m * math.sin(phase)
+            hand[HAND_RATE + axis] += 0.5 * tremor_m * omega * math.cos(phase)
+
+
+@kernel
 def measure(angles: FloatArray, out: FloatArray) -> None:
     """Write the end point that the encoders see into `out` (3,): angles rounded down to whole counts."""
     seen = (

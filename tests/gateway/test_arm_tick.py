@@ -25,21 +25,23 @@ def _hand() -> np.ndarray:
 
 
 def test_one_kernel_does_what_its_parts_do_one_by_one() -> None:
-    for beyond_m in (0.0, 0.012):
+    for beyond_m, tremor_m in ((0.0, 0.0), (0.012, 0.0), (0.012, 0.2e-3)):
         whole, apart = _player(beyond_m), _player(beyond_m)
         fused, arm = (ArmState(np.array(premium_model.CENTRE_ANGLES), 100.0) for _ in range(2))
         force, centre = np.array([0.4, -0.3, 0.2]), premium_model.centre()
         hand, reading, seen = _hand(), np.zeros(READ_SIZE), np.zeros(READ_SIZE)
         tick = ArmTick(
             times=whole.times, values=whole.values, value=whole.value, rate=whole.rate, port=whole.port,
-            beyond_m=whole.beyond_m, stand=STAND, hand=_hand(), angles=fused.angles, rates=fused.rates,
-            heat=fused.heat, force=force, work=fused.work, jacobian=fused.jacobian, measured=fused.measured,
-            filter=fused.filter, coefficients=fused.coefficients, centre=centre, reading=seen,
+            beyond_m=whole.beyond_m, tremor_m=tremor_m, stand=STAND, hand=_hand(), angles=fused.angles,
+            rates=fused.rates, heat=fused.heat, force=force, work=fused.work, jacobian=fused.jacobian,
+            measured=fused.measured, filter=fused.filter, coefficients=fused.coefficients, centre=centre,
+            reading=seen,
         )  # fmt: skip
         for k in range(150):
-            tick_arm(tick.address, whole.within(1e-3 * k))
+            tick_arm(tick.address, whole.within(1e-3 * k), 1e-3 * k)
             apart.sample(1e-3 * k)
             simulated_arm.place_hand(apart.value, apart.rate, STAND, hand)
+            simulated_arm.tremble(hand, tremor_m, 1e-3 * k)
             arm.step(force, hand)
             arm.read(centre, reading)
             reading[READ_ROLL] = apart.value[ROLL]

@@ -139,3 +139,18 @@ def test_an_arm_without_a_hand_comes_to_rest_and_never_gains_energy() -> None:
         energies.append(premium_model.energy(arm.angles, arm.rates))
     assert energies[-1] < energies[0]
     assert max(energies) <= energies[0] * (1 + 1e-3)
+
+
+def test_a_hand_trembles_as_far_as_it_is_told_to_and_its_rate_is_that_of_its_place() -> None:
+    step_s, tremor_m = 1e-4, 0.15e-3
+    targets, rates = np.zeros((2, 20_000, 3))
+    for k in range(20_000):
+        hand = np.zeros(simulated_arm.HAND_SIZE)
+        simulated_arm.tremble(hand, tremor_m, step_s * k)
+        targets[k] = hand[simulated_arm.HAND_TARGET : simulated_arm.HAND_TARGET + 3]
+        rates[k] = hand[simulated_arm.HAND_RATE : simulated_arm.HAND_RATE + 3]
+    np.testing.assert_allclose(np.abs(targets).max(axis=0), tremor_m, rtol=0.02)
+    slopes = (targets[2:] - targets[:-2]) / (2.0 * step_s)
+    np.testing.assert_allclose(rates[1:-1], slopes, atol=1e-5 * np.abs(slopes).max() + 1e-6)
+    spectrum = np.abs(np.fft.rfft(targets[:, 0]))
+    assert 8.0 <= np.fft.rfftfreq(20_000, step_s)[spectrum.argmax()] <= 12.0

@@ -38,6 +38,9 @@ class ArmSettings(Settings):
     hand_stiffness_n_m: Annotated[float, Field(ge=0.0, le=2000.0)] = 300.0
     hand_damping_n_s_m: Annotated[float, Field(ge=0.0, le=50.0)] = 5.0
     hand_grip_n: Annotated[float, Field(ge=0.0)] = 20.0
+    tremor_m: Annotated[float, Field(ge=0.0, le=2e-3)] = Field(
+        0.0, description="how far the scripted hand trembles at 9 and 11 Hz; people's by 0.1 to 0.2 mm"
+    )
 
 
 class Driver(Arm):
@@ -79,6 +82,7 @@ class Driver(Arm):
             rate=player.rate,
             port=player.port,
             beyond_m=player.beyond_m,
+            tremor_m=self._settings.tremor_m,
             stand=self._stand,
             hand=self._hand,
             angles=arm.angles,
@@ -106,7 +110,7 @@ class Driver(Arm):
         if self._player is not None:
             self._reading[READ_ROLL] = self._player.value[ROLL]
             copy = ArmTick.zeros(k=1, angles=self.arm.angles.copy())
-            tick_arm(copy.address, 0.0)
+            tick_arm(copy.address, 0.0, 0.0)
         self.calibrated = True
 
     def enable(self) -> None:
@@ -139,7 +143,7 @@ class Driver(Arm):
     def _advance(self) -> None:
         """Take one tick and read the arm: its velocity filter counts in ticks, those too that were lost."""
         if self._tick is not None and self._player is not None:
-            tick_arm(self._tick.address, self._player.within(self._script_s))
+            tick_arm(self._tick.address, self._player.within(self._script_s), self._script_s)
         else:
             self.arm.step(self._force, self._hand)
             self.arm.read(self._centre, self._reading)
