@@ -20,6 +20,8 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
+from tests.with_us import with_us
+
 ROOT = Path(__file__).resolve().parents[2]
 _COPIED = ("services", "protocol", "configs", "docs", "tests", "pyproject.toml")
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap", "*.png")
@@ -78,7 +80,7 @@ class TreeCopy:
     @contextmanager
     def start(self, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
         """Run Python in the background, and ask it to end at the end."""
-        process = subprocess.Popen([sys.executable, *arguments], cwd=self.root, env=self._environment)
+        process = subprocess.Popen(with_us([sys.executable, *arguments]), cwd=self.root, env=self._environment)
         try:
             yield process
         finally:

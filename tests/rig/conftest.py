@@ -19,6 +19,7 @@ from protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor.holders import holders
+from tests.with_us import with_us
 
 HERE = Path(__file__).parent
 SCENE = HERE.parent / "scenes" / "small.yaml"
@@ -122,7 +123,7 @@ def running_rig(
     options = [word for override in overrides for word in ("--set", override)]
     log = (directory / "log").open("wb")
     process = subprocess.Popen(
-        [sys.executable, *program, "--rig", rig, "--scene", scene, *options],
+        with_us([sys.executable, *program, "--rig", rig, "--scene", scene, *options]),
         stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
     )  # fmt: skip
     read = ["gateway.state", "supervisor.state", *topics, *(["physics.state"] if keeps_solved else [])]

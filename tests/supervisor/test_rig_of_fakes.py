@@ -29,6 +29,7 @@ from services.supervisor.processes import TABLE, ProcessSpec
 from services.supervisor.state_machine import RigState
 from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
+from tests.with_us import with_us
 
 pytestmark = pytest.mark.rig
 
@@ -344,7 +345,7 @@ main()
 
 def _command(fakes: Fakes, *arguments: str) -> list[str]:
     script = UP.format(root=str(HERE.parents[1]), rig=fakes.options.rig)
-    return [sys.executable, "-c", script, *arguments]
+    return with_us([sys.executable, "-c", script, *arguments])
 
 
 def _trocar(fakes: Fakes, verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
