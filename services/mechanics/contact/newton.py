@@ -9,7 +9,9 @@ motion has to vanish, and a *column* direction, along which the force changes:
   the motion along the unknown is :math:`-\lambda` times the force's change, which adds :math:`\lambda` to the diagonal.
 
 That is the exact derivative of the law while nobody changes between open, sticking and sliding: near the solution
-the step converges quadratically. Who is what is found by the sweeps in between.
+the step converges quadratically. Who is what is found by the sweeps in between. Where somebody changes within the step,
+it is good as far as that goes (`room_for_step`): so the methods of active sets for quadratic programs find who is open
+(Nocedal and Wright, "Numerical Optimization", 16.5).
 """
 
 from __future__ import annotations
@@ -51,12 +53,30 @@ def newton_step(problem: ContactProblem, W: FloatArray, unknowns: Unknowns, n: i
 
 
 @kernel
-def add_step(problem: ContactProblem, unknowns: Unknowns, n: int) -> None:
-    """Add the step to the forces and put every contact back into what its law admits."""
+def room_for_step(problem: ContactProblem, unknowns: Unknowns, n: int, change: FloatArray) -> float:
+    """Return what part of the step, 1 at most, goes before the first contact opens or slips.
+
+    ``change`` (k, 3) takes what the whole step would change of the forces.
+    """
+    rows, share = problem.rows, 1.0
+    for block in range(rows.n_contacts):
+        change[block, 0] = change[block, 1] = change[block, 2] = 0.0
+    for i in range(n):
+        for axis in range(3):
+            change[unknowns.block[i], axis] += unknowns.step[i] * unknowns.column[i, axis]
+    for block in range(rows.n_contacts):
+        whole = change[block, 0], change[block, 1], change[block, 2]
+        share = min(share, laws.room(rows.law[block], rows, block, whole))
+    return share
+
+
+@kernel
+def add_step(problem: ContactProblem, unknowns: Unknowns, n: int, share: float) -> None:
+    """Add so much of the step to the forces and put every contact back into what its law admits."""
     rows = problem.rows
     for i in range(n):
         block = unknowns.block[i]
         for axis in range(3):
-            rows.force_n[block, axis] += unknowns.step[i] * unknowns.column[i, axis]
+            rows.force_n[block, axis] += share * unknowns.step[i] * unknowns.column[i, axis]
     for block in range(rows.n_contacts):
         laws.project(rows.law[block], problem, block)

@@ -11,7 +11,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact import laws
 from services.mechanics.contact.laws.law import ContactProblem, Unknowns
-from services.mechanics.contact.newton import add_step, list_unknowns, newton_step
+from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
 
 # Times the tolerance: a first sweep that changes less is followed by another, which costs less than a Newton step.
 NEARLY_THERE = 100.0
@@ -26,6 +26,8 @@ FAR_M = 1e-6
 MOST_SWEEPS = 100
 # One that has taken so many is slow: from then on what sweeps change is followed further.
 SLOW_SWEEPS = 30
+# What comes of a Newton step.
+NOT_KEPT, IN_PART, KEPT, SOLVED = 0, 1, 2, 3
 
 
 class SolverScratch(Struct):
@@ -57,7 +59,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     contacts together; so a Newton step solves for all that is closed together, as PGS with subspace minimisation does
     (Silcowitz-Hansen, Niebe and Erleben, 2010). It is kept if it and the next sweep lower the potential
     :math:`\tfrac12 f^T W f + f^T u_{free}`; how much a sweep changes would tell nothing, for sweeps that creep change
-    little. After a step that was not kept twice as many sweeps as before pass until the next.
+    little. If they do not, it goes only as far as nobody opens or slips. After a step that was not kept whole twice as
+    many sweeps as before pass until the next: one that changes a contact at a time costs more than it brings.
     Where neither comes to an end soon, what sweeps change is followed further (`_follow_further`).
     The cost is bounded by the number of sweeps, or by `MOST_SWEEPS` while bodies are in each other. Forces are inside
     their cones, converged or not.
@@ -97,15 +100,11 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
                 changed_n2 = _follow_further(problem, W, scratch, changed_n2)
             continue
         changed_n2 = 0.0
-        before = _potential(problem, scratch.free)
-        if _try_newton_step(problem, W, scratch):
-            sweeps += 1
-            if _sweep(problem, W)[0] <= tolerance_n:
-                return sweeps
-        patience = 1 if _potential(problem, scratch.free) < before else 2 * patience
-        if patience > 1:
-            _copy_forces(scratch.force, problem.rows.force_n, problem.rows.n_contacts)
-            _update_motion(problem, W, scratch.free)
+        more, outcome = _try_newton_step(problem, W, tolerance_n, scratch)
+        sweeps += more
+        if outcome == SOLVED:
+            return sweeps
+        patience = 1 if outcome == KEPT else 2 * patience
         due, last_n = sweeps + patience, 0.0
 
 
@@ -155,15 +154,33 @@ def _sweep(problem: ContactProblem, W: FloatArray) -> tuple[float, float]:
 
 
 @kernel
-def _try_newton_step(problem: ContactProblem, W: FloatArray, scratch: SolverScratch) -> bool:
-    """Take a Newton step; the forces before are kept in ``scratch.force``."""
-    _copy_forces(problem.rows.force_n, scratch.force, problem.rows.n_contacts)
-    n = list_unknowns(problem, scratch.unknowns)
-    if n == 0 or not newton_step(problem, W, scratch.unknowns, n):
-        return False
-    add_step(problem, scratch.unknowns, n)
-    _update_motion(problem, W, scratch.free)
-    return True
+def _try_newton_step(
+    problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch
+) -> tuple[int, int]:
+    """Take a Newton step that with a sweep after it lowers the potential: all of it, or what there is room for.
+
+    Return how many sweeps that took, and what came of it; where it is `NOT_KEPT` the forces are as they were.
+    """
+    rows, unknowns, sweeps, share = problem.rows, scratch.unknowns, 0, 1.0
+    before = _potential(problem, scratch.free)
+    _copy_forces(rows.force_n, scratch.force, rows.n_contacts)
+    n = list_unknowns(problem, unknowns)
+    if n == 0 or not newton_step(problem, W, unknowns, n):
+        return sweeps, NOT_KEPT
+    for _ in range(2):
+        add_step(problem, unknowns, n, share)
+        _update_motion(problem, W, scratch.free)
+        sweeps += 1
+        if _sweep(problem, W)[0] <= tolerance_n:
+            return sweeps, SOLVED
+        if _potential(problem, scratch.free) < before:
+            return sweeps, KEPT if share == 1.0 else IN_PART
+        _copy_forces(scratch.force, rows.force_n, rows.n_contacts)
+        _update_motion(problem, W, scratch.free)
+        share = room_for_step(problem, unknowns, n, scratch.way)
+        if share >= 1.0:
+            break
+    return sweeps, NOT_KEPT
 
 
 @kernel

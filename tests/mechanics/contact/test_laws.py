@@ -12,7 +12,7 @@ import services
 from services.mechanics.contact import laws
 from services.mechanics.contact.identity import LAW
 from services.mechanics.contact.laws import LAWS, number_of
-from services.mechanics.contact.laws.law import PenaltyGains
+from services.mechanics.contact.laws.law import ContactProblem, PenaltyGains
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.strategies import STRATEGIES
 from services.mechanics.contact.strategies.penalty import write_penalties
@@ -138,3 +138,30 @@ def test_penalty_of_two_films_stops_a_particle_in_a_step_and_does_not_throw_it_b
     dt_s, mass_kg, rate_m_s = 1e-3, 3e-6, 0.2
     rows = row_of("film", slip_m=[0.0, rate_m_s * dt_s, 0.0], softness_m_n=[1e3, 1e-6, 1e-6])
     assert 2.0 * penalty(rows, (1.0, 0.0, dt_s, mass_kg))[1] * dt_s == pytest.approx(-mass_kg * rate_m_s)
+
+
+@pytest.mark.parametrize("law", ["unilateral", "hold", "seal", "squeeze", "grip"])
+def test_a_change_of_force_goes_as_far_as_the_law_admits_it_and_no_further(law):
+    """What there is room for, projection leaves as it is; a thousandth more it does not."""
+    random, short = np.random.default_rng(3), 0
+    for _ in range(300):
+        rows = row_of(law, friction=0.3, force_limit_n=0.5)
+        problem = ContactProblem(rows=rows, motion=np.zeros(3), change=np.zeros(3))
+        rows.force_n[0] = random.normal(0.0, 0.5, 3)
+        laws.project(rows.law[0], problem, 0)
+        start = rows.force_n[0] * (0.99, 0.9, 0.9)
+        axes = {"seal": 1, "squeeze": 1}.get(law, 3)
+        change = np.where(np.arange(3) < axes, random.normal(0.0, 1.0, 3), 0.0)
+        rows.force_n[0] = start
+        if start[0] == 0.0 or laws.slides(rows.law[0], rows, 0):
+            continue
+        share = laws.room(rows.law[0], rows, 0, tuple(change))
+        assert 0.0 < share <= 1.0
+        for part, is_admitted in ((0.999 * share, True), (1.001 * share, share == 1.0)):
+            rows.force_n[0] = start + part * change
+            wanted = rows.force_n[0].copy()
+            laws.project(rows.law[0], problem, 0)
+            if part <= 1.0:
+                assert (np.abs(rows.force_n[0] - wanted).max() < 1e-12) == is_admitted
+        short += share < 1.0
+    assert short > 30

@@ -74,6 +74,16 @@ def relax_in_ball(problem: ContactProblem, W: FloatArray, block: int, limit: flo
 
 
 @kernel
+def way_to_edge(a: float, b: float, c: float) -> float:
+    """Return the s in (0, 1] at which :math:`a s^2 + 2 b s + c` comes to zero from ``c`` < 0; 1 if that is beyond."""
+    root = b * b - a * c
+    if root < 0.0:
+        return 1.0
+    below = b + math.sqrt(root)
+    return min(-c / below, 1.0) if below > 0.0 else 1.0
+
+
+@kernel
 def solve_3(W: FloatArray, row: int, shift: float, r_1: float, r_2: float, r_3: float) -> tuple[float, float, float]:
     """Solve the symmetric positive 3 x 3 block of ``W`` at ``row``, plus ``shift`` on its diagonal (LDL')."""
     d_1 = W[row, row] + shift

@@ -11,7 +11,7 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.laws import hold
-from services.mechanics.contact.laws.ball import bounded_2
+from services.mechanics.contact.laws.ball import bounded_2, way_to_edge
 from services.mechanics.contact.laws.law import (
     ON_THE_LIMIT,
     ContactLaw,
@@ -86,6 +86,17 @@ def slides(rows: ContactRows, row: int) -> bool:
 
 
 @kernel
+def room(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+    """Of what is held along the jaws, up to the edge of the disk; across them there is none."""
+    force, limit = rows.force_n[row], rows.force_limit_n[row]
+    if slides(rows, row):
+        return 1.0
+    d_1, d_2 = change[1], change[2]
+    c = force[1] ** 2 + force[2] ** 2 - limit * limit
+    return float(way_to_edge(d_1 * d_1 + d_2 * d_2, force[1] * d_1 + force[2] * d_2, c))
+
+
+@kernel
 def closed_axes(rows: ContactRows, row: int, is_sliding: bool) -> int:
     """All axes while it does not slip, that across the jaws while they squeeze."""
     if rows.force_limit_n[row] <= 0.0:
@@ -109,6 +120,7 @@ LAW = ContactLaw(
     relax=relax,
     add_unknowns=add_unknowns,
     project=project,
+    room=room,
     slides=slides,
     closed_axes=closed_axes,
     penalty=penalty,

@@ -7,7 +7,7 @@ import math
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.contact.frames import tangents
-from services.mechanics.contact.laws.ball import relax_in_ball
+from services.mechanics.contact.laws.ball import relax_in_ball, way_to_edge
 from services.mechanics.contact.laws.law import (
     ON_THE_LIMIT,
     ContactLaw,
@@ -71,6 +71,20 @@ def slides(rows: ContactRows, row: int) -> bool:
 
 
 @kernel
+def room(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+    """Of what holds, up to the edge of the ball."""
+    force, limit = rows.force_n[row], rows.force_limit_n[row]
+    if slides(rows, row):
+        return 1.0
+    a, b, c = 0.0, 0.0, -limit * limit
+    for axis in range(3):
+        a += change[axis] ** 2
+        b += force[axis] * change[axis]
+        c += force[axis] ** 2
+    return float(way_to_edge(a, b, c))
+
+
+@kernel
 def closed_axes(rows: ContactRows, row: int, is_sliding: bool) -> int:
     """All axes while it does not slip."""
     return 0 if is_sliding or rows.force_limit_n[row] <= 0.0 else 3
@@ -91,6 +105,7 @@ LAW = ContactLaw(
     relax=relax,
     add_unknowns=add_unknowns,
     project=project,
+    room=room,
     slides=slides,
     closed_axes=closed_axes,
     penalty=penalty,

@@ -59,6 +59,12 @@ class PenaltyGains(NamedTuple):
 Kernel = Callable[..., Any]
 
 
+@kernel
+def all_of_it(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+    """Any change of the force is admitted whole."""
+    return 1.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactLaw:
     """One law between two touching points: a relation of the force on the first body to gap and slip.
@@ -74,6 +80,9 @@ class ContactLaw:
         List what a Newton step may change of this contact, and return the new number of unknowns.
     project : kernel (problem, block)
         Put the force back into the set that the law admits.
+    room : kernel (rows, row, change) -> float
+        What part of a change of the force, along the row's axes and 1 at most, goes before the contact opens or slips;
+        all of it, unless the law says so.
     slides : kernel (rows, row) -> bool
         Whether the solved force is on its limit, so that the contact slides.
     closed_axes : kernel (rows, row, slides) -> int
@@ -101,6 +110,7 @@ class ContactLaw:
     has_gap: bool
     fixes_distance: bool
     elastic_axes: int = 0
+    room: Kernel = all_of_it
 
 
 @kernel

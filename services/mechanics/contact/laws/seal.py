@@ -56,6 +56,15 @@ def project(problem: ContactProblem, block: int) -> None:
 
 
 @kernel
+def room(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+    """Up to the limit."""
+    force, limit = rows.force_n[row, 0], rows.force_limit_n[row]
+    if abs(force + change[0]) <= limit or abs(force) > limit:
+        return 1.0
+    return float((limit - force) / change[0] if change[0] > 0.0 else (limit + force) / -change[0])
+
+
+@kernel
 def slides(rows: ContactRows, row: int) -> bool:
     """Whether the force is at the limit."""
     return bool(abs(rows.force_n[row, 0]) >= ON_THE_LIMIT * rows.force_limit_n[row])
@@ -81,6 +90,7 @@ LAW = ContactLaw(
     relax=relax,
     add_unknowns=add_unknowns,
     project=project,
+    room=room,
     slides=slides,
     closed_axes=closed_axes,
     penalty=penalty,

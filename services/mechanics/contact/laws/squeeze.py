@@ -51,6 +51,13 @@ def project(problem: ContactProblem, block: int) -> None:
 
 
 @kernel
+def room(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+    """Up to where nothing is squeezed any more."""
+    force = rows.force_n[row, 0]
+    return force / -change[0] if force + change[0] < 0.0 else 1.0
+
+
+@kernel
 def slides(rows: ContactRows, row: int) -> bool:
     """It has no friction of its own."""
     return False
@@ -79,6 +86,7 @@ LAW = replace(
     relax=relax,
     add_unknowns=add_unknowns,
     project=project,
+    room=room,
     slides=slides,
     closed_axes=closed_axes,
     penalty=penalty,

@@ -10,7 +10,7 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.contact.laws.ball import bounded_2
+from services.mechanics.contact.laws.ball import bounded_2, way_to_edge
 from services.mechanics.contact.laws.law import (
     ON_THE_LIMIT,
     ContactLaw,
@@ -94,6 +94,19 @@ def project(problem: ContactProblem, block: int) -> None:
 
 
 @kernel
+def room(rows: ContactRows, row: int, change: tuple[float, float, float]) -> float:
+    """Up to where it opens; of what sticks, up to the edge of its cone."""
+    force, mu, (d_0, d_1, d_2) = rows.force_n[row], rows.friction[row], change
+    share = force[0] / -d_0 if force[0] + d_0 < 0.0 else 1.0
+    limit = mu * force[0]
+    if math.hypot(force[1], force[2]) < ON_THE_LIMIT * limit:
+        a = d_1 * d_1 + d_2 * d_2 - mu * mu * d_0 * d_0
+        b = force[1] * d_1 + force[2] * d_2 - mu * limit * d_0
+        share = min(share, way_to_edge(a, b, force[1] ** 2 + force[2] ** 2 - limit * limit))
+    return share
+
+
+@kernel
 def slides(rows: ContactRows, row: int) -> bool:
     """Whether a pressed contact has its friction on the cone."""
     f = rows.force_n[row]
@@ -133,6 +146,7 @@ LAW = ContactLaw(
     relax=relax,
     add_unknowns=add_unknowns,
     project=project,
+    room=room,
     slides=slides,
     closed_axes=closed_axes,
     penalty=penalty,

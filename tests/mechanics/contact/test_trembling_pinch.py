@@ -1,0 +1,25 @@
+"""Jaws that hold a duct in a hand that trembles: contacts open and slip by turns, and every solve comes to an end."""
+
+import numpy as np
+
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.scenes import load_duct, load_scene
+from services.scenes.hands import hands_of
+
+
+def test_no_solve_ends_because_its_sweeps_run_out(tmp_path):
+    """A Newton step that opened one contact by far was not kept, and sweeps crept: 25 of 1100 ticks took 30 or more,
+    one 100, with forces 50 mN from where they go."""
+    scene = load_scene("pinch", ["duct.n_around=24", "duct.n_along=30", "duct.n_modes=40"])
+    duct = load_duct(scene, tmp_path, lambda *_: None)
+    simulation, tools, sweeps = Simulation(scene, duct), ToolInputs(), []
+    hands, random, away_m = hands_of(simulation.scene, duct.mesh), np.random.default_rng(1), np.zeros((2, 3))
+    for tick in range(1800):
+        hands.write_inputs(min(1e-3 * tick, 2.0), tools)
+        away_m = 0.995 * away_m + 2e-6 * random.standard_normal((2, 3))
+        tools.position_m += away_m
+        simulation.step(tools)
+        sweeps.append(simulation.system.sweeps)
+    assert simulation.contacts.n_contacts > 10
+    assert max(sweeps[700:]) < scene.quality[0].iterations
