@@ -46,11 +46,11 @@ class LinearBounds:
 
     def reach(self, vertex: IntArray) -> FloatArray:
         """Bound the motion of vertices (k,)."""
-        return _largest_gain(self._modes[vertex])
+        return largest_gain(self._modes[vertex])
 
     def spread(self, vertex: IntArray, other: IntArray) -> FloatArray:
         """Bound the motion of vertices (k,) against others (k,)."""
-        return _largest_gain(self._modes[vertex] - self._modes[other])
+        return largest_gain(self._modes[vertex] - self._modes[other])
 
 
 class TurnedBounds:
@@ -60,7 +60,7 @@ class TurnedBounds:
         sections, turn = warp.sections, warp.turn / omega_rad_s
         self._turn = _interpolated(turn, sections.segment, sections.fraction)
         self._local, self._arm = warp.local / omega_rad_s, warp.arm_m
-        self._turn_gain, self._local_gain = _largest_gain(self._turn), _largest_gain(self._local)
+        self._turn_gain, self._local_gain = largest_gain(self._turn), largest_gain(self._local)
         self._arm_length = np.linalg.norm(warp.arm_m, axis=1)
         self._axis = _axis_bounds(warp, turn, omega_rad_s)
         self.growth = 0.5 * float(self._turn_gain.max())
@@ -73,8 +73,8 @@ class TurnedBounds:
     def spread(self, vertex: IntArray, other: IntArray) -> FloatArray:
         """Bound the motion of vertices (k,) against others (k,)."""
         along = np.abs(self._axis[:, vertex] - self._axis[:, other])
-        d_turn = _largest_gain(self._turn[vertex] - self._turn[other])
-        d_local = _largest_gain(self._local[vertex] - self._local[other])
+        d_turn = largest_gain(self._turn[vertex] - self._turn[other])
+        d_local = largest_gain(self._local[vertex] - self._local[other])
         d_arm = np.linalg.norm(self._arm[vertex] - self._arm[other], axis=1)
         turn, arm, local = self._turn_gain[other], self._arm_length[vertex], self._local_gain[vertex]
         # (w_j) x (Q_i y_i - Q_j y_j)  +  (w_i - w_j) x Q_i y_i  +  (Q_i - Q_j) dL_i  +  Q_j (dL_i - dL_j),
@@ -96,8 +96,8 @@ class TurnedBounds:
 def _axis_bounds(warp: TubeWarp, turn: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
     """Return (2, n) bounds of the motion of each node's point of the axis: the constant part and that times E."""
     sections = warp.sections
-    turns = _largest_gain(0.5 * (turn[:-1] + turn[1:]))
-    stretch = _largest_gain(warp.stretch / omega_rad_s)
+    turns = largest_gain(0.5 * (turn[:-1] + turn[1:]))
+    stretch = largest_gain(warp.stretch / omega_rad_s)
     lengths = np.linalg.norm(np.diff(sections.centres_m, axis=0), axis=1)
     pieces = np.stack([turns * lengths + stretch, turns * stretch], axis=1)
     stations = np.concatenate([np.zeros((1, 2)), np.cumsum(pieces, axis=0)])
@@ -110,7 +110,7 @@ def _interpolated(stations: FloatArray, segment: IntArray, fraction: FloatArray)
     return between
 
 
-def _largest_gain(modes: FloatArray) -> FloatArray:
+def largest_gain(modes: FloatArray) -> FloatArray:
     """(k,) largest singular value of each (3, r) block, rounded up."""
     gram = modes @ modes.transpose(0, 2, 1)
     largest = np.linalg.eigvalsh(gram)[:, -1]

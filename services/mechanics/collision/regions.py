@@ -22,6 +22,7 @@ from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.aabb_distance import distance2_below
 from services.mechanics.collision.aabb_tree import LEAF, AabbTree
 from services.mechanics.collision.boxes import CHILD, CHILD_RIGHT, REGION, is_leaf
+from services.mechanics.collision.motion_bounds import largest_gain
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.shell import REGION_WIDTH, Body, Patch, Regions
 from services.mechanics.collision.tick import motion_between
@@ -115,14 +116,9 @@ def _leading(modes: FloatArray) -> tuple[FloatArray, float]:
     k = min(REGION_WIDTH - 3, len(energy))
     value = np.sqrt(np.maximum(energy[::-1][:k], 0.0))
     V, value = vectors[:, ::-1][:, :k][:, value > 1e-9 * value[0]], value[value > 1e-9 * value[0]]
-    gain = _largest(modes @ (V / value))
+    gain = largest_gain(modes @ (V / value)).max()
     rows: FloatArray = gain * value[:, None] * V.T
-    return rows, _largest(modes - (modes @ V) @ V.T)
-
-
-def _largest(blocks: FloatArray) -> float:
-    """Return the largest singular value of any (3, k) block, rounded up."""
-    return float(np.sqrt(max(np.linalg.eigvalsh(blocks @ blocks.transpose(0, 2, 1))[:, -1].max(), 0.0))) * (1.0 + 1e-9)
+    return rows, float(largest_gain(modes - (modes @ V) @ V.T).max())
 
 
 @kernel
