@@ -21,8 +21,9 @@ from services.runtime.bus import Bus
 from services.runtime.errors import BusError
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import figures
-from services.supervisor.dashboard import Spread, loop_row, spread, topic_rows
+from services.supervisor.dashboard import loop_row, spread, topic_rows
 from services.supervisor.holders import holders
+from services.supervisor.rows import Spread
 from services.supervisor.window import Window
 
 _TURN_S = 0.1

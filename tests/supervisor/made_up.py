@@ -9,10 +9,11 @@ from pathlib import Path
 import protocol.bodies as bodies
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.rig import Rig
-from services.supervisor.dashboard import Heard, Snapshot, snapshot
+from services.supervisor.dashboard import Heard, snapshot
 from services.supervisor.governor import Level
 from services.supervisor.notes import notes
 from services.supervisor.processes import TABLE, ProcessSpec
+from services.supervisor.rows import Snapshot
 from services.supervisor.supervisor import Setup, Supervisor
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.protocol import samples
