@@ -6,21 +6,24 @@ exactly a frame as a publisher of today sends it ends the pass: who called it th
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
+from services.mechanics.arrays import AnyArray, LongArray
 from services.mechanics.compiled import kernel
+from services.recorder.msgpack_kernel import array_head, big_endian, bytes_head, integer, is_ascii, word, word_head
+from services.recorder.protobuf_kernel import close, copy, put_little_endian, put_number, put_varint
 
-#: Steps of a program, and what stands in their row after the tag of the field.
+#: Steps of a program, and what stands in their row after the tag of the field. Those up to `END` begin or end a body.
 FIELDS = 0  # of a body: how many; first and last + 1 of the dimensions that it names
-NUMBER = 1  # least, most, as `number_key` has them
-VECTOR = 2  # how many numbers
-TRUTH = 3
-INTEGER = 4  # least, most
-WORD = 5  # longest
-ARRAY = 6  # dtype as `dtype_code` has it; size of an item; first of its dimensions, how many
-BODY = 7  # a body that is always there
-BODIES = 8  # most; row after the matching END
-END = 9  # of a body: row to go back to where others follow
+BODY = 1  # a body that is always there
+BODIES = 2  # most; row after the matching END
+END = 3  # of a body: row to go back to where others follow
+NUMBER = 4  # least, most, as `number_key` has them
+VECTOR = 5  # how many numbers
+TRUTH = 6
+INTEGER = 7  # least, most
+WORD = 8  # longest
+ARRAY = 9  # dtype as `dtype_code` has it; size of an item; first of its dimensions, how many
 
 #: Columns of what is found of each frame.
 INCARNATION, SEQUENCE, SENT_NS, ORIGIN_NS, VALID, OFFSET, HEADS = 0, 1, 2, 3, 4, 5, 6
@@ -29,7 +32,7 @@ _ENVELOPE = (1000 << 3) | 2
 _MESSAGE, _MESSAGE_HEAD = 5, 31
 DEEPEST = 8
 #: Room that a step needs beside the bytes that it copies: tag, length, number.
-_ROOM = 32
+ROOM = 32
 
 
 @kernel
@@ -38,100 +41,25 @@ def dtype_code(a: int, b: int, c: int) -> int:
     return a | b << 8 | c << 16
 
 
-@kernel
-def _big_endian(data: Any, at: int, n: int) -> int:
-    value = 0
-    for k in range(n):
-        value = value << 8 | int(data[at + k])
-    return value
+class Plan(NamedTuple):
+    """How frames of a topic are written, and into which file.
 
-
-@kernel
-def _integer(data: Any, at: int, end: int) -> tuple[int, int]:
-    """Return an integer and where what follows it is; -1 where there is none, or one beyond 63 bits."""
-    head = int(data[at]) if 0 <= at < end else 0xC1
-    if head < 0x80:
-        return head, at + 1
-    if head >= 0xE0:
-        return head - 256, at + 1
-    if head < 0xCC or head > 0xD3:
-        return 0, -1
-    n = 1 << (head & 3)
-    if at + 1 + n > end:
-        return 0, -1
-    value = _big_endian(data, at + 1, n)
-    if head < 0xD0:
-        return value, -1 if value < 0 else at + 1 + n
-    if n < 8 and value >> (8 * n - 1):
-        value -= 1 << (8 * n)
-    return value, at + 1 + n
-
-
-@kernel
-def _count(data: Any, at: int, end: int, few: int, mask: int, first: int, least: int, most: int) -> tuple[int, int]:
-    """Return the length that the head of something says, and where it begins; -1 for another head.
-
-    `few` are the upper bits of a head that holds the length itself, `first` the head with a length of one byte, and
-    lengths of 2**least to 2**most bytes are there.
+    Attributes
+    ----------
+    program, declared
+        Of the topic's body: see `services.recorder.batches`. (steps, 6) and (dimensions,).
+    name, version
+        Of the topic: bytes, and its body's version.
+    channel, to_wall_ns
+        Of the file: the topic's number in it, and wall clock less monotonic clock in ns.
     """
-    head = int(data[at]) if 0 <= at < end else 0xC1
-    if few and head & ~mask & 0xFF == few:
-        return head & mask, at + 1
-    n = 1 << max(0, min(3, head - first))
-    if head < first + least or head > first + most or at + 1 + n > end:
-        return 0, -1
-    return _big_endian(data, at + 1, n), at + 1 + n
 
-
-@kernel
-def _array_head(data: Any, at: int, end: int) -> tuple[int, int]:
-    return _count(data, at, end, 0x90, 0x0F, 0xDB, 1, 2)
-
-
-@kernel
-def _word_head(data: Any, at: int, end: int) -> tuple[int, int]:
-    return _count(data, at, end, 0xA0, 0x1F, 0xD9, 0, 2)
-
-
-@kernel
-def _bytes_head(data: Any, at: int, end: int) -> tuple[int, int]:
-    return _count(data, at, end, 0, 0, 0xC4, 0, 2)
-
-
-@kernel
-def _put_varint(out: Any, to: int, value: int) -> int:
-    """Write groups of seven bits, least first; a negative number as its 64-bit two's complement."""
-    for _ in range(9):
-        if 0 <= value < 0x80:
-            break
-        out[to] = value & 0x7F | 0x80
-        value = value >> 7 & 0x1FFFFFFFFFFFFFF
-        to += 1
-    out[to] = value
-    return to + 1
-
-
-@kernel
-def _put_little_endian(out: Any, to: int, n: int, value: int) -> int:
-    for k in range(n):
-        out[to + k] = value >> (8 * k) & 0xFF
-    return to + n
-
-
-@kernel
-def _copy(data: Any, at: int, n: int, out: Any, to: int) -> None:
-    for k in range(n):
-        out[to + k] = data[at + k]
-
-
-@kernel
-def _put_number(data: Any, at: int, end: int, out: Any, to: int) -> int:
-    """Turn a double round; return where what follows it is, -1 where there is none."""
-    if at < 0 or at + 9 > end or data[at] != 0xCB:
-        return -1
-    for k in range(8):
-        out[to + k] = data[at + 8 - k]
-    return at + 9
+    program: LongArray
+    declared: LongArray
+    name: AnyArray
+    version: int
+    channel: int
+    to_wall_ns: int
 
 
 @kernel
@@ -141,37 +69,20 @@ def number_key(bits: int) -> int:
 
 
 @kernel
-def _is_ascii(data: Any, at: int, n: int) -> bool:
-    upper = 0
-    for k in range(n):
-        upper |= data[at + k] & 0x80
-    return upper == 0
-
-
-@kernel
-def _word(data: Any, at: int, end: int, longest: int) -> tuple[int, int]:
-    """Return length and beginning of a word of ASCII letters, each of which is one byte; -1 for any other."""
-    length, at = _word_head(data, at, end)
-    if at < 0 or at + length > end or length > longest:
-        return 0, -1
-    return length, at if _is_ascii(data, at, length) else -1
-
-
-@kernel
-def _array(data: Any, at: int, end: int, row: Any, declared: Any, lengths: Any) -> tuple[int, int]:
+def _array(row: Any, declared: Any, data: Any, at: int, end: int, lengths: Any) -> tuple[int, int]:
     """Return size and beginning of the bytes of an array that is what its body declares; -1 for any other."""
-    n, at = _array_head(data, at, end)
+    n, at = array_head(data, at, end)
     if at < 0 or n != 3:
         return 0, -1
-    n, at = _word_head(data, at, end)
+    n, at = word_head(data, at, end)
     if at < 0 or n != 3 or at + 3 > end or dtype_code(int(data[at]), int(data[at + 1]), int(data[at + 2])) != row[2]:
         return 0, -1
-    n, at = _array_head(data, at + 3, end)
+    n, at = array_head(data, at + 3, end)
     if at < 0 or n != row[5]:
         return 0, -1
     size = row[3]
     for k in range(row[4], row[4] + row[5]):
-        length, at = _integer(data, at, end)
+        length, at = integer(data, at, end)
         expected = declared[k] if declared[k] >= 0 else lengths[-1 - declared[k]]
         if at < 0 or length < 0 or length > end or (expected >= 0 and length != expected):
             return 0, -1
@@ -180,129 +91,128 @@ def _array(data: Any, at: int, end: int, row: Any, declared: Any, lengths: Any) 
         size *= length
         if size > end:
             return 0, -1
-    n, at = _bytes_head(data, at, end)
+    n, at = bytes_head(data, at, end)
     if at < 0 or n != size or at + n > end:
         return 0, -1
-    if row[3] == 1 and not _is_ascii(data, at, n):  # bytes that are no varints: a negative number takes ten
+    if row[3] == 1 and not is_ascii(data, at, n):  # bytes that are no varints: a negative number takes ten
         return 0, -1
     return n, at
 
 
 @kernel
-def _close(out: Any, mark: int, to: int) -> int:
-    """Write the length of what begins two bytes after `mark` and ends at `to`; return where it ends then."""
-    length = to - mark - 2
-    n = 1 if length < 1 << 7 else 2 if length < 1 << 14 else 3
-    if n == 3:
-        for k in range(length - 1, -1, -1):
-            out[mark + 3 + k] = out[mark + 2 + k]
-    elif n == 1:
-        _copy(out, mark + 2, length, out, mark + 1)
-    _put_varint(out, mark, length)
-    return mark + n + length
-
-
-@kernel
-def _body(
-    program: Any, declared: Any, data: Any, at: int, end: int, out: Any, to: int, scratch: Any
-) -> tuple[int, int]:
+def _body(plan: Plan, data: Any, at: int, end: int, out: Any, to: int, scratch: Any) -> tuple[int, int]:
     """Transcode one body; return where it ends in both, -1 for one that is to be looked at by itself.
 
-    In one piece: with a kernel for each kind of value, 64 frames of ``gateway.state`` took 45 us instead of 33.
+    Numbers in one piece: with a kernel for each kind of value, 64 frames of ``gateway.state`` took 45 us instead of 33.
     """
-    lengths, marks, left = scratch[0], scratch[1], scratch[2]
-    depth, step = 0, 0
+    program, depth, step = plan.program, 0, 0
     while step < len(program):
         row = program[step]
-        kind, tag = row[0], row[1]
-        step += 1
-        n = 0
-        if at < 0 or to + _ROOM > len(out):
+        kind = row[0]
+        if at < 0 or to + ROOM > len(out):
             return -1, to
-        if kind == FIELDS:
-            n, at = _array_head(data, at, end)
-            if n != row[2]:
-                return -1, to
-            for k in range(row[3], row[4]):
-                lengths[k] = -1
+        if kind <= END:
+            step, depth, at, to = _turn(row, (step, depth), data, at, end, out, to, scratch)
             continue
-        if kind == END:
-            to = _close(out, marks[depth - 1], to)
-            left[depth - 1] -= 1
-            if left[depth - 1] == 0:
-                depth -= 1
-                continue
-            step = row[2]
-        elif kind == BODIES:
-            n, at = _array_head(data, at, end)
-            if at < 0 or n > row[2]:
-                return -1, to
-            if n == 0:
-                step = row[3]
-                continue
-            left[depth] = n
-            depth += 1
-        elif kind == BODY:
-            left[depth] = 1
-            depth += 1
-        to = _put_varint(out, to, tag)
-        if kind in (END, BODIES, BODY):
-            marks[depth - 1] = to
-            to += 2
-        elif kind == NUMBER:
-            at = _put_number(data, at, end, out, to)
+        to, step = put_varint(out, to, row[1]), step + 1
+        if kind == NUMBER:
+            at = put_number(data, at, end, out, to)
             if at >= 0:
-                key = number_key(_big_endian(data, at - 8, 8))
+                key = number_key(big_endian(data, at - 8, 8))
                 if key < row[2] or key > row[3]:
                     return -1, to
             to += 8
         elif kind == VECTOR:
-            n, at = _array_head(data, at, end)
-            if at < 0 or n != row[2] or to + 8 * n + _ROOM > len(out):
+            n, at = array_head(data, at, end)
+            if at < 0 or n != row[2] or to + 8 * n + ROOM > len(out):
                 return -1, to
-            to = _put_varint(out, to, 8 * n)
+            to = put_varint(out, to, 8 * n)
             for _ in range(n):
-                at = _put_number(data, at, end, out, to)
+                at = put_number(data, at, end, out, to)
                 to += 8
-        elif kind == TRUTH:
-            if at >= end or data[at] & 0xFE != 0xC2:
-                return -1, to
-            out[to] = data[at] & 1
-            at, to = at + 1, to + 1
-        elif kind == INTEGER:
-            n, at = _integer(data, at, end)
-            if at < 0 or n < row[2] or n > row[3]:
-                return -1, to
-            to = _put_varint(out, to, n)
+        elif kind in (TRUTH, INTEGER):
+            at, to = _whole(row, data, at, end, out, to)
         else:
-            if kind == WORD:
-                n, at = _word(data, at, end, row[2])
-            else:
-                n, at = _array(data, at, end, row, declared, lengths)
-            if at < 0 or to + n + _ROOM > len(out):
-                return -1, to
-            to = _put_varint(out, to, n)
-            _copy(data, at, n, out, to)
-            at, to = at + n, to + n
+            at, to = _bytes(row, plan.declared, data, at, end, out, to, scratch[0])
     return at, to
 
 
 @kernel
-def _envelope(data: Any, at: int, end: int, name: Any, version: int, head: Any) -> int:
+def _turn(
+    row: Any, place: tuple[int, int], data: Any, at: int, end: int, out: Any, to: int, scratch: Any
+) -> tuple[int, int, int, int]:
+    """Begin or end a body; return the step that follows, how deep it is, and where both are, -1 for none of today's.
+
+    ``place`` are step and depth.
+    """
+    lengths, marks, left = scratch[0], scratch[1], scratch[2]
+    (step, depth), follows, n = place, place[0] + 1, 1
+    if row[0] == FIELDS:
+        n, at = array_head(data, at, end)
+        for k in range(row[3], row[4]):
+            lengths[k] = -1
+        return follows, depth, at if n == row[2] else -1, to
+    if row[0] == END:
+        depth -= 1
+        to = close(out, marks[depth], to)
+        n, follows = left[depth] - 1, row[2] if left[depth] > 1 else follows
+    elif row[0] == BODIES:
+        n, at = array_head(data, at, end)
+        follows = follows if n > 0 else row[3]
+        if at < 0 or n > row[2]:
+            return step, depth, -1, to
+    if n == 0:
+        return follows, depth, at, to
+    to = put_varint(out, to, row[1])
+    left[depth], marks[depth] = n, to
+    return follows, depth + 1, at, to + 2
+
+
+@kernel
+def _whole(row: Any, data: Any, at: int, end: int, out: Any, to: int) -> tuple[int, int]:
+    """Write a truth or an integer; return where what follows is in both, -1 where there is none within its limits."""
+    if row[0] == TRUTH:
+        if at >= end or data[at] & 0xFE != 0xC2:
+            return -1, to
+        out[to] = data[at] & 1
+        return at + 1, to + 1
+    n, at = integer(data, at, end)
+    if at < 0 or n < row[2] or n > row[3]:
+        return -1, to
+    return at, put_varint(out, to, n)
+
+
+@kernel
+def _bytes(row: Any, declared: Any, data: Any, at: int, end: int, out: Any, to: int, lengths: Any) -> tuple[int, int]:
+    """Copy a word or an array behind its length; return where what follows is in both, -1 for none that is declared."""
+    if row[0] == WORD:
+        n, at = word(data, at, end, row[2])
+    else:
+        n, at = _array(row, declared, data, at, end, lengths)
+    if at < 0 or to + n + ROOM > len(out):
+        return -1, to
+    to = put_varint(out, to, n)
+    copy(data, at, n, out, to)
+    return at + n, to + n
+
+
+@kernel
+def _envelope(plan: Plan, data: Any, at: int, end: int, head: Any) -> int:
     """Read what stands before the body; return where that begins, -1 for a frame that is not of topic and version."""
-    n, at = _array_head(data, at, end)
-    protocol, at = _integer(data, at, end) if n == 9 else (0, -1)
-    length, at = _word_head(data, at, end) if protocol == 1 else (0, -1)
+    name = plan.name
+    n, at = array_head(data, at, end)
+    protocol, at = integer(data, at, end) if n == 9 else (0, -1)
+    length, at = word_head(data, at, end) if protocol == 1 else (0, -1)
     if at < 0 or length != len(name) or at + length > end:
         return -1
     for k in range(length):
         if data[at + k] != name[k]:
             return -1
-    n, at = _integer(data, at + length, end)
-    if n != version:
+    n, at = integer(data, at + length, end)
+    if n != plan.version:
         return -1
     for k in range(VALID):
-        head[k], at = _integer(data, at, end)
+        head[k], at = integer(data, at, end)
         if at < 0 or head[k] < 0:
             return -1
     if at >= end or data[at] & 0xFE != 0xC2:
@@ -313,31 +223,23 @@ def _envelope(data: Any, at: int, end: int, name: Any, version: int, head: Any) 
 
 @kernel
 def _put_envelope(out: Any, to: int, version: int, head: Any) -> int:
-    to = _put_varint(out, to, _ENVELOPE)
+    to = put_varint(out, to, _ENVELOPE)
     mark = to
-    to = _put_varint(out, to + 2, 1 << 3)
-    to = _put_varint(out, to, version)
+    to = put_varint(out, to + 2, 1 << 3)
+    to = put_varint(out, to, version)
     for k in range(VALID + 1):
-        to = _put_varint(out, to, (k + 2) << 3)
-        to = _put_varint(out, to, head[k])
-    return _close(out, mark, to)
+        to = put_varint(out, to, (k + 2) << 3)
+        to = put_varint(out, to, head[k])
+    return close(out, mark, to)
 
 
 @kernel
-def transcode(
-    program: Any, declared: Any, name: Any, version: int, channel: int, to_wall_ns: int,
-    data: Any, lengths: Any, out: Any, heads: Any, scratch: Any,
-) -> int:  # fmt: skip
+def transcode(plan: Plan, data: Any, lengths: Any, out: Any, heads: Any, scratch: Any) -> int:
     """Write frames one after the other as message records; return how many bytes they take.
 
     Parameters
     ----------
-    program, declared
-        Of the topic's body: see `services.recorder.batches`. (steps, 6) and (dimensions,).
-    name, version
-        Of the topic: bytes, and its body's version.
-    channel, to_wall_ns
-        Of the file: the topic's number in it, and wall clock less monotonic clock in ns.
+    plan : Plan
     data, lengths
         The frames one after the other, and their lengths in bytes, (frames,).
     out
@@ -354,23 +256,29 @@ def transcode(
     """
     begin, to = 0, 0
     for k in range(len(lengths)):
-        end, head = begin + int(lengths[k]), heads[k]
-        at = _envelope(data, begin, end, name, version, head)
-        head[OFFSET] = to
-        record = to
-        if at < 0 or to + _MESSAGE_HEAD + _ROOM > len(out):
+        end = begin + int(lengths[k])
+        heads[k, OFFSET] = to
+        at = _envelope(plan, data, begin, end, heads[k])
+        if at < 0 or to + _MESSAGE_HEAD + ROOM > len(out):
             return -1
-        at, to = _body(program, declared, data, at, end, out, to + _MESSAGE_HEAD, scratch)
-        if at != end or to + 4 * _ROOM > len(out):
+        at, body_end = _body(plan, data, at, end, out, to + _MESSAGE_HEAD, scratch)
+        if at != end or body_end + 4 * ROOM > len(out):
             return -1
-        to = _put_envelope(out, to, version, head)
-        sent_ns = head[SENT_NS] + to_wall_ns
-        origin_ns = head[ORIGIN_NS] + to_wall_ns if head[ORIGIN_NS] else sent_ns
-        out[record] = _MESSAGE
-        at = _put_little_endian(out, record + 1, 8, to - record - 9)
-        at = _put_little_endian(out, at, 2, channel)
-        at = _put_little_endian(out, at, 4, head[SEQUENCE])
-        at = _put_little_endian(out, at, 8, sent_ns)
-        _put_little_endian(out, at, 8, origin_ns)
+        to = _put_message(plan, out, to, body_end, heads[k])
         begin = end
+    return to
+
+
+@kernel
+def _put_message(plan: Plan, out: Any, record: int, to: int, head: Any) -> int:
+    """Write what stands before the body of a record and what follows it; return where the next one goes."""
+    to = _put_envelope(out, to, plan.version, head)
+    sent_ns = head[SENT_NS] + plan.to_wall_ns
+    origin_ns = head[ORIGIN_NS] + plan.to_wall_ns if head[ORIGIN_NS] else sent_ns
+    out[record] = _MESSAGE
+    at = put_little_endian(out, record + 1, 8, to - record - 9)
+    at = put_little_endian(out, at, 2, plan.channel)
+    at = put_little_endian(out, at, 4, head[SEQUENCE])
+    at = put_little_endian(out, at, 8, sent_ns)
+    put_little_endian(out, at, 8, origin_ns)
     return to

@@ -44,10 +44,14 @@ class Transcoder:
     def __init__(self, topic: Topic, channel: int, to_wall_ns: int) -> None:
         program = _Program()
         program.add_fields(topic.body)
-        self._program = np.array(program.steps, np.int64)
-        self._declared = np.array(program.dimensions or [0], np.int64)
-        self._name = np.frombuffer(topic.name.encode(), np.uint8)
-        self._version, self._channel, self._to_wall_ns = topic.version, channel, to_wall_ns
+        self._plan = k.Plan(
+            program=np.array(program.steps, np.int64),
+            declared=np.array(program.dimensions or [0], np.int64),
+            name=np.frombuffer(topic.name.encode(), np.uint8),
+            version=topic.version,
+            channel=channel,
+            to_wall_ns=to_wall_ns,
+        )
         self._scratch = np.zeros((3, max(program.names, k.DEEPEST)), np.int64)
         self._out = np.zeros(0, np.uint8)
 
@@ -59,10 +63,7 @@ class Transcoder:
         if len(self._out) < (room := 2 * len(data) + _ROOM * len(lengths)):
             self._out = np.zeros(room, np.uint8)
         heads = np.zeros((len(lengths), k.HEADS), np.int64)
-        size = k.transcode(
-            self._program, self._declared, self._name, self._version, self._channel, self._to_wall_ns,
-            data, lengths, self._out, heads, self._scratch,
-        )  # fmt: skip
+        size = k.transcode(self._plan, data, lengths, self._out, heads, self._scratch)
         sequences = heads[:, k.SEQUENCE]
         if size < 0 or (heads[:, k.INCARNATION] != heads[0, k.INCARNATION]).any() or (np.diff(sequences) != 1).any():
             return None
@@ -71,7 +72,7 @@ class Transcoder:
             incarnation=last[k.INCARNATION], first=int(sequences[0]), count=len(heads), sent_ns=last[k.SENT_NS],
             origin_ns=last[k.ORIGIN_NS], valid=bool(last[k.VALID]),
         )  # fmt: skip
-        log_ns = heads[:, k.SENT_NS] + self._to_wall_ns
+        log_ns = heads[:, k.SENT_NS] + self._plan.to_wall_ns
         return Records(self._out[:size].tobytes(), log_ns, heads[:, k.OFFSET]), run
 
 
