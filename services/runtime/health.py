@@ -107,16 +107,6 @@ class HealthReporter:
         while self.is_due():
             self.do_a_piece()
 
-    def body(self) -> bodies.Health:
-        """Return a report, made in one go."""
-        pieces = self._compose()
-        while True:
-            try:
-                next(pieces)
-            except StopIteration as end:
-                health: bodies.Health = end.value
-                return health
-
     def _make(self) -> Iterator[None]:
         """Make and send a report, pausing after each piece that is about as long as the others."""
         began_ns = time.monotonic_ns()

@@ -14,6 +14,7 @@ from protocol.bodies import GatewayState, GraspHold, InstrumentState
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.scene.tools import ToolInputs
 from services.physics.inputs import ContactsReader
+from tests.health_reports import report_of
 from tests.memory_bus import MemoryBus
 from tests.physics.conftest import STALE_S, Rig
 
@@ -82,7 +83,7 @@ def test_what_finds_no_room_is_told(in_memory: type[Rig]) -> None:
         rig = in_memory(f"contact.capacity={capacity}")
         _press(rig, 60)
         for process in (rig.haptics_process, rig.physics_process):
-            told[process.name, capacity] = process.health.body().gauges
+            told[process.name, capacity] = report_of(process.health).gauges
     assert told["haptics", 96]["dropped_pairs"] == told["physics", 96]["dropped_pairs"] == 0.0
     assert told["physics", 96]["dropped_contacts"] == told["physics", 96]["dropped_holds"] == 0.0
     assert told["physics", 96]["refused_inputs"] == 0.0

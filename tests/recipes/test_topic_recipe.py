@@ -41,7 +41,8 @@ while not supervisor.stop() and time.monotonic() < until_s and len(found) < int(
 over.set()
 sender.join()
 from services.supervisor import dashboard, figures
-windows = {name: figures.of(each.health.body()) for name, each in (("physics", physics), ("haptics", haptics))}
+from tests.health_reports import report_of
+windows = {name: figures.of(report_of(each.health)) for name, each in (("physics", physics), ("haptics", haptics))}
 found["dashboard"] = [row.publisher for row in dashboard.topic_rows(windows) if row.topic == topic]
 print(json.dumps(found))
 """

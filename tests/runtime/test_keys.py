@@ -20,6 +20,7 @@ from services.runtime.errors import ConfigError
 from services.runtime.health import HealthReporter
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
+from tests.health_reports import report_of
 
 STATE = "gateway.state"
 PORT = 27_000  # below those that the system gives to whoever asks for any
@@ -84,7 +85,7 @@ def test_who_knows_only_the_public_key_is_refused(stack: ExitStack, rig_keys: Pa
     spy.setsockopt(zmq.SUBSCRIBE, b"")
     spy.connect(endpoint(Transport(kind="tcp", base_port=PORT), STATE))
     reporter, end = HealthReporter("gateway", sender), time.monotonic() + PATIENCE_S
-    while not reporter.body().gauges["refused_readers"] > 0:
+    while not report_of(reporter).gauges["refused_readers"] > 0:
         assert time.monotonic() < end, "it is not refused"
         sender.publish(STATE, bodies.GatewayState(tick=1))
         assert not spy.poll(10)
