@@ -183,21 +183,17 @@ def used_since(body: Body, near: Near, i: int, ends: tuple[Vector, Vector], sear
     count = near.count[i]
     if count == _NONE or near.search[i] != search:
         return math.inf
-    q, before = body.q, near.before
     _look_for_residuals(body)
     _remember(body, near, i)
-    energy = 0.0
-    for k in range(q.shape[0]):
-        energy += (body.omega[k] * (q[k] - near.q[i, k])) ** 2
-    energy = math.sqrt(energy)
-    used: float = _own(near, i, ends, (0.0, 0.0, 0.0)) + motion_between(body, q, near.q[i]) - FAR_M
+    moved, away = motion_between(body, body.q, near.q[i])
+    used: float = _own(near, i, ends, (0.0, 0.0, 0.0)) + moved - FAR_M
     used += body.largest_residual + near.largest_residual[i]
     if count == 0:
         return used
-    carried = subtract(_middle(body, near.region[i, 0]), row_of(before, i, 0))
+    carried = subtract(_middle(body, near.region[i, 0]), row_of(near.before, i, 0))
     own = _own(near, i, ends, carried)
     for k in range(count):
-        used = max(used, own + _moved(body, near, (i, k), carried, energy) - near.room[i, k])
+        used = max(used, own + _moved(body, near, (i, k), carried, away) - near.room[i, k])
     return used
 
 
@@ -212,15 +208,18 @@ def _own(near: Near, i: int, ends: tuple[Vector, Vector], carried: Vector) -> fl
 
 
 @kernel
-def _moved(body: Body, near: Near, which: tuple[int, int], carried: Vector, energy: float) -> float:
-    """Return how far any vertex of a region (probe, which of those near it) has moved, carried along."""
+def _moved(body: Body, near: Near, which: tuple[int, int], carried: Vector, away: float) -> float:
+    """Return how far any vertex of a region (probe, which of those near it) has moved, carried along.
+
+    ``away`` is |omega (q - q')|, with q' where the wall was.
+    """
     regions, (i, k) = body.regions, which
     region = near.region[i, k]
     against = subtract(subtract(_middle(body, region), row_of(near.before, i, k)), carried)
     deformed = 0.0
     for number in range(3, REGION_WIDTH):
         deformed += (regions.now[region, number] - near.before[i, k, number]) ** 2
-    apart = math.sqrt(dot(against, against)) + math.sqrt(deformed) + regions.left[region] * energy
+    apart = math.sqrt(dot(against, against)) + math.sqrt(deformed) + regions.left[region] * away
     moved: float = apart + regions.residual[region] + near.residual[i, k]
     return moved
 

@@ -39,11 +39,10 @@ def end_turn(address: Address[Shell]) -> None:
 def _take_state(body: Body, q: FloatArray, nodes: IntArray, residuals: FloatArray) -> bool:
     """Take over q and the residuals if they are sound; add this tick's largest possible node motion to the travel."""
     omega, anchor, own = body.omega, body.anchor, body.q
-    norm, away, unsound = 0.0, 0.0, 0.0
+    norm, unsound = 0.0, 0.0
     for k in range(omega.shape[0]):
         norm += (omega[k] * q[k]) ** 2
-        away += (omega[k] * (q[k] - anchor[k])) ** 2
-    moved = motion_between(body, q, anchor)
+    moved, away = motion_between(body, q, anchor)
     for k in range(residuals.shape[0]):
         unsound += (residuals[k, 0] + residuals[k, 1] + residuals[k, 2]) * 0.0  # 0, or NaN where one is not finite
         if nodes[k] < 0 or nodes[k] >= body.rest.shape[0]:
@@ -56,7 +55,7 @@ def _take_state(body: Body, q: FloatArray, nodes: IntArray, residuals: FloatArra
     body.norm = math.sqrt(norm)
     body.energy_norm = body.norm * _grown(body, body.norm)
     grown = _grown(body, max(body.anchor_norm, body.norm))
-    _count_travel(body, math.sqrt(away) * grown, moved * grown)
+    _count_travel(body, away * grown, moved * grown)
     body.residual_travel += _replace_residuals(body, nodes, residuals)
     body.travel = body.motion_travel + body.residual_travel
     body.travel_noted = body.motion_noted + body.residual_travel
@@ -64,8 +63,8 @@ def _take_state(body: Body, q: FloatArray, nodes: IntArray, residuals: FloatArra
 
 
 @kernel
-def motion_between(body: Body, q: FloatArray, other: FloatArray) -> float:
-    """Return how far two modal states (r,) are apart in any node of a straight wall, at most.
+def motion_between(body: Body, q: FloatArray, other: FloatArray) -> tuple[float, float]:
+    """Return how far two modal states (r,) are apart in any node of a straight wall, at most, and |omega (q - other)|.
 
     The softest node's bound by the energy of their difference; or, where that is less, the sum of the bounds by what
     each block of modes has of it: stiff modes have the energy of contacts that tremble, and move hardly anything.
@@ -78,7 +77,8 @@ def motion_between(body: Body, q: FloatArray, other: FloatArray) -> float:
             part += (omega[k] * (q[k] - other[k])) ** 2
         energy += part
         apart += reach[b] * math.sqrt(part)
-    return min(apart, body.largest_reach * math.sqrt(energy))
+    away = math.sqrt(energy)
+    return min(apart, body.largest_reach * away), away
 
 
 @kernel
