@@ -86,31 +86,40 @@ def keep_approaching(
 @kernel
 def _is_foreseen(state: ContactState, pairs: ContactPairs, i: int) -> bool:
     """Return whether a row of the same bodies that faces the same way, near by, leads as deep as a pair found."""
-    rows, motion, geometry = state.rows, state.problem.motion, state.geometry
-    tool, segment, s = pairs.tool[i], pairs.tool_segment[i], pairs.tool_parameter[i]
-    ends = geometry.tools.segments[max(tool, 0), segment]
-    near = KNOWN_BESIDE * (geometry.tools.radius[max(tool, 0), segment] + geometry.wall.half_thickness)
+    rows, motion = state.rows, state.problem.motion
     for at in range(rows.n_contacts):
-        identity, normal = rows.identity[at], row(rows.frame[at], 0)
-        if rows.tool[at] != tool or not HAS_GAP[rows.law[at]] or rows.stone[at] != NO_STONE:
+        if not (_faces_alike(rows, at, pairs, i) and _is_near(state, at, pairs, i)):
             continue
-        if target_kind_of(identity) != pairs.target_kind[i] or dot(normal, row(pairs.normal, i)) < SAME_FLANK:
-            continue
-        if tool == NO_TOOL:
-            if rows.rod_node[at, 0] != pairs.particle[i]:
-                continue
-        else:
-            if tool_segment_of(identity) != segment:
-                continue
-            axis = row(ends, 0), row(ends, 1)
-            on_axis = along(scaled(axis[0], 1.0 - s), axis[1], s)
-            t = place_along(row(rows.point_m, at), axis)
-            known = along(scaled(axis[0], 1.0 - t), axis[1], t)
-            if squared_distance(known, on_axis) > near * near:
-                continue
         if rows.gap_m[at] - rows.taken_m[at] + motion[3 * at] < pairs.gap_m[i] + LEAST_APPROACH_M:
             return True
     return False
+
+
+@kernel
+def _faces_alike(rows: ContactRows, at: int, pairs: ContactPairs, i: int) -> bool:
+    """Return whether a row keeps the bodies of a pair apart, and in its direction."""
+    if rows.tool[at] != pairs.tool[i] or not HAS_GAP[rows.law[at]] or rows.stone[at] != NO_STONE:
+        return False
+    if target_kind_of(rows.identity[at]) != pairs.target_kind[i]:
+        return False
+    return bool(dot(row(rows.frame[at], 0), row(pairs.normal, i)) >= SAME_FLANK)
+
+
+@kernel
+def _is_near(state: ContactState, at: int, pairs: ContactPairs, i: int) -> bool:
+    """Return whether a row acts on the particle of a pair, or on the segment of its tool and not far along it."""
+    rows, tools, tool, segment = state.rows, state.geometry.tools, pairs.tool[i], pairs.tool_segment[i]
+    if tool == NO_TOOL:
+        return bool(rows.rod_node[at, 0] == pairs.particle[i])
+    if tool_segment_of(rows.identity[at]) != segment:
+        return False
+    ends, s = tools.segments[tool, segment], pairs.tool_parameter[i]
+    axis = row(ends, 0), row(ends, 1)
+    on_axis = along(scaled(axis[0], 1.0 - s), axis[1], s)
+    t = place_along(row(rows.point_m, at), axis)
+    known = along(scaled(axis[0], 1.0 - t), axis[1], t)
+    near = KNOWN_BESIDE * (tools.radius[tool, segment] + state.geometry.wall.half_thickness)
+    return bool(squared_distance(known, on_axis) <= near * near)
 
 
 @kernel
