@@ -68,15 +68,14 @@ class Haptics:
         self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
         modelled = time.monotonic_ns()
         self._meter.tick = state.tick
-        self._meter.stages_ns = (modelled - started, 0, 0)
         is_told = 0 < state.tick - self._told_tick < self.ticks_per_step
         # The hand has its model. What physics waits for is the work of a whole step's ticks, and due with the last.
         self._meter.periods_allowed = 1 if is_told else self.ticks_per_step
-        if not is_told:
-            self._tell_physics(frame, modelled)
+        told_ns = (0, 0) if is_told else self._tell_physics(frame, modelled)
+        self._meter.stages_ns = (modelled - started, *told_ns)
 
-    def _tell_physics(self, frame: Frame, began_ns: int) -> None:
-        """Find contacts and send them to physics, as often as it takes a step."""
+    def _tell_physics(self, frame: Frame, began_ns: int) -> tuple[int, int]:
+        """Find contacts and send them to physics, as often as it takes a step; return what both took, in ns."""
         state: GatewayState = frame.body
         self._told_tick = state.tick
         if self._solved is not None:
@@ -90,7 +89,7 @@ class Haptics:
         holds = [hold for grasp in grasps for hold in grasp.update(self._pairs, self.tools.jaws(grasp.tool))]
         body = self._writer.body(state.tick, hands, holds)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
-        self._meter.stages_ns = (self._meter.stages_ns[0], detected - began_ns, time.monotonic_ns() - detected)
+        return detected - began_ns, time.monotonic_ns() - detected
 
     def _take_reactions(self, solved: Frame | None) -> bool:
         """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
