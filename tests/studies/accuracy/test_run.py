@@ -5,8 +5,8 @@ import json
 import pytest
 from conftest import SMALLEST
 
-from services.studies.accuracy import run
-from services.studies.accuracy.costs import FLOOR, measure_costs
+from services.studies.accuracy import costs, run
+from services.studies.accuracy.costs import FLOOR, TIMED_IN_A_ROW, measure_costs
 from services.studies.accuracy.frontier import frontier
 from services.studies.accuracy.log import Log
 from services.studies.accuracy.study import Cost, Row, Setting
@@ -82,9 +82,25 @@ def test_the_frontier_has_those_that_nobody_beats_in_both():
 
 def test_costs_are_measured_in_turns_with_the_floor_beside():
     order = []
-    costs = measure_costs({"one": lambda: order.append(1), "two": lambda: order.append(2)}, 4)
-    assert set(costs) == {"one", "two", FLOOR}
-    assert order[6:] == [1, 2, 2, 1, 1, 2, 1, 2]  # after warming up; a third place in each turn is the floor's
+    found = measure_costs({"one": lambda: order.append(1), "two": lambda: order.append(2)}, 4 * TIMED_IN_A_ROW)
+    assert set(found) == {"one", "two", FLOOR}
+    turns = order[6 :: TIMED_IN_A_ROW + 1]  # after warming up; a third place in each round is the floor's
+    assert turns == [1, 2, 2, 1, 1, 2, 1, 2]
+    assert order[6:] == [who for who in turns for _ in range(TIMED_IN_A_ROW + 1)]
+
+
+def test_what_others_have_pushed_out_of_the_caches_is_not_in_a_cost(monkeypatch):
+    """Each takes a microsecond, and a thousand where another has run before it."""
+    now_ns, last = [0], [""]
+
+    def tick(name):
+        now_ns[0] += 1_000 if last[0] == name else 1_000_000
+        last[0] = name
+
+    monkeypatch.setattr(costs, "perf_counter_ns", lambda: now_ns[0])
+    monkeypatch.setattr(costs, "_floor_tick", lambda: lambda: tick(FLOOR))
+    found = measure_costs({"one": lambda: tick("one"), "two": lambda: tick("two")}, 20)
+    assert set(found.values()) == {Cost(1.0, 1.0, 0.0)}
 
 
 def test_a_cluster_of_processes_computes_the_same(run_smallest, tmp_path):
