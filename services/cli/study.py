@@ -20,7 +20,7 @@ from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
 from services.studies.accuracy.log import Log
 from services.studies.accuracy.page import write_page
-from services.studies.accuracy.report import write_report
+from services.studies.accuracy.report import microseconds, write_report
 from services.studies.accuracy.run import fill_costs, fill_errors, floors, table
 from services.studies.accuracy.study import Draw, Row, Size, load_study, study_names
 from services.studies.accuracy.table import frontier_rows, write_table
@@ -117,6 +117,6 @@ def _print(rows: list[Row]) -> None:
         table.add_column(title, overflow="fold")
     for row in rows:
         if id(row) in best and row.cost is not None:
-            cost = (f"{row.cost.median_us:.0f}", f"{row.cost.p99_us:.0f}", f"{row.cost.noise_us:.0f}")
+            cost = map(microseconds, (row.cost.median_us, row.cost.p99_us, row.cost.noise_us))
             table.add_row(row.study, row.quantity, row.setting, f"{row.error:.3g} {row.unit}", *cost)
     Console(highlight=False).print(table)

@@ -17,6 +17,10 @@ from services.whole_file import whole_file
 BUDGET_US = 500.0
 """Of a millisecond: what a tick may take when a core is shared with other loops and sometimes interrupted."""
 SLOWER = 2.0
+USELESS_PERCENT = 100.0
+"""So far off is who feels nothing at all."""
+_OF_ONE_BODY = "integrator", "sleeping"
+"""Studies that time a part of a tick."""
 
 
 def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figures: Path, path: Path) -> None:
@@ -91,7 +95,7 @@ def table(rows: Sequence[Row]) -> list[str]:
         mine = {row.quantity: row for row in rows if row.setting == setting}
         cells = [shown(mine[q], is_bold=id(mine[q]) in best) if q in mine else "" for q in quantities]
         cost = next(iter(mine.values())).cost
-        costs = [f"{cost.median_us:.0f}", f"{cost.p99_us:.0f}", f"{cost.noise_us:.0f}"] if cost else [""] * 3
+        costs = [*map(microseconds, (cost.median_us, cost.p99_us, cost.noise_us))] if cost else [""] * 3
         lines.append(f"| {setting} | {' | '.join([*cells, *costs])} |")
     return lines
 
@@ -100,6 +104,11 @@ def shown(row: Row, *, is_bold: bool = False) -> str:
     """Return an error with three digits."""
     told = number(row.error)
     return f"**{told}**" if is_bold else told
+
+
+def microseconds(value: float) -> str:
+    """Return a time in us: whole ones from ten on, two digits below."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def number(value: float) -> str:
@@ -115,15 +124,20 @@ def slower_machine(rows: Sequence[Row]) -> list[str]:
         "## Which rung to choose on a machine twice as slow",
         "",
         f"The setting with the least error whose tick stays within {BUDGET_US:.0f} us here, and the one that does so "
-        f"where everything takes {SLOWER:g} times as long.",
+        f"where everything takes {SLOWER:g} times as long. A setting that is {USELESS_PERCENT:.0f} % off in anything "
+        "is no choice.",
         "",
         "| study | quantity | here | error | us | twice as slow | error | us there |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
-    for place in dict.fromkeys((row.study, row.quantity) for row in rows):
-        best = frontier([row for row in rows if (row.study, row.quantity) == place])
+    useless = {
+        (row.study, row.setting) for row in rows if row.is_known and row.unit == "%" and not row.error < USELESS_PERCENT
+    }
+    usable = [row for row in rows if row.study not in _OF_ONE_BODY and (row.study, row.setting) not in useless]
+    for place in dict.fromkeys((row.study, row.quantity) for row in usable):
+        best = frontier([row for row in usable if (row.study, row.quantity) == place])
         cells = [_choice(best, 1.0), _choice(best, SLOWER)]
-        if best and place[0] != "integrator":
+        if best:
             lines.append(f"| {place[0]} | {place[1]} | {cells[0]} | {cells[1]} |")
     return [*lines, ""]
 
@@ -133,7 +147,7 @@ def _choice(best: Sequence[Row], slower: float) -> str:
     if not fits or fits[-1].cost is None:
         return "none | |"
     row, cost = fits[-1], fits[-1].cost
-    return f"{row.setting} | {number(row.error)} {row.unit} | {slower * cost.median_us:.0f}"
+    return f"{row.setting} | {number(row.error)} {row.unit} | {microseconds(slower * cost.median_us)}"
 
 
 def values(rows: Sequence[Row], quantity: str) -> Mapping[str, float]:

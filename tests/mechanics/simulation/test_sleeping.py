@@ -3,8 +3,6 @@
 What it costs is counted in the interpreter's instructions and in calls of kernels: the same on every machine.
 """
 
-import sys
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -15,34 +13,7 @@ from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation, second_look
 from services.mechanics.simulation.duct_alone import DuctAlone
-
-
-class Count:
-    """Instructions of the interpreter, while it runs."""
-
-    def __init__(self):
-        self.instructions = 0
-
-    def __call__(self, frame, event, _):
-        frame.f_trace_opcodes, frame.f_trace_lines = True, False
-        self.instructions += event == "opcode"
-        return self
-
-
-@contextmanager
-def counted():
-    count, before = Count(), sys.gettrace()
-    sys.settrace(count)
-    try:
-        yield count
-    finally:
-        sys.settrace(before)
-
-
-def instructions(call, *arguments):
-    with counted() as count:
-        call(*arguments)
-    return count.instructions
+from tests.instructions import instructions
 
 
 def test_sleeping_catheter_costs_its_motion_nothing_and_wakes_without_a_jump(with_effects, small_duct):

@@ -28,6 +28,7 @@ WANTED = {
     "paper",
     "softening",
     "default",
+    "sleeping",
 }
 
 
