@@ -3,7 +3,8 @@
 Detection knows the closest point of each piece. Where that is pressed the wall gives way, and the instrument moves on
 into what lies beside it: a fifth of a millimetre in a tick at 0.3 m/s. So the triangles round the closest point give
 points of their own, as far as the segment would come to them by going on along the wall as in the last tick. That the
-wall moves, and slides along a tool at rest, is the same. Slow ones need none.
+wall moves, and slides along a tool at rest, is the same. Slow ones need none: slow on the average of two ticks, for an
+arm moves by counts of its encoders, and a hand that is told of in every other tick by twice as much or not at all.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ from services.mechanics.compiled.vectors import (
 APART = 0.125
 # A point seen from more than 60 degrees off the closest one's normal is on another side of the wall.
 FACING = 0.5
-# Who comes no nearer than this in a tick finds what it meets by the closest points alone, no later than that deep.
+# Who comes no nearer than this in a tick finds what it meets by the closest points alone, no later than that deep; one
+# that begins to move by no more than twice as much, a tick later.
 LEAST_M = 50e-6
 # A wall that is dented rises so steeply beside what presses it, at most.
 SLOPE = 1.0
@@ -46,7 +48,9 @@ class Beside(Struct):
     """How p probes came to where they are, and the points of one segment's pairs."""
 
     motion: Annotated[FloatArray, "p", 3]  # of each probe's middle along the wall since the last tick
-    closing: Annotated[FloatArray, "p"]  # how much nearer its closest point has come since then; 0 if it has not
+    closing: Annotated[FloatArray, "p"]  # how much nearer its closest point has come since then; less than 0: away
+    last_motion: Annotated[FloatArray, "p", 3]  # both in the tick before
+    last_closing: Annotated[FloatArray, "p"]
     point: Annotated[FloatArray, MOST_POINTS, 3]
     visited: Annotated[LongArray, "m"]  # the stamp under which each triangle was looked at last
     queue: Annotated[IntArray, MOST_TRIANGLES]  # triangles to look at, in the order in which they were met
@@ -83,9 +87,11 @@ def go_to(beside: Beside, triangle: int) -> None:
 @kernel
 def note_before(body: Body, wall: Patch, beside: Beside, probes: Probes, i: int, ends: tuple[Vector, Vector]) -> None:
     """Note the motion of probe i to ``ends`` against what it touched, and its distance: before it is advanced."""
+    beside.last_closing[i] = beside.closing[i]
     beside.closing[i] = math.inf
     wall_went = wall_motion(body, wall, probes, i, 0)
     for axis in range(3):
+        beside.last_motion[i, axis] = beside.motion[i, axis]
         beside.motion[i, axis] = 0.0
         if probes.seen[i] >= 0.0:
             middle = 0.5 * (ends[0][axis] + ends[1][axis])
@@ -100,14 +106,17 @@ def note_after(beside: Beside, probes: Probes, i: int) -> None:
     """Make the distance noted into what the closest point of probe i has come nearer."""
     before = beside.closing[i]
     is_known = before < math.inf and probes.triangle[i, 0] >= 0
-    beside.closing[i] = max(before - probes.distance[i, 0], 0.0) if is_known else 0.0
+    beside.closing[i] = before - probes.distance[i, 0] if is_known else 0.0
 
 
 @kernel
 def comes_nearer(beside: Beside, i: int) -> bool:
     """Return whether probe i moves so much, or the wall towards it, that it will meet more than its closest point."""
-    motion = row(beside.motion, i)
-    return bool(max(math.sqrt(dot(motion, motion)), beside.closing[i]) > LEAST_M)
+    motion, last, closing = row(beside.motion, i), row(beside.last_motion, i), beside.closing[i]
+    if max(math.sqrt(dot(motion, motion)), closing) > 2.0 * LEAST_M:
+        return True
+    both = along(motion, last, 1.0)
+    return bool(max(math.sqrt(dot(both, both)), closing + beside.last_closing[i]) > 2.0 * LEAST_M)
 
 
 @kernel

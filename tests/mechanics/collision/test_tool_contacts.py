@@ -279,6 +279,19 @@ def test_the_shaft_touches_too_and_a_sliding_shaft_keeps_its_points(duct, speed_
         assert (gaps < -0.15e-3).sum() >= 5
 
 
+@pytest.mark.parametrize(
+    ("steps_um", "few"), [((0, 90), True), ((70, -70), True), ((60, 30, 0), True), ((60, 60), False), ((0, 120), False)]
+)
+def test_a_slow_hand_told_of_by_counts_or_in_every_other_tick_is_slow(duct, steps_um, few):
+    """What a shaft will meet by going on counts for one that goes on, or has gone far."""
+    detector, y, x, counts = tool_detector(duct), RADIUS_M + HALF_M + SHAFT_M - 0.2e-3, 60e-3, []
+    for step_um in steps_um * 20:
+        x += 1e-6 * step_um
+        duct.update(np.zeros(0))
+        counts.append(len(detect(detector, np.array([[[[-0.1, y, 0.0], [x, y, 0.0]], AWAY, AWAY]]))))
+    assert (max(counts[2:]) <= 12) == few
+
+
 def test_an_absent_tool_touches_nothing_and_comes_back_fresh(duct):
     detector = tool_detector(duct, n_tools=2)
     inside = one_jaw([10e-3, 0.0, 0.0], [20e-3, 0.0, 0.0])[0]
