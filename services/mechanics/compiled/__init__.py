@@ -59,16 +59,6 @@ def kernel(function: F) -> F:
     return _compiled(function, {**_OPTIONS, "fastmath": False})
 
 
-def made_kernel(function: F) -> F:
-    """Compile a kernel that another function makes, once for each table or the like; decorator.
-
-    All those made in one place have one name, so none is kept on disk by itself: each is part of its callers.
-    """
-    compile_it = njit(fastmath=False, **_USUAL, **_OPTIONS)
-    compiled: F = compile_it(function)
-    return compiled
-
-
 def summing_kernel(function: F) -> F:
     """Compile a long sum in vectorised parts: only the order of its terms is left to the compiler; decorator."""
     return _compiled(function, {**_OPTIONS, "fastmath": {"reassoc"}})

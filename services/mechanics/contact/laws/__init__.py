@@ -5,11 +5,9 @@ A new law is one module in this folder and one row here. Its number is its place
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from services.mechanics.compiled import made_kernel
+from services.mechanics.compiled.choice import one_of
 from services.mechanics.contact.laws import film, grip, hold, seal, squeeze, unilateral
 from services.mechanics.contact.laws.law import ContactLaw, Kernel
 
@@ -36,35 +34,9 @@ def number_of(law: str) -> int:
     return list(LAWS).index(law)
 
 
-def _either(number: int, kernel: Kernel, others: Kernel) -> Kernel:
-    """Make a kernel that calls ``kernel`` for one law and ``others`` for the rest."""
-
-    @made_kernel
-    def choose(law: int, *arguments: Any) -> Any:
-        if law == number:
-            return kernel(*arguments)
-        return others(law, *arguments)
-
-    chosen: Kernel = choose
-    return chosen
-
-
-def _last(kernel: Kernel) -> Kernel:
-    @made_kernel
-    def choose(_law: int, *arguments: Any) -> Any:
-        return kernel(*arguments)
-
-    chosen: Kernel = choose
-    return chosen
-
-
 def _by_law(operation: str) -> Kernel:
     """Make a kernel (law, ...) that does this operation as the law with that number does."""
-    kernels = [getattr(law, operation) for law in LAWS.values()]
-    chosen = _last(kernels.pop())
-    while kernels:
-        chosen = _either(len(kernels) - 1, kernels.pop(), chosen)
-    return chosen
+    return one_of([getattr(law, operation) for law in LAWS.values()])
 
 
 def _flags(name: str) -> np.ndarray:
