@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
 from numba import njit
 
 from services.mechanics.compiled import names
+from services.mechanics.compiled.plain_types import plain
 
 names.begin()
 
@@ -84,7 +85,10 @@ def _compiled(function: F, options: dict[str, Any]) -> F:
         linked = njit(no_cpython_wrapper=True, **pipeline, **options)
         return _store(linked(_renamed(cast(FunctionType, function))))
 
-    compiled.get_call_template = lambda args, keywords: twin().get_call_template(args, keywords)
+    def call_template(args: Sequence[Any], keywords: dict[str, Any]) -> Any:
+        return twin().get_call_template(tuple(map(plain, args)), {name: plain(kind) for name, kind in keywords.items()})
+
+    compiled.get_call_template = call_template
     compiled.get_overload = lambda signature: twin().get_overload(signature)
     return cast(F, compiled)
 
