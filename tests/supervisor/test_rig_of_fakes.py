@@ -111,6 +111,15 @@ def gone(pid: int) -> bool:
     return not Path(f"/proc/{pid}").exists()
 
 
+def test_who_looks_at_processes_that_others_start_keeps_no_zygote(fakes: Fakes) -> None:
+    fakes.options = replace(fakes.options, overrides=("supervisor.mode=attach",))
+    with Nursery() as nursery:
+        fakes.nursery = nursery
+        fakes.play(lambda _supervisor: iter([None]))
+        assert nursery.lost
+        assert gone(nursery.pid)
+
+
 def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> None:
     pids: list[int] = []
     progress: dict[str, tuple[str, float] | None] = {}
