@@ -19,8 +19,8 @@ from services.runtime.errors import ConfigError
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
 from services.studies.accuracy.log import Log
-from services.studies.accuracy.page import write_page
-from services.studies.accuracy.report import microseconds, write_report
+from services.studies.accuracy.page import Text, write_page
+from services.studies.accuracy.report import findings_of, microseconds, write_report
 from services.studies.accuracy.run import fill_costs, fill_errors, floors, table
 from services.studies.accuracy.study import Draw, Row, Size, load_study, study_names
 from services.studies.accuracy.table import frontier_rows, write_table
@@ -94,11 +94,12 @@ def write_results(rows: list[Row], names: list[str], facts: Facts, out: Path) ->
     write_table(rows, out / "table.csv")
     with whole_file(out / "run.json") as half:
         half.write_text(json.dumps(facts.as_data(), indent=1, default=str) + "\n")
-    texts = {name: (load_study(name).TITLE, load_study(name).WHAT) for name in names}
+    texts = {}
     for name in names:
-        mine = [row for row in rows if row.study == name]
-        draw_itself = getattr(load_study(name), "draw_figure", None)
-        draw_itself(mine, out / name) if draw_itself else draw_study(texts[name][0], mine, out / name)
+        study, mine = load_study(name), [row for row in rows if row.study == name]
+        texts[name] = Text(study.TITLE, study.WHAT, findings_of(name, mine))
+        draw_itself = getattr(study, "draw_figure", None)
+        draw_itself(mine, out / name) if draw_itself else draw_study(study.TITLE, mine, out / name)
     write_page(rows, texts, facts, out / "index.html")
 
 

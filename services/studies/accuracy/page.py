@@ -5,21 +5,33 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.report import BUDGET_US
 from services.studies.accuracy.study import Row
 from services.whole_file import whole_file
 
 _TEMPLATE = Path(__file__).with_name("page.html")
 
 
-def write_page(rows: Sequence[Row], texts: Mapping[str, tuple[str, str]], facts: Facts, path: Path) -> None:
-    """Write the page; ``texts`` are title and description by study."""
+@dataclass(frozen=True, slots=True)
+class Text:
+    """What a study says of itself and of its numbers."""
+
+    title: str
+    what: str
+    findings: Sequence[str] = ()
+
+
+def write_page(rows: Sequence[Row], texts: Mapping[str, Text], facts: Facts, path: Path) -> None:
+    """Write the page; ``texts`` are by study."""
     data = {
         "rows": [_row(row) for row in rows],
-        "studies": {name: {"title": title, "what": what} for name, (title, what) in texts.items()},
+        "studies": {name: asdict(text) for name, text in texts.items()},
+        "budget_us": BUDGET_US,
         "facts": facts.lines(),
     }
     # "</" would end the script that holds it.

@@ -63,8 +63,7 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
 
 def _study(name: str, section: Section, folder: str) -> list[str]:
     study, rows = load_study(name), section.rows
-    findings = getattr(study, "findings", None)
-    told = [f"- {line}" for line in findings(rows)] if findings else []
+    told = [f"- {line}" for line in findings_of(name, rows)]
     return [
         f"## {study.TITLE}",
         "",
@@ -80,6 +79,12 @@ def _study(name: str, section: Section, folder: str) -> list[str]:
         *([] if any(row.cost for row in rows) else ["- not timed: the run was ended before"]),
         "",
     ]
+
+
+def findings_of(name: str, rows: Sequence[Row]) -> list[str]:
+    """Return what a study reads in its rows: nothing where it has no words for them."""
+    read = getattr(load_study(name), "findings", None)
+    return list(read(rows)) if read else []
 
 
 def table(rows: Sequence[Row]) -> list[str]:

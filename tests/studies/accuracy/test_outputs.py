@@ -31,7 +31,9 @@ def some_rows():
 def written(tmp_path_factory):
     tmp_path = tmp_path_factory.mktemp("written")
     facts = Facts.collect("trocar study modes --quick --seed 1", "abc", SMALLEST, {"modes": Cost(100.0, 120.0, 1.0)})
-    write_results(some_rows(), ["modes"], facts, tmp_path)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(modes, "findings", lambda rows: [f"{len(rows)} rows were read."])
+        write_results(some_rows(), ["modes"], facts, tmp_path)
     return tmp_path
 
 
@@ -43,7 +45,8 @@ def test_the_table_tells_errors_to_the_last_digit_and_who_is_on_the_frontier(wri
     assert json.loads(rows[0]["choices"])["duct.n_modes"] == 20
 
 
-def test_figures_are_there_and_the_same_for_the_same_numbers(written, tmp_path_factory):
+def test_figures_are_there_and_the_same_for_the_same_numbers(written, tmp_path_factory, monkeypatch):
+    monkeypatch.setattr(modes, "findings", lambda _: [])
     again = tmp_path_factory.mktemp("again")
     write_results(some_rows(), ["modes"], Facts.collect("", "abc", SMALLEST, {}), again)
     assert (written / "modes.png").read_bytes().startswith(b"\x89PNG")
@@ -120,11 +123,14 @@ def test_what_is_no_study_beside_a_page_is_one_sentence(text, tmp_path):
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
 def test_a_point_can_be_chosen_in_a_browser(written, tmp_path):
     page = (written / "index.html").read_text()
-    click = "<script>document.querySelector('circle').dispatchEvent(new MouseEvent('click'))</script>"
-    (written / "clicked.html").write_text(page.replace("</html>", click + "</html>"))
+    act = "by('budget').value = 120; draw(); document.querySelector('circle').dispatchEvent(new MouseEvent('click'))"
+    (written / "clicked.html").write_text(page.replace("</html>", f"<script>{act}</script></html>"))
     command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
     done = subprocess.run(
         [*command, "--dump-dom", f"file://{written / 'clicked.html'}"], capture_output=True, text=True, timeout=100
     )
     assert done.stdout.count("<circle") == 3
     assert re.search(r"<th>duct.n_modes</th><td>20</td>", done.stdout)
+    assert "Least wrong within 120 us: 20 modes, 0.3333 % in 100 us." in done.stdout
+    assert "<li>6 rows were read.</li>" in done.stdout
+    assert done.stdout.count('class="name"') == 3

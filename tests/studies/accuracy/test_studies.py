@@ -12,6 +12,7 @@ from services.mechanics.scenarios import insertion_scene
 from services.scenes import load_scene
 from services.studies.accuracy import pinches
 from services.studies.accuracy.frontier import frontier
+from services.studies.accuracy.report import findings_of
 from services.studies.accuracy.study import Cost, Draw, Row, Size, load_study, study_names
 from services.studies.accuracy.sweeps import default as study_default
 from services.studies.accuracy.sweeps import mesh, paper
@@ -52,6 +53,7 @@ def test_settings_have_names_of_their_own_and_every_one_has_an_error_and_a_cost(
         assert math.isfinite(row.error), row
         assert row.cost is not None, row
         assert 0.0 < row.cost.median_us <= row.cost.p99_us
+    assert all(line.endswith(".") for line in findings_of(name, rows))
 
 
 def test_the_residual_makes_a_pinch_exact_at_any_number_of_modes_and_bare_modes_are_too_stiff(run_smallest):
