@@ -6,9 +6,9 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import kernel, vectors
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, unit
+from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row_of, row_of, unit
 from services.mechanics.contact.frames import tangents
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.hold_arrays import HoldArrays, holds_at
@@ -19,19 +19,21 @@ from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.wedge import append_wedges
 from services.mechanics.contact.writer import (
     NO_ROOM,
-    TARGET_SIDE,
     add_tool_motion,
     append_row,
+    put_on_curve,
     put_on_duct,
-    put_on_rod,
     put_on_tool,
 )
+from services.mechanics.rod.curve import closest_on_curve, point_on_curve
 
 _HOLD, _GRIP = number_of("hold"), number_of("grip")
 # The axis of a catheter's row that lies along it; the first one is across the jaws.
 _ALONG = 1
 # A direction in which a point is guided, not held.
 LOOSE_SOFTNESS_M_N = 1.0
+# A guide that the catheter's end has passed by more than this part of a segment has lost it.
+END = 1e-3
 # Sine between catheter and opening below which jaws round it are not across it.
 LEAST_ACROSS = 0.1
 
@@ -53,8 +55,11 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
             continue
         _tool_side(holds, slot, geometry.tools, rows, row)
         if holds.target_kind[slot] == CATHETER_SEGMENT:
+            is_guide = _follows_another(holds, index)
+            if is_guide:
+                _pass_to_nearest(holds, slot, geometry.rod.position, vectors.row(rows.point_m, row))
             _catheter_side(holds, slot, geometry, rows, row)
-            if _follows_another(holds, index):
+            if is_guide:
                 rows.softness_m_n[row, _ALONG] = LOOSE_SOFTNESS_M_N
         else:
             _wall_side(holds, slot, geometry.wall, rows, row)
@@ -82,32 +87,56 @@ def _tool_side(holds: HoldArrays, slot: int, tools: ToolGeometry, rows: ContactR
 @kernel
 def _catheter_side(holds: HoldArrays, slot: int, geometry: ContactGeometry, rows: ContactRows, row: int) -> None:
     """Take the held point off, and turn the frame across the jaws and along the catheter."""
-    rod, first, weights = geometry.rod, holds.target[slot], holds.weights[slot]
-    put_on_rod(rows, row, TARGET_SIDE, (first, first + 1), (-weights[0], -weights[1]))
-    for end in range(2):
+    rod = geometry.rod
+    first, weights, slope = point_on_curve(rod.position, _place(holds, slot))
+    put_on_curve(rows, row, first, weights)
+    for k in range(3):
         for axis in range(3):
-            rows.slip_m[row, axis] -= weights[end] * (rod.position[first + end, axis] + rod.motion[first + end, axis])
-    _tangent(rod.position, first, rows.frame[row, _ALONG])
-    tangent, opening = row_of(rows.frame, row, _ALONG), row_of(geometry.tools.frame, holds.tool[slot], 0)
+            rows.slip_m[row, axis] -= weights[k] * (rod.position[first + k, axis] + rod.motion[first + k, axis])
+    tangent, opening = unit(slope), row_of(geometry.tools.frame, holds.tool[slot], 0)
     across = along(opening, tangent, -dot(opening, tangent))
     if dot(across, across) < LEAST_ACROSS**2:  # it stands on the jaws, and what is across them is anybody's guess
         across, _ = tangents(tangent[0], tangent[1], tangent[2])
     across = unit(across)
     put_row_of(rows.frame, row, 0, across)
+    put_row_of(rows.frame, row, _ALONG, tangent)
     put_row_of(rows.frame, row, 2, cross(across, tangent))
 
 
 @kernel
-def _tangent(position: FloatArray, segment: int, out: FloatArray) -> float:
-    """Write the unit vector along a segment of the catheter into ``out`` (3,) and return its length in m."""
-    length_2 = 0.0
-    for axis in range(3):
-        out[axis] = position[segment + 1, axis] - position[segment, axis]
-        length_2 += out[axis] * out[axis]
-    length = math.sqrt(length_2)
-    for axis in range(3):
-        out[axis] /= length
-    return length
+def _place(holds: HoldArrays, slot: int) -> float:
+    """Return where along the catheter a held point of it is, in segments."""
+    place: float = holds.target[slot] + holds.weights[slot, 1]
+    return place
+
+
+@kernel
+def _put_at(holds: HoldArrays, slot: int, at: float, n_segments: int) -> None:
+    """Let a held point of the catheter be ``at`` so many segments; what is beyond an end is lost."""
+    if not 0.0 <= at <= n_segments:
+        holds.lost[slot] = True
+    at = min(max(at, 0.0), float(n_segments))
+    holds.target[slot] = min(int(at), n_segments - 1)
+    s = at - holds.target[slot]
+    holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
+
+
+@kernel
+def _pass_to_nearest(holds: HoldArrays, slot: int, position: FloatArray, anchor: Vector) -> None:
+    """Let a guide be where the catheter is nearest to it.
+
+    A point of the catheter that it keeps lags behind as the catheter turns, unfelt. With the next turn that lag is
+    across the jaws, where it is felt: motion that nobody has put in.
+    """
+    found, n_segments = (
+        closest_on_curve(position, holds.target[slot], holds.weights[slot, 1], anchor),
+        len(position) - 1,
+    )
+    _put_at(holds, slot, found.at, n_segments)
+    if found.at == 0.0 or found.at == n_segments:
+        _, _, slope = point_on_curve(position, found.at)
+        beyond = dot(found.offset, slope) if found.at == 0.0 else -dot(found.offset, slope)
+        holds.lost[slot] = holds.lost[slot] or beyond > END * dot(slope, slope)
 
 
 @kernel
@@ -121,18 +150,6 @@ def _follows_another(holds: HoldArrays, index: int) -> bool:
         slot = holds.order[earlier]
         if holds.tool[slot] == tool and holds.target_kind[slot] == CATHETER_SEGMENT:
             return True
-    return False
-
-
-@kernel
-def _another_slides(state: ContactState, holds: HoldArrays, index: int, first: int) -> bool:
-    """Whether this hold only guides the catheter, and the one that is stiff along it slides."""
-    tool = holds.tool[holds.order[index]]
-    for earlier in range(index):
-        slot = holds.order[earlier]
-        if holds.tool[slot] == tool and holds.target_kind[slot] == CATHETER_SEGMENT:
-            is_guide = state.rows.softness_m_n[first + index, _ALONG] == LOOSE_SOFTNESS_M_N
-            return bool(is_guide and state.slides[first + earlier])
     return False
 
 
@@ -169,51 +186,36 @@ def slide_holds(
     first, count = span
     for index in range(count):
         row, slot = first + index, holds.order[index]
-        u, slip = state.problem.motion[3 * row : 3 * row + 3], state.problem.change
-        follows = _another_slides(state, holds, index, first)
-        if not (state.slides[row] or follows):
-            continue
-        for axis in range(3):
-            slip[axis] = 0.0
         if state.slides[row]:
-            f = rows.force_n[row]
+            u, slip, f = state.problem.motion[3 * row : 3 * row + 3], state.problem.change, rows.force_n[row]
             dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
             _to_world(rows, row, (u[0], u[1], u[2]), slip)
             holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
-        if follows:
-            # It goes with the other one: left behind, it would hold the jaws to the line through it.
-            stretch = rows.softness_m_n[row, _ALONG] * rows.force_n[row, _ALONG]
-            _to_world(rows, row, (0.0, -stretch, 0.0), slip)
-        if holds.target_kind[slot] == CATHETER_SEGMENT:
-            _slide_along(holds, slot, slip, state.geometry.rod.position, state.scratch.free)
-        _slide_in_jaws(holds, slot, slip, state.geometry.tools)
+            if holds.target_kind[slot] == CATHETER_SEGMENT:
+                _slide_along(holds, slot, slip, state.geometry.rod.position)
+            _slide_in_jaws(holds, slot, slip, state.geometry.tools)
         is_lost = is_lost or holds.lost[slot]
     return dissipated_j, is_lost
 
 
 @kernel
 def _to_world(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
-    """Add a motion in the row's frame to ``out`` (3,) along world axes."""
+    """Write a motion in the row's frame into ``out`` (3,) along world axes."""
     for axis in range(3):
+        out[axis] = 0.0
         for k in range(3):
             out[axis] += motion[k] * rows.frame[row, k, axis]
 
 
 @kernel
-def _slide_along(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray, tangent: FloatArray) -> None:
-    """Move the held point along the catheter by the axial part of ``slip`` and take that part off; scratch (3,)."""
-    length = _tangent(position, holds.target[slot], tangent)
-    axial = slip[0] * tangent[0] + slip[1] * tangent[1] + slip[2] * tangent[2]
+def _slide_along(holds: HoldArrays, slot: int, slip: FloatArray, position: FloatArray) -> None:
+    """Move the held point along the catheter by the axial part of ``slip``, and take that part off."""
+    _, _, slope = point_on_curve(position, _place(holds, slot))
+    tangent = unit(slope)
+    axial = dot((slip[0], slip[1], slip[2]), tangent)
     for axis in range(3):
         slip[axis] -= axial * tangent[axis]
-    at = holds.target[slot] + holds.weights[slot, 1] + axial / length
-    n_segments = position.shape[0] - 1
-    if at < 0.0 or at > n_segments:
-        holds.lost[slot] = True
-    at = min(max(at, 0.0), float(n_segments))
-    holds.target[slot] = min(int(at), n_segments - 1)
-    s = at - holds.target[slot]
-    holds.weights[slot, 0], holds.weights[slot, 1], holds.weights[slot, 2] = 1.0 - s, s, 0.0
+    _put_at(holds, slot, _place(holds, slot) + axial / dot(slope, tangent), position.shape[0] - 1)
 
 
 @kernel

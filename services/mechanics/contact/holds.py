@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A
@@ -11,6 +13,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.hold_arrays import HoldArrays
 from services.mechanics.contact.hold_rows import append_holds, slide_holds
 from services.mechanics.contact.system import ContactSystem
+from services.mechanics.rod.curve import point_on_curve
 from services.mechanics.scene import ToolScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 
@@ -218,8 +221,9 @@ class HoldRegistry:
 
     def _held_point(self, request: GraspHold) -> FloatArray:
         if request.target_kind == CATHETER_SEGMENT:
-            ends = self._system.geometry.rod.position[request.target : request.target + 2]
-            point: FloatArray = request.target_weights[:2] @ ends
+            position = self._system.geometry.rod.position
+            first, weights, _ = point_on_curve(position, request.target + request.target_weights[1])
+            point: FloatArray = np.asarray(weights) @ position[first : first + 3]
             return point
         return self._system.bodies.duct.point_at_start(request.target, request.target_weights)
 

@@ -16,6 +16,7 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.vectors import (
     Vector,
     along,
+    combine,
     cross,
     dot,
     put_row,
@@ -32,7 +33,8 @@ from services.mechanics.contact.hold_arrays import HoldArrays
 from services.mechanics.contact.identity import pair_identity, with_law
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.writer import NO_ROOM, TARGET_SIDE, add_tool_motion, append_row, put_on_rod, put_on_tool
+from services.mechanics.contact.writer import NO_ROOM, add_tool_motion, append_row, put_on_curve, put_on_tool
+from services.mechanics.rod.curve import point_on_curve
 
 _SQUEEZE = number_of("squeeze")
 # What has slipped less is where it was grasped, and stops the jaws there, see `squeeze`.
@@ -61,12 +63,12 @@ def append_wedges(rows: ContactRows, holds: HoldArrays, geometry: ContactGeometr
 @kernel
 def _append_wedge(rows: ContactRows, holds: HoldArrays, slot: int, geometry: ContactGeometry) -> None:
     tools, rod, tool = geometry.tools, geometry.rod, holds.tool[slot]
-    first, weights = holds.target[slot], holds.weights[slot]
-    outward, lying = _outward(tools, tool, subtract(row(rod.position, first + 1), row(rod.position, first)))
+    first, weights, slope = point_on_curve(rod.position, holds.target[slot] + holds.weights[slot, 1])
+    outward, lying = _outward(tools, tool, slope)
     sine, cosine = _half_opening(tools, tool)
     if lying < LEAST_ACROSS or sine < LEAST_SINE:
         return
-    held = along(scaled(row(rod.position, first), weights[0]), row(rod.position, first + 1), weights[1])
+    held = combine(weights, row(rod.position, first), row(rod.position, first + 1), row(rod.position, first + 2))
     arm = subtract(held, row_of(tools.segments[tool], JAW_A, 0))
     place_m = dot(outward, arm) / lying
     if place_m <= 0.0:
@@ -80,26 +82,26 @@ def _append_wedge(rows: ContactRows, holds: HoldArrays, slot: int, geometry: Con
         return
     put_row(rows.point_m, new, arm)
     put_on_tool(rows, new, tools, tool, SHAFT)
-    put_on_rod(rows, new, TARGET_SIDE, (first, first + 1), (-weights[0], -weights[1]))
+    put_on_curve(rows, new, first, weights)
     put_row_of(rows.frame, new, 0, scaled(outward, -1.0))
     write_frame(rows.frame[new, 0], rows.frame[new])
     rows.taken_m[new], rows.softness_m_n[new, 0] = gap_m, RIGID_SOFTNESS_M_N
     for axis in range(3):
         rows.lever[new, axis, 3] = -outward[axis] * place_m * cosine / parts
         rows.slip_m[new, axis] = -outward[axis] * gap_m
-        for end in range(2):
-            rows.slip_m[new, axis] -= weights[end] * rod.motion[first + end, axis]
+        for k in range(3):
+            rows.slip_m[new, axis] -= weights[k] * rod.motion[first + k, axis]
     rows.softness_m_n[new, 1] = rows.softness_m_n[new, 2] = PENALTY_SOFTNESS_M_N
     add_tool_motion(rows, new, tools)
 
 
 @kernel
-def _outward(tools: ToolGeometry, tool: int, segment: Vector) -> tuple[Vector, float]:
+def _outward(tools: ToolGeometry, tool: int, slope: Vector) -> tuple[Vector, float]:
     """Return the direction across the catheter, in the plane between the jaws, that leads to their tips.
 
     And its cosine with the tool's axis; zero where the catheter leads from one jaw to the other.
     """
-    tangent, opening, axis = unit(segment), row_of(tools.frame, tool, 0), row_of(tools.frame, tool, 2)
+    tangent, opening, axis = unit(slope), row_of(tools.frame, tool, 0), row_of(tools.frame, tool, 2)
     outward = cross(unit(along(opening, tangent, -dot(opening, tangent))), tangent)
     lying = dot(outward, axis)
     if lying < 0.0:

@@ -8,6 +8,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import contact_lever
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ToolGeometry
 from services.mechanics.contact.identity import with_law
@@ -16,6 +17,8 @@ from services.mechanics.contact.rows import NO_STONE, ContactRows
 NO_ROOM = -1
 # Where the two particles of a side stand in a row.
 FIRST_SIDE, TARGET_SIDE = 0, 2
+# And the first of the three of a target on the curve, which leave no room for a first side.
+_ON_CURVE = 1
 
 
 @kernel
@@ -93,6 +96,13 @@ def put_on_rod(rows: ContactRows, row: int, side: int, nodes: tuple[int, int], w
     """Lay one side on the catheter, between two particles; weights are positive on the first side, else negative."""
     rows.rod_node[row, side], rows.rod_node[row, side + 1] = nodes[0], nodes[1]
     rows.rod_weight[row, side], rows.rod_weight[row, side + 1] = weights[0], weights[1]
+
+
+@kernel
+def put_on_curve(rows: ContactRows, row: int, first: int, weights: Vector) -> None:
+    """Lay the target on the catheter's curve, on three particles from ``first`` on with these weights, see `curve`."""
+    for k in range(3):
+        rows.rod_node[row, _ON_CURVE + k], rows.rod_weight[row, _ON_CURVE + k] = first + k, -weights[k]
 
 
 @kernel

@@ -30,12 +30,15 @@ class CurvePoint(NamedTuple):
         Unit tangent; zero at an end of the rod that is nearest itself.
     offset
         From the point in space to it, in m.
+    at
+        Where it is along the rod, in segments.
     """
 
     first: int
     weights: Vector
     direction: Vector
     offset: Vector
+    at: float
 
 
 @kernel
@@ -61,7 +64,17 @@ def closest_on_curve(x: FloatArray, segment: int, s: float, p: Vector) -> CurveP
     length = math.sqrt(dot(slope, slope))
     tangent = scaled(slope, 1.0 / length if length > 0.0 and 0.0 < at < last else 0.0)
     # What rounding leaves of the place along the curve must not brake a rod that slides.
-    return CurvePoint(first, weights, tangent, along(offset, tangent, -dot(offset, tangent)))
+    return CurvePoint(first, weights, tangent, along(offset, tangent, -dot(offset, tangent)), at)
+
+
+@kernel
+def point_on_curve(x: FloatArray, at: float) -> tuple[int, Vector, Vector]:
+    """Return where the curve through ``x`` (n, 3) is ``at`` so many segments, and its slope there, in m a segment.
+
+    It is there the sum of three particles, from the first number returned on, with the weights that come next.
+    """
+    first, weights, slope, _ = _weights_at(at, x.shape[0])
+    return first, weights, combine(slope, row(x, first), row(x, first + 1), row(x, first + 2))
 
 
 @kernel

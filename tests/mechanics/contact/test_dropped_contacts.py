@@ -20,6 +20,7 @@ def simulate(with_effects, small_duct):
         simulation, tools = Simulation(scene, small_duct), ToolInputs()
         tools.position_m[1] = simulation.catheter.state.position_m[10] + np.array([0.0, 0.0, 8e-3])
         tools.holds = [GraspHold(number, 1, 1, 10, np.array([1.0, 0.0, 0.0]), 0.7, 0.3) for number in range(n_holds)]
+        tools.jaw_angle_rad[1] = 0.31  # as good as open: nothing that they hold stops them
         for tick in range(ticks):
             tools.position_m[0] = 20e-3, 0.0, 15e-3 + 5.6e-3 - min(tick, 60) * 8e-5
             simulation.step(tools)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from services.mechanics.rod.curve import closest_on_curve
+from services.mechanics.rod.curve import closest_on_curve, point_on_curve
 
 
 def zigzag(random, n):
@@ -35,6 +35,20 @@ def test_the_nearest_point_is_that_of_a_quadratic_spline(seed):
         assert at - p == pytest.approx(np.array(found.offset), abs=1e-12)
         assert np.dot(found.offset, found.direction) == pytest.approx(0.0, abs=1e-18)
         assert sum(found.weights) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("at", [0.3, 1.5, 4.2, 9.9, 10.8])
+def test_a_place_along_the_curve_is_the_nearest_to_itself_and_its_slope_is_the_derivative(at):
+    x = zigzag(np.random.default_rng(1), 12)
+
+    def curve_m(where):
+        first, weights, _ = point_on_curve(x, where)
+        return np.array(weights) @ x[first : first + 3]
+
+    found = closest_on_curve(x, min(round(at), 10), at - min(round(at), 10) + 0.1, tuple(curve_m(at)))
+    assert found.at == pytest.approx(at, abs=1e-9)
+    slope = np.array(point_on_curve(x, at)[2])
+    assert (curve_m(at + 1e-6) - curve_m(at - 1e-6)) / 2e-6 == pytest.approx(slope, abs=1e-8)
 
 
 @pytest.mark.parametrize("at", [0.0, 0.2, 49.7, 50.0])
