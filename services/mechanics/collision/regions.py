@@ -9,6 +9,8 @@ A region is a subtree of the search tree. What moves it is the translation of a 
 vertices do against that one: with M_i the modes of vertex i less those of the middle, over omega, V the leading right
 singular vectors of all M_i below each other and S the singular values,
 |M_i y| <= max_i |M_i V / S| |S V^T y| + max_i |M_i - M_i V V^T| |y|, y = omega dq: a few numbers bound all vertices.
+What modes do not know of, the residuals of loaded nodes, is remembered node by node: a hand that presses and trembles
+changes them by a part of what they are.
 """
 
 from __future__ import annotations
@@ -42,8 +44,9 @@ from services.mechanics.compiled.vectors import (
 TRIANGLES = 160
 #: Regions further than this beyond what a search has seen are bounded by the motion of any node.
 FAR_M = 3e-3
-#: Regions that a probe can have near it; with more there is no second opinion.
+#: Regions that a probe can have near it, and loaded nodes of a wall; with more there is no second opinion.
 MOST = 48
+MOST_LOADED = 256
 _NONE = -1
 
 
@@ -54,10 +57,11 @@ class Near(Struct):
     count: Annotated[IntArray, "n"]  # regions, the closest first; `_NONE` without a second opinion
     place: Annotated[FloatArray, "n", 2, 3]  # ends
     q: Annotated[FloatArray, "n", "r"]  # modal coordinates
-    largest_residual: Annotated[FloatArray, "n"]  # of any node
+    n_loaded: Annotated[IntArray, "n"]
+    loaded: Annotated[IntArray, "n", MOST_LOADED]  # loaded nodes
+    loaded_by: Annotated[FloatArray, "n", MOST_LOADED, 3]  # and their residual displacements
     region: Annotated[IntArray, "n", MOST]
     room: Annotated[FloatArray, "n", MOST]  # by which it was further than what the search has seen
-    residual: Annotated[FloatArray, "n", MOST]  # largest in it
     has_before: Annotated[ByteArray, "n"]
     before: Annotated[FloatArray, "n", MOST, REGION_WIDTH]  # its numbers, filled in when first asked for
 
@@ -100,13 +104,14 @@ def build_regions(
         of_node=of_node,
         first=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         stamp=np.full(c, -1, np.int64),
+        n=len(vertices_m),
     )
     return Pieces(regions, roots)
 
 
 def no_regions(n_nodes: int, n_modes: int) -> Regions:
     """Return the regions of a wall that has none: one whose sections turn, or that does not move."""
-    return Regions.zeros(c=0, r=n_modes, m=0, first=np.zeros(n_nodes + 1, np.int32))
+    return Regions.zeros(c=0, r=n_modes, m=0, n=n_nodes, first=np.zeros(n_nodes + 1, np.int32))
 
 
 def _leading(modes: FloatArray) -> tuple[FloatArray, float]:
@@ -126,17 +131,17 @@ def note_near(body: Body, patch: Patch, near: Near, i: int, ends: tuple[Vector, 
     """Note where the wall near probe i is when a search there has seen all of it that is nearer than ``seen``."""
     regions = body.regions
     near.search[i], near.count[i], near.has_before[i] = body.searches, _NONE, 0
-    if regions.left.shape[0] == 0 or near.q.shape[1] != body.q.shape[0]:
+    if regions.left.shape[0] == 0 or near.q.shape[1] != body.q.shape[0] or body.n_loaded > MOST_LOADED:
         return
     for end in range(2):
         put_row_of(near.place, i, end, ends[end])
     for k in range(body.q.shape[0]):
         near.q[i, k] = body.q[k]
-    near.largest_residual[i] = body.largest_residual
+    near.n_loaded[i] = body.n_loaded
+    for k in range(body.n_loaded):
+        near.loaded[i, k] = body.loaded[k]
+        put_row_of(near.loaded_by, i, k, row(body.residual, body.loaded[k]))
     near.count[i] = _find_near(body, patch, near, i, ends, seen)
-    _look_for_residuals(body)
-    for k in range(near.count[i]):
-        near.residual[i, k] = regions.residual[near.region[i, k]]
 
 
 @kernel
@@ -183,11 +188,10 @@ def used_since(body: Body, near: Near, i: int, ends: tuple[Vector, Vector], sear
     count = near.count[i]
     if count == _NONE or near.search[i] != search:
         return math.inf
-    _look_for_residuals(body)
+    changed = _look_for_changes(body, near, i)
     _remember(body, near, i)
     moved, away = motion_between(body, body.q, near.q[i])
-    used: float = _own(near, i, ends, (0.0, 0.0, 0.0)) + moved - FAR_M
-    used += body.largest_residual + near.largest_residual[i]
+    used: float = _own(near, i, ends, (0.0, 0.0, 0.0)) + moved + changed - FAR_M
     if count == 0:
         return used
     carried = subtract(_middle(body, near.region[i, 0]), row_of(near.before, i, 0))
@@ -220,7 +224,7 @@ def _moved(body: Body, near: Near, which: tuple[int, int], carried: Vector, away
     for number in range(3, REGION_WIDTH):
         deformed += (regions.now[region, number] - near.before[i, k, number]) ** 2
     apart = math.sqrt(dot(against, against)) + math.sqrt(deformed) + regions.left[region] * away
-    moved: float = apart + regions.residual[region] + near.residual[i, k]
+    moved: float = apart + regions.changed[region]
     return moved
 
 
@@ -255,18 +259,28 @@ def _apply(regions: Regions, region: int, q: FloatArray, out: FloatArray) -> Non
 
 
 @kernel
-def _look_for_residuals(body: Body) -> None:
-    """Find the largest residual displacement in each region, once a tick."""
-    regions = body.regions
-    if regions.residual_tick == body.tick:
-        return
-    regions.residual_tick = body.tick
+def _look_for_changes(body: Body, near: Near, i: int) -> float:
+    """Find by how much any residual of each region has changed since the last search of probe i; return the largest."""
+    regions, largest = body.regions, 0.0
     for region in range(regions.left.shape[0]):
-        regions.residual[region] = 0.0
+        regions.changed[region] = 0.0
+    regions.asked += 1
+    for k in range(near.n_loaded[i]):
+        node = near.loaded[i, k]
+        regions.asked_of[node] = regions.asked
+        largest = max(largest, _enter(regions, node, subtract(row(body.residual, node), row_of(near.loaded_by, i, k))))
     for k in range(body.n_loaded):
         node = body.loaded[k]
-        displacement = row(body.residual, node)
-        length = math.sqrt(dot(displacement, displacement))
-        for place in range(regions.first[node], regions.first[node + 1]):
-            region = regions.of_node[place]
-            regions.residual[region] = max(regions.residual[region], length)
+        if regions.asked_of[node] != regions.asked:
+            largest = max(largest, _enter(regions, node, row(body.residual, node)))
+    return largest
+
+
+@kernel
+def _enter(regions: Regions, node: int, change: Vector) -> float:
+    """Enter the change of a node's residual in its regions; return its length."""
+    length = math.sqrt(dot(change, change))
+    for place in range(regions.first[node], regions.first[node + 1]):
+        region = regions.of_node[place]
+        regions.changed[region] = max(regions.changed[region], length)
+    return length

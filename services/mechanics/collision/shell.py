@@ -23,8 +23,9 @@ class Regions(Struct):
     first: Annotated[IntArray, "n + 1"]
     now: Annotated[FloatArray, "c", REGION_WIDTH]  # in this tick, where the stamp is its
     stamp: Annotated[LongArray, "c"]
-    residual: Annotated[FloatArray, "c"]  # largest residual displacement in this tick
-    residual_tick: int = -1  # in which that was looked for
+    changed: Annotated[FloatArray, "c"]  # how much residuals have changed since a moment, at most
+    asked_of: Annotated[LongArray, "n"]  # number of the last question of that sort that a node has answered
+    asked: int = 0
 
 
 class Body(Struct):

@@ -10,7 +10,13 @@ from services.mechanics.collision.capsules import CapsuleMemory
 from services.mechanics.collision.pairs import JAW_A, JAW_B, ContactPairs
 from services.mechanics.collision.probes import Probes
 from services.mechanics.collision.surface import CollisionSurface
-from services.mechanics.collision.tools_kernels import N_SEGMENTS, PROBES_PER_TOOL, ToolDetection, detect_tools
+from services.mechanics.collision.tools_kernels import (
+    N_SEGMENTS,
+    PROBES_PER_TOOL,
+    ToolDetection,
+    detect_tools,
+    forget_far,
+)
 
 
 class ToolContactDetector:
@@ -63,6 +69,20 @@ class ToolContactDetector:
         """Forget the past of one tool that has touched nothing yet: it may be withdrawn through what it is in."""
         self._detection.probes.reset(slice(tool * PROBES_PER_TOOL, (tool + 1) * PROBES_PER_TOOL))
         self._detection.capsules.reset(slice(tool * N_SEGMENTS, (tool + 1) * N_SEGMENTS))
+
+    def take_up(self, segments_m: FloatArray, radii_m: FloatArray) -> None:
+        """Forget what may not be so any more: somebody else has looked of late, and tools were elsewhere then.
+
+        What has come no further than it reaches since has not gone round the wall, wherever it was in between.
+        """
+        forget_far(self._detection.address, (segments_m, radii_m, self._everyone))
+        self._detection.capsules.reset()
+
+    def stand_still(self) -> None:
+        """Forget how tools have come to where they are: they have been taken up there."""
+        beside = self._detection.beside
+        beside.motion[:] = 0.0
+        beside.closing[:] = 0.0
 
     def let_through(self, tool: int) -> None:
         """Forget on which side of a tool's jaws the catheter is: while they hold it they do not push it back.

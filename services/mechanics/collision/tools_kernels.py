@@ -94,6 +94,27 @@ def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) ->
 
 
 @kernel
+def forget_far(address: Address[ToolDetection], tools: Tools) -> None:
+    """Forget the past of pieces that have come further than they reach since: they may have gone round the wall."""
+    detection = tool_detection_at(address)
+    probes = detection.probes
+    for tool in range(tools[0].shape[0]):
+        first = tool * PROBES_PER_TOOL
+        for segment in range(N_SEGMENTS):
+            ends, thickness = (
+                segment_ends(tools, tool, segment),
+                tools[1][tool, segment] + detection.half_thickness_m,
+            )
+            count = SHAFT_PROBES if segment == SHAFT else JAW_PROBES
+            for k in range(count):
+                piece = _piece(segment, k, ends)
+                for end in range(2):
+                    if not squared_distance(piece[end], row_of(probes.ends, first + k, end)) < thickness * thickness:
+                        forget(probes, first + k)
+            first += count
+
+
+@kernel
 def _advance_piece(
     detection: ToolDetection, i: int, ends: tuple[Vector, Vector], reach: float, is_inside: bool
 ) -> None:

@@ -127,9 +127,10 @@ class DuctSearch:
 
     def take_up_tools(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Do as `tool_pairs`, from where the tools are alone: somebody else has looked for their pairs of late."""
-        self.tools.reset()
+        self.tools.take_up(tools.segments, tools.radius_m)
         self._had_tools = True
         self.tool_pairs(catheter, tools, pairs)
+        self.tools.stand_still()
 
     def end_pairs(self, duct: DuctBody, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
         """Append those of catheter and tools where the bodies are now, at the end of the step; remember nothing of it.

@@ -292,6 +292,25 @@ def test_a_slow_hand_told_of_by_counts_or_in_every_other_tick_is_slow(duct, step
     assert (max(counts[2:]) <= 12) == few
 
 
+def test_who_takes_tools_up_again_searches_only_for_those_that_have_gone_far(duct):
+    """A jaw on the wall, a little further along it, and in the lumen: where it gets to without crossing the wall."""
+    y, searched = RADIUS_M + HALF_M + JAW_M - 0.2e-3, []
+    detector = tool_detector(duct)
+    for start, height in ((20e-3, y), (20.4e-3, y), (20.4e-3, 0.0)):
+        jaw = one_jaw([start, height, 0.0], [start + 10e-3, height, 0.0])
+        detector.take_up(jaw, RADII)
+        duct.update(np.zeros(0))
+        before = duct.shell.body.searches
+        detect(detector, jaw)
+        detector.stand_still()
+        found = detect(detector, jaw)
+        searched.append(duct.shell.body.searches - before)
+        fresh = detect(tool_detector(duct), jaw)
+        assert len(found) == len(fresh) > 0 or height == 0.0
+        assert {tuple(row["normal"].round(3)) for row in found} == {tuple(row["normal"].round(3)) for row in fresh}
+    assert searched[0] > searched[2] > searched[1] == 0
+
+
 def test_an_absent_tool_touches_nothing_and_comes_back_fresh(duct):
     detector = tool_detector(duct, n_tools=2)
     inside = one_jaw([10e-3, 0.0, 0.0], [20e-3, 0.0, 0.0])[0]
