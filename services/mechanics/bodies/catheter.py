@@ -76,11 +76,6 @@ class CatheterBody:
         )
         n = self.properties.n_particles
         self.radius_m = 0.5 * scene.outer_diameter_m
-        self.start_m = self.state.position_m.copy()
-        self.motion_m = np.zeros((n, 3))
-        self.constant_force_n = np.zeros((n, 3))
-        self.external_force_n = np.zeros((n, 3))
-        self.contact_force_n = np.zeros((n, 3))
         self.mass_kg = self.properties.particle_mass_kg()
         self.slept = False
         self.n_own_rows = 0
@@ -88,26 +83,14 @@ class CatheterBody:
         self._may_sleep = may_sleep
         self._linearises = scene.integrator == "implicit"
         self._acts_in_next_step = acts_in_next_step
-        self._step = FreeStep.zeros(
-            n=n,
-            start=self.start_m,
-            motion=self.motion_m,
-            constant=self.constant_force_n,
-            external=self.external_force_n,
-            contact=self.contact_force_n,
-            last_external=np.full((n, 3), np.nan),
-        )
-        self.step_address = self._step.address
+        step = FreeStep.zeros(n=n, start=self.state.position_m.copy(), last_external=np.full((n, 3), np.nan))
+        self.start_m, self.motion_m = step.start, step.motion
+        self.constant_force_n, self.external_force_n, self.contact_force_n = step.constant, step.external, step.contact
+        self._step, self.step_address = step, step.address
         self.slot = np.full(n, -1, np.int32)
-        self._particles = np.zeros(n, np.int32)
-        self._compliance = np.zeros(9 * n * n)
-        self._touch = CatheterTouch(
-            slot=self.slot,
-            particles=self._particles,
-            compliance=self._compliance,
-            columns=empty_columns(3 * n),
-        )
-        self.touch_address = self._touch.address
+        touch = CatheterTouch.zeros(n=n, slot=self.slot, compliance=np.zeros(9 * n * n), columns=empty_columns(3 * n))
+        self._particles, self._compliance = touch.particles, touch.compliance
+        self._touch, self.touch_address = touch, touch.address
 
     def predict(self, dt_s: float) -> None:
         """Step the particles without contact forces.

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.beside import place_along
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, geometry_at
 from services.mechanics.contact.identity import STONE, pair_identity, with_stone
@@ -132,9 +134,9 @@ class Gallstones(Effect):
 def mark_stone(rows_address: Address[ContactRows], first: int, stone: int) -> None:
     """Turn rows from ``first`` on, built with a stone in the place of a particle, into rows of that stone."""
     rows = rows_at(rows_address)
-    for row in range(first, rows.n_contacts):
-        rows.rod_weight[row, 0] = rows.rod_weight[row, 1] = 0.0
-        rows.stone[row], rows.identity[row] = stone, with_stone(rows.identity[row], stone)
+    for at in range(first, rows.n_contacts):
+        rows.rod_weight[at, 0] = rows.rod_weight[at, 1] = 0.0
+        rows.stone[at], rows.identity[at] = stone, with_stone(rows.identity[at], stone)
 
 
 @kernel
@@ -151,41 +153,35 @@ def append_on_catheter(
     more than a metre a second.
     """
     rows, rod, sphere = rows_at(rows_address), geometry_at(scene_address).rod, geometry_at(stone_address).rod
-    centre = sphere.position[0]
+    centre = row(sphere.position, 0)
     for segment in range(rod.position.shape[0] - 1):
-        along, length_2 = 0.0, 0.0
-        for axis in range(3):
-            edge = rod.position[segment + 1, axis] - rod.position[segment, axis]
-            along += edge * (centre[axis] - rod.position[segment, axis])
-            length_2 += edge * edge
-        s = min(max(along / length_2, 0.0), 1.0)
+        s = place_along(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
         # A particle between two segments belongs to the one before it, the tip to the last.
         if s == 0.0 and segment > 0:
             continue
-        distance_2, moves_2 = 0.0, 0.0
-        for axis in range(3):
-            point = (1.0 - s) * rod.position[segment, axis] + s * rod.position[segment + 1, axis]
-            moves = (1.0 - s) * rod.motion[segment, axis] + s * rod.motion[segment + 1, axis]
-            distance_2 += (centre[axis] - point) ** 2
-            moves_2 += (sphere.motion[0, axis] - moves) ** 2
-        distance = math.sqrt(distance_2)
-        if distance == 0.0 or distance > sphere.radius + reach + math.sqrt(moves_2):
+        away = subtract(centre, _between(rod.position, segment, s))
+        slip = subtract(row(sphere.motion, 0), _between(rod.motion, segment, s))
+        distance = math.sqrt(dot(away, away))
+        if distance == 0.0 or distance > sphere.radius + reach + math.sqrt(dot(slip, slip)):
             continue
-        row = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
-        if row == NO_ROOM:
+        at = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
+        if at == NO_ROOM:
             continue
-        rows.stone[row] = stone
-        put_on_rod(rows, row, TARGET_SIDE, (segment, segment + 1), (s - 1.0, -s))
-        normal = rows.frame[row, 0]
+        rows.stone[at] = stone
+        put_on_rod(rows, at, TARGET_SIDE, (segment, segment + 1), (s - 1.0, -s))
+        normal = rows.frame[at, 0]
         for axis in range(3):
-            point = (1.0 - s) * rod.position[segment, axis] + s * rod.position[segment + 1, axis]
-            normal[axis] = (centre[axis] - point) / distance
-            rows.point_m[row, axis] = centre[axis] - sphere.radius * normal[axis]
-            rows.slip_m[row, axis] = sphere.motion[0, axis] - (
-                (1.0 - s) * rod.motion[segment, axis] + s * rod.motion[segment + 1, axis]
-            )
-        write_frame(normal, rows.frame[row])
-        rows.gap_m[row] = distance - sphere.radius - rod.radius
+            normal[axis] = away[axis] / distance
+            rows.point_m[at, axis] = centre[axis] - sphere.radius * normal[axis]
+            rows.slip_m[at, axis] = slip[axis]
+        write_frame(normal, rows.frame[at])
+        rows.gap_m[at] = distance - sphere.radius - rod.radius
+
+
+@kernel
+def _between(points: FloatArray, segment: int, s: float) -> Vector:
+    """Return what lies at ``s`` of the way from a row of points (n, 3) to the next."""
+    return along(scaled(row(points, segment), 1.0 - s), row(points, segment + 1), s)
 
 
 @kernel
@@ -203,7 +199,7 @@ def add_stone_compliance(rows_address: Address[ContactRows], compliance: FloatAr
 def add_stone_forces(rows_address: Address[ContactRows], forces: FloatArray, out: FloatArray) -> None:
     """Add the contact forces on the stones to ``out`` (s, 3)."""
     rows = rows_at(rows_address)
-    for row in range(rows.n_contacts):
-        if rows.stone[row] != NO_STONE:
+    for at in range(rows.n_contacts):
+        if rows.stone[at] != NO_STONE:
             for axis in range(3):
-                out[rows.stone[row], axis] += forces[row, axis]
+                out[rows.stone[at], axis] += forces[at, axis]
