@@ -34,6 +34,7 @@ from services.scenes.ready import load_duct
 from services.studies.accuracy.random_squeezes import answers, draw_loads, wrong_by
 
 ANATOMY = Path(__file__).parents[2] / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
+EFFECTS = {"softening": SofteningSettings()}
 N_LOADS = 30
 DAMPING_RATIO = 0.7
 """The wall comes to rest at each point; statics do not depend on it."""
@@ -42,14 +43,14 @@ DAMPING_RATIO = 0.7
 def _insertion(**changes: float) -> Callable[[], ReducedDuct]:
     def build() -> ReducedDuct:
         duct = replace(insertion_scene().duct, damping_ratio=DAMPING_RATIO, **changes)
-        return build_scene_duct(SceneModel(duct=duct), cache_directory() / "bases")
+        return build_scene_duct(SceneModel(duct=duct, effects=EFFECTS), cache_directory() / "bases")
 
     return build
 
 
 def _anatomy() -> ReducedDuct:
     scene = load_scene("anatomy", [f"duct.mesh_file={ANATOMY}"])
-    still = replace(scene, duct=replace(scene.duct, damping_ratio=DAMPING_RATIO), effects={})
+    still = replace(scene, duct=replace(scene.duct, damping_ratio=DAMPING_RATIO), effects=EFFECTS)
     return load_duct(still, cache_directory(), lambda stage, part: None)
 
 

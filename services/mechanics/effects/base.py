@@ -62,6 +62,8 @@ class Effect:
     stands_for: ClassVar[tuple[str, ...]] = ()
     """Effects of the same phenomenon, which must not act beside it: each would count what the other counts."""
 
+    n_local_modes: ClassVar[int] = 0
+    """Modes beside supports that it needs at most, see `reduction.local_modes`."""
     can_rest: ClassVar[bool] = False
     """Whether a rung of the quality ladder may leave it out for a while: what it does in a step leaves nothing behind
     that the next one without it would miss, and nothing in the picture hangs on it."""

@@ -19,6 +19,9 @@ from services.mechanics.world import World
 if TYPE_CHECKING:
     from services.mechanics.reduction.softening.training import WallSoftening
 
+N_LOCAL_MODES = 16
+"""Beside supports: without them, what a force there moves the wall by is linear but for a quarter."""
+
 
 @dataclass(frozen=True, slots=True)
 class SofteningSettings:
@@ -40,6 +43,7 @@ class Softening(Effect):
 
     Settings = SofteningSettings
     of_wall = True
+    n_local_modes = N_LOCAL_MODES
     stands_for = ("nonlinear_membrane",)
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:

@@ -40,6 +40,8 @@ class ReducedDuct:
         `displacements` and `node_displacements` stay the linear ones.
     residual_error : PatchError, optional
         How far the residual is from the whole of it; none where it is the whole.
+    n_local_modes : int
+        How many of the modes, the last ones, are those beside supports (`local_modes`).
     """
 
     mesh: TriangleMesh
@@ -50,6 +52,7 @@ class ReducedDuct:
     cache_dir: Path | None = None
     warp: TubeWarp | None = None
     residual_error: PatchError | None = None
+    n_local_modes: int = 0
 
     def __post_init__(self) -> None:
         if self.basis.n_nodes != self.mesh.n_vertices:

@@ -18,6 +18,9 @@ SMALL_BYTES = 96 * MIB
 FORMAT = 1
 """Raised when what is stored, or how it is computed from a model, changes; the elements' code is hashed itself."""
 
+LOCAL_SOURCES = (Path(__file__).parent / "local_modes.py", Path(__file__).parent / "softening" / "sites.py")
+"""What local modes follow from beside the model."""
+
 
 @dataclass(frozen=True, slots=True)
 class ResidualChoice:
@@ -61,6 +64,8 @@ class DuctRecipe:
     n_modes: int
     elements: ElementChoice = field(default_factory=ElementChoice)
     residual: ResidualChoice = field(default_factory=ResidualChoice)
+    n_local_modes: int = 0
+    """At most, beside supports, beyond ``n_modes``: see `local_modes`."""
 
     def model(self) -> ShellModel:
         """Return the full model: assembled here, factorised at its first use."""
@@ -69,4 +74,5 @@ class DuctRecipe:
     def key(self) -> str:
         """Return the name of the modes: a hash of everything they follow from, the elements' code included."""
         inputs = (self.mesh, self.section, self.supports, self.n_modes, self.elements)
-        return hash_content(*inputs, FORMAT, hash_sources(Path(fem.__file__).parent))
+        local = (self.n_local_modes, hash_sources(*LOCAL_SOURCES)) if self.n_local_modes else ()
+        return hash_content(*inputs, FORMAT, hash_sources(Path(fem.__file__).parent), *local)

@@ -27,6 +27,9 @@ CYCLIC_FORMAT = 1
 PATCH_FORMAT = 3
 """Raised when patches of the residual change: since 2 with an exact near field, since 3 with their error."""
 
+LOCAL_DAMPING_RATIO = 1.0
+"""At least, of modes beside supports: a step does not resolve them, and what they take the place of had no mass."""
+
 
 def reduce_duct(
     recipe: DuctRecipe,
@@ -49,10 +52,13 @@ def reduce_duct(
     """
     folder = cache_dir or cache_directory()
     maker = _Maker(recipe, progress)
-    basis = load_basis(cache.fetch(folder, f"basis-{recipe.key()}", maker.make_basis))
+    entry = cache.fetch(folder, f"basis-{recipe.key()}", maker.make_basis)
+    basis = load_basis(entry)
     residual, error = _fetch_residual(folder, maker, basis)
     ratio = np.broadcast_to(np.asarray(damping_ratio, np.float64), (basis.n_modes,)).copy()
-    return ReducedDuct(recipe.mesh, basis, residual, ratio, recipe, folder, residual_error=error)
+    n_local = entry.facts["n_local_modes"] if recipe.n_local_modes else 0
+    ratio[basis.n_modes - n_local :] = np.maximum(ratio[basis.n_modes - n_local :], LOCAL_DAMPING_RATIO)
+    return ReducedDuct(recipe.mesh, basis, residual, ratio, recipe, folder, residual_error=error, n_local_modes=n_local)
 
 
 def fetch_residual_displacement(
@@ -126,10 +132,20 @@ class _Maker:
         self._progress = progress
 
     def make_basis(self, entry: cache.Entry) -> None:
-        basis = build_basis(self._model, self.recipe.n_modes, self._progress)
+        basis, n_local = self._basis()
         entry.save("omega", basis.omega_rad_s)
         entry.save("phi", basis.Phi)
-        entry.describe(content_hash=basis.content_hash, n_nodes=basis.n_nodes, n_modes=basis.n_modes)
+        facts = {"n_nodes": basis.n_nodes, "n_modes": basis.n_modes, "n_local_modes": n_local}
+        entry.describe(content_hash=basis.content_hash, **facts)
+
+    def _basis(self) -> tuple[ModalBasis, int]:
+        n_modes, n_local = self.recipe.n_modes, self.recipe.n_local_modes
+        if n_local == 0:
+            return build_basis(self._model, n_modes, self._progress), 0
+        # Imported where a wall has them: scipy's trees are a good part of what a process imports.
+        from services.mechanics.reduction.local_modes import with_local_modes
+
+        return with_local_modes(self._model, build_basis(self._model, n_modes + 1, self._progress), n_local)
 
     def make_full_residual(self, basis: ModalBasis, entry: cache.Entry) -> None:
         blocks = entry.create("blocks", (basis.n_nodes, basis.n_nodes, 3, 3), np.float32)

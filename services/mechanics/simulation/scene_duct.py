@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -52,8 +52,9 @@ def build_scene_duct(
     """
     if mesh is None:
         mesh = scene_mesh(scene.duct)
-    stages = by_stage(build_effects(scene).values())
-    recipe = _recipe(scene, mesh, stages["modify_section"])
+    effects = build_effects(scene).values()
+    stages = by_stage(effects)
+    recipe = _recipe(scene, mesh, effects)
     with _about_the_duct():
         duct = reduce_duct(recipe, scene.duct.damping_ratio, cache_dir, progress)
     load = constant_load_n(stages["constant_load_n"], mesh)
@@ -76,8 +77,7 @@ def check_scene_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> Non
         As `build_scene_duct`, for all that is known before the eigenvalues are.
     """
     effects = build_effects(scene).values()
-    stages = by_stage(effects)
-    recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, stages["modify_section"])
+    recipe = _recipe(scene, scene_mesh(scene.duct) if mesh is None else mesh, effects)
     with _about_the_duct():
         check_n_modes(recipe.model(), recipe.n_modes)
     for effect in effects:
@@ -112,12 +112,13 @@ def _about_the_duct() -> Iterator[None]:
         raise ValueError(f"duct: {error}") from error
 
 
-def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Iterable[Effect]) -> DuctRecipe:
-    """Return the recipe of the duct; ``effects`` are those that modify the wall's section, in order."""
+def _recipe(scene: SceneModel, mesh: TriangleMesh, effects: Collection[Effect]) -> DuctRecipe:
+    """Return the recipe of the duct: ``effects``, in order, modify the wall's section and may want further modes."""
     section = wall_section(scene.duct)
-    for effect in effects:
+    for effect in by_stage(effects)["modify_section"]:
         section = effect.modify_section(section)
-    return duct_recipe(scene.duct, mesh, section)
+    n_local_modes = max((effect.n_local_modes for effect in effects), default=0)
+    return replace(duct_recipe(scene.duct, mesh, section), n_local_modes=n_local_modes)
 
 
 def scene_mesh(duct: DuctScene) -> TriangleMesh:

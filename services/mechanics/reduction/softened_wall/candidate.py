@@ -101,9 +101,12 @@ def _complete(wall: SoftenedWall) -> None:
     numbers = made.numbers
     numbers[GAIN], numbers[RHO], numbers[PART], numbers[TURN] = 0.0, rho, 1.0, math.inf
     _mix_law(wall)
-    if abs(rho) < NOTHING or not _shift(wall, rho):
+    if abs(rho) < NOTHING:
         return
-    linear, delivered = _deliver(wall)
+    is_there, part = _shift(wall, rho)
+    if not is_there:
+        return
+    linear, delivered = _deliver(wall, part)
     fit = linear / V
     if not fit > 0.0:
         return
@@ -115,26 +118,27 @@ def _complete(wall: SoftenedWall) -> None:
 
 
 @kernel
-def _shift(wall: SoftenedWall, rho: float) -> bool:
-    """Write inward displacements of the sites that do the work V: those of the forces, by the law; False if none.
+def _shift(wall: SoftenedWall, rho: float) -> tuple[bool, float]:
+    """Write inward displacements of the sites that do the work V: those of the forces, by the law.
 
-    (Phi - rho Phi') W a - Phi' T a a / 2, over Y. Where the law turns Y goes through zero: there the linear ones stand
-    for all, W a / 2. Of all shapes the wall can be stiffened most along these; along those of second order a stretched
-    wall beside a support stayed 12 % too soft.
+    (Phi - rho Phi') W a - Phi' T a a / 2, over Y; False if there are none, and the first factor. Where the law turns Y
+    goes through zero: there the linear ones stand for all, W a / 2, as they do where the wall is pulled out. Of all
+    shapes the wall can be stiffened most along these, and they are the same for any size of the forces: as those of
+    second order are not, a wall that was pulled further would have needed energy for the next pattern.
     """
     made = wall.candidate
-    if turns(made):
+    if turns(made) or rho < 0.0:
         for site in range(wall.shift.shape[0]):
             wall.shift[site] = 0.5 * wall.moved[site]
-        return True
+        return True, 0.5
     work, area = read_law(made, rho)
     if abs(work) < NOTHING * abs(rho):
-        return False
+        return False, 0.0
     energy = area / (rho * rho)  # Phi
     slope = work - 2.0 * energy  # rho times the derivative of Phi
     for site in range(wall.shift.shape[0]):
         wall.shift[site] = ((energy - slope) * wall.moved[site] - slope / rho * wall.quadratic[site]) / work
-    return True
+    return True, (energy - slope) / work
 
 
 @kernel
@@ -150,13 +154,20 @@ def _mix_law(wall: SoftenedWall) -> None:
 
 
 @summing_kernel
-def _deliver(wall: SoftenedWall) -> tuple[float, float]:
-    """Write n = K t for the modal coordinates t that move the sites by ``shift``; return m . t and t . K t."""
+def _deliver(wall: SoftenedWall, part: float) -> tuple[float, float]:
+    """Write n = K t for the modal coordinates t that move the sites by ``shift``; return m . t and t . K t.
+
+    Those beside supports, which sites are too far apart for, move as far as ``part`` of the linear response does.
+    """
     linear, delivered = 0.0, 0.0
+    first_local = wall.stiffness.shape[0] - wall.n_local
     for mode in range(wall.stiffness.shape[0]):
         total = 0.0
-        for site in range(wall.shift.shape[0]):
-            total += wall.delivery[mode, site] * wall.shift[site]
+        if mode < first_local:
+            for site in range(wall.shift.shape[0]):
+                total += wall.delivery[mode, site] * wall.shift[site]
+        else:
+            total = part * wall.pressed_modal[mode] / wall.stiffness[mode]
         wall.candidate.direction[mode] = wall.stiffness[mode] * total
         linear += total * wall.pressed_modal[mode]
         delivered += wall.stiffness[mode] * total * total

@@ -13,17 +13,22 @@ STIFF_MODES = 0.3
 
 
 def delivery(duct: ReducedDuct, sites: LoadSites, lumen: Lumen) -> FloatArray:
-    """(r, m) modal coordinates that move the sites inward by nearly a unit each, at little energy."""
+    """(r, m) modal coordinates that move the sites inward by nearly a unit each, at little energy.
+
+    Modes beside supports are not among them.
+    """
     basis, mesh = duct.basis, duct.mesh
-    rows = np.einsum("nar,na->nr", basis.Phi, lumen.inward)
+    lowest = slice(basis.n_modes - duct.n_local_modes)
+    rows = np.einsum("nar,na->nr", basis.Phi[:, :, lowest], lumen.inward)
     weights = np.einsum("nka,na->nk", sites.weights, lumen.inward)
     total = weights.sum(axis=1, keepdims=True)
     weights = np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), 0.0)
     wanted = np.zeros((mesh.n_vertices, len(sites.nodes)))
     np.put_along_axis(wanted, sites.near.astype(np.intp), weights, axis=1)
-    normal, stiffness = rows.T @ rows, basis.omega_rad_s**2
+    normal, stiffness = rows.T @ rows, basis.omega_rad_s[lowest] ** 2
     # High modes fit the last per cent of a shape and store more energy in it than in all the rest.
     costly = STIFF_MODES * np.trace(normal) / len(normal) * stiffness / np.median(stiffness)
     normal[np.diag_indices_from(normal)] += costly
-    modal: FloatArray = np.linalg.solve(normal, rows.T @ wanted)
+    modal = np.zeros((basis.n_modes, len(sites.nodes)))
+    modal[lowest] = np.linalg.solve(normal, rows.T @ wanted)
     return modal

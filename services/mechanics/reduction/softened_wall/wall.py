@@ -38,6 +38,7 @@ class SoftenedWall(Struct):
     delivery: Annotated[FloatArray, "r", "m"]
     stiffness: Annotated[FloatArray, "r"]
     rest_q: Annotated[FloatArray, "r"]
+    n_local: int = 0  # modes beside supports, the last ones
     takes_mean: bool  # the integrator, of the forces at both ends of a step
     most_softening: float  # part of the linear stiffness that may be lost along a pattern
     g: Annotated[FloatArray, "t"]  # Prony's terms, none of a wall that does not relax
@@ -94,7 +95,7 @@ class SoftenedWall(Struct):
         points = {"rho_first": float(law.rho[0]), "rho_step": float(law.rho[1] - law.rho[0])}
         patterns = {name: Pattern.zeros(**extents, **points) for name in ("pattern", "candidate")}
         takes_mean = isinstance(integrator, Newmark)
-        plain |= {"takes_mean": takes_mean, "most_softening": MOST_SOFTENING}
+        plain |= {"takes_mean": takes_mean, "most_softening": MOST_SOFTENING, "n_local": duct.n_local_modes}
         return cls.zeros(m=len(sites.nodes), t=len(series.g), **extents, **patterns, **plain)
 
     def stiffens(self) -> bool:

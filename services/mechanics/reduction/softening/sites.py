@@ -77,10 +77,25 @@ class Lumen:
         """
         inward = -vertex_normals(mesh)
         width = np.array([_width_m(mesh, node, inward[node]) for node in range(mesh.n_vertices)])
-        seen = np.isfinite(width)
-        if not seen.any():
-            raise ValueError("the wall encloses no lumen: no node has wall opposite")
-        return cls(inward, np.where(seen, width, np.median(width[seen])))
+        return cls(inward, np.where(np.isfinite(width), width, _median_m(width)))
+
+
+def lumen_width_m(mesh: TriangleMesh, nodes: IntArray, inward: FloatArray) -> float:
+    """Return the median width of the lumen as some nodes see it along ``inward`` (n, 3).
+
+    Raises
+    ------
+    ValueError
+        None of them sees the wall opposite.
+    """
+    return _median_m(np.array([_width_m(mesh, int(node), inward[node]) for node in nodes]))
+
+
+def _median_m(width_m: FloatArray) -> float:
+    seen = np.isfinite(width_m)
+    if not seen.any():
+        raise ValueError("the wall encloses no lumen: no node has wall opposite")
+    return float(np.median(width_m[seen]))
 
 
 def _width_m(mesh: TriangleMesh, node: int, direction: FloatArray) -> float:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from services.cache_directory import cache_directory
+from services.mechanics.effects.base import recipe_of
 from services.mechanics.effects.softening import SofteningSettings
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.softening.squeezes import Squeeze
@@ -15,8 +16,8 @@ from services.mechanics.reduction.softening.training import fetch_softening
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe
-from services.mechanics.simulation.scene_duct import scene_mesh
-from services.studies.accuracy import insertions, pinches
+from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
+from services.studies.accuracy import insertions
 from services.studies.accuracy.random_squeezes import Answers, answers, draw_loads, wrong_by
 from services.studies.accuracy.report import costs_us, number, values
 from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
@@ -50,9 +51,9 @@ def reference(draw: Draw) -> Reference:
 def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Error]:
     """Squeeze the reduced wall as far, and compare the forces."""
     recipe, n_squeezes = _recipe(draw), _n_squeezes(setting)
-    duct = pinches.reduced(replace(_duct(draw), damping_ratio=DAMPING_RATIO))
-    directory = cache_directory() / "bases"
-    softening = fetch_softening(recipe, duct, n_squeezes, directory) if n_squeezes else None
+    scene = SceneModel(duct=replace(_duct(draw), damping_ratio=DAMPING_RATIO), effects=_effects(n_squeezes))
+    duct = build_scene_duct(scene, cache_directory() / "bases")
+    softening = fetch_softening(recipe_of(duct, "softening"), duct, n_squeezes, duct.cache_dir) if n_squeezes else None
     true = Answers(reference["force_n"], reference["moved_m"])
     wrong = [np.abs(way) for way in wrong_by(recipe, duct, softening, _loads(draw, recipe), true)]
     last = [float(way[-1]) for way in wrong]
@@ -85,8 +86,11 @@ def _recipe(draw: Draw) -> DuctRecipe:
 
 def _scene(draw: Draw, n_squeezes: int) -> SceneModel:
     scene = replace(insertion_scene(), duct=_duct(draw))
-    softening = {"softening": SofteningSettings(n_squeezes)} if n_squeezes else {}
-    return replace(scene, effects={**scene.effects, **softening})
+    return replace(scene, effects={**scene.effects, **_effects(n_squeezes)})
+
+
+def _effects(n_squeezes: int) -> dict[str, object]:
+    return {"softening": SofteningSettings(n_squeezes)} if n_squeezes else {}
 
 
 def _n_squeezes(setting: Setting) -> int:

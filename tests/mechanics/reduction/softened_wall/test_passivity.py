@@ -45,7 +45,7 @@ def random_wall(random, integrator, coefficients, strength=1.0, series=NEVER):
     plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     plain |= {"g": np.array(series.g, np.float64), "tau_s": np.array(series.tau_s, np.float64)}
     extents = {"m": SITES, "r": MODES, "p": len(RHO), "t": len(series.g)}
-    plain |= {"takes_mean": isinstance(integrator, Newmark), "most_softening": 0.9}
+    plain |= {"takes_mean": isinstance(integrator, Newmark), "most_softening": 0.9, "n_local": 2}
     return SoftenedWall.zeros(**extents, **patterns, **plain)
 
 
