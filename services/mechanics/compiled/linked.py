@@ -111,7 +111,7 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]  # numba has no types
 
     def define_pipelines(self) -> list[Any]:
         """Return the passes for kernels."""
-        return [passes()]
+        return [passes(self.state)]
 
 
 class LinkedCompiler(KernelCompiler):

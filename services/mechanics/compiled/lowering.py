@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import functools
+from types import CodeType
 from typing import Any
 
 from numba.core import ir_utils, lowering
 from numba.core.compiler import DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
-from numba.core.typed_passes import AnnotateTypes, BaseNativeLowering, IRLegalization, NativeLowering
+from numba.core.errors import new_error_context  # type: ignore[attr-defined]
+from numba.core.typed_passes import (
+    AnnotateTypes,
+    BaseNativeLowering,
+    IRLegalization,
+    NativeLowering,
+    NopythonRewrites,
+)
+from numba.core.untyped_passes import InlineClosureLikes
 
 from services.mechanics.compiled.aggregate import Aggregate
 
@@ -58,14 +67,34 @@ class _Legalisation(AnalysisPass):  # type: ignore[misc]
         return True
 
 
+class _Passes(PassManager):  # type: ignore[misc]
+    """Runs passes, and nobody is told of each: numba writes a text of types and options for whoever may listen."""
+
+    def _runPass(self, index: int, pss: Any, internal_state: Any) -> None:
+        pss.analysis = self._analysis
+        with new_error_context("Pass {name}", name=pss.name()):
+            pss.run_pass(internal_state)
+
+
+def passes(state: Any) -> PassManager:
+    """Return numba's passes for a kernel, but for those that find nothing in it."""
+    has_closures = any(isinstance(each, CodeType) for each in state.func_id.code.co_consts)
+    return _passes(has_closures, bool(state.flags.nrt))
+
+
 @functools.cache
-def passes() -> PassManager:
-    """Return numba's passes for kernels; one for all of them, as it keeps nothing of a kernel but times."""
+def _passes(has_closures: bool, may_allocate: bool) -> PassManager:
+    """Return the passes, one for all such kernels, as it keeps nothing of a kernel."""
     from numba.core.compiler import Flags, StateDict
 
     usual = DefaultPassBuilder.define_nopython_pipeline(StateDict(flags=Flags(), func_ir=None))
-    passes = PassManager("kernel")
+    left_out = {AnnotateTypes}
+    if not has_closures:
+        left_out.add(InlineClosureLikes)
+    if not may_allocate:
+        left_out.add(NopythonRewrites)  # of expressions that make arrays
+    passes = _Passes("kernel")
     ours = {NativeLowering: _Lowering, IRLegalization: _Legalisation}
-    passes.passes = [(ours.get(each, each), what) for each, what in usual.passes if each is not AnnotateTypes]
+    passes.passes = [(ours.get(each, each), what) for each, what in usual.passes if each not in left_out]
     passes.finalize()
     return passes
