@@ -36,6 +36,7 @@ from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.duct_alone import DuctAlone
 from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
 from services.runtime import realtime
+from services.runtime.realtime import Fact
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml
 TICK_BUDGET_S = 250e-6
@@ -186,13 +187,8 @@ def floor() -> None:
         add_modal_compliance(_MODES, _GAIN, _SCRATCH, _W, _EACH)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--ticks", type=int, default=4000, help="of each kind; the 99 %% is of so many")
-    parser.add_argument("--ticks-only", action="store_true", help="no insertion, no peers; nothing is written")
-    arguments = parser.parse_args()
-    samples: int = arguments.ticks
-    cache = cache_directory()
+def tick_rows(cache: Path, samples: int) -> tuple[list[Row], list[Fact]]:
+    """Return what ticks of several kinds take, and the stages of ours; and what the machine granted for it."""
     scene = loaded_scene()
     penalty = replace(scene, contact=ContactSettings(model="penalty", penalty_stiffness_n_m=3.0))
     ours, tools = settle(scene, cache)
@@ -218,7 +214,17 @@ def main() -> None:
         rows.append(Row(f"99 % over median, {name}", timing.p99_s / timing.median_s, ""))
     for column, name in enumerate(ours.stage_cost_ns):
         rows.append(Row.from_timing(f"stage {name}", Timing.from_samples(stages[:, column])))
-    rows += sleeping_rows(cache, samples)
+    return rows, facts
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ticks", type=int, default=4000, help="of each kind; the 99 %% is of so many")
+    parser.add_argument("--ticks-only", action="store_true", help="no insertion, no peers; nothing is written")
+    arguments = parser.parse_args()
+    cache = cache_directory()
+    rows, facts = tick_rows(cache, arguments.ticks)
+    rows += sleeping_rows(cache, arguments.ticks)
     if arguments.ticks_only:
         for row in rows:
             print(f"{row.name:60s} {row.value:8.2f} {row.unit}")

@@ -146,6 +146,10 @@ def _running(running: Running | None) -> Iterator[str]:
         f"compliance brings back. The arm's force is **{pinch.applied:.1%}** from the solved one."
     )
     yield ""
+    yield from _insertion_beside(running)
+
+
+def _insertion_beside(running: Running) -> Iterator[str]:
     yield from _words(
         "**The insertion**, tick by tick, beside the same poses stepped in process without anything between, as shares "
         "of each tool's largest force. What the arm applies is looked at two ticks later: one through haptics and "
