@@ -73,6 +73,8 @@ def _draw_points(axes: Axes, rows: Sequence[Row]) -> None:
         axes.set_xscale("log")
     if is_known:
         axes.set_yscale("log")
+        if max(row.error for row in rows) <= _LEAST:
+            axes.set_ylim(0.1 * _LEAST, 10.0 * _LEAST)  # in one value a logarithm finds no limits
     for series, members in groupby(sorted(rows, key=lambda row: row.series), key=lambda row: row.series):
         mine = list(members)
         x, y, noise = [], [], []

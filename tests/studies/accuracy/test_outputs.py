@@ -12,6 +12,7 @@ from conftest import SMALLEST
 
 from services.cli.study import write_results
 from services.studies.accuracy.facts import Facts
+from services.studies.accuracy.figures import draw_study
 from services.studies.accuracy.report import write_report
 from services.studies.accuracy.sections import read_section, write_section
 from services.studies.accuracy.study import Cost, Row
@@ -51,6 +52,11 @@ def test_figures_are_there_and_the_same_for_the_same_numbers(written, tmp_path_f
     write_results(some_rows(), ["modes"], Facts.collect("", "abc", SMALLEST, {}), again)
     assert (written / "modes.png").read_bytes().startswith(b"\x89PNG")
     assert (written / "modes.svg").read_bytes() == (again / "modes.svg").read_bytes()
+
+
+def test_what_is_right_everywhere_is_drawn_too(tmp_path):
+    draw_study("right", [replace(row, error=0.0) for row in some_rows()], tmp_path / "right")
+    assert (tmp_path / "right.svg").is_file()
 
 
 def test_the_run_is_told_with_seed_versions_machine_and_command(written):

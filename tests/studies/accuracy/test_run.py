@@ -1,6 +1,7 @@
 """A run: what is kept, what is computed again, where, and that it comes out the same."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from conftest import SMALLEST
@@ -87,6 +88,22 @@ def test_costs_are_measured_in_turns_with_the_floor_beside():
     turns = order[6 :: TIMED_IN_A_ROW + 1]  # after warming up; a third place in each round is the floor's
     assert turns == [1, 2, 2, 1, 1, 2, 1, 2]
     assert order[6:] == [who for who in turns for _ in range(TIMED_IN_A_ROW + 1)]
+
+
+def test_a_tick_from_which_the_core_was_taken_is_timed_again(monkeypatch):
+    now_ns, switches, taken = [0], [0], iter([False, True, True] + [False] * 1000)
+
+    def tick():
+        now_ns[0] += 1_000
+        if next(taken):
+            now_ns[0] += 4_000_000
+            switches[0] += 1
+
+    monkeypatch.setattr(costs, "perf_counter_ns", lambda: now_ns[0])
+    monkeypatch.setattr(costs, "getrusage", lambda _: SimpleNamespace(ru_nivcsw=switches[0]))
+    assert [costs._time_us(tick) for _ in range(3)] == [1.0, 1.0, 1.0]
+    taken = iter([True] * 1000)
+    assert costs._time_us(tick) == 4_001.0, "what is always disturbed is told as it is"
 
 
 def test_what_others_have_pushed_out_of_the_caches_is_not_in_a_cost(monkeypatch):

@@ -69,7 +69,7 @@ def errors(setting: Setting, reference: Reference, draw: Draw) -> dict[str, Erro
     told = {COURSE: Error(1e6 * float(away_m.max()), "um"), JUMP: Error(1e6 * float(away_m[0]), "um")}
     if len(force_n):
         apart_n = np.linalg.norm(force_n - reference[f"{body}: forces"], axis=1)
-        told[FORCE] = Error(1e3 * float(apart_n.max()), "mN")
+        told[FORCE] = Error(1e6 * float(apart_n.max()), "uN")
     return told
 
 
@@ -155,7 +155,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
         told = [f"{name.removesuffix(f', {state}')} {cost[name]:.2g} us" for name in cost if name.endswith(state)]
         asked = f" ({ASKED_US:g} at most are asked)" if state == _ASLEEP else ""
         lines += [f"{state.capitalize()}, a tick takes of each part: {', '.join(told)}{asked}."] if told else []
-    for quantity, unit in ((JUMP, "um"), (COURSE, "um"), (FORCE, "mN")):
+    for quantity, unit in ((JUMP, "um"), (COURSE, "um"), (FORCE, "uN")):
         worst = max(error for name, error in values(rows, quantity).items() if name.endswith(_ASLEEP))
         lines.append(f"{quantity.capitalize()}: at most {number(worst)} {unit} from what never slept.")
     return lines
