@@ -39,7 +39,7 @@ class Facts:
             seed=draw.seed,
             size=draw.size.value,
             date=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-            machine=f"{processor_name()}, {os.cpu_count()} cores",
+            machine=f"{processor_name()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}",
             system=f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
             packages=", ".join(f"{name} {found}" for name, found in _versions(PACKAGES)),
             floors=floors,
