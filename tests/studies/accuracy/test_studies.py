@@ -86,6 +86,10 @@ def test_all_effects_and_all_pairs_that_go_together_are_tried():
     tried = {setting.choices["changed"] for setting in load_study("effects").settings(Draw(Size.FULL, 1))}
     pairs = {f"{one} {other}" for one, other in combinations(EFFECTS, 2) if go_together(one, other)}
     assert tried == {"", *EFFECTS, *pairs}
+    alone = [
+        setting for setting in load_study("effects").settings(Draw(Size.FULL, 1)) if setting.series != "two effects"
+    ]
+    assert {setting.group for setting in alone} == {"0"}, "in turns with what they are compared with"
     assert len(pairs) > 60
 
 

@@ -26,8 +26,8 @@ WHAT = (
 )
 UNCHANGED = "unchanged"
 _SERIES = UNCHANGED, "one effect", "two effects"
-_TIMED_TOGETHER = 5
-"""Settings in turns: more push one another out of the caches, and a tick then takes nearly twice as long."""
+_TIMED_TOGETHER = 24
+"""Settings in turns, each of which holds a simulation: every effect alone beside the insertion as it is."""
 FORCE, TIP, DEPTH, WALL = "change of force", "change of the tip's way", "change of depth", "change of the wall"
 
 
