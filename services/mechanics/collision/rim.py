@@ -33,8 +33,6 @@ from services.mechanics.compiled.vectors import (
     subtract,
 )
 
-# Nearer to a particle than this part of a segment, the particle's own contact does.
-END_PART = 0.05
 _TOUCHING_M = 1e-9
 
 
@@ -236,9 +234,13 @@ def _write(
     sizes: tuple[float, float],
     pairs: ContactPairs,
 ) -> None:
-    """Append the pair of a touch with this distance and normal, unless it is a particle's or too far away."""
+    """Append the pair of a touch with this distance and normal, unless it is a particle's own or too far away.
+
+    It is one of the segment up to its very end: beside a particle's contact, which is further from the edge, one that
+    comes and goes would let the particle sink in and be pushed out by turns.
+    """
     s, gap, normal = touch[2], contact[0] - sizes[0], contact[1]
-    if not (END_PART < s < 1.0 - END_PART and is_due(gap, normal, _between(motions, s), sizes[1])):
+    if not (0.0 < s < 1.0 and is_due(gap, normal, _between(motions, s), sizes[1])):
         return
     owner = shell.rim_owner[touch[0]]
     start, end = touch[3][0], 1.0 - touch[3][0]

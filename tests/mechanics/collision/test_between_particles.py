@@ -49,6 +49,19 @@ def test_a_segment_cannot_be_drawn_through_the_lip(duct, step_m):
         assert (x - foot) @ row["normal"] == pytest.approx(row["gap_m"] + THICKNESS_M, abs=1e-12)
 
 
+def test_where_a_segment_meets_the_lip_beside_its_end_it_is_as_near_as_it_is(duct):
+    """Up to a twentieth of a segment from a particle that stood for it, as much further off: contacts rattled there."""
+    detector = CatheterContactDetector(duct, 2, CATHETER_M, MARGIN_M)
+    lip, along = np.array([40e-3, RADIUS_M, 0.0]), np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+    out, gap_m = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0), 20e-6
+    duct.update(np.zeros(0))
+    for share in np.linspace(0.2, -0.02, 23):
+        first = lip + (THICKNESS_M + gap_m) * out - share * 6e-3 * along
+        found = detect(detector, [first, first + 6e-3 * along])
+        nearest_m = np.hypot(THICKNESS_M + gap_m, min(share, 0.0) * 6e-3) - THICKNESS_M
+        assert min(row["gap_m"] for row in found) == pytest.approx(nearest_m, abs=1.5e-6)  # its neighbours bend
+
+
 def test_where_the_rim_bends_a_segment_touches_it_on_both_sides():
     mesh = duct_mesh()
     detector = CatheterContactDetector(rigid_surface(mesh), 2, CATHETER_M, MARGIN_M)
