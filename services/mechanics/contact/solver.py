@@ -24,8 +24,10 @@ CONTACTS_A_SWEEP = 4
 # so much and more. One of fifty ticks of a hard case needs more than thirty; broken off, they gain energy, too.
 FAR_M = 1e-6
 MOST_SWEEPS = 100
-# One that has taken so many is slow: from then on what sweeps change is followed further.
+# One that has taken so many is slow: from then on Newton steps lead from one contact that opens or slips to the next.
 SLOW_SWEEPS = 30
+# Beyond where one opens or slips by so much of the step: it has to be seen to have done so.
+BEYOND = 1e-9
 # What comes of a Newton step.
 NOT_KEPT, IN_PART, KEPT, SOLVED = 0, 1, 2, 3
 
@@ -35,8 +37,7 @@ class SolverScratch(Struct):
 
     unknowns: Unknowns
     force: Annotated[FloatArray, "c", 3]
-    before: Annotated[FloatArray, "c", 3]  # forces before a sweep
-    way: Annotated[FloatArray, "c", 3]  # along which they are followed further
+    way: Annotated[FloatArray, "c", 3]  # what a Newton step would change of them
     free: Annotated[FloatArray, "m"]
 
     @classmethod
@@ -61,7 +62,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     :math:`\tfrac12 f^T W f + f^T u_{free}`; how much a sweep changes would tell nothing, for sweeps that creep change
     little. If they do not, it goes only as far as nobody opens or slips. After a step that was not kept whole twice as
     many sweeps as before pass until the next: one that changes a contact at a time costs more than it brings.
-    Where neither comes to an end soon, what sweeps change is followed further (`_follow_further`).
+    Where neither comes to an end soon, Newton steps go on until one is left whole (`_go_down`), between single sweeps.
     The cost is bounded by the number of sweeps, or by `MOST_SWEEPS` while bodies are in each other. Forces are inside
     their cones, converged or not.
 
@@ -81,10 +82,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     _update_motion(problem, W, scratch.free)
     sweeps, patience, last_n = 0, 1, 0.0
     cheap = problem.rows.n_contacts // CONTACTS_A_SWEEP
-    due, changed_n2 = patience, 0.0
+    due = patience
     while True:
-        if sweeps >= SLOW_SWEEPS:
-            _copy_forces(problem.rows.force_n, scratch.before, problem.rows.n_contacts)
         change_n, change_m = _sweep(problem, W)
         sweeps += 1
         is_over = sweeps >= iterations and (change_m <= FAR_M or sweeps >= MOST_SWEEPS)
@@ -95,42 +94,17 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
         last_n = change_n
         near = NEARLY_THERE if sweeps == 1 else ALL_BUT_THERE
         is_cheaper = sweeps <= max(cheap, 1) and change_n <= near * tolerance_n
-        if sweeps < due or ends_next or is_cheaper:
-            if sweeps > SLOW_SWEEPS:
-                changed_n2 = _follow_further(problem, W, scratch, changed_n2)
+        if sweeps >= SLOW_SWEEPS:
+            sweeps += _go_down(problem, W, scratch)
             continue
-        changed_n2 = 0.0
+        if sweeps < due or ends_next or is_cheaper:
+            continue
         more, outcome = _try_newton_step(problem, W, tolerance_n, scratch)
         sweeps += more
         if outcome == SOLVED:
             return sweeps
         patience = 1 if outcome == KEPT else 2 * patience
         due, last_n = sweeps + patience, 0.0
-
-
-@kernel
-def _follow_further(problem: ContactProblem, W: FloatArray, scratch: SolverScratch, last_n2: float) -> float:
-    """Go on along what sweeps change, conjugately; return the square of what the last one changed, for the next time.
-
-    By Fletcher and Reeves, begun anew where a sweep changes more than the one before, with what a sweep changes in the
-    place of a gradient (Silcowitz-Hansen, Niebe and Erleben, "A nonsmooth nonlinear conjugate gradient method for
-    interactive contact force problems", 2010). The next sweep brings forces back into their cones. ``last_n2`` is what
-    was returned the last time, or 0.
-    """
-    rows, before, way, changed_n2 = problem.rows, scratch.before, scratch.way, 0.0
-    for block in range(rows.n_contacts):
-        for axis in range(3):
-            changed_n2 += (rows.force_n[block, axis] - before[block, axis]) ** 2
-    share = changed_n2 / last_n2 if changed_n2 < last_n2 else 0.0
-    for block in range(rows.n_contacts):
-        for axis in range(3):
-            further = share * way[block, axis] if share > 0.0 else 0.0
-            way[block, axis] = rows.force_n[block, axis] - before[block, axis] + further
-            rows.force_n[block, axis] += further
-            if further != 0.0:
-                for place in range(W.shape[0]):
-                    problem.motion[place] += W[3 * block + axis, place] * further
-    return changed_n2
 
 
 @kernel
@@ -181,6 +155,26 @@ def _try_newton_step(
         if share >= 1.0:
             break
     return sweeps, NOT_KEPT
+
+
+@kernel
+def _go_down(problem: ContactProblem, W: FloatArray, scratch: SolverScratch) -> int:
+    """Take Newton steps, each up to where a contact opens or slips, until one goes all the way; return what they cost.
+
+    So a method of active sets minimises over what is closed, and sweeps close what is missing (Nocedal and Wright,
+    "Numerical Optimization", 16.5). One step between sweeps does not: they close again what it has opened. Friction
+    makes it no minimum, and the potential need not fall. The cost is in sweeps: a dense solve of many is dear.
+    """
+    unknowns, cost, k, share = scratch.unknowns, 0, problem.rows.n_contacts, 0.0
+    while share < 1.0 and cost < SLOW_SWEEPS:
+        n = list_unknowns(problem, unknowns)
+        if n == 0 or not newton_step(problem, W, unknowns, n):
+            return cost
+        cost += 1 + n**3 // (27 * k * k)
+        share = room_for_step(problem, unknowns, n, scratch.way)
+        add_step(problem, unknowns, n, min(share * (1.0 + BEYOND), 1.0))
+        _update_motion(problem, W, scratch.free)
+    return cost
 
 
 @kernel
