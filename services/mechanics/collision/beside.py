@@ -34,11 +34,17 @@ from services.mechanics.compiled.vectors import (
 # Points closer than this part of the distance between axis and mid-surface are one: on a flat wall nothing between two
 # of them is deeper than both by more than a hundredth of it. Beside a dent it is, by ten times that.
 APART = 0.125
+# Nor deeper than this part of a thin wall, on which they may lie nearer to each other.
+ALIKE_OF_WALL = 0.125
 # A point seen from more than 60 degrees off the closest one's normal is on another side of the wall.
 FACING = 0.5
 # Who comes no nearer than this in a tick finds what it meets by the closest points alone, no later than that deep; one
 # that begins to move by no more than twice as much, a tick later.
 LEAST_M = 50e-6
+# Nor than this part of a thin wall.
+LEAST_OF_WALL = 0.25
+# What is no further than so many times what counts as close leads on to what is.
+LEADS_ON = 4.0
 # A wall that is dented rises so steeply beside what presses it, at most.
 SLOPE = 1.0
 MOST_POINTS, MOST_TRIANGLES = 48, 128
@@ -54,9 +60,20 @@ class Beside(Struct):
     point: Annotated[FloatArray, MOST_POINTS, 3]
     visited: Annotated[LongArray, "m"]  # the stamp under which each triangle was looked at last
     queue: Annotated[IntArray, MOST_TRIANGLES]  # triangles to look at, in the order in which they were met
+    wall_m: float  # how thick the wall is
+    close_m: float = 0.0  # what is nearer than this is met, whatever moves: more than nothing where a step has ended
     count: int = 0
     queued: int = 0
     stamp: int = 0
+
+
+@kernel
+def apart_m(thickness: float, wall_m: float) -> float:
+    """Return how near to each other two points are one, ``thickness`` being the distance between axis and mid-surface.
+
+    Between two points d apart a flat wall is d^2 / 8 r deep in a round tool.
+    """
+    return min(APART * thickness, math.sqrt(8.0 * ALIKE_OF_WALL * wall_m * thickness))
 
 
 @kernel
@@ -113,10 +130,11 @@ def note_after(beside: Beside, probes: Probes, i: int) -> None:
 def comes_nearer(beside: Beside, i: int) -> bool:
     """Return whether probe i moves so much, or the wall towards it, that it will meet more than its closest point."""
     motion, last, closing = row(beside.motion, i), row(beside.last_motion, i), beside.closing[i]
-    if max(math.sqrt(dot(motion, motion)), closing) > 2.0 * LEAST_M:
+    least = min(LEAST_M, LEAST_OF_WALL * beside.wall_m)
+    if beside.close_m > 0.0 or max(math.sqrt(dot(motion, motion)), closing) > 2.0 * least:
         return True
     both = along(motion, last, 1.0)
-    return bool(max(math.sqrt(dot(both, both)), closing + beside.last_closing[i]) > 2.0 * LEAST_M)
+    return bool(max(math.sqrt(dot(both, both)), closing + beside.last_closing[i]) > 2.0 * least)
 
 
 @kernel
@@ -128,6 +146,7 @@ def is_met(beside: Beside, i: int, facing: Vector, contact: tuple[float, Vector]
     gap, normal = contact
     motion = row(beside.motion, i)
     nearer = max(-dot(motion, normal), SLOPE * math.sqrt(dot(motion, motion)), beside.closing[i])
+    nearer = max(nearer, LEADS_ON * beside.close_m)
     return bool(gap < nearer and dot(normal, facing) > FACING and beside.count < MOST_POINTS)
 
 

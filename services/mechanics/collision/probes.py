@@ -76,6 +76,7 @@ class Probes(Struct):
     point: Annotated[FloatArray, "n", MINIMA, 3]  # of the wall, where it was then
     normal: Annotated[FloatArray, "n", MINIMA, 3]  # towards the probe
     distance: Annotated[FloatArray, "n", MINIMA]  # signed, from the mid-surface to the axis
+    is_aside: bool = False  # whether this tick's searches will be forgotten
     due: float = EARLY  # part of its slack from which a probe searches, in this tick
 
     @classmethod
@@ -277,7 +278,8 @@ def _note_seen(
     seen[i], probes.search[i] = reach + SKIN_M, body.searches
     if first[0] == NOT_FOUND:
         seen[i] = max(seen[i], distance_to_all(body, wall, ends[0], ends[1]))
-    note_near(body, wall, probes.near, i, ends, seen[i])
+    if not probes.is_aside:
+        note_near(body, wall, probes.near, i, ends, seen[i])
 
 
 @kernel

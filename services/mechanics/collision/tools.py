@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
 from services.mechanics.arrays import AnyArray, BoolArray, FloatArray
@@ -51,7 +54,9 @@ class ToolContactDetector:
         self._detection = ToolDetection(
             shell=surface.shell,
             probes=Probes.allocate(n_tools * PROBES_PER_TOOL, surface.n_modes),
-            beside=Beside.zeros(p=n_tools * PROBES_PER_TOOL, m=len(surface.mesh.triangles)),
+            beside=Beside.zeros(
+                p=n_tools * PROBES_PER_TOOL, m=len(surface.mesh.triangles), wall_m=2.0 * surface.half_thickness_m
+            ),
             capsules=CapsuleMemory.zeros(m=n_tools * N_SEGMENTS, n=max(n_particles - 1, 0)),
             half_thickness_m=surface.half_thickness_m,
             catheter_radius_m=catheter_radius_m,
@@ -91,6 +96,17 @@ class ToolContactDetector:
         """
         first = tool * N_SEGMENTS
         self._detection.capsules.reset(slice(first + JAW_A, first + JAW_B + 1))
+
+    @contextmanager
+    def all_within(self, close_m: float) -> Iterator[None]:
+        """Let `detect` find everything that is nearer than this to a piece of a tool that is as near to the wall.
+
+        A tick finds the closest points, and beside them what is met as things move; that is not all where a step ends.
+        """
+        beside = self._detection.beside
+        beside.close_m = close_m
+        yield
+        beside.close_m = 0.0
 
     def state_arrays(self) -> list[AnyArray]:
         """Return the live arrays of the past."""

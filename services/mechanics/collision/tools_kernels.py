@@ -6,8 +6,8 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.beside import (
-    APART,
     Beside,
+    apart_m,
     comes_nearer,
     go_to,
     is_met,
@@ -24,6 +24,7 @@ from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, SHAFT, ContactPairs, pairs_at
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import EARLY, MINIMA, Probes, advance, forget
+from services.mechanics.collision.regions import used_since
 from services.mechanics.collision.search import NOT_FOUND, touch_triangle
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.sides import TOUCHING_M, UNKNOWN
@@ -71,7 +72,7 @@ def detect_tools(
 
 @kernel
 def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) -> None:
-    detection.probes.due = EARLY
+    detection.probes.due, detection.probes.is_aside = EARLY, detection.beside.close_m > 0.0
     for tool in range(tools[0].shape[0]):
         first = tool * PROBES_PER_TOOL
         for segment in range(N_SEGMENTS):
@@ -123,9 +124,27 @@ def _advance_piece(
         forget(detection.probes, i)
     else:
         body, wall, look = detection.shell.body, detection.shell.wall, (reach, index(UNKNOWN))
-        note_before(body, wall, detection.beside, detection.probes, i, ends)
+        is_look = detection.beside.close_m > 0.0
+        if not is_look:
+            note_before(body, wall, detection.beside, detection.probes, i, ends)
+        elif _may_touch_more(detection, i, ends, reach):
+            detection.probes.seen[i] = reach
         advance(body, wall, detection.probes, i, ends, look, look)
-        note_after(detection.beside, detection.probes, i)
+        if not is_look:
+            note_after(detection.beside, detection.probes, i)
+
+
+@kernel
+def _may_touch_more(detection: ToolDetection, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
+    """Return whether a piece that touches the wall may touch it elsewhere, more than that is to be known.
+
+    As it does once both have moved so much since it searched: only then there may be a bulge beside what it follows.
+    """
+    probes, body, close_m = detection.probes, detection.shell.body, detection.beside.close_m
+    if probes.seen[i] < 0.0 or probes.triangle[i, 0] == NOT_FOUND:
+        return False
+    is_touching = probes.distance[i, 0] < reach - detection.margin_m + close_m
+    return bool(is_touching and used_since(body, probes.near, i, ends, probes.search[i]) > close_m)
 
 
 @kernel
@@ -185,7 +204,7 @@ def _write_minimum(
     if distance > TOUCHING_M:
         s, distance, normal = seen_from(point, ends)
     is_tip = who[1] != SHAFT and row_of(probes.ends, i, 0) == row_of(probes.ends, i, 1)
-    if not take_point(beside, point, APART * thickness if is_tip else 0.0):
+    if not take_point(beside, point, apart_m(thickness, beside.wall_m) if is_tip else 0.0):
         return
     pair = (who[0], who[1], -1, DUCT_TRIANGLE, probes.triangle[i, k], s, row_of(probes.weights, i, k))
     write_pair(pairs, pair, distance - thickness, normal)
@@ -202,7 +221,7 @@ def _write_beside(
 ) -> None:
     """Write the contacts of a segment with the triangles round a minimum of one of its probes; see `beside`."""
     shell, beside, (i, k) = detection.shell, detection.beside, minimum
-    body, wall, (a, b) = shell.body, shell.wall, ends
+    body, wall, (a, b), apart = shell.body, shell.wall, ends, apart_m(thickness, beside.wall_m)
     facing, seed, following = row_of(detection.probes.normal, i, k), detection.probes.triangle[i, k], 0
     start_round(beside, seed)
     while following < beside.queued:
@@ -215,7 +234,8 @@ def _write_beside(
         if triangle != seed:
             if squared == 0.0 or not is_met(beside, i, facing, (distance - thickness, normal)):
                 continue
-            if take_point(beside, point, APART * thickness):
+            is_due = beside.close_m == 0.0 or distance - thickness < beside.close_m
+            if is_due and take_point(beside, point, apart):
                 pair = (who[0], who[1], -1, DUCT_TRIANGLE, triangle, s, w)
                 write_pair(pairs, pair, distance - thickness, normal)
         for edge in range(3):

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
-from services.mechanics.collision.beside import APART, FACING, seen_from
+from services.mechanics.collision.beside import FACING, apart_m, seen_from
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
 from services.mechanics.collision.writer import FULL, write_pair
 from services.mechanics.compiled import kernel
@@ -124,7 +124,7 @@ def append_pressed(
         thickness = tools.radius[tool, segment] + sizes[0]
         if distance == 0.0 or distance > thickness + sizes[1]:
             continue
-        if _is_known(kept, i, (axis, thickness, n_found), states, out):
+        if _is_known(kept, i, (axis, thickness, 2.0 * sizes[0], n_found), states, out):
             continue
         if dot(normal, row_of(kept.normal, i)) < FACING:
             continue
@@ -143,18 +143,18 @@ def _kept_point(kept: ContactPairs, corners: FloatArray, i: int) -> Vector:
 def _is_known(
     kept: ContactPairs,
     i: int,
-    where: tuple[tuple[Vector, Vector], float, int],
+    where: tuple[tuple[Vector, Vector], float, float, int],
     states: tuple[FloatArray, BoolArray],
     pairs: ContactPairs,
 ) -> bool:
     """Whether there is a pair of the same segment of the tool with the same point of the wall.
 
     Or, where the kept point slid, one that was found next to it and is no other kept point. ``where`` are the ends of
-    the segment's axis, the thickness between axis and mid-surface, and how many pairs were found.
+    the segment's axis, the thickness between axis and mid-surface, that of the wall, and how many pairs were found.
     """
-    (corners, slid), (ends, thickness, n_found) = states, where
+    (corners, slid), (ends, thickness, wall_m, n_found) = states, where
     mine = _kept_point(kept, corners, i)
-    near, same = APART * thickness, ONE_POINT * thickness
+    near, same = apart_m(thickness, wall_m), ONE_POINT * thickness
     for k in range(pairs.count):
         if pairs.tool[k] != kept.tool[i] or pairs.tool_segment[k] != kept.tool_segment[i]:
             continue

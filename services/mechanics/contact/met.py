@@ -28,14 +28,15 @@ from services.mechanics.compiled.vectors import (
 from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.identity import target_kind_of, tool_segment_of
 from services.mechanics.contact.laws import HAS_GAP
+from services.mechanics.contact.manifold import ONE_POINT
 from services.mechanics.contact.pair_rows import touches
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.state import ContactState, state_at
 
 # Detection moves the wall under its loads on the nodes round them only: it may be so far off, where a row is not.
 NEARLY_MET_M = 50e-6
-# What is pressed, or is being pushed out, comes no nearer than this.
-LEAST_APPROACH_M = 5e-6
+# What is pressed, or is being pushed out, comes no nearer than this, nor than this part of a thin wall.
+LEAST_APPROACH_M, LEAST_OF_WALL = 5e-6, 1.0 / 16.0
 # Unless there is no row for it: none so near along a tool, as a part of the distance between axis and mid-surface.
 KNOWN_BESIDE = 0.25
 
@@ -63,6 +64,7 @@ def keep_approaching(
     """
     pairs, state, kept = pairs_at(pairs_address), state_at(state_address), 0
     geometry = state.geometry
+    least = least_approach_m(geometry)
     for i in range(pairs.count):
         tool = pairs.tool[i]
         if not pairs.gap_m[i] < NEARLY_MET_M:
@@ -72,7 +74,9 @@ def keep_approaching(
         away, thickness = _start_offset(pairs, i, geometry, corners)
         normal, distance = row(pairs.normal, i), math.sqrt(dot(away, away))
         start, nearest = dot(away, normal) - thickness, distance - thickness
-        if start - pairs.gap_m[i] < LEAST_APPROACH_M and _is_foreseen(state, pairs, i):
+        if _has_row(state, pairs, i):
+            continue
+        if start - pairs.gap_m[i] < least and _is_foreseen(state, pairs, i):
             continue
         copy_pair(pairs, i, kept)
         if start < 0.0 and dot(away, normal) > 0.0:
@@ -84,13 +88,39 @@ def keep_approaching(
 
 
 @kernel
+def least_approach_m(geometry: ContactGeometry) -> float:
+    """Return by how much a pair comes nearer, or is deeper than a row, at least, to count."""
+    return min(LEAST_APPROACH_M, 2.0 * LEAST_OF_WALL * geometry.wall.half_thickness)
+
+
+@kernel
+def _has_row(state: ContactState, pairs: ContactPairs, i: int) -> bool:
+    """Return whether a row of the same piece of a tool is at the same point of it: another would do no more."""
+    rows, tools, tool, segment = state.rows, state.geometry.tools, pairs.tool[i], pairs.tool_segment[i]
+    if tool == NO_TOOL or pairs.target_kind[i] == CATHETER_SEGMENT:
+        return False
+    ends, radius, s = tools.segments[tool, segment], tools.radius[tool, segment], pairs.tool_parameter[i]
+    near = ONE_POINT * (radius + state.geometry.wall.half_thickness)
+    on_axis = along(scaled(row(ends, 0), 1.0 - s), row(ends, 1), s)
+    mine = along(subtract(on_axis, row(tools.segments[tool, 1], 0)), row(pairs.normal, i), -radius)
+    for at in range(rows.n_contacts):
+        identity = rows.identity[at]
+        is_there = rows.tool[at] == tool and HAS_GAP[rows.law[at]] and tool_segment_of(identity) == segment
+        if not is_there or target_kind_of(identity) != pairs.target_kind[i]:
+            continue
+        if squared_distance(mine, row(rows.point_m, at)) < near * near:
+            return True
+    return False
+
+
+@kernel
 def _is_foreseen(state: ContactState, pairs: ContactPairs, i: int) -> bool:
     """Return whether a row of the same bodies that faces the same way, near by, leads as deep as a pair found."""
-    rows, motion = state.rows, state.problem.motion
+    rows, motion, least = state.rows, state.problem.motion, least_approach_m(state.geometry)
     for at in range(rows.n_contacts):
         if not (_faces_alike(rows, at, pairs, i) and _is_near(state, at, pairs, i)):
             continue
-        if rows.gap_m[at] - rows.taken_m[at] + motion[3 * at] < pairs.gap_m[i] + LEAST_APPROACH_M:
+        if rows.gap_m[at] - rows.taken_m[at] + motion[3 * at] < pairs.gap_m[i] + least:
             return True
     return False
 

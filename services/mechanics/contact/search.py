@@ -15,6 +15,7 @@ from services.mechanics.bodies.wall import make_wall
 from services.mechanics.collision import CatheterContactDetector, ToolContactDetector
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, ContactPairs
 from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.contact.met import NEARLY_MET_M
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
@@ -140,7 +141,8 @@ class DuctSearch:
         copy_arrays(self._keep_past)
         self._wall.follow(duct, to_end=True)
         if self._had_tools:
-            self._detect_tools(catheter.state.position_m, tools, pairs)
+            with self.tools.all_within(NEARLY_MET_M):
+                self._detect_tools(catheter.state.position_m, tools, pairs)
         self.catheter.detect(catheter.state.position_m, pairs)
         copy_arrays(self._go_back)
 

@@ -32,16 +32,19 @@ def test_walls_that_snap_beside_a_row_meet_nothing_unseen(family, name):
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("seed", "name"),
     [
-        "t/R 0.005, holding, number 0",
-        "t/R 0.01, holding, number 0",
-        "t/R 0.005, holding, number 2",  # 0.69 walls deep where detection takes the wall to be beside where it is
+        (1, "t/R 0.002, holding, number 0"),  # 0.63 walls deep where a point beside a row had none
+        (1, "t/R 0.002, holding, number 1"),  # 0.63
+        (1, "t/R 0.005, holding, number 2"),  # 1.16
+        (2, "t/R 0.005, holding, number 0"),
+        (2, "t/R 0.01, holding, number 0"),
+        (2, "t/R 0.005, holding, number 2"),  # 0.69 where detection takes the wall to be beside where it is
     ],
 )
-def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(name):
-    """By no means all are: which of them, a change elsewhere decides as well, see docs/decisions/overlaps.md."""
-    (case,) = [case for case in thickness_cases(Draw(Reach.LONG, 2)) if case.name == name]
+def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(seed, name):
+    """A few are not, see docs/decisions/overlaps.md."""
+    (case,) = [case for case in thickness_cases(Draw(Reach.LONG, seed)) if case.name == name]
     figures = case.run().figures
     assert not failures(figures), {name: figures[name] for name in failures(figures)}
 

@@ -30,7 +30,7 @@ DENT_OF_WALL = 0.5
 # where jaws press. What is more than an eighth of such a wall is made up for near all loads, from as far as there is
 # room for.
 THIN_M = 0.2e-3
-DENTS_OF_WALL = 7.5
+DENTS_OF_WALL = 0.0
 THIN_RINGS, MOST_BLOCKS = 16, 1_800_000
 
 
@@ -232,7 +232,7 @@ def _number_near(field: FieldArrays, load_nodes: IntArray) -> int:
     """Number the nodes near all loads, at rest, and return how many."""
     count, u = 0, field.displacement
     for load in range(load_nodes.shape[0]):
-        for k in range(field.start[load_nodes[load]], field.near[load_nodes[load]]):
+        for k in range(field.start[load_nodes[load]], field.far[load_nodes[load]]):
             if number_node(field.ring[k], field.slot, field.node, count) == count:
                 u[count, 0] = u[count, 1] = u[count, 2] = 0.0
                 count += 1
