@@ -24,6 +24,7 @@ from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
 from services.mechanics.collision.aabb_distance import distance2_below
 from services.mechanics.collision.aabb_tree import LEAF, AabbTree
 from services.mechanics.collision.boxes import CHILD, CHILD_RIGHT, REGION, is_leaf
+from services.mechanics.collision.kept import Kept
 from services.mechanics.collision.motion_bounds import largest_gain
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.shell import REGION_WIDTH, Body, Patch, Regions
@@ -86,14 +87,8 @@ def build_regions(
     inner = np.flatnonzero((tree.child[:, 0] != LEAF) & (size > TRIANGLES))
     roots = np.setdiff1d(np.union1d(tree.child[inner].ravel(), [0]), inner).astype(np.int32)
     members = [np.unique(triangles[tree.order[slice(*tree.span[root])]]) for root in roots]
-    c, r = len(roots), len(omega_rad_s)
-    shape, left = np.zeros((c, REGION_WIDTH, r)), np.zeros(c)
-    scaled_modes = modes / omega_rad_s
-    for k, vertex in enumerate(members):
-        middle = vertex[((vertices_m[vertex] - vertices_m[vertex].mean(axis=0)) ** 2).sum(axis=1).argmin()]
-        shape[k, :3] = modes[middle]
-        deformation, left[k] = _leading(scaled_modes[vertex] - scaled_modes[middle])
-        shape[k, 3 : 3 + len(deformation)] = deformation * omega_rad_s
+    c = len(roots)
+    shape, left = _moved_by(vertices_m, members, modes, omega_rad_s)
     count = np.bincount(np.concatenate(members), minlength=len(vertices_m))
     by_node = np.argsort(np.concatenate(members), kind="stable")
     of_node = np.repeat(np.arange(c, dtype=np.int32), [len(vertex) for vertex in members])[by_node]
@@ -107,6 +102,24 @@ def build_regions(
         n=len(vertices_m),
     )
     return Pieces(regions, roots)
+
+
+def _measured(
+    vertices_m: FloatArray, members: list[IntArray], modes: FloatArray, omega_rad_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return rows (c, REGION_WIDTH, r) and what is left (c,) of regions with these vertices."""
+    c, r = len(members), len(omega_rad_s)
+    shape, left = np.zeros((c, REGION_WIDTH, r)), np.zeros(c)
+    scaled_modes = modes / omega_rad_s
+    for k, vertex in enumerate(members):
+        middle = vertex[((vertices_m[vertex] - vertices_m[vertex].mean(axis=0)) ** 2).sum(axis=1).argmin()]
+        shape[k, :3] = modes[middle]
+        deformation, left[k] = _leading(scaled_modes[vertex] - scaled_modes[middle])
+        shape[k, 3 : 3 + len(deformation)] = deformation * omega_rad_s
+    return shape, left
+
+
+_moved_by = Kept(_measured, 1)
 
 
 def no_regions(n_nodes: int, n_modes: int) -> Regions:

@@ -11,6 +11,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.aabb_tree import AabbTree, build_tree
 from services.mechanics.collision.boxes import REACH, REGION, box_rows
+from services.mechanics.collision.kept import Kept
 from services.mechanics.collision.motion_bounds import LinearBounds, MotionBounds, TurnedBounds
 from services.mechanics.collision.nodes import place_nodes
 from services.mechanics.collision.regions import build_regions, no_regions
@@ -198,11 +199,15 @@ def _turned_fields(warp: TubeWarp | None, frame: SectionFrame | None) -> dict[st
     }
 
 
+#: Of the three patches of a surface.
+_tree = Kept(build_tree, 3)
+
+
 def _patch(mesh: TriangleMesh, triangles: IntArray, bounds: MotionBounds) -> tuple[Patch, AabbTree]:
     n = mesh.n_vertices
     neighbour = triangle_neighbours(triangles)
     ring_start, ring = triangles_round_vertices(triangles, n)
-    tree = build_tree(mesh.vertices_m, triangles, bounds)
+    tree = _tree(mesh.vertices_m, triangles, bounds)
     patch = Patch.zeros(
         triangles=np.ascontiguousarray(triangles),
         neighbour=neighbour,
