@@ -6,9 +6,9 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, SHAFT
-from services.mechanics.compiled import kernel, vectors
+from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, along, cross, dot, put_row_of, row_of, unit
+from services.mechanics.compiled.vectors import along, cross, dot, put_row_of, row_of, unit
 from services.mechanics.contact.frames import tangents
 from services.mechanics.contact.geometry import ContactGeometry, ToolGeometry, WallGeometry
 from services.mechanics.contact.hold_arrays import HoldArrays, holds_at
@@ -25,15 +25,13 @@ from services.mechanics.contact.writer import (
     put_on_duct,
     put_on_tool,
 )
-from services.mechanics.rod.curve import closest_on_curve, point_on_curve
+from services.mechanics.rod.curve import point_on_curve
 
 _HOLD, _GRIP = number_of("hold"), number_of("grip")
 # The axis of a catheter's row that lies along it; the first one is across the jaws.
 _ALONG = 1
 # A direction in which a point is guided, not held.
 LOOSE_SOFTNESS_M_N = 1.0
-# A guide that the catheter's end has passed by more than this part of a segment has lost it.
-END = 1e-3
 # Sine between catheter and opening below which jaws round it are not across it.
 LEAST_ACROSS = 0.1
 
@@ -55,11 +53,8 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
             continue
         _tool_side(holds, slot, geometry.tools, rows, row)
         if holds.target_kind[slot] == CATHETER_SEGMENT:
-            is_guide = _follows_another(holds, index)
-            if is_guide:
-                _pass_to_nearest(holds, slot, geometry.rod.position, vectors.row(rows.point_m, row))
             _catheter_side(holds, slot, geometry, rows, row)
-            if is_guide:
+            if _leader_of(holds, index) >= 0:
                 rows.softness_m_n[row, _ALONG] = LOOSE_SOFTNESS_M_N
         else:
             _wall_side(holds, slot, geometry.wall, rows, row)
@@ -122,26 +117,8 @@ def _put_at(holds: HoldArrays, slot: int, at: float, n_segments: int) -> None:
 
 
 @kernel
-def _pass_to_nearest(holds: HoldArrays, slot: int, position: FloatArray, anchor: Vector) -> None:
-    """Let a guide be where the catheter is nearest to it.
-
-    A point of the catheter that it keeps lags behind as the catheter turns, unfelt. With the next turn that lag is
-    across the jaws, where it is felt: motion that nobody has put in.
-    """
-    found, n_segments = (
-        closest_on_curve(position, holds.target[slot], holds.weights[slot, 1], anchor),
-        len(position) - 1,
-    )
-    _put_at(holds, slot, found.at, n_segments)
-    if found.at == 0.0 or found.at == n_segments:
-        _, _, slope = point_on_curve(position, found.at)
-        beyond = dot(found.offset, slope) if found.at == 0.0 else -dot(found.offset, slope)
-        holds.lost[slot] = holds.lost[slot] or beyond > END * dot(slope, slope)
-
-
-@kernel
-def _follows_another(holds: HoldArrays, index: int) -> bool:
-    """Whether an earlier hold of the same tool is on the catheter: only the first is stiff along it.
+def _leader_of(holds: HoldArrays, index: int) -> int:
+    """Return the place in order of an earlier hold of the same tool on the catheter, or -1: only the first is stiff.
 
     Two stiff points a millimetre apart on a rod that hardly stretches would fight over micrometres.
     """
@@ -149,8 +126,8 @@ def _follows_another(holds: HoldArrays, index: int) -> bool:
     for earlier in range(index):
         slot = holds.order[earlier]
         if holds.tool[slot] == tool and holds.target_kind[slot] == CATHETER_SEGMENT:
-            return True
-    return False
+            return earlier
+    return -1
 
 
 @kernel
@@ -186,23 +163,32 @@ def slide_holds(
     first, count = span
     for index in range(count):
         row, slot = first + index, holds.order[index]
+        u, slip, leader = state.problem.motion[3 * row : 3 * row + 3], state.problem.change, _leader_of(holds, index)
+        follows = bool(leader >= 0 and state.slides[first + leader])
+        if not (state.slides[row] or follows):
+            continue
+        for axis in range(3):
+            slip[axis] = 0.0
         if state.slides[row]:
-            u, slip, f = state.problem.motion[3 * row : 3 * row + 3], state.problem.change, rows.force_n[row]
+            f = rows.force_n[row]
             dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
             _to_world(rows, row, (u[0], u[1], u[2]), slip)
             holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
-            if holds.target_kind[slot] == CATHETER_SEGMENT:
-                _slide_along(holds, slot, slip, state.geometry.rod.position)
-            _slide_in_jaws(holds, slot, slip, state.geometry.tools)
+        if follows:
+            # It goes with the other one: left behind, it would hold the jaws to the line through it.
+            stretch = rows.softness_m_n[row, _ALONG] * rows.force_n[row, _ALONG]
+            _to_world(rows, row, (0.0, -stretch, 0.0), slip)
+        if holds.target_kind[slot] == CATHETER_SEGMENT:
+            _slide_along(holds, slot, slip, state.geometry.rod.position)
+        _slide_in_jaws(holds, slot, slip, state.geometry.tools)
         is_lost = is_lost or holds.lost[slot]
     return dissipated_j, is_lost
 
 
 @kernel
 def _to_world(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
-    """Write a motion in the row's frame into ``out`` (3,) along world axes."""
+    """Add a motion in the row's frame to ``out`` (3,) along world axes."""
     for axis in range(3):
-        out[axis] = 0.0
         for k in range(3):
             out[axis] += motion[k] * rows.frame[row, k, axis]
 

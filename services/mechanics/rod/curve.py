@@ -30,15 +30,12 @@ class CurvePoint(NamedTuple):
         Unit tangent; zero at an end of the rod that is nearest itself.
     offset
         From the point in space to it, in m.
-    at
-        Where it is along the rod, in segments.
     """
 
     first: int
     weights: Vector
     direction: Vector
     offset: Vector
-    at: float
 
 
 @kernel
@@ -64,7 +61,7 @@ def closest_on_curve(x: FloatArray, segment: int, s: float, p: Vector) -> CurveP
     length = math.sqrt(dot(slope, slope))
     tangent = scaled(slope, 1.0 / length if length > 0.0 and 0.0 < at < last else 0.0)
     # What rounding leaves of the place along the curve must not brake a rod that slides.
-    return CurvePoint(first, weights, tangent, along(offset, tangent, -dot(offset, tangent)), at)
+    return CurvePoint(first, weights, tangent, along(offset, tangent, -dot(offset, tangent)))
 
 
 @kernel
