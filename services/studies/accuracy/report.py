@@ -19,7 +19,7 @@ BUDGET_US = 500.0
 SLOWER = 2.0
 USELESS_PERCENT = 100.0
 """So far off is who feels nothing at all."""
-_OF_ONE_BODY = "integrator", "sleeping"
+_OF_ONE_BODY = ("integrator",)
 """Studies that time a part of a tick."""
 
 

@@ -71,7 +71,8 @@ class Error:
         In ``unit``; not finite where the setting did not come through.
     unit : str
     is_known : bool
-        False where nothing is an error, as in what an effect changes: such points have no frontier.
+        False where nothing is an error, as in what an effect changes, or nothing is to be chosen between: such points
+        have no frontier.
     """
 
     value: float
