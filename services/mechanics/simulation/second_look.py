@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.compiled.struct import Address
@@ -116,12 +116,16 @@ class SecondLook:
 
 @kernel
 def slides_far(state_address: Address[ContactState], far_m: float) -> bool:
-    """Return whether any two surfaces that have a row move against each other by more than ``far_m`` in the step."""
+    """Return whether any two surfaces that have a row move against each other by more than ``far_m`` in the step.
+
+    A particle is as far from everything as its row's gap, and may go so much further. Beside a tool walls bulge.
+    """
     state = state_at(state_address)
     rows, motion = state.rows, state.problem.motion
     for row in range(rows.n_contacts):
         if laws.HAS_GAP[rows.law[row]]:
+            far = far_m + (max(rows.gap_m[row], 0.0) if rows.tool[row] == NO_TOOL else 0.0)
             nearer = motion[3 * row] - max(rows.gap_m[row] + rows.pad_m[row], 0.0)
-            if nearer * nearer + motion[3 * row + 1] ** 2 + motion[3 * row + 2] ** 2 > far_m * far_m:
+            if nearer * nearer + motion[3 * row + 1] ** 2 + motion[3 * row + 2] ** 2 > far * far:
                 return True
     return False

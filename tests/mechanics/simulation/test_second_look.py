@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
+from services.mechanics.contact.laws import number_of
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.second_look import SecondLook
+from services.mechanics.simulation.second_look import SecondLook, slides_far
 from services.studies.stability.criteria import failures
 from services.studies.stability.drive import reduced_duct
 from services.studies.stability.families.jerks import cases as jerks
@@ -61,6 +62,21 @@ def _jerked(monkeypatch, is_due, *, given_pairs=False):
         simulation.step(tools, pairs if given_pairs else None)
     rod, wall = simulation.catheter.state, simulation.duct.state
     return simulation, (rod.position_m, rod.velocity_m_s, wall.q, wall.qdot, simulation.tools.proxy)
+
+
+@pytest.mark.parametrize(
+    ("tool", "slide_um", "is_far"),
+    [(NO_TOOL, 200, False), (NO_TOOL, 340, False), (NO_TOOL, 360, True), (0, 40, False), (0, 60, True)],
+)
+def test_what_touches_nothing_goes_as_far_as_its_gap_beyond_what_is_far(
+    small_scene, small_duct, tool, slide_um, is_far
+):
+    """A particle that swings in the lumen meets nothing; beside a tool a wall bulges."""
+    state = Simulation(small_scene, small_duct).system._state
+    state.rows.n_contacts, state.rows.law[0], state.rows.tool[0] = 1, number_of("unilateral"), tool
+    state.rows.gap_m[0] = state.problem.motion[0] = 300e-6
+    state.problem.motion[1] = 1e-6 * slide_um
+    assert slides_far(state.address, 50e-6) == is_far
 
 
 def test_a_look_that_finds_nothing_leaves_no_trace(monkeypatch):
