@@ -6,7 +6,6 @@ loaded nodes alone would see spikes, and contacts would jump from one triangle t
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 import numpy as np
@@ -27,10 +26,8 @@ RINGS = 3
 DENT_M, DENT_RINGS = 0.2e-3, 6
 DENT_OF_WALL = 0.5
 # Walls thinner than this are within the error that this leaves of where they are: a sixtieth of all dents together
-# where jaws press. What is more than an eighth of such a wall is made up for near all loads, from as far as there is
-# room for.
+# where jaws press. Near all their loads each load moves them, from as far as there is room for.
 THIN_M = 0.2e-3
-DENTS_OF_WALL = 0.0
 THIN_RINGS, MOST_BLOCKS = 16, 1_800_000
 
 
@@ -48,7 +45,7 @@ class FieldArrays(Struct):
     node: Annotated[IntArray, "n"]
     displacement: Annotated[FloatArray, "n", 3]
     dent_m: float  # what a load moves its own node by if its dent is deep
-    most_m: float  # of all loads together; beyond that each moves what is near any of them
+    is_thin: bool  # whether each load moves what is near any of them
 
 
 field_at = reader(FieldArrays)
@@ -90,7 +87,7 @@ class ResidualField:
             far=start[:-1] + np.diff(far[0]),
             softness=own_softness(duct),
             dent_m=min(DENT_M, DENT_OF_WALL * thickness_m),
-            most_m=DENTS_OF_WALL * thickness_m if is_thin else math.inf,
+            is_thin=is_thin,
             ring=ring,
             slot=np.full(n, -1, np.int32),
             node=self.nodes,
@@ -182,8 +179,7 @@ def displace_round_loads(address: Address[FieldArrays], load_nodes: IntArray, lo
     """Write nodes and residual displacements and return how many."""
     field = field_at(address)
     slot, nodes, u, ring = field.slot, field.node, field.displacement, field.ring
-    adds_up = field.most_m < math.inf and _dents_m(field, load_nodes, load_force) > field.most_m
-    n_near = _number_near(field, load_nodes) if adds_up else 0
+    n_near = _number_near(field, load_nodes) if field.is_thin else 0
     count = n_near
     for load in range(load_nodes.shape[0]):
         source = load_nodes[load]
@@ -198,7 +194,7 @@ def displace_round_loads(address: Address[FieldArrays], load_nodes: IntArray, lo
                 u[count, 0] = u[count, 1] = u[count, 2] = 0.0
                 count += 1
             _displace(field, k, number, (x, y, z))
-        for k in range(end, field.start[source + 1] if adds_up else end):
+        for k in range(end, field.start[source + 1] if field.is_thin else end):
             if 0 <= slot[ring[k]] < n_near:
                 _displace(field, k, slot[ring[k]], (x, y, z))
     forget_numbers(slot, nodes, count)
@@ -215,16 +211,6 @@ def _displace(field: FieldArrays, k: int, number: int, force: tuple[float, float
             u[number, i] += (
                 blocks[place, 0, i] * force[0] + blocks[place, 1, i] * force[1] + blocks[place, 2, i] * force[2]
             )
-
-
-@kernel
-def _dents_m(field: FieldArrays, load_nodes: IntArray, load_force: FloatArray) -> float:
-    """Return the sum of what loads move their own nodes by at most."""
-    total = 0.0
-    for load in range(load_nodes.shape[0]):
-        x, y, z = load_force[load, 0], load_force[load, 1], load_force[load, 2]
-        total += field.softness[load_nodes[load]] * math.sqrt(x * x + y * y + z * z)
-    return total
 
 
 @kernel
