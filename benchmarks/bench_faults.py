@@ -1,6 +1,6 @@
 """Kills and freezes of gateway, haptics and physics at random: how the hand fares, and how the rig comes back.
 
-    python benchmarks/bench_faults.py [--faults 200] [--seed 14] [--minutes 5]
+    python benchmarks/bench_faults.py [--faults 200] [--seed 14] [--minutes 5] [--keep]
 
 A rig whose left hand presses on the duct, SIGKILL or SIGSTOP of one of the three at a random moment, then: how long
 until the supervisor says so, how long until forces are on again (the rig is RUNNING or DEGRADED), whether it is
@@ -10,8 +10,9 @@ the rig (`machine_floor`). Where forces came back later than three seconds after
 second after that. Exit status 1 if any of it fails.
 
 Outcomes are kept beside the table, so that a run of `--minutes` goes on where the last one of that seed stopped, unless
-what was struck then is other code than what lies here now: a table is of one rig, so it is begun anew. One that is
-ended by SIGTERM takes its rig with it. 200 faults take about 25 minutes.
+what was struck then is other code than what lies here now: a table is of one rig, so it is begun anew. With `--keep`
+what was struck in other code stays, and the table says how many were of which commit, and how many of each failed. One
+that is ended by SIGTERM takes its rig with it. 200 faults take about 25 minutes.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -188,8 +190,26 @@ def _rows(outcomes: list[Outcome]) -> list[Row]:
     rows.append(Row("RUNNING within a minute", 100.0 * len(running) / len(outcomes), "%", 100.0, at_least=True))
     if running:
         rows.append(Row("RUNNING, of those, after", float(np.median(running)), "s", BACK_S, p99=max(running)))
-    failed = sum(bool(o.failures()) for o in outcomes)
-    return [*rows, Row(f"faults after which something failed, of {len(outcomes)}", float(failed), "", 0.0)]
+    return rows + _failed_rows(outcomes)
+
+
+def _failed_rows(outcomes: list[Outcome]) -> list[Row]:
+    """Return after how many something failed: of all, and of each commit where there are several."""
+    failed = [_at(o) for o in outcomes if o.failures()]
+    rows = [Row(f"faults after which something failed, of {len(outcomes)}", float(len(failed)), "", 0.0)]
+    struck = Counter(map(_at, outcomes))
+    if len(struck) > 1:
+        rows += [Row(f"of them at {at}, of {n}", float(failed.count(at)), "") for at, n in struck.items()]
+    return rows
+
+
+def _at(outcome: Outcome) -> str:
+    return outcome.commit or "an earlier commit"
+
+
+def struck_rigs(outcomes: list[Outcome]) -> str:
+    """Return how many of `outcomes` are of a rig of which commit, in the order in which they were struck."""
+    return ", ".join(f"{n} at {commit}" for commit, n in Counter(map(_at, outcomes)).items())
 
 
 def _floor_rows(outcomes: list[Outcome]) -> list[Row]:
@@ -210,10 +230,12 @@ def _draws(seed: int, n: int) -> list[tuple[str, signal.Signals, float]]:
     return [(chance.choice(LOOPS), chance.choice(SIGNALS), chance.uniform(0.0, 1.5)) for _ in range(n)]
 
 
-def kept(file: Path, seed: int, root: Path = ROOT) -> list[Outcome]:
-    """Return the outcomes of earlier runs with the same seed and the same code; none where any was of other code."""
+def kept(file: Path, seed: int, root: Path = ROOT, *, is_any_code: bool = False) -> list[Outcome]:
+    """Return the outcomes of earlier runs with the same seed; none where any was of other code, unless any will do."""
     data = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     outcomes = [Outcome(**each) for each in data["outcomes"]] if data.get("seed") == seed else []
+    if is_any_code:
+        return outcomes
     others = sorted({outcome.commit for outcome in outcomes if not is_same_code(outcome.commit, root)})
     if others:
         print(f"{len(outcomes)} outcomes are forgotten: {', '.join(others)} is other code", file=sys.stderr)
@@ -235,12 +257,14 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=200)
     parser.add_argument("--seed", type=int, default=14)
     parser.add_argument("--minutes", type=float, default=60.0, help="stop after so long, to go on another time")
-    parser.add_argument("--anew", action="store_true", help="forget the outcomes of earlier runs")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--anew", action="store_true", help="forget the outcomes of earlier runs")
+    which.add_argument("--keep", action="store_true", help="go on after those of other code, too")
     parser.add_argument("--name", default="faults", help="of the table in benchmarks/results")
     arguments = parser.parse_args()
     end_in_good_order()
     file = RESULTS / f"{arguments.name}-outcomes.json"
-    outcomes = [] if arguments.anew else kept(file, arguments.seed)
+    outcomes = [] if arguments.anew else kept(file, arguments.seed, is_any_code=arguments.keep)
     script = HERE / "press.yaml"
     overrides = [f"gateway.instruments.{i}.arm.settings.script={script}" for i in (0, 1)]
     # A fault comes every nine seconds; who is restarted more than five times a minute would be given up.
@@ -265,7 +289,7 @@ def main() -> int:
         "99 %, the longest; they include a restart's back-off. "
         "Forces are those of every device frame. After a fault the budget of a minute may keep the rig DEGRADED: "
         "forces are on, but it is not counted as RUNNING. Rates are those of the two seconds around the fifth after "
-        f"the fault. Struck were rigs of {', '.join(sorted({o.commit or 'an earlier commit' for o in outcomes}))}."
+        f"the fault. Struck were rigs of these commits: {struck_rigs(outcomes)}."
     )
     write_report(arguments.name, "Kills and freezes", _rows(outcomes), notes)
     return 1 if any(outcome.failures() for outcome in outcomes) else 0

@@ -6,7 +6,7 @@ import importlib
 import json
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -77,3 +77,21 @@ def test_it_begins_anew_where_any_was_of_other_code(
 @pytest.mark.parametrize("commit", ["", "unknown", "0123456"])
 def test_code_that_nobody_knows_is_other_code(bench_faults: Any, root: Path, commit: str) -> None:
     assert bench_faults.kept(_outcomes(bench_faults, root, commit), SEED, root) == []
+
+
+def test_kept_outcomes_of_other_code_are_told_apart(bench_faults: Any, root: Path) -> None:
+    first = _git(root, "rev-parse", "--short", "HEAD")
+    (root / "services" / "a.py").write_text("2\n")
+    _git(root, "commit", "--quiet", "-a", "-m", "other code")
+    now = _git(root, "rev-parse", "--short", "HEAD")
+    file = _outcomes(bench_faults, root, first, first, now)
+    outcomes = bench_faults.kept(file, SEED, root, is_any_code=True)
+    assert bench_faults.struck_rigs(outcomes) == f"2 at {first}, 1 at {now}"
+    assert bench_faults.kept(file, SEED + 1, root, is_any_code=True) == [], "another seed strikes others"
+
+    slow = replace(outcomes[0], rates_hz=dict.fromkeys(bench_faults.LOOPS, 900.0))
+    failed = {row.name: row.value for row in bench_faults._rows([slow, *outcomes[1:]])}
+    assert failed["faults after which something failed, of 3"] == 1.0
+    assert (failed[f"of them at {first}, of 2"], failed[f"of them at {now}, of 1"]) == (1.0, 0.0)
+    of_one = bench_faults._rows(outcomes[:2])
+    assert not any(row.name.startswith("of them at") for row in of_one), "one commit has one count"
