@@ -5,6 +5,7 @@ It is an ordinary process and is held up now and then; what was sent meanwhile w
 
 from __future__ import annotations
 
+import logging
 import platform
 import sys
 import time
@@ -139,8 +140,10 @@ class Recording:
         """Close the file, and say what is in it and what is not."""
         self._look_for_losses(time.monotonic_ns())
         self._writer.close()
-        lost = self._losses.sentence() or "none lost"
-        self._process.log.info("%d frames in %s, %s", self._writer.frames, self._writer.path, lost)
+        lost = self._losses.sentence()
+        loudly = logging.WARNING if lost else logging.INFO
+        said = self._writer.frames, self._writer.path, lost or "none lost"
+        self._process.log.log(loudly, "%d frames in %s, %s", *said)
 
 
 def run(process: Process) -> None:

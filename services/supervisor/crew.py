@@ -18,7 +18,7 @@ from services.supervisor import watch
 from services.supervisor.floods import Floods
 from services.supervisor.last_words import how_it_ended, level_of, start_sentence
 from services.supervisor.launcher import Child, open_sink
-from services.supervisor.member import Member, MemberState
+from services.supervisor.member import Fault, Member, MemberState
 from services.supervisor.nursery import Nursery
 from services.supervisor.pulses import Pulses
 
@@ -45,14 +45,6 @@ class Launch:
     nursery: Nursery | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class FatalStart:
-    """A process that could not even start: nothing is gained by trying again."""
-
-    sentence: str
-    exit_code: int
-
-
 @dataclass(slots=True)
 class Crew:
     """The processes. `launch` None: they are somebody else's, to be watched only."""
@@ -65,7 +57,7 @@ class Crew:
     on_report: Callable[[str, bodies.Health], None] = lambda _name, _health: None
     pulses: Pulses = field(default_factory=lambda: Pulses(None))
     has_heard_all: Callable[[], bool] = lambda: True
-    fatal: FatalStart | None = None
+    fatal: Fault | None = None  # of one that could not even start: nothing is gained by trying again
     ended_by_person: bool = False
     stopping: bool = False
     _last_step_s: float | None = None
@@ -322,8 +314,10 @@ class Crew:
         member.child.close()
         member.child = None
         first_start = member.name not in self._was_ready and status > 0
-        hung = member.reason if member.killed else ""
+        reason = (member.reason if member.killed else "") or f"{member.name}: {how_it_ended(status, member.last_lines)}"
         member.status = status
+        if status > 0 and status != EndOfRig.exit_code:
+            member.fault = Fault(reason, status)
         member.forget()
         if self.stopping:
             member.enter(MemberState.WAITING, now_s)
@@ -333,9 +327,8 @@ class Crew:
             self.say("info", f"{member.name}: a person has ended the rig there")
             member.enter(MemberState.WAITING, now_s)
             return
-        reason = hung or f"{member.name}: {how_it_ended(status, member.last_lines)}"
         if first_start:
-            self.fatal = FatalStart(start_sentence(member, status, log_file), status)
+            self.fatal = Fault(start_sentence(member, status, log_file), status)
             member.enter(MemberState.FAILED, now_s, reason)
             return
         delay_s = member.restarts.delay_s(now_s) if member.may_restart else None

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Sequence
 from pathlib import Path
 
 from services.supervisor.member import Member
 
+#: Bytes that the words, sockets, locks and last ticks of a rig take at most.
+_ROOM = 1 << 20
 _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 
 
@@ -37,5 +40,12 @@ def start_sentence(member: Member, status: int, log_file: Path) -> str:
     own = [line for line in lines if _is_sentence(line, member.name)]
     if own and not any(line.startswith("Traceback") for line in lines):
         return own[-1]  # a library may have had a word after it
-    last = lines[-1] if lines else "it said nothing"
+    last = lines[-1] if lines else f"it said nothing{_for_want_of_room(log_file.parent)}"
     return f"{member.name} ended with exit code {status} while starting: {last} (see {log_file})"
+
+
+def _for_want_of_room(directory: Path) -> str:
+    """Return that a disk is full where it is: what a process says, its sockets and its locks are there."""
+    found = os.statvfs(directory)
+    free = found.f_bavail * found.f_frsize
+    return f", and {directory} has {free >> 10} kB left" if free < _ROOM else ""

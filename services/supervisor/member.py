@@ -34,6 +34,14 @@ class MemberState(StrEnum):
     STOPPING = "stopping"
 
 
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What a process said when it ended by itself and in error, and its exit code."""
+
+    sentence: str
+    exit_code: int
+
+
 @dataclass(slots=True)
 class Member:
     """A process of the rig. Times are seconds of the monotonic clock."""
@@ -57,6 +65,7 @@ class Member:
     progress: tuple[str, float] | None = None
     killed: bool = False
     status: int = 0  # with which it last ended
+    fault: Fault | None = None  # the last of all: one that was started again may have left a hole
     came_up: bool = False  # was ready since it was started
     stalls_s: list[float] = field(default_factory=list)  # when silences ended that it came back from by itself
     _stalls_told: int = 0  # index of the loop's last stall that was

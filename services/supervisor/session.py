@@ -44,7 +44,7 @@ class StartError(UserError):
 
 
 class GivenUpError(StartError):
-    """A process of the rig was given up, and the rig went on without it: a recorder whose disk is full."""
+    """A process of the rig ended in error, and the rig went on all the same: a recorder whose disk is full."""
 
 
 @dataclass(slots=True)
@@ -131,6 +131,9 @@ def run_session(process: Process, session: SessionOptions) -> None:
     for member in supervisor.crew.members.values():
         if member.state is MemberState.FAILED:
             raise GivenUpError(member.reason, max(1, member.status))
+    for member in supervisor.crew.members.values():
+        if member.fault is not None:
+            raise GivenUpError(member.fault.sentence, member.fault.exit_code)
 
 
 def _rings(rig: Rig) -> Path | None:

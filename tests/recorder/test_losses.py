@@ -154,7 +154,9 @@ def test_file_dashboard_and_last_words_say_what_is_missing(
     assert (stub.health.state, stub.health.detail) == ("degraded", f"lost 30 frames: 30 of {STATE} ({QUEUES})")
     with caplog.at_level(logging.INFO):
         recording.close()
-    assert f"270 frames in {recording._writer.path}, lost 30 frames: 30 of {STATE}" in caplog.text
+    last = caplog.records[-1]
+    assert f"270 frames in {recording._writer.path}, lost 30 frames: 30 of {STATE}" in last.getMessage()
+    assert last.levelno == logging.WARNING, "so that `trocar up` shows it"
     with recording._writer.path.open("rb") as file:
         (told,) = [each.metadata for each in make_reader(file).iter_metadata() if each.name == "trocar.lost"]
     assert (told["topic"], told["frames"], told["why"]) == (STATE, "30", QUEUES)

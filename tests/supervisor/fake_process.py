@@ -2,7 +2,8 @@
 
 Words: ``exit`` (ends with code 2 and a sentence), ``slow`` (misses half its ticks), ``mute`` (never says ready),
 ``crash`` (dies of a signal), ``stubborn`` (does not end when asked), ``full`` (ends a while after it was ready, as a
-recorder whose disk is full), ``closed`` (ends a while after it was ready, as a window that is closed).
+recorder whose disk is full), ``full_at_last`` (so, when it is asked to end), ``closed`` (ends a while after it was
+ready, as a window that is closed).
 """
 
 from __future__ import annotations
@@ -63,6 +64,8 @@ def run(process: Process) -> None:
             raise RecordingError("a.mcap: no space left on device; 200 frames were kept")
         if "closed" in words and tick.index > RATE_HZ:
             raise EndOfRig("the window was closed")
+    if "full_at_last" in words:
+        raise RecordingError("a.mcap: no space left on device; 100 frames were kept")
 
 
 if __name__ == "__main__":

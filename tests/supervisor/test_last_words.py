@@ -43,3 +43,17 @@ def test_colours_of_a_library_are_not_repeated(tmp_path: Path) -> None:
     lines = child.lines()
     child.close()
     assert lines[0] == "bad server"
+
+
+def test_who_had_no_room_for_a_word_is_told_by_the_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    member = cast(Member, SimpleNamespace(name="gateway", last_lines=[]))
+    asked: list[Path] = []
+
+    def full(directory: Path) -> SimpleNamespace:
+        asked.append(directory)
+        return SimpleNamespace(f_bavail=14, f_frsize=4096)
+
+    monkeypatch.setattr("os.statvfs", full)
+    sentence = start_sentence(member, 1, tmp_path / "gateway.log")
+    assert f"while starting: it said nothing, and {tmp_path} has 56 kB left (see " in sentence
+    assert asked == [tmp_path]

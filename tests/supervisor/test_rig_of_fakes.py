@@ -230,6 +230,26 @@ def test_a_recorder_whose_disk_is_full_is_given_up_the_rig_goes_on_and_its_end_t
     assert caught.value.exit_code == 5
 
 
+def test_a_recorder_whose_disk_is_full_is_told_of_however_soon_the_rig_ends(fakes: Fakes) -> None:
+    """Started again, it may well be ready and not given up yet: the recording has a hole all the same."""
+
+    def scenario(supervisor: Supervisor) -> Scenario:
+        recorder = supervisor.crew.members["recorder"]
+        yield from until_running(supervisor)
+        yield from until(lambda: recorder.restarts.count > 0 and recorder.up)
+
+    with pytest.raises(session.GivenUpError, match=r"a\.mcap: no space left on device; 200 frames were kept") as caught:
+        fakes.play(scenario, recorder="full")
+    assert caught.value.exit_code == 5
+
+
+def test_what_a_process_could_not_do_at_its_end_is_told(fakes: Fakes) -> None:
+    """The last that a recorder writes may be what the disk has no room for."""
+    with pytest.raises(session.GivenUpError, match=r"a\.mcap: no space left on device; 100 frames were kept") as caught:
+        fakes.play(until_running, recorder="full_at_last")
+    assert caught.value.exit_code == 5
+
+
 def test_a_window_that_a_person_closes_ends_the_rig_in_good_order(fakes: Fakes) -> None:
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)
