@@ -33,7 +33,9 @@ def run_directory(transport: Transport) -> Path:
     """
     directory = transport.directory
     if directory is None:
-        directory = Path(os.environ.get("XDG_RUNTIME_DIR") or "/tmp") / f"trocar-{os.getuid()}"
+        named = Path(os.environ.get("XDG_RUNTIME_DIR", ""))
+        # One that is not absolute is none (XDG Base Directory Specification): each folder would have a rig of its own.
+        directory = (named if named.is_absolute() else Path("/tmp")) / f"trocar-{os.getuid()}"
     return make_private(directory)
 
 

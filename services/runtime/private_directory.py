@@ -17,6 +17,8 @@ from typing import IO
 from services.runtime.errors import BusError
 
 _OTHERS = 0o077
+#: What a link points to is not opened, and a pipe that nobody writes into is not waited for.
+_AS_IT_IS = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 
 
 def make_private(path: Path) -> Path:
@@ -39,17 +41,21 @@ def open_private(path: Path, flags: int) -> int:
     Raises
     ------
     BusError
-        if the directory is not private, or the file is a link.
+        if the directory is not private, or the file is a link, or no file at all.
     FileNotFoundError
         if it is not there and `flags` do not make it.
     """
     with _opened(path.parent) as directory:
         try:
-            return os.open(path.name, flags | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600, dir_fd=directory)
+            descriptor = os.open(path.name, flags | _AS_IT_IS, 0o600, dir_fd=directory)
         except FileNotFoundError:
             raise
         except OSError as error:
             raise BusError(f"{path}: is not a file of ours: {error.strerror}") from None
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise BusError(f"{path}: is not a file of ours: neither a link nor a pipe nor a device is taken")
+    return descriptor
 
 
 def open_text(path: Path, flags: int = os.O_RDONLY) -> IO[str]:

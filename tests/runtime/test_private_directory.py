@@ -28,6 +28,17 @@ def test_the_session_of_the_user_comes_first(tmp_path: Path, monkeypatch: pytest
     assert endpoints.run_directory(Transport()) == tmp_path / f"trocar-{os.getuid()}"
 
 
+@pytest.mark.parametrize("none", ["", "runtime", "./runtime"])
+def test_a_place_that_each_folder_has_another_of_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, none: str
+) -> None:
+    """As the XDG Base Directory Specification has it: `trocar top` in another folder would find no rig."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", none)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(endpoints, "make_private", lambda path: path)
+    assert endpoints.run_directory(Transport()) == Path("/tmp") / f"trocar-{os.getuid()}"
+
+
 @pytest.mark.parametrize("mode", [0o755, 0o770, 0o702])
 def test_one_that_is_open_to_others_is_refused(tmp_path: Path, mode: int) -> None:
     (tmp_path / "rig").mkdir()
@@ -61,6 +72,14 @@ def test_a_file_is_never_opened_through_a_link(tmp_path: Path) -> None:
     with pytest.raises(BusError, match="is not a file of ours"):
         endpoints.claim(Transport(directory=directory), "gateway.state")
     assert precious.read_text() == "mine"
+
+
+@pytest.mark.parametrize("flags", [os.O_RDONLY, os.O_RDWR | os.O_CREAT, os.O_WRONLY | os.O_CREAT])
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path, flags: int) -> None:
+    directory = endpoints.run_directory(Transport(directory=tmp_path / "rig"))
+    os.mkfifo(directory / "gateway.state.lock")
+    with pytest.raises(BusError, match=r"gateway\.state\.lock: is not a file of ours"):
+        open_private(directory / "gateway.state.lock", flags)
 
 
 _SQUAT = """
