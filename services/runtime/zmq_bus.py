@@ -8,6 +8,7 @@ from __future__ import annotations
 import select
 import time
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import IO
 
 import msgspec
@@ -76,6 +77,7 @@ class ZmqBus:
         self._context = zmq.Context()
         self._context.linger = 0
         self._locks: list[IO[str]] = []
+        self._paths: list[Path] = []  # of sockets that libzmq has bound, and leaves behind
         self._direct_senders: dict[str, DirectSender] = {}
         self._direct_readers: dict[str, DirectReader] = {}
         self._senders: dict[str, zmq.Socket[bytes]] = {}
@@ -128,6 +130,8 @@ class ZmqBus:
             socket.bind(where)
         except zmq.ZMQError as error:
             raise BusError(f"topic {name}: cannot bind {where}: {error.strerror}") from None
+        if transport.kind == "ipc":
+            self._paths.append(Path(_path(transport, endpoint_name)))
         return socket
 
     def _read_newest(self, transport: Transport, name: str) -> None:
@@ -312,6 +316,9 @@ class ZmqBus:
         for reader in self._direct_readers.values():
             reader.close()
         self._context.destroy(linger=0)
+        for path in self._paths:  # while their locks are ours: the next who publishes has not bound its own
+            path.unlink(missing_ok=True)
+        self._paths.clear()
         for lock in self._locks:
             lock.close()
         self._locks.clear()

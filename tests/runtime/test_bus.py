@@ -358,6 +358,22 @@ def test_an_endpoint_has_one_owner(transport: Transport) -> None:
     ZmqBus(transport, publishes=[STATE]).close()
 
 
+def test_who_closes_leaves_no_socket_behind_and_takes_nobody_elses(transport: Transport) -> None:
+    """A path without its publisher is one that readers try in vain."""
+    assert transport.directory is not None
+    first, other = (
+        ZmqBus(transport, publishes=[STATE, "gateway.health"]),
+        ZmqBus(transport, publishes=["physics.state"]),
+    )
+    with pytest.raises(BusError):
+        ZmqBus(transport, publishes=["supervisor.state", STATE])
+    first.close()
+    sockets = {path.name for path in transport.directory.glob("*.ipc")}
+    other.close()
+    assert sockets == {"physics.state.ipc", "physics.state.whole.ipc"}
+    assert not list(transport.directory.glob("*.ipc"))
+
+
 def test_a_taken_port_is_one_sentence() -> None:
     transport = Transport(kind="tcp", base_port=22_000)
     context = zmq.Context()
