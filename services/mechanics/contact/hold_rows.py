@@ -54,8 +54,6 @@ def append_holds(state_address: Address[ContactState], holds_address: Address[Ho
         _tool_side(holds, slot, geometry.tools, rows, row)
         if holds.target_kind[slot] == CATHETER_SEGMENT:
             _catheter_side(holds, slot, geometry, rows, row)
-            if _leader_of(holds, index) >= 0:
-                rows.softness_m_n[row, _ALONG] = LOOSE_SOFTNESS_M_N
         else:
             _wall_side(holds, slot, geometry.wall, rows, row)
             _let_jaws_close(holds.tool[slot], geometry.tools, rows, row)
@@ -117,20 +115,6 @@ def _put_at(holds: HoldArrays, slot: int, at: float, n_segments: int) -> None:
 
 
 @kernel
-def _leader_of(holds: HoldArrays, index: int) -> int:
-    """Return the place in order of an earlier hold of the same tool on the catheter, or -1: only the first is stiff.
-
-    Two stiff points a millimetre apart on a rod that hardly stretches would fight over micrometres.
-    """
-    tool = holds.tool[holds.order[index]]
-    for earlier in range(index):
-        slot = holds.order[earlier]
-        if holds.tool[slot] == tool and holds.target_kind[slot] == CATHETER_SEGMENT:
-            return earlier
-    return -1
-
-
-@kernel
 def _wall_side(holds: HoldArrays, slot: int, wall: WallGeometry, rows: ContactRows, row: int) -> None:
     """Take the rest position off; the displacement goes with that of all other contacts."""
     corners, weights = wall.triangles[holds.target[slot]], holds.weights[slot]
@@ -163,21 +147,12 @@ def slide_holds(
     first, count = span
     for index in range(count):
         row, slot = first + index, holds.order[index]
-        u, slip, leader = state.problem.motion[3 * row : 3 * row + 3], state.problem.change, _leader_of(holds, index)
-        follows = bool(leader >= 0 and state.slides[first + leader])
-        if not (state.slides[row] or follows):
+        if not state.slides[row]:
             continue
-        for axis in range(3):
-            slip[axis] = 0.0
-        if state.slides[row]:
-            f = rows.force_n[row]
-            dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
-            _to_world(rows, row, (u[0], u[1], u[2]), slip)
-            holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
-        if follows:
-            # It goes with the other one: left behind, it would hold the jaws to the line through it.
-            stretch = rows.softness_m_n[row, _ALONG] * rows.force_n[row, _ALONG]
-            _to_world(rows, row, (0.0, -stretch, 0.0), slip)
+        u, slip, f = state.problem.motion[3 * row : 3 * row + 3], state.problem.change, rows.force_n[row]
+        dissipated_j -= f[0] * u[0] + f[1] * u[1] + f[2] * u[2]
+        _to_world(rows, row, (u[0], u[1], u[2]), slip)
+        holds.slipped_m[slot] += math.sqrt(slip[0] * slip[0] + slip[1] * slip[1] + slip[2] * slip[2])
         if holds.target_kind[slot] == CATHETER_SEGMENT:
             _slide_along(holds, slot, slip, state.geometry.rod.position)
         _slide_in_jaws(holds, slot, slip, state.geometry.tools)
@@ -187,8 +162,9 @@ def slide_holds(
 
 @kernel
 def _to_world(rows: ContactRows, row: int, motion: tuple[float, float, float], out: FloatArray) -> None:
-    """Add a motion in the row's frame to ``out`` (3,) along world axes."""
+    """Write a motion in the row's frame into ``out`` (3,) along world axes."""
     for axis in range(3):
+        out[axis] = 0.0
         for k in range(3):
             out[axis] += motion[k] * rows.frame[row, k, axis]
 

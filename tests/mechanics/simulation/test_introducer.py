@@ -8,6 +8,7 @@ import pytest
 
 from services.mechanics import scenarios
 from services.mechanics.bodies.catheter import build_introducer, rod_supports
+from services.mechanics.contact.laws import number_of
 from services.mechanics.scenarios import Scenario, ToolMotion
 from services.mechanics.scene import CatheterScene
 from services.mechanics.scene.tools import ToolInputs
@@ -18,6 +19,10 @@ from services.mechanics.simulation.scene_duct import build_scene_duct
 # Where the middle of the jaws is, in mm, at times in s: the catheter is grasped and carried to the mouth.
 PICK = ((0.0, (72, 1.5, 12)), (0.25, (72, 1.5, 0)), (0.5, (72, 1.5, 0)), (0.8, (68, 0, 0)), (1.0, (66, 0, 0)))
 INSERT = (*PICK, (1.9, (44.5, 0, 0)))
+# 2 mu N of this grasp, mu = 0.5: N comes of 0.1 rad of a spring of 0.2 N m/rad, 11 mm beyond the hinge.
+GRIP_N = 1.8
+# At the hand it is more: jaws bear 0.6 N across themselves, and from the port to J it is 8 to 18 % less far.
+FELT_N = 1.25 * GRIP_N
 PEAK = 1.875  # of a least-jerk motion, over its mean speed
 
 
@@ -47,6 +52,7 @@ class Course:
     simulation: Simulation
     book: EnergyBook | None = None
     force_n: list = field(default_factory=list)
+    gripped_n: list = field(default_factory=list)
     penetration_m: list = field(default_factory=list)
     depth_m: list = field(default_factory=list)
     hub_m: list = field(default_factory=list)
@@ -58,6 +64,13 @@ class Course:
         """Largest fall of what was put in and is not stored, over the largest energy put in."""
         spent_j = np.array(self.spent_j)
         return np.max(np.maximum.accumulate(spent_j) - spent_j) / self.book.flow.input_j
+
+
+def gripped_n(simulation):
+    """What jaws that hold the catheter bear by friction: across themselves they bear what comes."""
+    rows = simulation.contacts
+    grips = np.flatnonzero(rows.law[: rows.n_contacts] == number_of("grip"))
+    return np.linalg.norm(np.einsum("gax,ga->x", rows.frame[grips, 1:], rows.force_n[grips, 1:]))
 
 
 def run(scenario: Scenario, duct, *, books=False):
@@ -73,6 +86,7 @@ def run(scenario: Scenario, duct, *, books=False):
             course.spent_j.append(course.book.flow.input_j - course.book.flow.stored_j)
         rod = simulation.catheter.state
         course.force_n.append(simulation.tool_results.force_n.copy())
+        course.gripped_n.append(gripped_n(simulation))
         course.penetration_m.append(simulation.max_penetration_m)
         course.depth_m.append(simulation.inserted_length_m)
         course.hub_m.append((rod.position_m[0] - introducer.entry) @ introducer.axis)
@@ -107,7 +121,9 @@ def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(duct, speed_m_s):
 def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(duct):
     """The hand goes 80 mm beyond where the catheter's end stops, at 0.5 m/s, and comes back; the grip slips instead.
 
-    So it is far from the tip then, and takes the catheter again where it was. Nothing comes of what has slipped.
+    So it is further from the tip then, and takes the catheter again where it was. Nothing comes of what has slipped.
+    How much slips is what the catheter, bent back round the introducer's edge, does not give: a stronger grip bends it
+    tighter. The tip comes back by so much less, and goes in by so much less.
     """
     out = ((2.6, (72, 0, 0)), (2.9, (150, 0, 0)), (3.2, (150, 0, 0)), (3.7, (90, 0, 0)))
     again = ((3.9, (90, 0, 0)), (4.1, (90, 1.5, 12)), *((4.4 + t, at) for t, at in INSERT))
@@ -118,10 +134,13 @@ def test_a_catheter_withdrawn_at_once_stays_in_its_introducer_and_goes_in_again(
     withdrawn = np.array(course.tip_m)[2900:3200]
     assert 4e-3 < withdrawn.min() < 8e-3
     assert min(course.depth_m[2600:3200]) == 0.0
-    assert course.depth_m[-1] > 20e-3
+    tip_m = np.array(course.tip_m)
+    nearer_m = tip_m[450] - tip_m[4850]  # of two grasps, both with the hand 72 mm from the mouth
+    assert nearer_m > 1e-3
+    assert course.depth_m[-1] == pytest.approx(course.depth_m[1900] - nearer_m, abs=0.1e-3)
     assert max(course.penetration_m) < 0.1e-3
-    limit_n = 2.0 * 0.9
-    assert largest_force_n(course) < limit_n
+    assert 0.99 * GRIP_N < max(course.gripped_n) < GRIP_N
+    assert largest_force_n(course) < FELT_N
     assert max(course.speed_m_s) < 10.0
 
 
@@ -130,7 +149,8 @@ def test_a_catheter_that_is_pulled_on_stops_with_its_end_in_the_introducer(duct)
     away = ((1.4, (90, -60, 60)), (1.9, (70, -120, 70)), (2.3, (70, -120, 70)))
     course = run(hands((*PICK, *away), "pulled"), duct)
     assert 21e-3 < max(course.hub_m) < 22e-3
-    assert largest_force_n(course) < 2.0 * 0.9
+    assert 0.99 * GRIP_N < max(course.gripped_n) < GRIP_N
+    assert largest_force_n(course) < FELT_N
     assert max(course.speed_m_s) < 10.0
 
 
@@ -145,7 +165,8 @@ def test_a_catheter_swept_round_behind_its_introducer_is_not_caught_by_it(duct):
         (4.4, (72, 0, 0)),
     )
     course = run(hands((*INSERT, *round_it), "swept"), duct)
-    assert largest_force_n(course) < 2.0 * 0.9
+    assert 0.99 * GRIP_N < max(course.gripped_n) < GRIP_N
+    assert largest_force_n(course) < FELT_N
     assert max(course.speed_m_s) < 10.0
     assert -0.1 < min(course.hub_m) <= max(course.hub_m) < 23e-3
 

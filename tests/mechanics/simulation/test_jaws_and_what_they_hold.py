@@ -75,7 +75,7 @@ def test_jaws_that_open_and_squeeze_no_more_meet_the_catheter_that_they_held(hol
 
 @pytest.fixture
 def slipping(small_duct, with_effects):
-    """Tool 1 holds the catheter at two points, 12 mm beyond the hinge, by friction of 10 mN each; and where J is."""
+    """Tool 1 holds the catheter at two points, 12 mm beyond the hinge, by friction of 5 mN each; and where J is."""
     simulation, tools = Simulation(with_effects(grasp_slip={}), small_duct), ToolInputs()
     tools.present[0] = False
     held_at = simulation.catheter.state.position_m[15].copy()
@@ -83,7 +83,7 @@ def slipping(small_duct, with_effects):
     at = held_at - 12e-3 * shaft / np.linalg.norm(shaft)
     tools.roll_rad[1], tools.jaw_angle_rad[1] = 0.5 * np.pi, 0.31
     tools.holds = [
-        GraspHold(number, 1, CATHETER_SEGMENT, 15, np.array([1.0 - s, s, 0.0]), 0.01, 0.31)
+        GraspHold(number, 1, CATHETER_SEGMENT, 15, np.array([1.0 - s, s, 0.0]), 0.005, 0.31)
         for number, s in ((3, 0.0), (5, 0.5))
     ]
     return simulation, tools, at
