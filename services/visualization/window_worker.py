@@ -40,6 +40,7 @@ class Window:
         if "EGL" in plotter.render_window.GetClassName():  # what VTK takes where it reaches no display
             sys.exit(f"no display {display_name()}")
         plotter.show(auto_close=False, interactive_update=True)
+        plotter.suppress_rendering = True  # pyvista draws for every actor that comes: half a scene, thirty times
         software = self._renderer.is_software()
         self._size = _SOFTWARE_SIZE if software else _SIZE
         self._pace = Pace(software=software)
