@@ -95,9 +95,15 @@ def keep_pressed(
             place = write_pair(out, pair, rows.gap_m[row], row_of(rows.frame[row], 0))
             if place != FULL:
                 slid[place] = slides[row]
-    for i in range(out.count):
+    write_corners(out, wall, nodes)
+
+
+@kernel
+def write_corners(pairs: ContactPairs, wall: WallGeometry, nodes: IntArray) -> None:
+    """Write the corners of the triangles that pairs name into ``nodes`` (3 C,)."""
+    for i in range(pairs.count):
         for corner in range(3):
-            nodes[3 * i + corner] = wall.triangles[out.target[i], corner]
+            nodes[3 * i + corner] = wall.triangles[pairs.target[i], corner]
 
 
 @kernel
@@ -120,7 +126,7 @@ def append_pressed(
         tool, segment = kept.tool[i], kept.tool_segment[i]
         weights, ends = row_of(kept.target_weights, i), tools.segments[tool, segment]
         axis = row_of(ends, 0), row_of(ends, 1)
-        s, distance, normal = seen_from(_kept_point(kept, corners, i), axis)
+        s, distance, normal = seen_from(kept_point(kept, corners, i), axis)
         thickness = tools.radius[tool, segment] + sizes[0]
         if distance == 0.0 or distance > thickness + sizes[1]:
             continue
@@ -133,7 +139,7 @@ def append_pressed(
 
 
 @kernel
-def _kept_point(kept: ContactPairs, corners: FloatArray, i: int) -> Vector:
+def kept_point(kept: ContactPairs, corners: FloatArray, i: int) -> Vector:
     """Return where a kept point is now."""
     at = row_of(corners, 3 * i), row_of(corners, 3 * i + 1), row_of(corners, 3 * i + 2)
     return combine(row_of(kept.target_weights, i), at[0], at[1], at[2])
@@ -153,7 +159,7 @@ def _is_known(
     the segment's axis, the thickness between axis and mid-surface, that of the wall, and how many pairs were found.
     """
     (corners, slid), (ends, thickness, wall_m, n_found) = states, where
-    mine = _kept_point(kept, corners, i)
+    mine = kept_point(kept, corners, i)
     near, same = apart_m(thickness, wall_m), ONE_POINT * thickness
     for k in range(pairs.count):
         if pairs.tool[k] != kept.tool[i] or pairs.tool_segment[k] != kept.tool_segment[i]:
@@ -184,7 +190,7 @@ def _is_another(
     (known, apart_2, same), (corners, slid) = found, states
     for j in range(kept.count):
         if j != i and kept.tool[j] == kept.tool[i] and kept.tool_segment[j] == kept.tool_segment[i]:
-            other_2 = squared_distance(known, _kept_point(kept, corners, j))
+            other_2 = squared_distance(known, kept_point(kept, corners, j))
             if other_2 < apart_2 and (slid[j] or other_2 < same * same):
                 return True
     return False

@@ -105,7 +105,7 @@ class ContactSettings:
     model: Literal["implicit", "penalty"] = "implicit"
     tolerance_n: float = 1e-6
     margin_m: float = 0.5e-3
-    capacity: int = 96
+    capacity: int = 160
     recovery: float = 0.2
     penalty_stiffness_n_m: float = 200.0
     penalty_damping_n_s_m: float = 0.05

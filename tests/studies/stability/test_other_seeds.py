@@ -143,6 +143,25 @@ def test_jaws_are_not_deep_in_what_they_squeeze(case, deep_m, gained):
     assert result.figures["gain"] < 0.25 * gained
 
 
+# A wall that turned to and fro about the catheter sank into it, each time about another point; and a wire in a squeezed
+# wall had more contacts than there was room for. Each with how deep the catheter was in the wall.
+SUNK_IN = [
+    (1, "abuse", "jammed, number 1", 0.309e-3),
+    (2, "abuse", "jammed, number 9", 0.198e-3),
+    (3, "abuse", "jammed, number 9", 0.315e-3),
+    (1, "stiffness", "1000 times as stiff, holding, number 1", 0.384e-3),
+    (1, "mass", "wall 0.01 times as heavy, number 1", 0.316e-3),
+]
+
+
+@pytest.mark.parametrize(("seed", "family", "case", "deep_m"), SUNK_IN)
+def test_a_wall_does_not_roll_into_the_catheter(seed, family, case, deep_m):
+    result = run_case(Order(Reach.LONG, seed, (family,)), family, case)
+    assert not {"gain", "force_step", "penetration_hand"} & set(result.failed), result.figures
+    assert result.figures["penetration_hand"] < 0.4 * deep_m
+    assert result.figures["healed"] == 0
+
+
 # What these cases asked was not what they did: the catheter on springs touched nothing, and at finer steps the hands
 # jerked a thousand times a second.
 ASKED = [
