@@ -140,7 +140,7 @@ class WindowOutput:
             return await worker.wait()
         finally:
             sending.cancel()
-            await _end(worker)
+            await _end(worker, 0.0 if self.closed else _END_S)
 
     async def _send(self, worker: asyncio.subprocess.Process) -> None:
         assert worker.stdin is not None
@@ -168,11 +168,12 @@ class WindowOutput:
                 self.closed = self.closed or kind == CLOSED
 
 
-async def _end(worker: asyncio.subprocess.Process) -> None:
+async def _end(worker: asyncio.subprocess.Process, patience_s: float) -> None:
+    """End who draws; one whose window a person has closed is not waited for, as the view says nothing meanwhile."""
     assert worker.stdin is not None
     worker.stdin.close()  # which it sees, and ends
     try:
-        await asyncio.wait_for(worker.wait(), _END_S)
+        await asyncio.wait_for(worker.wait(), patience_s)
     except TimeoutError:
         worker.kill()
         await worker.wait()

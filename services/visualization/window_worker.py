@@ -79,6 +79,8 @@ class Window:
         now_s = time.monotonic()
         if self._pace.drawn(now_s, now_s - began_s):
             self._take_rung()
+            self._overlay.follow_size()
+            self._renderer.draw()  # with its size a window loses what it shows, and the next picture may be long
 
     def answer_events(self) -> None:
         """Let the window answer mouse, keyboard and the person who closes it."""

@@ -1,0 +1,70 @@
+"""What a person sees of the window while it changes: whole pictures only, and its end at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from services.visualization import window as window_module
+from services.visualization.window import WindowOutput
+from tests.visualization.test_window import PATIENCE_S, Display, children, display, pytestmark, window
+
+__all__ = ["display", "pytestmark", "window"]
+
+_DRAW = """
+import json
+from services.visualization import codec
+from services.visualization.pace import RUNGS
+from services.visualization.render_pipe import FRAME, HELLO
+from services.visualization.window_worker import Window
+from tests.visualization.test_window import a_scene
+
+window, drawn, seen = Window(), [], {}
+size = window._renderer.plotter.render_window.GetSize
+window._renderer.plotter.render_window.AddObserver("EndEvent", lambda *_: drawn.append(size()))
+layout, picture = a_scene()
+window._pace.drawn = lambda *_: False
+window.take(HELLO, codec.encode_hello(layout).encode())
+for rung in (window._pace.rung, window._pace.rung, len(RUNGS) - 1, 0):
+    drawn.clear()
+    window._pace.rung = rung
+    window._take_rung()
+    window.take(FRAME, codec.encode(picture, 0))
+    window.draw()
+    seen[f"{len(seen)}: rung {rung}"] = len(drawn)
+window._pace.rung = len(RUNGS) - 1
+window._pace.drawn = lambda *_: True
+before = size()
+window.draw()
+print(json.dumps({"drawn": seen, "before": before, "after": size(), "last": drawn[-1]}))
+"""
+
+
+def test_each_picture_is_drawn_once_and_nothing_before_it_is_whole(display: Display) -> None:
+    """A library that draws for every actor that comes shows a duct without its tools, on a busy machine for seconds."""
+    command = [sys.executable, "-c", _DRAW]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=True, cwd=root)
+    seen = json.loads(done.stdout)
+    assert len(seen["drawn"]) == 4
+    assert set(seen["drawn"].values()) == {1}, seen
+    assert seen["before"] != seen["after"], "a coarser rung is a smaller window"
+    assert seen["last"] == seen["after"], "which does not wait for the next picture to show one"
+
+
+@pytest.mark.timeout(PATIENCE_S)
+def test_a_window_that_was_closed_is_not_waited_for(window: WindowOutput, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver may take long to end: who waits for it says nothing, is taken for hung, and started again."""
+    monkeypatch.setattr(window_module, "_END_S", 10.0 * PATIENCE_S)
+    (worker,) = children()
+    os.kill(worker, signal.SIGSTOP)
+    window.closed = True
+    window.close()
+    assert not Path(f"/proc/{worker}").exists()
+    window.close = lambda: None  # type: ignore[method-assign]  # the fixture's
