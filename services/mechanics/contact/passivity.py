@@ -26,7 +26,8 @@ from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.laws import ELASTIC_AXES, HAS_GAP
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.solver_steps import SolverScratch
 
 # A step may give so much: a ten-thousandth of what a catheter's length holds at a tenth of a metre per second.
 SLACK_J = 1e-10

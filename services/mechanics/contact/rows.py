@@ -42,6 +42,8 @@ class ContactRows(Struct):
         What the springs of its friction stored with the force of the last step, in J.
     friction : (C,) float64
         Coefficient of Coulomb friction, for laws that have it.
+    rubbing_n : (C,) float64
+        Friction that a contact bears whatever presses it, for laws that have it: nothing, but within a solve.
     force_limit_n : (C,) float64
         Largest force, for laws that have one.
     softness_m_n : (C, 3) float64
@@ -75,6 +77,7 @@ class ContactRows(Struct):
     elastic_m: Annotated[FloatArray, "c", 3]
     held_j: Annotated[FloatArray, "c"]
     friction: Annotated[FloatArray, "c"]
+    rubbing_n: Annotated[FloatArray, "c"]
     force_limit_n: Annotated[FloatArray, "c"]
     softness_m_n: Annotated[FloatArray, "c", 3]
     force_n: Annotated[FloatArray, "c", 3]

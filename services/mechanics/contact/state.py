@@ -10,7 +10,7 @@ from services.mechanics.contact.geometry import ContactGeometry
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.passivity import Ledger
 from services.mechanics.contact.rows import N_ROD_POINTS, ContactRows
-from services.mechanics.contact.solver import SolverScratch
+from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.warm_start import ForceMemory
 
 

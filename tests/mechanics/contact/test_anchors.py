@@ -12,7 +12,8 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.laws.unilateral import SURFACE_SOFTNESS_M_N
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import mark_sliding, write_world_forces
 from services.mechanics.contact.warm_start import ForceMemory, recall_forces, store_forces
 from services.mechanics.contact.writer import append_row

@@ -10,7 +10,8 @@ from services.mechanics.contact.free_motion import free_motion
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import write_world_forces
 from services.mechanics.contact.writer import append_row
 from services.mechanics.rod import ImplicitIntegrator, RodProperties, rod_along

@@ -10,7 +10,8 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.passivity import BEGINS_S, LATELY_S, SLACK_J, Ledger, solve_passively
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.writer import append_row
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation

@@ -6,7 +6,8 @@ import pytest
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import SolverScratch, solve_contacts
+from services.mechanics.contact.solver import solve_contacts
+from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.writer import append_row
 
 UNILATERAL, HOLD, GRIP = number_of("unilateral"), number_of("hold"), number_of("grip")

@@ -4,7 +4,8 @@ import pytest
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.rows import ContactRows
-from services.mechanics.contact.solver import MOST_SWEEPS, SolverScratch, solve_contacts
+from services.mechanics.contact.solver import MOST_SWEEPS, solve_contacts
+from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import mark_sliding
 from services.mechanics.contact.writer import append_row
 

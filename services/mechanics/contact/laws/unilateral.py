@@ -43,7 +43,7 @@ def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
     change = normal - force[0]
     force[0] = normal
     carry_change(problem, W, block, 0, change)
-    radius = problem.rows.friction[block] * normal
+    radius = problem.rows.friction[block] * normal + problem.rows.rubbing_n[block]
     f_1, f_2 = 0.0, 0.0
     if radius > 0.0:
         a, b, c = W[row + 1, row + 1], W[row + 1, row + 2], W[row + 2, row + 2]
@@ -58,25 +58,32 @@ def relax(problem: ContactProblem, W: FloatArray, block: int) -> None:
 
 @kernel
 def add_unknowns(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
-    """Three axes where a pressed contact sticks; its normal and the direction across its friction where it slides."""
-    force, mu = problem.rows.force_n[block], problem.rows.friction[block]
-    if force[0] <= 0.0:
-        return n
-    if mu > 0.0 and math.hypot(force[1], force[2]) < ON_THE_LIMIT * mu * force[0]:
-        return add_axes(out, n, block)
+    """The normal of what is pressed; both tangents where it sticks, the direction across its friction where it slides.
+
+    Where friction has a bound of its own there may be some without pressure.
+    """
+    rows, force = problem.rows, problem.rows.force_n[block]
+    limit = rows.friction[block] * force[0] + rows.rubbing_n[block]
+    if limit > 0.0 and math.hypot(force[1], force[2]) < ON_THE_LIMIT * limit:
+        if force[0] > 0.0:
+            return add_axes(out, n, block)
+        n = add_unknown(out, n, block, (0.0, 1.0, 0.0), 0.0)
+        return add_unknown(out, n, block, (0.0, 0.0, 1.0), 0.0)
     return _add_sliding(problem, block, out, n)
 
 
 @kernel
 def _add_sliding(problem: ContactProblem, block: int, out: Unknowns, n: int) -> int:
-    row, motion, mu = 3 * block, problem.motion, problem.rows.friction[block]
-    f_1, f_2 = problem.rows.force_n[block, 1], problem.rows.force_n[block, 2]
-    n = add_unknown(out, n, block, (1.0, 0.0, 0.0), 0.0)
+    row, motion, mu, force = 3 * block, problem.motion, problem.rows.friction[block], problem.rows.force_n[block]
+    f_1, f_2 = force[1], force[2]
     radius_2 = f_1 * f_1 + f_2 * f_2
-    if radius_2 == 0.0:
-        return n
     radius = math.sqrt(radius_2)
-    out.column[n - 1, 1], out.column[n - 1, 2] = mu * f_1 / radius, mu * f_2 / radius
+    if force[0] > 0.0:
+        n = add_unknown(out, n, block, (1.0, 0.0, 0.0), 0.0)
+        if radius > 0.0:
+            out.column[n - 1, 1], out.column[n - 1, 2] = mu * f_1 / radius, mu * f_2 / radius
+    if radius == 0.0:
+        return n
     shift = max(-(motion[row + 1] * f_1 + motion[row + 2] * f_2) / radius_2, 0.0)
     return add_unknown(out, n, block, (0.0, -f_2 / radius, f_1 / radius), shift)
 
@@ -86,7 +93,7 @@ def project(problem: ContactProblem, block: int) -> None:
     """Push, never pull, and scale friction down to its cone."""
     force = problem.rows.force_n[block]
     force[0] = max(force[0], 0.0)
-    radius = problem.rows.friction[block] * force[0]
+    radius = problem.rows.friction[block] * force[0] + problem.rows.rubbing_n[block]
     norm = math.hypot(force[1], force[2])
     if norm > radius:
         force[1] *= radius / norm
@@ -98,7 +105,7 @@ def room(rows: ContactRows, row: int, change: tuple[float, float, float]) -> flo
     """Up to where it opens; of what sticks, up to the edge of its cone."""
     force, mu, (d_0, d_1, d_2) = rows.force_n[row], rows.friction[row], change
     share = force[0] / -d_0 if force[0] + d_0 < 0.0 else 1.0
-    limit = mu * force[0]
+    limit = mu * force[0] + rows.rubbing_n[row]
     if math.hypot(force[1], force[2]) < ON_THE_LIMIT * limit:
         a = d_1 * d_1 + d_2 * d_2 - mu * mu * d_0 * d_0
         b = force[1] * d_1 + force[2] * d_2 - mu * limit * d_0
@@ -111,7 +118,7 @@ def slides(rows: ContactRows, row: int) -> bool:
     """Whether a pressed contact has its friction on the cone."""
     f = rows.force_n[row]
     tangent = math.hypot(f[1], f[2])
-    return bool(f[0] > 0.0 and tangent >= ON_THE_LIMIT * rows.friction[row] * f[0])
+    return bool(f[0] > 0.0 and tangent >= ON_THE_LIMIT * (rows.friction[row] * f[0] + rows.rubbing_n[row]))
 
 
 @kernel

@@ -1,0 +1,132 @@
+r"""Friction and pressure in turns, for solves that run in circles: each turn has an end, the last leaves no overlap.
+
+Coulomb's law has no potential: friction changes with the pressure, whose work is another. So neither a sweep nor a
+Newton step need lead nearer to the solution, and a few contacts may open, slip and close again in the same order for
+ever. With bounds :math:`|f_t| \le r` in the place of :math:`\mu f_n` (Tresca's friction) the solution is where a
+strictly convex potential is least, and active sets find it. From its pressures come the next bounds,
+:math:`r = \mu f_n`; Coulomb's solution is where these do not change (Panagiotopoulos, 1975; Haslinger, Hlavacek and
+Necas, "Numerical Methods for Unilateral Problems in Solid Mechanics", 1996). As a turn tells who is open, sticks and
+slides, a Newton step on Coulomb's law from there mostly ends it.
+
+Where turns do not come to an end either, bounds are halved, and what is above :math:`\mu f_n` even so bears none. Then
+some turn is the last: all pressures are as the law asks, nothing overlaps, and friction acts against the slip and is
+nowhere above its cone, but below it at some contact that slides. What is missing there is missing for one step.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.contact.laws import HAS_GAP
+from services.mechanics.contact.laws.law import ON_THE_LIMIT, ContactProblem
+from services.mechanics.contact.newton import add_step, list_unknowns, newton_step
+from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.solver_steps import SolverScratch, copy_forces, go_down, sweep, update_motion
+
+# So many turns for Coulomb's law at most, and no other once they have cost as much as so many sweeps.
+MOST_TURNS = 6
+MOST_COST = 200
+# Then bounds are this part of what coefficients allow. With all of it half as much friction is left: more contacts are
+# above their cones, lose theirs, and the load that it bore goes to others.
+LEFT = 0.5
+# A turn that has not come to its end after so many sweeps, each after Newton steps, leaves the rest to the next.
+MOST_SWEEPS_A_TURN = 20
+
+
+@kernel
+def solve_in_turns(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> int:
+    """Solve the contact problem from its present forces, in place, and return what it cost, in sweeps.
+
+    Coefficients of friction that had to be lowered stay so: with them the forces obey Coulomb's law.
+    """
+    rows, cost, turn = problem.rows, 0, 0
+    for row in range(rows.n_contacts):
+        scratch.friction[row] = rows.friction[row]
+    while turn < MOST_TURNS and cost < MOST_COST:
+        _give_bounds(rows, scratch.friction, 1.0)
+        cost += _press(problem, W, tolerance_n, scratch)
+        more, is_solved = _rub(problem, W, tolerance_n, scratch)
+        cost += more
+        if is_solved:
+            return cost
+        turn += 1
+    _give_bounds(rows, scratch.friction, LEFT)
+    cost += _press(problem, W, tolerance_n, scratch)
+    while _take_bounds(rows, scratch.friction):
+        cost += _press(problem, W, tolerance_n, scratch)
+    _lower_coefficients(rows, scratch.friction)
+    return cost
+
+
+@kernel
+def _give_bounds(rows: ContactRows, friction: FloatArray, share: float) -> None:
+    """Bound friction by this share of what the coefficients allow with the present pressures."""
+    for row in range(rows.n_contacts):
+        if HAS_GAP[rows.law[row]]:
+            rows.rubbing_n[row] = share * friction[row] * rows.force_n[row, 0]
+            rows.friction[row] = 0.0
+
+
+@kernel
+def _press(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> int:
+    """Find the least of the potential within the bounds; return what it cost, in sweeps."""
+    cost = 0
+    for _ in range(MOST_SWEEPS_A_TURN):
+        cost += go_down(problem, W, scratch) + 1
+        if sweep(problem, W)[0] <= tolerance_n:
+            break
+    return cost
+
+
+@kernel
+def _rub(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> tuple[int, bool]:
+    """Try a Newton step on Coulomb's law; return what it cost, and whether it solved it. If not, forces are as before.
+
+    What slides on its bound slides with what its coefficient allows.
+    """
+    rows, k, unknowns = problem.rows, problem.rows.n_contacts, scratch.unknowns
+    copy_forces(rows.force_n, scratch.force, k)
+    for row in range(k):
+        force, limit = rows.force_n[row], scratch.friction[row] * rows.force_n[row, 0]
+        rubs_n = math.hypot(force[1], force[2])
+        if HAS_GAP[rows.law[row]] and rubs_n > 0.0 and rubs_n >= ON_THE_LIMIT * rows.rubbing_n[row]:
+            force[1] *= limit / rubs_n
+            force[2] *= limit / rubs_n
+        rows.friction[row], rows.rubbing_n[row] = scratch.friction[row], 0.0
+    update_motion(problem, W, scratch.free)
+    n = list_unknowns(problem, unknowns)
+    if newton_step(problem, W, unknowns, n):
+        add_step(problem, unknowns, n, 1.0)
+        update_motion(problem, W, scratch.free)
+    cost = 2 + n**3 // (27 * k * k)
+    if sweep(problem, W)[0] <= tolerance_n:
+        return cost, True
+    copy_forces(scratch.force, rows.force_n, k)
+    update_motion(problem, W, scratch.free)
+    return cost, False
+
+
+@kernel
+def _take_bounds(rows: ContactRows, friction: FloatArray) -> bool:
+    """Let contacts bear no friction whose friction is above their cone; return whether there are any."""
+    is_above = False
+    for row in range(rows.n_contacts):
+        force, limit = rows.force_n[row], friction[row] * rows.force_n[row, 0]
+        if HAS_GAP[rows.law[row]] and rows.rubbing_n[row] > 0.0 and math.hypot(force[1], force[2]) > limit:
+            rows.rubbing_n[row] = 0.0
+            is_above = True
+    return is_above
+
+
+@kernel
+def _lower_coefficients(rows: ContactRows, friction: FloatArray) -> None:
+    """Take the bounds away; what slides on one that was lowered has a coefficient with which it slides."""
+    for row in range(rows.n_contacts):
+        if HAS_GAP[rows.law[row]]:
+            force, limit = rows.force_n[row], friction[row] * rows.force_n[row, 0]
+            rubs_n = math.hypot(force[1], force[2])
+            is_lowered = rubs_n < limit and rubs_n >= ON_THE_LIMIT * rows.rubbing_n[row]
+            rows.friction[row] = rubs_n / force[0] if is_lowered else friction[row]
+            rows.rubbing_n[row] = 0.0
