@@ -40,6 +40,10 @@ GAINED = [
     # A second look took a catheter that had been planned again back to where the plan before had led it.
     (1, "stiffness", "10 times as stiff, holding, number 1", 0.028),
     (1, "stiffness", "100 times as stiff, holding, number 3", 0.011),
+    # The second point of a grip was a guide whose axes turned with the catheter, and bore nothing along it.
+    (1, "jerks", "holding, 0.1 m/s, number 32", 0.047),
+    (1, "jerks", "holding, 1 m/s, number 76", 0.0125),
+    (1, "abuse", "dragged over the rim, number 10", 0.015),
 ]
 
 
