@@ -18,6 +18,14 @@ DEFAULT_BITRATE = 1e6
 #: Errors in a row, of frames that cannot be read or of a bus that is gone, passed over by one `drain`.
 _STRANGE_LIMIT = 16
 
+#: What python-can's interfaces take, of those that hand nothing on to a vendor's library.
+KEYS = {
+    "socketcan": ("channel", "receive_own_messages", "local_loopback", "fd", "ignore_rx_error_frames"),
+    "slcan": ("channel", "tty_baudrate", "sleep_after_open", "rtscts", "listen_only", "timeout"),
+    "udp_multicast": ("channel", "port", "hop_limit", "receive_own_messages", "fd"),
+    "virtual": ("channel", "receive_own_messages", "rx_queue_size", "preserve_timestamps"),
+}
+
 # A bus that could not be opened would also complain that nobody closed it.
 logging.getLogger("can").setLevel(logging.ERROR)
 
@@ -48,6 +56,27 @@ def _open_slcan(settings: dict[str, Any]) -> can.BusABC:
     from services.gateway.slcan import SlcanBus  # only here: python-can complains of a missing pyserial by itself
 
     return share(settings, SlcanBus)
+
+
+def check_keys(settings: dict[str, Any]) -> None:
+    """Refuse a key that the named interface does not know: python-can passes it over, and takes its own value instead.
+
+    Raises
+    ------
+    ValueError
+        naming the key, or one that is missing with those that are there.
+    """
+    if "interface" not in settings:
+        raise ValueError(f"interface: this key is missing; given: {', '.join(map(str, settings)) or 'none'}")
+    known = KEYS.get(str(settings["interface"]))
+    if known is None:  # of a vendor's library
+        return
+    known = ("interface", "bitrate", *known)
+    unknown = next((key for key in settings if key not in known), None)
+    if unknown is not None:
+        raise ValueError(f"unknown key {unknown!r}; known: {', '.join(known)}")
+    if "channel" not in settings:  # without, socketcan hears all buses of the machine
+        raise ValueError("channel: this key is missing")
 
 
 def bitrate(settings: dict[str, Any]) -> float:

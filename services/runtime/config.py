@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from services.runtime import yaml_text
 from services.runtime.errors import ConfigError
@@ -160,24 +161,36 @@ def build(kind: type[T], data: Mapping[str, Any], where: str) -> T:
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _MISSING = ("missing", "missing_argument")
+_NO_KIND = "union_tag_not_found"
 
 
 def _sentence(error: ValidationError, kind: type[Any]) -> str:
     """Return what is wrong: an unknown key before all else, as a misspelt key is also one that is missing."""
     errors = error.errors(include_url=False)
     first = next((each for each in errors if each["type"] in _UNKNOWN), errors[0])
-    path = ".".join(str(part) for part in first["loc"] if part != "[key]")  # so pydantic calls a key that is wrong
+    unknown = _unknown(first, kind)
+    path = ".".join(str(part) for part in unknown or first["loc"] if part != "[key]")  # of a key that is wrong itself
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-    if first["type"] in _UNKNOWN:
-        known = ", ".join(known_keys(kind, first["loc"][:-1])) or "none"
-        return f"{path}: unknown key {str(first['loc'][-1])!r}; known: {known}{more}"
+    if unknown:
+        known = ", ".join(known_keys(kind, unknown[:-1])) or "none"
+        return f"{path}: unknown key {str(unknown[-1])!r}; known: {known}{more}"
     if first["type"] in _MISSING:
         return f"{path}: this key is missing{more}"
-    if first["type"] == "union_tag_not_found":
+    if first["type"] == _NO_KIND:
         key = str(first["ctx"]["discriminator"]).strip("'")
         return f"{'.'.join(filter(None, (path, key)))}: this key is missing{more}"
     message = first["msg"].removeprefix("Value error, ")
     return f"{path or 'file'}: {message[:1].lower()}{message[1:]}{more}"
+
+
+def _unknown(error: ErrorDetails, kind: Any) -> tuple[int | str, ...]:
+    """Return where an unknown key is, empty for none: one may stand where the key that chooses a type is missing."""
+    if error["type"] in _UNKNOWN:
+        return error["loc"]
+    if error["type"] == _NO_KIND and isinstance(error["input"], Mapping):
+        known = known_keys(kind, error["loc"])
+        return next(((*error["loc"], key) for key in error["input"] if key not in known), ())
+    return ()
 
 
 def known_keys(kind: Any, location: tuple[int | str, ...]) -> list[str]:

@@ -124,6 +124,25 @@ def test_what_decides_which_keys_there_are_is_missed_by_its_name() -> None:
         config.build(DeviceFile, {"model": "x"}, "a.yaml")
 
 
+@pytest.mark.parametrize(
+    ("kind", "data", "sentence"),
+    [
+        (DeviceFile, {"kidn": "arm", "model": "x"}, "kidn: unknown key 'kidn'; known: "),
+        (Cart, {"on": {"kin": "rail"}}, "on.kin: unknown key 'kin'; known: gauge_m, kind, radius_m"),
+        (
+            Cart,
+            {"parts": [{"kind": "wheel", "radius_m": 1.0}, {"kinds": "rail"}]},
+            "parts.1.kinds: unknown key 'kinds'",
+        ),
+        (Cart, {"on": 3}, "on: "),
+    ],
+)
+def test_what_decides_is_misspelt(kind: type[Any], data: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        config.build(kind, data, "file")
+    assert str(caught.value).startswith(f"file: {sentence}")
+
+
 def test_an_option_that_is_no_yaml_says_why(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"is not a YAML value: key 'core' is given twice"):
         config.load(Rig, write(tmp_path, "name: a"), ["processes.physics={core: 1, core: 2}"])

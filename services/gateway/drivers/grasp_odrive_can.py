@@ -39,7 +39,8 @@ class OdriveSettings(Settings):
 
     @field_validator("bus")
     @classmethod
-    def _has_a_speed(cls, bus: dict[str, Any]) -> dict[str, Any]:
+    def _can_be_opened(cls, bus: dict[str, Any]) -> dict[str, Any]:
+        canbus.check_keys(bus)
         if not canbus.bitrate(bus) > 0.0:
             raise ValueError(f"bitrate must be above 0 bit/s, is {bus['bitrate']!r}")
         return bus
