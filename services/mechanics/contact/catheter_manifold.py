@@ -19,7 +19,7 @@ from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPa
 from services.mechanics.collision.writer import FULL, write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, along, dot, scaled, squared_distance, subtract
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, scaled, squared_distance, subtract
 from services.mechanics.compiled.vectors import row as row_of
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at, wall_at
@@ -27,9 +27,11 @@ from services.mechanics.contact.identity import target_kind_of, target_of
 from services.mechanics.contact.manifold import CAPACITY, ONE_POINT, NodePositions, kept_point, write_corners
 from services.mechanics.contact.met import LEAST_APPROACH_M, LEAST_OF_WALL
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
+from services.mechanics.contact.system import ContactSystem
 
 # A point may be one with what was found by a particle so many places further.
 _BESIDE = 2
+NONE = -1
 
 
 class CatheterManifold:
@@ -49,14 +51,14 @@ class CatheterManifold:
         """Pressed points since the start that found no room to be kept."""
         return self._pairs.dropped
 
-    def keep(self, rows: ContactRows, slides: BoolArray, deepest_m: float) -> None:
-        """Remember the pressed points of the rows just solved, if anything was as deep as counts, ``deepest_m``.
+    def keep(self, system: ContactSystem, deepest_m: float) -> None:
+        """Remember the pressed points of the rows just solved, where something is as deep as counts or gives anything.
 
-        ``slides`` (C,) says which slid.
+        ``deepest_m`` is the deepest overlap.
         """
-        if deepest_m > self._least_m:
-            states = (slides, self._slid, self._nodes)
-            keep_pressed_by_catheter(rows.address, self._wall.address, self._pairs.address, states)
+        if deepest_m > self._least_m or system.owed_j > 0.0:
+            states = (system.slides, self._slid, self._nodes)
+            keep_pressed_by_catheter(system.rows.address, self._wall.address, self._pairs.address, states)
         elif self._pairs.count:
             self.forget()
 
@@ -120,10 +122,15 @@ def append_kept(
         if distance == 0.0 or distance > reach or dot(away, row_of(kept.normal, i)) < FACING * distance:
             continue
         near = apart_m(thickness, 2.0 * sizes[0]) if slid[i] else ONE_POINT * thickness
-        if not _is_known(out, rod, (point, kept.particle[i]), (near, thickness)):
+        known = _known(out, rod, (point, kept.particle[i]), (near, thickness))
+        if known == NONE:
             weights, s = row_of(kept.target_weights, i), kept.tool_parameter[i]
             pair = (NO_TOOL, 0, kept.particle[i], DUCT_TRIANGLE, kept.target[i], s, weights)
             write_pair(out, pair, distance - thickness, scaled(away, 1.0 / distance))
+        elif not slid[i] and out.particle[known] == kept.particle[i]:
+            copy_point(kept, i, out, known)
+            out.gap_m[known] = distance - thickness
+            put_row(out.normal, known, scaled(away, 1.0 / distance))
 
 
 @kernel
@@ -135,8 +142,15 @@ def _axis_point(rod: RodGeometry, pairs: ContactPairs, i: int) -> Vector:
 
 
 @kernel
-def _is_known(pairs: ContactPairs, rod: RodGeometry, where: tuple[Vector, int], sizes: tuple[float, float]) -> bool:
-    """Whether the catheter has a pair near a particle, with a point of the wall that is nearer than that.
+def copy_point(kept: ContactPairs, i: int, pairs: ContactPairs, to: int) -> None:
+    """Write where a kept point is, on the catheter and on the wall, over that of another pair."""
+    pairs.target[to], pairs.tool_parameter[to] = kept.target[i], kept.tool_parameter[i]
+    put_row(pairs.target_weights, to, row_of(kept.target_weights, i))
+
+
+@kernel
+def _known(pairs: ContactPairs, rod: RodGeometry, where: tuple[Vector, int], sizes: tuple[float, float]) -> int:
+    """Return the catheter's pair near a particle with a point of the wall that is nearer than that, or `NONE`.
 
     ``where`` are point and particle; ``sizes`` how near, and the distance between axis and mid-surface.
     """
@@ -146,5 +160,5 @@ def _is_known(pairs: ContactPairs, rod: RodGeometry, where: tuple[Vector, int], 
             continue
         known = along(_axis_point(rod, pairs, k), row_of(pairs.normal, k), -(pairs.gap_m[k] + thickness))
         if squared_distance(known, point) < near * near:
-            return True
-    return False
+            return k
+    return NONE

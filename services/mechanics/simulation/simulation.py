@@ -330,7 +330,7 @@ class Simulation:
         self.seal.slide()
         self.holds.slide()
         self._manifold.keep(system.rows, system.slides)
-        self._catheter_manifold.keep(system.rows, system.slides, self.max_penetration_m)
+        self._catheter_manifold.keep(system, self.max_penetration_m)
         self.squeeze.follow(self.tools, dt_s)
         for effect in self._stages["settle"]:
             effect.settle(self.world, dt_s)

@@ -56,12 +56,14 @@ class Rolling:
         pairs.normal[0], pairs.gap_m[0], pairs.count = normal, distance - self.thickness_m, 1
         return pairs
 
-    def press(self, *, slides=False, force_n=0.1, deepest_m=DEEP_M):
+    def press(self, *, slides=False, force_n=0.1, deepest_m=DEEP_M, owed_j=0.0):
         """Solve a step with the closest point as the only row."""
         self._system.clear()
         append_pairs(self.closest(), self._system.geometry, self._system.rows)
         self._system.rows.force_n[0, 0] = force_n
-        self._manifold.keep(self._system.rows, np.array([slides]), deepest_m)
+        self._system.slides[0] = slides
+        self._system._state.ledger.owed_j = owed_j
+        self._manifold.keep(self._system, deepest_m)
 
     def turn(self, angle):
         """Turn the wall about the pressed point and an axis in it."""
@@ -107,6 +109,19 @@ def test_what_is_found_again_has_one_pair(rolling):
     assert rolling.pairs().count == 1
 
 
+def test_a_point_that_stuck_is_found_where_it_was(rolling):
+    """What is closest 10 um beside it was deeper by 0.05 um in each tick: a light wall was swung by that for ever."""
+    rolling.press()
+    rolling.turn(0.01)
+    closest, pairs = rolling.closest(), rolling.pairs()
+    assert pairs.count == 1
+    assert pairs.gap_m[0] == pytest.approx(-DEEP_M, abs=1e-12)
+    assert closest.gap_m[0] < -DEEP_M - 40e-9
+    rolling.press(slides=True)
+    rolling.turn(0.01)
+    assert rolling.pairs().gap_m[0] == rolling.closest().gap_m[0]
+
+
 def test_a_point_that_slid_is_one_with_what_is_found_next_to_it(rolling):
     rolling.press(slides=True)
     rolling.turn(0.1)
@@ -115,7 +130,7 @@ def test_a_point_that_slid_is_one_with_what_is_found_next_to_it(rolling):
     assert rolling.pairs().count == 2
 
 
-def test_nothing_is_kept_that_bears_nothing_or_where_nothing_is_deep(rolling):
+def test_nothing_is_kept_that_bears_nothing_or_where_nothing_is_deep_or_owed(rolling):
     rolling.press()
     rolling.press(force_n=0.0)
     rolling.turn(0.13)
@@ -124,6 +139,9 @@ def test_nothing_is_kept_that_bears_nothing_or_where_nothing_is_deep(rolling):
     rolling.press(deepest_m=1e-6)
     rolling.turn(0.13)
     assert rolling.pairs().count == 1
+    rolling.press(deepest_m=1e-6, owed_j=1e-9)
+    rolling.turn(0.13)
+    assert rolling.pairs().count == 2
 
 
 def test_a_point_that_the_catheter_has_gone_round_is_let_go(rolling):
