@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, TypeAdapter
 
-from services.runtime import config
+from services.runtime import config, endpoints, keys
 from services.runtime.called_for import BESIDE_THE_DUCT
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
@@ -106,6 +106,9 @@ def _load_rig(path: Path, overrides: tuple[str, ...]) -> tuple[Any, config.Origi
 
     of_rig, of_scene = config.split_overrides(overrides)
     rig, origins = config.load(Rig, path, of_rig)
+    endpoints.check(rig.transport)
+    if rig.transport.keys is not None:
+        keys.load(rig.transport.keys)
     build_instruments(rig.gateway)
     _load_scene(rig.scene, of_scene)
     return rig, origins

@@ -13,12 +13,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
+from protocol.topics import TOPICS
 from services.runtime.errors import BusError
 from services.runtime.private_directory import make_private, open_text
 from services.runtime.rig import Transport
 
 _MAX_IPC_PATH = 107
 _PORTS = 8192
+#: Of the endpoint of a topic's batches, as `services.runtime.whole` names it.
+_WHOLE = ".whole"
 
 
 def run_directory(transport: Transport) -> Path:
@@ -51,10 +54,27 @@ def endpoint(transport: Transport, topic: str, host: str | None = None) -> str:
         port = transport.base_port + zlib.crc32(topic.encode()) % _PORTS
         publisher = topic.split(".")[0]
         return f"tcp://{host or transport.hosts.get(publisher, transport.host)}:{port}"
-    path = str(run_directory(transport) / f"{topic}.ipc")
+    return f"ipc://{_ipc_path(run_directory(transport), topic)}"
+
+
+def check(transport: Transport) -> None:
+    """Refuse a directory that is too deep for sockets; makes nothing.
+
+    Raises
+    ------
+    BusError
+        naming the path that would be longer than the system allows.
+    """
+    if transport.kind == "ipc" and transport.directory is not None:
+        for topic in TOPICS:
+            _ipc_path(transport.directory, f"{topic}{_WHOLE}")
+
+
+def _ipc_path(directory: Path, topic: str) -> str:
+    path = str(directory / f"{topic}.ipc")
     if len(path) > _MAX_IPC_PATH:
         raise BusError(f"transport.directory: the socket path {path} has {len(path)} characters, the system allows 107")
-    return f"ipc://{path}"
+    return path
 
 
 def claim(transport: Transport, topic: str) -> IO[str]:
@@ -83,7 +103,7 @@ def remove_stale(transport: Transport) -> list[str]:
     """Remove the sockets of publishers that are no more (one that is killed leaves them) and return their names."""
     removed = []
     for path in sorted(run_directory(transport).glob("*.ipc")):
-        with suppress(BusError, FileNotFoundError), claim(transport, path.stem.removesuffix(".whole")):
+        with suppress(BusError, FileNotFoundError), claim(transport, path.stem.removesuffix(_WHOLE)):
             path.unlink()
             removed.append(path.name)
     return removed

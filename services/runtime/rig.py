@@ -31,8 +31,27 @@ def _a_file_can_have_it(name: str) -> str:
     return name
 
 
+def _not_every_interface(host: str) -> str:
+    if not host.strip():  # as an address to bind it is every interface of the machine
+        raise ValueError("is empty; all addresses of this host are called 0.0.0.0")
+    return host
+
+
+def _one_of(kind: str, known: Iterable[str]) -> AfterValidator:
+    names = tuple(dict.fromkeys(known))
+
+    def check(name: str) -> str:
+        if name not in names:
+            raise ValueError(f"there is no {kind} {name!r}; known: {', '.join(names)}")
+        return name
+
+    return AfterValidator(check)
+
+
 Place = Annotated[Path, BeforeValidator(_not_nothing)]
 Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_a_file_can_have_it)]
+Host = Annotated[str, AfterValidator(_not_every_interface)]
+ProcessName = Annotated[str, _one_of("process", (row.publisher for row in TOPICS.values()))]
 
 
 class Transport(Settings):
@@ -41,9 +60,9 @@ class Transport(Settings):
     kind: Literal["ipc", "tcp"] = "ipc"
     directory: Place | None = Field(None, description="of the ipc sockets; by default private to the user")
     base_port: Annotated[int, Field(ge=1024, le=57000)] = 21000
-    host: str = Field("127.0.0.1", description="tcp: where publishers are reached")
-    hosts: dict[str, str] = Field({}, description="tcp: by publisher, where it is not `host`")
-    bind_host: str = Field("127.0.0.1", description="tcp: address that publishers bind")
+    host: Host = Field("127.0.0.1", description="tcp: where publishers are reached")
+    hosts: dict[ProcessName, Host] = Field({}, description="tcp: by publisher, where it is not `host`")
+    bind_host: Host = Field("127.0.0.1", description="tcp: address that publishers bind")
     keys: Place | None = Field(None, description="tcp: directory of the rig's keys, made by `trocar keys`")
     insecure: bool = Field(False, description="allow tcp beyond loopback without keys")
 
@@ -70,18 +89,6 @@ PATH_OWNERS = {
 """Every path that is measured, and whose work decides it: the process to act on when it is too slow."""
 
 
-def _one_of(kind: str, known: Iterable[str]) -> AfterValidator:
-    names = tuple(dict.fromkeys(known))
-
-    def check(name: str) -> str:
-        if name not in names:
-            raise ValueError(f"there is no {kind} {name!r}; known: {', '.join(names)}")
-        return name
-
-    return AfterValidator(check)
-
-
-ProcessName = Annotated[str, _one_of("process", (row.publisher for row in TOPICS.values()))]
 PathName = Annotated[str, _one_of("path", PATH_OWNERS)]
 
 
@@ -158,14 +165,14 @@ class ViewSettings(Settings):
 
     viewer: Literal["auto", "web", "native", "none"] = "web"
     rate_hz: Annotated[float, Field(ge=1, le=120)] = 60.0
-    host: str = "127.0.0.1"
+    host: Host = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8081
 
 
 class WebSettings(Settings):
     """The page: view and dashboard."""
 
-    host: str = "127.0.0.1"
+    host: Host = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8080
 
 

@@ -387,3 +387,11 @@ def test_a_base_that_cannot_be_is_one_sentence(tmp_path: Path, base: str, senten
 def test_a_base_cannot_be_set_afterwards() -> None:
     with pytest.raises(ConfigError, match="name that rig file instead"):
         config.load_rig("stub", ["base=hardware"])
+
+
+@pytest.mark.parametrize("key", ["supervisor.web.host", "visualization.host", "transport.host", "transport.bind_host"])
+@pytest.mark.parametrize("empty", ["", " "])
+def test_no_address_is_not_every_address(key: str, empty: str) -> None:
+    """Bound to "", a page is there for the whole network."""
+    with pytest.raises(ConfigError, match=rf"{key}: is empty; all addresses of this host are called 0\.0\.0\.0"):
+        config.load_rig("stub", [f"{key}='{empty}'"])
