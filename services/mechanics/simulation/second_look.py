@@ -21,6 +21,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.met import keep_approaching, list_corners
 from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.reduction.residual.field import THIN_M
 from services.mechanics.simulation.pace import furthest_at, sampled_modes
 from services.mechanics.world import World
 
@@ -31,7 +32,8 @@ FAR_OF_WALL, SNAP_OF_WALL = 0.25, 1.0
 # Overlaps that are left alone: no deeper than this, nor than this part of the wall.
 TOLERANCE_M = 30e-6
 TOLERANCE_OF_WALL = 0.125
-MOST_LOOKS = 3
+# A thin wall has folds between folds in the jaws: what the rows of a look keep out comes through beside them.
+MOST_LOOKS, MOST_LOOKS_AT_THIN = 3, 8
 
 
 class SecondLook:
@@ -41,6 +43,8 @@ class SecondLook:
     ----------
     looks, met : int
         Steps that were looked at, and rows that came of it, since the start.
+    most : int
+        So often a step is looked at, at most.
     """
 
     def __init__(self, world: World) -> None:
@@ -57,6 +61,7 @@ class SecondLook:
         self._tolerance_m = min(TOLERANCE_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
         self._far_m = min(FAR_M, FAR_OF_WALL * world.scene.duct.thickness_m)
         self._snap_m = min(SNAP_M, SNAP_OF_WALL * world.scene.duct.thickness_m)
+        self.most = MOST_LOOKS_AT_THIN if world.scene.duct.thickness_m < THIN_M else MOST_LOOKS
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
         self.looks = self.met = 0
 

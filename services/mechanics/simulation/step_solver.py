@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.effects import Effect
-from services.mechanics.simulation.second_look import MOST_LOOKS, SecondLook
+from services.mechanics.simulation.second_look import SecondLook
 from services.mechanics.world import World
 
 # So often the catheter's step is planned again, at most, with contact forces that another plan has led to.
@@ -121,7 +121,7 @@ class StepSolver:
         look = self.second_look
         look.prepare()
         self._give()
-        for _ in range(MOST_LOOKS):
+        for _ in range(look.most):
             if not look.is_due():
                 return
             has_met = look.append_rows(knows_tools=knows_tools)

@@ -1,5 +1,7 @@
 """What only the solved motion of a step brings into each other has a row in that step."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,18 @@ def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(seed,
     (case,) = [case for case in thickness_cases(Draw(Reach.LONG, seed)) if case.name == name]
     figures = case.run().figures
     assert not failures(figures), {name: figures[name] for name in failures(figures)}
+
+
+@pytest.mark.parametrize(("thickness_m", "most"), [(1e-3, 3), (0.2e-3, 3), (0.1e-3, 8)])
+def test_a_thin_wall_is_looked_at_more_often(monkeypatch, thickness_m, most):
+    """As long as each look meets something, and no further."""
+    looks = []
+    monkeypatch.setattr(SecondLook, "is_due", lambda look: True)
+    monkeypatch.setattr(SecondLook, "append_rows", lambda look, *, knows_tools: bool(looks.append(None)) or True)
+    start = threaded()
+    scene = replace(start.scene, duct=replace(start.scene.duct, thickness_m=thickness_m))
+    Simulation(scene, reduced_duct(scene)).step(ToolInputs())
+    assert len(looks) == most
 
 
 def _jerked(monkeypatch, is_due, *, given_pairs=False):
