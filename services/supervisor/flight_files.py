@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import deque
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,6 +27,7 @@ class FlightFiles:
         self._rings = rings
         self.directory = make_private(directory)
         self.last = ""
+        self._written: deque[Path] = deque(maxlen=NEWEST)  # newest whatever their names say: a clock may be set back
         self._misses: dict[tuple[str, int], int] = {}
         self._reason = ""
         self._wanted_s = 0.0
@@ -62,11 +64,12 @@ class FlightFiles:
         with os.fdopen(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb") as file:
             file.write(data)
         self.last = path.name
+        self._written.append(path)
         self._prune()
         return path
 
     def _prune(self) -> None:
         files = sorted(self.directory.glob(f"*-late-*us{FILE_SUFFIX}"), reverse=True)
         worst = sorted(files, key=lambda path: path.name.rpartition("-")[2], reverse=True)
-        for path in set(files) - set(files[:NEWEST]) - set(worst[:WORST]):
+        for path in set(files) - set(files[:NEWEST]) - set(worst[:WORST]) - set(self._written):
             path.unlink(missing_ok=True)

@@ -114,7 +114,8 @@ def run_session(process: Process, session: SessionOptions) -> None:
         supervisor.say("warning", remark)
     threads = BusThreads()
     supervisor.crew.has_heard_all = threads.are_idle
-    pulses = supervisor.crew.pulses = Pulses(_rings(process.rig))
+    rings = _rings(process.rig)
+    pulses = supervisor.crew.pulses = Pulses(rings)
     with closing(threads), closing(pulses), _companion(sock, supervisor, process.scene_name) as companion:
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
@@ -124,7 +125,7 @@ def run_session(process: Process, session: SessionOptions) -> None:
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
-    if process.rig.supervisor.mode == "launch":
+    if process.rig.supervisor.mode == "launch" and rings is not None:
         remove_rings(endpoints.run_directory(process.rig.transport))
     if supervisor.crew.fatal is not None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)

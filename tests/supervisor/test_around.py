@@ -251,6 +251,15 @@ def test_the_newest_and_the_worst_are_kept(directory: Path) -> None:
     assert left == {newest, *made[-flight_files.NEWEST + 1 :], *worst}
 
 
+def test_what_was_written_stays_where_the_clock_is_set_back(directory: Path) -> None:
+    files = FlightFiles(directory, directory / "flights")
+    for k in range(30):
+        (files.directory / f"29990101-0000{k:02d}-late-00000007us.npz").touch()
+    written = [files.write("x", ()) for _ in range(2)]
+    assert all(path.exists() for path in written), "of names that sort after it there are more than are kept"
+    assert len(list(files.directory.iterdir())) <= flight_files.NEWEST + flight_files.WORST + len(written)
+
+
 #: Takes its core from whoever has no priority for a third of a second, again and again.
 _HOG = """
 import os, sys, time

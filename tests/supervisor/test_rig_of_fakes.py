@@ -143,6 +143,17 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
     }  # they wait until haptics and physics say that they are ready
 
 
+def test_a_rig_whose_place_for_flights_is_taken_by_somebody_runs_and_ends_all_the_same(
+    fakes: Fakes, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """In ``/dev/shm`` another user may have been there first: nothing can be looked at, nothing is to be removed."""
+    (tmp_path / f"trocar-{os.getuid()}").mkdir()
+    (tmp_path / f"trocar-{os.getuid()}").chmod(0o777)
+    monkeypatch.setattr("services.runtime.flight._MEMORY", tmp_path)
+    monkeypatch.setattr("services.runtime.flight.is_memory", lambda _directory: False)
+    fakes.play(until_running)
+
+
 def test_who_dies_is_born_anew_and_started_anew_where_nobody_bears_any_more(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
