@@ -63,6 +63,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
             simulation.step(tools)
         simulation.system.strategy.compile_kernels()
         simulation.solver.compile_kernels(pairs)
+        simulation.catheter_manifold.compile_kernels(simulation.system, pairs, simulation.search)
         catheter = simulation.catheter
         sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
         ContactsReader(simulation).compile_kernels()

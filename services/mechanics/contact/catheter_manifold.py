@@ -57,10 +57,13 @@ class CatheterManifold:
         ``deepest_m`` is the deepest overlap.
         """
         if deepest_m > self._least_m or system.owed_j > 0.0:
-            states = (system.slides, self._slid, self._nodes)
-            keep_pressed_by_catheter(system.rows.address, self._wall.address, self._pairs.address, states)
+            self._keep(system)
         elif self._pairs.count:
             self.forget()
+
+    def _keep(self, system: ContactSystem) -> None:
+        states = (system.slides, self._slid, self._nodes)
+        keep_pressed_by_catheter(system.rows.address, self._wall.address, self._pairs.address, states)
 
     def forget(self) -> None:
         """Let go of all points."""
@@ -68,12 +71,19 @@ class CatheterManifold:
 
     def append_to(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
         """Append those that are still within reach and that ``pairs`` does not have, as far as there is room."""
-        kept = self._pairs.count
-        if kept == 0:
-            return
-        corners = self._corners[: 3 * kept]
-        wall.node_positions(self._nodes[: 3 * kept], corners)
+        if self._pairs.count:
+            self._append(pairs, wall, geometry)
+
+    def _append(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
+        nodes = 3 * self._pairs.count
+        corners = self._corners[:nodes]
+        wall.node_positions(self._nodes[:nodes], corners)
         append_kept(geometry.address, self._pairs.address, (corners, self._slid), self._sizes, pairs.address)
+
+    def compile_kernels(self, system: ContactSystem, pairs: ContactPairs, wall: NodePositions) -> None:
+        """Keep and append, however shallow: the first that is deep enough may come late, while a loop runs."""
+        self._keep(system)
+        self._append(pairs, wall, system.geometry)
 
 
 @kernel

@@ -86,7 +86,7 @@ class Simulation:
         self.max_penetration_m = 0.0
         self._mouth = Mouth(duct)
         self._manifold = ContactManifold(self.system.geometry.wall, scene.contact.margin_m)
-        self._catheter_manifold = CatheterManifold(self.system.geometry.wall, scene.contact.margin_m)
+        self.catheter_manifold = CatheterManifold(self.system.geometry.wall, scene.contact.margin_m)
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self.solver = StepSolver(world, self._tool_force)
@@ -178,7 +178,7 @@ class Simulation:
         """Go back to the last sound state; in this tick nothing acts on a tool."""
         self._healer.heal()
         self._manifold.forget()
-        self._catheter_manifold.forget()
+        self.catheter_manifold.forget()
         for grasp in self.grasps:
             grasp.let_go()
         self._tool_force[:] = 0.0
@@ -218,7 +218,7 @@ class Simulation:
     def dropped_contacts(self) -> DroppedContacts:
         """What found no room since the start; a scene that drops contacts needs a larger ``contact.capacity``."""
         system = self.system
-        pairs = system.dropped_pairs + self._manifold.dropped + self._catheter_manifold.dropped
+        pairs = system.dropped_pairs + self._manifold.dropped + self.catheter_manifold.dropped
         return DroppedContacts(pairs, system.rows.dropped, self.holds.dropped)
 
     @property
@@ -295,7 +295,7 @@ class Simulation:
         catheter_pairs = self.world.pairs
         catheter_pairs.clear()
         self.search.catheter_pairs(self.catheter, catheter_pairs)
-        self._catheter_manifold.append_to(catheter_pairs, self.search, system.geometry)
+        self.catheter_manifold.append_to(catheter_pairs, self.search, system.geometry)
         if self.rung.touch_every > 1:
             catheter, every = self.catheter, self.rung.touch_every
             rod = catheter.state.velocity_m_s, catheter.contact_force_n, catheter.mass_kg
@@ -330,7 +330,7 @@ class Simulation:
         self.seal.slide()
         self.holds.slide()
         self._manifold.keep(system.rows, system.slides)
-        self._catheter_manifold.keep(system, self.max_penetration_m)
+        self.catheter_manifold.keep(system, self.max_penetration_m)
         self.squeeze.follow(self.tools, dt_s)
         for effect in self._stages["settle"]:
             effect.settle(self.world, dt_s)
