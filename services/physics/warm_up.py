@@ -28,6 +28,8 @@ from services.physics.stand_in import stand_in_duct, stand_in_scene
 from services.runtime.log import progress
 
 _STEPS = 20
+#: With everything that is found where the tools are put, which is deep in the wall: a step may take half a second.
+_STEPS_OF_ALL = 2
 
 
 def warm_up_contact(scene: SceneModel) -> None:
@@ -54,7 +56,7 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         kernels.begin("what haptics has not compiled")
         simulation = Simulation(scene, duct)
         tools, pairs = _touch_everything(simulation)
-        for _ in range(_STEPS):
+        for _ in range(_STEPS_OF_ALL):
             simulation.step(tools)
         tools.holds = [GraspHold(1, 0, DUCT_TRIANGLE, 0, np.array([0.5, 0.3, 0.2]), 1.0, 0.2)]
         simulation.step(tools)
