@@ -6,6 +6,7 @@ import pytest
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.rows import ContactRows
+from services.mechanics.contact.rubbing import MOST_BLOCKS
 from services.mechanics.contact.solver import MOST_SWEEPS, solve_contacts
 from services.mechanics.contact.solver_steps import SolverScratch
 from services.mechanics.contact.stages import mark_sliding
@@ -69,6 +70,19 @@ def test_what_does_not_end_with_all_friction_ends_with_less_and_nothing_overlaps
     for each in solved:
         each.check_law(mu)
     assert any(np.any(each.rows.friction < mu) for each in solved)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_solve_that_goes_through_too_many_blocks_ends_with_forces_inside_their_cones(seed):
+    """Half a second went by in each of these, in one tick; now 80 ms."""
+    k, mu = 150, 2.0
+    solved = Wedged(seed, k, np.geomspace(1.0, 0.03, 160), mu)
+    force, most = solved.force, MOST_BLOCKS / k**2
+    assert most < solved.sweeps < most + MOST_SWEEPS + 3 * k  # a Newton step of all 3 k unknowns costs k sweeps
+    assert np.allclose(solved.motion.ravel(), solved.W @ force.ravel() + solved.free, atol=1e-13)
+    assert force[:, 0].min() >= 0.0
+    assert np.all(np.hypot(force[:, 1], force[:, 2]) <= mu * force[:, 0] * (1.0 + 1e-9))
+    assert np.all(solved.rows.rubbing_n == 0.0)
 
 
 @pytest.mark.parametrize("mu", [0.3, 1.0])
