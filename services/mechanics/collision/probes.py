@@ -56,9 +56,6 @@ ROOM_M = 1e3
 # Who has used this part of its slack may search ahead of need, so that probes that move together do not all search
 # together. Each search of a tick halves what the next may have left.
 EARLY = 0.5
-# A probe that touches the wall so nearly searches as soon as so much of its slack is used up: between points that it
-# presses the wall may bulge towards it, where no walk from them leads.
-TOUCHING_M, BULGE_M = 20e-6, 0.1e-3
 _NEW = 2  # no side
 
 
@@ -80,7 +77,6 @@ class Probes(Struct):
     normal: Annotated[FloatArray, "n", MINIMA, 3]  # towards the probe
     distance: Annotated[FloatArray, "n", MINIMA]  # signed, from the mid-surface to the axis
     is_aside: bool = False  # whether this tick's searches will be forgotten
-    margin_m: float = math.inf  # what of its reach is beyond the surfaces, of a probe that looks for bulges
     due: float = EARLY  # part of its slack from which a probe searches, in this tick
 
     @classmethod
@@ -210,8 +206,6 @@ def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector],
 @kernel
 def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
     enough = probes.due * (probes.seen[i] - reach)
-    if probes.triangle[i, 0] != NOT_FOUND and probes.distance[i, 0] < reach - probes.margin_m + TOUCHING_M:
-        enough = min(enough, 2.0 * probes.due * BULGE_M)
     if _used(body, probes, i, ends) < enough:
         return False
     used = used_since(body, probes.near, i, ends, probes.search[i])

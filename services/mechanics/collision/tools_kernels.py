@@ -10,7 +10,6 @@ from services.mechanics.collision.beside import (
     apart_m,
     comes_nearer,
     go_to,
-    hardly_slides,
     is_met,
     note_after,
     note_before,
@@ -128,11 +127,8 @@ def _advance_piece(
         is_look = detection.beside.close_m > 0.0
         if not is_look:
             note_before(body, wall, detection.beside, detection.probes, i, ends)
-            detection.probes.margin_m = detection.margin_m if hardly_slides(detection.beside, i) else math.inf
-        else:
-            detection.probes.margin_m = math.inf
-            if _may_touch_more(detection, i, ends, reach):
-                detection.probes.seen[i] = reach
+        elif _may_touch_more(detection, i, ends, reach):
+            detection.probes.seen[i] = reach
         advance(body, wall, detection.probes, i, ends, look, look)
         if not is_look:
             note_after(detection.beside, detection.probes, i)

@@ -296,7 +296,7 @@ def test_who_takes_tools_up_again_searches_only_for_those_that_have_gone_far(duc
     """A jaw on the wall, a little further along it, and in the lumen: where it gets to without crossing the wall."""
     y, searched = RADIUS_M + HALF_M + JAW_M - 0.2e-3, []
     detector = tool_detector(duct)
-    for start, height in ((20e-3, y), (20.08e-3, y), (20.08e-3, 0.0)):
+    for start, height in ((20e-3, y), (20.4e-3, y), (20.4e-3, 0.0)):
         jaw = one_jaw([start, height, 0.0], [start + 10e-3, height, 0.0])
         detector.take_up(jaw, RADII)
         duct.update(np.zeros(0))
