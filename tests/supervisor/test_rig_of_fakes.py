@@ -246,7 +246,6 @@ def test_a_recorder_whose_disk_is_full_is_told_of_however_soon_the_rig_ends(fake
 
     def scenario(supervisor: Supervisor) -> Scenario:
         recorder = supervisor.crew.members["recorder"]
-        yield from until_running(supervisor)
         yield from until(lambda: recorder.restarts.count > 0 and recorder.up)
 
     with pytest.raises(session.GivenUpError, match=r"a\.mcap: no space left on device; 200 frames were kept") as caught:
