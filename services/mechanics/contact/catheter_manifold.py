@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.collision.beside import FACING, apart_m
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
@@ -24,7 +22,7 @@ from services.mechanics.compiled.vectors import row as row_of
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at, wall_at
 from services.mechanics.contact.identity import target_kind_of, target_of
-from services.mechanics.contact.manifold import CAPACITY, ONE_POINT, NodePositions, kept_point, write_corners
+from services.mechanics.contact.manifold import ONE_POINT, NodePositions, PressedPoints, kept_point, write_corners
 from services.mechanics.contact.met import LEAST_APPROACH_M, LEAST_OF_WALL
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.system import ContactSystem
@@ -34,22 +32,12 @@ _BESIDE = 2
 NONE = -1
 
 
-class CatheterManifold:
+class CatheterManifold(PressedPoints):
     """Points of the wall that the catheter pressed in the last tick."""
 
     def __init__(self, wall: WallGeometry, margin_m: float) -> None:
-        self._sizes = (wall.half_thickness, margin_m)
+        super().__init__(wall, margin_m)
         self._least_m = min(LEAST_APPROACH_M, 2.0 * LEAST_OF_WALL * wall.half_thickness)
-        self._wall = wall
-        self._pairs = ContactPairs.allocate(CAPACITY)
-        self._slid = np.zeros(CAPACITY, np.bool_)
-        self._nodes = np.zeros(3 * CAPACITY, np.int32)
-        self._corners = np.zeros((3 * CAPACITY, 3))
-
-    @property
-    def dropped(self) -> int:
-        """Pressed points since the start that found no room to be kept."""
-        return self._pairs.dropped
 
     def keep(self, system: ContactSystem, deepest_m: float) -> None:
         """Remember the pressed points of the rows just solved, where something is as deep as counts or gives anything.
@@ -65,20 +53,14 @@ class CatheterManifold:
         states = (system.slides, self._slid, self._nodes)
         keep_pressed_by_catheter(system.rows.address, self._wall.address, self._pairs.address, states)
 
-    def forget(self) -> None:
-        """Let go of all points."""
-        self._pairs.count = 0
-
     def append_to(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
         """Append those that are still within reach and that ``pairs`` does not have, as far as there is room."""
         if self._pairs.count:
             self._append(pairs, wall, geometry)
 
     def _append(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
-        nodes = 3 * self._pairs.count
-        corners = self._corners[:nodes]
-        wall.node_positions(self._nodes[:nodes], corners)
-        append_kept(geometry.address, self._pairs.address, (corners, self._slid), self._sizes, pairs.address)
+        states = (self._corners_now(wall), self._slid)
+        append_kept(geometry.address, self._pairs.address, states, self._sizes, pairs.address)
 
     def compile_kernels(self, system: ContactSystem, pairs: ContactPairs, wall: NodePositions) -> None:
         """Keep and append, however shallow: the first that is deep enough may come late, while a loop runs."""

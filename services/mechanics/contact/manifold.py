@@ -38,8 +38,8 @@ class NodePositions(Protocol):
         """Write the positions of ``nodes`` (k,) into ``out`` (k, 3), in m."""
 
 
-class ContactManifold:
-    """Points of the wall that tools pressed on in the last tick."""
+class PressedPoints:
+    """Points of the wall that were pressed in the last tick, and room for where they are now."""
 
     def __init__(self, wall: WallGeometry, margin_m: float) -> None:
         self._sizes = (wall.half_thickness, margin_m)
@@ -54,22 +54,29 @@ class ContactManifold:
         """Pressed points since the start that found no room to be kept."""
         return self._pairs.dropped
 
-    def keep(self, rows: ContactRows, slides: BoolArray) -> None:
-        """Remember the pressed points of the rows just solved; ``slides`` (C,) says which slid."""
-        keep_pressed(rows.address, self._wall.address, self._pairs.address, (slides, self._slid, self._nodes))
-
     def forget(self) -> None:
         """Let go of all points."""
         self._pairs.count = 0
 
+    def _corners_now(self, wall: NodePositions) -> FloatArray:
+        """Return where the corners (3 k, 3) of the points' triangles are."""
+        n = 3 * self._pairs.count
+        wall.node_positions(self._nodes[:n], self._corners[:n])
+        return self._corners[:n]
+
+
+class ContactManifold(PressedPoints):
+    """Points of the wall that tools pressed on in the last tick."""
+
+    def keep(self, rows: ContactRows, slides: BoolArray) -> None:
+        """Remember the pressed points of the rows just solved; ``slides`` (C,) says which slid."""
+        keep_pressed(rows.address, self._wall.address, self._pairs.address, (slides, self._slid, self._nodes))
+
     def append_to(self, pairs: ContactPairs, wall: NodePositions, geometry: ContactGeometry) -> None:
         """Append those that are still within reach and that ``pairs`` does not have, as far as there is room."""
-        kept = self._pairs.count
-        if kept == 0:
-            return
-        corners = self._corners[: 3 * kept]
-        wall.node_positions(self._nodes[: 3 * kept], corners)
-        append_pressed(geometry.address, self._pairs.address, (corners, self._slid), self._sizes, pairs.address)
+        if self._pairs.count:
+            states = (self._corners_now(wall), self._slid)
+            append_pressed(geometry.address, self._pairs.address, states, self._sizes, pairs.address)
 
 
 @kernel
