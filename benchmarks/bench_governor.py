@@ -5,8 +5,10 @@
 Runs the rig three times for each of ``--runs``: with the scene as it is, and with nothing of its ladder but the first
 rung, or the last.
 Once the rig runs, `slow_core` takes ``--share`` of each of its cores. Ticks are counted over the whole run, with the
-seconds that the governor takes to act. `machine_floor` says what else the load takes: two cores that are one to the
-host share its arithmetic, so that what is left of a core is slower, too.
+seconds that the governor takes to act, and from its last act on. `machine_floor` says what else the load takes: two
+cores that are one to the host share its arithmetic, so that what is left of a core is slower, too. What any program
+would lose there is told by `bare_loop`, with as much to do in a millisecond as the rig's loops of that core in a run
+without the load.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +58,7 @@ def slowed(seconds: float, share: float) -> Iterator[None]:
 
 
 def run_rig(scene: Path, seconds: float, share: float, options: list[str]) -> dict[str, Any]:
-    """Return the report of one run, the load beside it as soon as the rig is running."""
+    """Return the report of one run, the load beside it as soon as the rig is running; none where its share is 0."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.json"
         command = [str(Path(sys.executable).with_name("trocar")), "up", "--scene", str(scene), "--viewer", "none"]
@@ -71,12 +73,35 @@ def run_rig(scene: Path, seconds: float, share: float, options: list[str]) -> di
             said.append(line)
             if "is running" in line:
                 break
-        with slowed(seconds, share), Floor(seconds) as floor:
+        with slowed(seconds, share) if share else nullcontext(), Floor(seconds) as floor:
             said.append(process.communicate()[0])
         if not file.is_file():
             raise SystemExit(f"trocar up ended with {process.returncode}:\n{''.join(said)[-2000:]}")
         report: dict[str, Any] = json.loads(file.read_text())
     return report | {"arithmetic_us": mean_arithmetic_us(floor)}
+
+
+def bare_loops(seconds: float, share: float, work_us: dict[int, float]) -> dict[int, float]:
+    """Return the percentage of ticks that a bare loop of each core loses below the load."""
+    command = [sys.executable, str(ROOT / "benchmarks/bare_loop.py")]
+    loops = {
+        core: subprocess.Popen(
+            [*command, str(core), str(seconds), str(us)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for core, us in work_us.items()
+    }
+    for loop in loops.values():
+        assert loop.stdout is not None
+        if not loop.stdout.readline():
+            raise SystemExit("a bare loop did not begin")
+    with slowed(seconds + 2.0, share):
+        return {core: float(loop.communicate("\n")[0]) for core, loop in loops.items()}
+
+
+def work_per_core_us(run: dict[str, Any]) -> dict[int, float]:
+    """Return the median work of the loops of each core: gateway and haptics share the first, physics has the last."""
+    work = {loop: float(run["loops"][loop]["work_us"]["p50"]) for loop in LOOPS}
+    return {CORES[0]: work["gateway"] + work["haptics"], CORES[1]: work["physics"]}
 
 
 def mean_arithmetic_us(floor: Floor) -> float:
@@ -102,12 +127,24 @@ def rows_of(name: str, runs: list[dict[str, Any]], idle_us: float) -> list[Row]:
     for loop in LOOPS:
         misses = [100.0 * float(run["loops"][loop]["miss_ratio"]) for run in runs]
         rows.append(Row(f"{name}: {loop}, late or lost ticks", float(np.median(misses)), "%"))
+    if any(len(run["rungs"]) > 1 for run in runs):
+        for loop in LOOPS:
+            settled = [settled_percent(run, loop) for run in runs]
+            rows.append(
+                Row(f"{name}: {loop}, the same from the governor's last act on", float(np.median(settled)), "%")
+            )
     work = [float(run["loops"]["physics"]["work_us"]["p50"]) for run in runs]
     rows.append(Row(f"{name}: physics, work", float(np.median(work)), "us"))
     slower = float(np.median([run["arithmetic_us"] for run in runs])) / idle_us
     rows.append(Row(f"{name}: arithmetic while the core is had, over the idle machine's", slower, ""))
     rows.append(Row(f"{name}: quality level at the end", float(np.median([run["quality_level"] for run in runs])), ""))
     return rows
+
+
+def settled_percent(run: dict[str, Any], loop: str) -> float:
+    """Return what a loop lost on the rung on which the run ended."""
+    counts: dict[str, int] = run["rungs"][-1]["loops"][loop]
+    return 100.0 * counts["misses"] / max(1, counts["ticks"] + counts["skipped"])
 
 
 def deeds(run: dict[str, Any]) -> list[str]:
@@ -138,10 +175,23 @@ def main() -> None:
             "last rung only": one_rung_only(arguments.scene, Path(folder), -1),
         }
         runs: dict[str, list[dict[str, Any]]] = {name: [] for name in scenes}
+        floors: list[dict[int, float]] = []
+        unloaded = run_rig(scenes["with the ladder"], arguments.seconds, 0.0, options)
+        work_us = work_per_core_us(unloaded)
         for _ in range(arguments.runs):
             for name, scene in scenes.items():
                 runs[name].append(run_rig(scene, arguments.seconds, arguments.share, options))
+            floors.append(bare_loops(arguments.seconds, arguments.share, work_us))
     rows = [row for name, found in runs.items() for row in rows_of(name, found, mean_arithmetic_us(idle))]
+    rows += rows_of("without the load", [unloaded], mean_arithmetic_us(idle))
+    rows += [
+        Row(
+            f"floor: a bare loop with {us:.0f} us of work on core {core} below the load, late or lost ticks",
+            float(np.median([floor[core] for floor in floors])),
+            "%",
+        )
+        for core, us in work_us.items()
+    ]
     said = {name: [line for run in found for line in deeds(run)] for name, found in runs.items()}
     notes = (
         f"{arguments.runs} runs of {arguments.seconds:g} s each of the scene `{arguments.scene}`, interleaved; a load "

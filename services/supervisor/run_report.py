@@ -20,6 +20,7 @@ import protocol.bodies as bodies
 from services.runtime.machine import processor_name
 from services.supervisor.figures import Figures, Latencies, Traffic
 from services.supervisor.state_machine import RigState
+from services.supervisor.stays import Stays
 from services.supervisor.supervisor import Supervisor
 from services.supervisor.window import Tally
 
@@ -34,6 +35,7 @@ class RunReport:
     def __init__(self, supervisor: Supervisor) -> None:
         self._supervisor = supervisor
         self._tallies: dict[str, Tally] = {}
+        self._stays = Stays()
         self._running_s: float | None = None
         self._restarts: dict[str, int] = {}
         self._start_s: float | None = None
@@ -58,6 +60,10 @@ class RunReport:
             self._restarts = self._restart_counts()
             self._own_before = self._own_lateness()
             self._tallies = {m.name: Tally(m.health) for m in self._supervisor.crew.members.values()}
+            self._stays.begin(m.health for m in self._supervisor.crew.members.values() if m.health is not None)
+        if self._start_s is not None:
+            governor = self._supervisor.enforcement.governor
+            self._stays.turn(now_s, governor.level, governor.rung)
         self._end_s = now_s
         self._state = self._supervisor.state
         for name, member in self._supervisor.crew.members.items():
@@ -87,6 +93,7 @@ class RunReport:
             "realtime": {name: [_fact(fact) for fact in facts] for name, facts in self._realtime.items()},
             "rig": self._supervisor.rig.name,
             "quality_level": self._supervisor.enforcement.level,
+            "rungs": self._stays.bodies(),
             "state": str(self._state),
             "events": [asdict(event) for event in self._supervisor.events],
             "machine": machine(),
@@ -104,6 +111,7 @@ class RunReport:
     def _add(self, name: str, health: bodies.Health) -> None:
         if self._start_s is not None and self._supervisor.state is not RigState.OFF:
             self._tallies[name].add(health)
+            self._stays.add(health)
 
     def _restart_counts(self) -> dict[str, int]:
         return {name: member.restarts.count for name, member in self._supervisor.crew.members.items()}

@@ -320,6 +320,9 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     fakes.play(scenario, recorder="slow")
     result = json.loads(run_report.as_text(report[0].result()))
     assert result.keys() >= {"loops", "paths", "answered_next_tick", "topics", "restarts", "realtime", "machine"}
+    (stay,) = result["rungs"]
+    assert stay["level"] == 0
+    assert stay["loops"]["gateway"]["ticks"] == result["loops"]["gateway"]["ticks"]
     assert result["restarts"] == {"gateway": 0, "physics": 0, "haptics": 1, "visualization": 0, "recorder": 0}
     gateway, slow = result["loops"]["gateway"], result["loops"]["recorder"]
     assert gateway.keys() >= {"rate_hz", "ticks", "misses", "miss_ratio", "lateness_us", "work_us"}
