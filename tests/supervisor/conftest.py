@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+
 import pytest
 
 from services.runtime import bus
+from services.runtime.process import Options
+from tests.supervisor.fakes import Fakes
 
 
 @pytest.fixture(autouse=True)
 def faster_than_real(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bus, "FLOOD_FACTOR", 1e6)
+
+
+@pytest.fixture
+def fakes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fakes]:
+    folder = tmp_path_factory.mktemp("rig")
+    file = folder / "fakes.yaml"
+    file.write_text(
+        f"name: fakes\ntransport: {{directory: {folder}}}\n"
+        "supervisor: {web: {port: 0}, max_restarts_per_minute: 2}\n"
+    )
+    kept = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
+    yield Fakes(Options(str(file), None, ()))
+    for number, handler in kept.items():
+        signal.signal(number, handler)
