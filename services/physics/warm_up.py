@@ -148,7 +148,7 @@ class _NoSearch:
 class _NoDetector:
     """Finds nothing either."""
 
-    def detect(self, centre_m: npt.NDArray[np.float64], pairs: ContactPairs) -> None:
+    def detect(self, centre_m: npt.NDArray[np.float64], pairs: ContactPairs, ahead_m: npt.NDArray[np.float64]) -> None:
         """Append nothing."""
 
 

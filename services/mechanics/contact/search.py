@@ -24,8 +24,11 @@ from services.mechanics.scene.tools import N_TOOLS
 class SphereDetector(Protocol):
     """Finds where one sphere meets the wall, from tick to tick."""
 
-    def detect(self, centre_m: FloatArray, pairs: ContactPairs) -> None:
-        """Append the pairs of a sphere at ``centre_m`` (1, 3), in the place of the catheter's particle 0."""
+    def detect(self, centre_m: FloatArray, pairs: ContactPairs, ahead_m: FloatArray) -> None:
+        """Append the pairs of a sphere at ``centre_m`` (1, 3), in the place of the catheter's particle 0.
+
+        ``ahead_m`` (1, 3) is how far it may go in the step.
+        """
 
 
 class ContactSearch(Protocol):

@@ -12,7 +12,7 @@ from services.mechanics.collision.beside import place_along
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import Vector, along, dot, row, scaled, subtract
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, geometry_at
 from services.mechanics.contact.identity import STONE, pair_identity, with_stone
@@ -61,6 +61,7 @@ class Gallstones(Effect):
         self._start_m = self.position_m.copy()
         self._start_m_s = self.velocity_m_s.copy()
         self._motion_m = np.zeros_like(self.position_m)
+        self._ahead_m = np.zeros((1, 3))
         volume = 4.0 / 3.0 * math.pi * self.radius_m**3
         self._mass_kg = settings.density_kg_m3 * volume
         self._submerged_kg = (settings.density_kg_m3 - 1000.0) * volume
@@ -95,10 +96,12 @@ class Gallstones(Effect):
     def add_rows(self, world: World, dt_s: float) -> None:
         """Append stones against wall and catheter."""
         rows, geometry = world.system.rows, world.system.geometry
-        reach = world.scene.contact.margin_m + world.catheter.radius_m
+        margin_m = world.scene.contact.margin_m
+        reach = margin_m + world.catheter.radius_m
         for stone, detector in enumerate(self._detectors):
             self._pairs.clear()
-            detector.detect(self._start_m[stone : stone + 1], self._pairs)
+            foresee_push(geometry.address, self._geometry[stone].address, margin_m, self._ahead_m)
+            detector.detect(self._start_m[stone : stone + 1], self._pairs, self._ahead_m)
             first = rows.n_contacts
             world.system.append(self._pairs, self._geometry[stone])
             mark_stone(rows.address, first, stone)
@@ -140,6 +143,29 @@ def mark_stone(rows_address: Address[ContactRows], first: int, stone: int) -> No
 
 
 @kernel
+def foresee_push(
+    scene_address: Address[ContactGeometry], stone_address: Address[ContactGeometry], least_m: float, ahead: FloatArray
+) -> None:
+    """Write into ``ahead`` (1, 3) how far a stone goes in the step, alone or with what of the catheter hits it.
+
+    A catheter that snaps drives a stone that lay still into a wall half a millimetre off. Less than ``least_m`` is
+    written as nothing: detection looks as far anyway.
+    """
+    rod, sphere, most = geometry_at(scene_address).rod, geometry_at(stone_address).rod, least_m
+    alone = row(sphere.motion, 0)
+    is_far = dot(alone, alone) > least_m * least_m
+    put_row(ahead, 0, alone if is_far else (0.0, 0.0, 0.0))
+    if _furthest(rod.motion, alone) < 0.5 * least_m:  # as in nearly every step
+        return
+    for segment in range(rod.position.shape[0] - 1):
+        _, away, slip, distance = _beside(rod, segment, sphere)
+        push = sphere.radius + rod.radius - distance - dot(slip, away) / distance if distance > 0.0 else 0.0
+        if push > most:
+            most = push
+            put_row(ahead, 0, along(alone, away, push / distance))
+
+
+@kernel
 def append_on_catheter(
     rows_address: Address[ContactRows],
     scene_address: Address[ContactGeometry],
@@ -155,13 +181,10 @@ def append_on_catheter(
     rows, rod, sphere = rows_at(rows_address), geometry_at(scene_address).rod, geometry_at(stone_address).rod
     centre = row(sphere.position, 0)
     for segment in range(rod.position.shape[0] - 1):
-        s = place_along(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
+        s, away, slip, distance = _beside(rod, segment, sphere)
         # A particle between two segments belongs to the one before it, the tip to the last.
         if s == 0.0 and segment > 0:
             continue
-        away = subtract(centre, _between(rod.position, segment, s))
-        slip = subtract(row(sphere.motion, 0), _between(rod.motion, segment, s))
-        distance = math.sqrt(dot(away, away))
         if distance == 0.0 or distance > sphere.radius + reach + math.sqrt(dot(slip, slip)):
             continue
         at = append_row(rows, _UNILATERAL, with_stone(pair_identity(NO_TOOL, 0, -1, CATHETER_SEGMENT, segment), stone))
@@ -176,6 +199,25 @@ def append_on_catheter(
             rows.slip_m[at, axis] = slip[axis]
         write_frame(normal, rows.frame[at])
         rows.gap_m[at] = distance - sphere.radius - rod.radius
+
+
+@kernel
+def _furthest(motion: FloatArray, alone: Vector) -> float:
+    """Return how far any of ``motion`` (n, 3) goes against what goes ``alone``."""
+    furthest = 0.0
+    for particle in range(motion.shape[0]):
+        furthest = max(furthest, squared_distance(row(motion, particle), alone))
+    return math.sqrt(furthest)
+
+
+@kernel
+def _beside(rod: RodGeometry, segment: int, sphere: RodGeometry) -> tuple[float, Vector, Vector, float]:
+    """Return where on a segment a stone is closest, the way from there to its centre, how it grows, and its length."""
+    centre = row(sphere.position, 0)
+    s = place_along(centre, (row(rod.position, segment), row(rod.position, segment + 1)))
+    away = subtract(centre, _between(rod.position, segment, s))
+    slip = subtract(row(sphere.motion, 0), _between(rod.motion, segment, s))
+    return s, away, slip, math.sqrt(dot(away, away))
 
 
 @kernel

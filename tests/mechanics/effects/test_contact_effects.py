@@ -64,6 +64,28 @@ def test_a_stone_that_flies_at_the_catheter_at_more_than_a_metre_a_second_meets_
     assert stone.velocity_m_s[0, 1] > -1.0
 
 
+def test_a_stone_that_the_catheter_drives_into_the_wall_within_a_step_meets_it(with_effects, small_duct):
+    """Before, what was struck at rest was looked for within half a millimetre of where it lay."""
+    radius_m, gap_m, speed_m_s = 1e-3, 0.6e-3, 0.95  # a step takes it 0.95 mm, and is taken in parts from 1 mm on
+    scene = with_effects(gallstones={"position_m": ((20e-3, 0.0, 0.0),), "radius_m": (radius_m,)})
+    apart_m = radius_m + 0.5 * scene.catheter.outer_diameter_m
+    stone_m = scene.duct.radius_m - 0.5 * scene.duct.thickness_m - gap_m - radius_m
+    tip_m = (10e-3, stone_m - apart_m, 0.0)
+    catheter = replace(scene.catheter, anchor="free", length_m=20e-3, n_segments=10, tip_position_m=tip_m)
+    simulation, tools = Simulation(replace(scene, catheter=catheter), small_duct), ToolInputs()
+    tools.present[:] = False
+    stone, rod = simulation.effects["gallstones"], simulation.catheter
+    stone.position_m[0] = rod.state.position_m[5] + [0.0, apart_m, 0.0]
+    rod.state.velocity_m_s[:, 1] = speed_m_s
+    deepest_m = 0.0
+    for _ in range(5):
+        simulation.step(tools)
+        rows = simulation.contacts
+        mine = rows.stone[: rows.n_contacts] == 0
+        deepest_m = max(deepest_m, -rows.gap_m[: rows.n_contacts][mine].min(initial=0.0))
+    assert deepest_m < 50e-6
+
+
 def test_stone_falls_onto_the_wall_and_rests_with_its_weight(with_effects, small_duct):
     scene = with_effects(
         gravity={},
