@@ -256,6 +256,8 @@ def study(
     from services.cli.study import Request, run_study
     from services.studies.accuracy.study import Size
 
+    if quick and smallest:
+        raise typer.BadParameter("--quick and --smallest are two sizes: say one of them")
     size = Size.SMALLEST if smallest else Size.QUICK if quick else Size.FULL
     run_study(Request(tuple(names), size, seed, out, jobs, scheduler, report, json))
 

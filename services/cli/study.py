@@ -112,7 +112,8 @@ def _chosen(wanted: tuple[str, ...]) -> list[str]:
 
 
 def _print(rows: list[Row]) -> None:
-    best = frontier_rows(rows)
+    """Print who is on the frontier, and in words what a study says that has none."""
+    best, console = frontier_rows(rows), Console(highlight=False)
     table = Table(box=None, pad_edge=False)
     for title in ("study", "on the frontier of", "setting", "error", "us a millisecond", "99 %", "noise"):
         table.add_column(title, overflow="fold")
@@ -120,4 +121,9 @@ def _print(rows: list[Row]) -> None:
         if id(row) in best and row.cost is not None:
             cost = map(microseconds, (row.cost.median_us, row.cost.p99_us, row.cost.noise_us))
             table.add_row(row.study, row.quantity, row.setting, f"{row.error:.3g} {row.unit}", *cost)
-    Console(highlight=False).print(table)
+    if table.row_count:
+        console.print(table)
+    on_frontier = {row.study for row in rows if id(row) in best}
+    for name in dict.fromkeys(row.study for row in rows if row.study not in on_frontier):
+        for line in findings_of(name, [row for row in rows if row.study == name]):
+            console.print(f"{name}: {line}", markup=False)

@@ -104,6 +104,13 @@ def test_no_minutes_are_not_any_number_of_minutes(trocar: Trocar, monkeypatch: p
     assert given == [0.0, math.inf]
 
 
+def test_a_study_of_two_sizes_is_a_usage_error(trocar: Trocar) -> None:
+    """It was taken for the smallest, whose numbers mean nothing."""
+    ran = trocar("study", "modes", "--quick", "--smallest")
+    assert ran.code == 2
+    assert "say one of them" in ran.err
+
+
 @pytest.mark.parametrize(
     ("command", "where"),
     [

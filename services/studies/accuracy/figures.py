@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 
 import matplotlib as mpl
@@ -12,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from services.studies.accuracy.figure_text import Name, place_names, plain_ticks
 from services.studies.accuracy.frontier import frontier
 from services.studies.accuracy.study import Row
 from services.whole_file import whole_file
@@ -19,7 +19,6 @@ from services.whole_file import whole_file
 _COLUMNS, _WIDTH_IN, _HEIGHT_IN = 3, 4.4, 3.4
 _LEAST = 1e-4
 """Errors below are rounding: they are drawn here, so that a logarithm can show them."""
-_MOST_LABELS = 14
 _WIDE = 4.0
 """Costs that are further apart than this take a logarithm."""
 
@@ -28,8 +27,7 @@ def draw_study(title: str, rows: Sequence[Row], stem: Path) -> list[Path]:
     """Draw a study as ``stem``.svg and .png and return both; without any cost the settings are bars."""
     quantities = list(dict.fromkeys(row.quantity for row in rows))
     figure, panels = open_figure(title, len(quantities))
-    for axes, quantity in zip(panels, quantities, strict=True):
-        draw_panel(axes, [row for row in rows if row.quantity == quantity])
+    draw_panels(figure, panels, rows)
     return save_figure(figure, stem)
 
 
@@ -54,47 +52,68 @@ def save_figure(figure: Figure, stem: Path) -> list[Path]:
     return paths
 
 
-def draw_panel(axes: Axes, rows: Sequence[Row]) -> None:
-    """Draw one quantity: error against cost, or bars where nothing was timed."""
+def draw_panels(figure: Figure, panels: Sequence[Axes], rows: Sequence[Row]) -> None:
+    """Draw one quantity a panel, each series in one colour throughout, and name the points where there is room."""
+    quantities = list(dict.fromkeys(row.quantity for row in rows))
+    colours = {series: f"C{k % 10}" for k, series in enumerate(dict.fromkeys(row.series for row in rows))}
+    names = []
+    for axes, quantity in zip(panels, quantities, strict=True):
+        names.append(_draw_panel(axes, [row for row in rows if row.quantity == quantity], colours))
+    if any(names):
+        figure.draw_without_rendering()  # only now is known where points lie
+    for axes, of_panel in zip(panels, names, strict=True):
+        place_names(axes, of_panel)
+
+
+def _draw_panel(axes: Axes, rows: Sequence[Row], colours: dict[str, str]) -> list[Name]:
+    """Draw error against cost, or bars where nothing was timed; return what to write beside the points."""
     axes.set_title(f"{rows[0].quantity} [{rows[0].unit}]", fontsize=9)
     axes.tick_params(labelsize=7)
     timed = [row for row in rows if row.cost is not None and math.isfinite(row.error)]
-    if timed:
-        _draw_points(axes, timed)
-        axes.set_xlabel("median cost of a millisecond [us]", fontsize=8)
-    else:
+    if not timed:
         _draw_bars(axes, [row for row in rows if math.isfinite(row.error)])
+        return []
+    is_log = any(row.is_known for row in timed)
+    _set_scales(axes, timed, is_log=is_log)
+    best = frontier(timed)
+    if best:
+        axes.plot(
+            *zip(*(_place(row, is_log=is_log) for row in best), strict=True), color="0.3", linewidth=1.0, zorder=0
+        )
+    for series in dict.fromkeys(row.series for row in timed):
+        _draw_series(axes, [row for row in timed if row.series == series], colours[series], is_log=is_log)
+    if any(row.series for row in timed):
+        axes.legend(fontsize=7)
+    axes.set_xlabel("median cost of a millisecond [us]", fontsize=8)
+    axes.grid(visible=True, which="both", linewidth=0.2)
+    others = [row for row in timed if not any(row is each for each in best)]
+    return [Name(_place(row, is_log=is_log), row.setting) for row in (*best, *others)]
 
 
-def _draw_points(axes: Axes, rows: Sequence[Row]) -> None:
-    is_known = rows[0].is_known
+def _set_scales(axes: Axes, rows: Sequence[Row], *, is_log: bool) -> None:
     medians = [row.cost.median_us for row in rows if row.cost]
     if max(medians) > _WIDE * min(medians):
         axes.set_xscale("log")
-    if is_known:
+        plain_ticks(axes.xaxis, min(medians), max(medians))
+    if is_log:
         axes.set_yscale("log")
-        if max(row.error for row in rows) <= _LEAST:
+        errors = [max(row.error, _LEAST) for row in rows]
+        plain_ticks(axes.yaxis, min(errors), max(errors), least=_LEAST)
+        if max(errors) <= _LEAST:
             axes.set_ylim(0.1 * _LEAST, 10.0 * _LEAST)  # in one value a logarithm finds no limits
-    for series, members in groupby(sorted(rows, key=lambda row: row.series), key=lambda row: row.series):
-        mine = list(members)
-        x, y, noise = [], [], []
-        for row in mine:
-            if row.cost is not None:
-                x.append(row.cost.median_us)
-                y.append(max(row.error, _LEAST) if is_known else row.error)
-                noise.append(row.cost.noise_us)
-        axes.errorbar(x, y, xerr=noise, fmt="o", markersize=4, elinewidth=0.4, label=series or None)
-    best = frontier(rows)
-    if best:
-        line = [(row.cost.median_us, max(row.error, _LEAST)) for row in best if row.cost]
-        axes.plot(*zip(*line, strict=True), color="0.3", linewidth=1.0, zorder=0)
-    for row in rows if len(rows) <= _MOST_LABELS else best:
-        if row.cost is not None:
-            place = (row.cost.median_us, max(row.error, _LEAST) if is_known else row.error)
-            axes.annotate(row.setting, place, fontsize=5.5, xytext=(3, 3), textcoords="offset points")
-    if any(row.series for row in rows):
-        axes.legend(fontsize=7)
-    axes.grid(visible=True, which="both", linewidth=0.2)
+
+
+def _draw_series(axes: Axes, rows: Sequence[Row], colour: str, *, is_log: bool) -> None:
+    x, y = zip(*(_place(row, is_log=is_log) for row in rows), strict=True)
+    noise = [row.cost.noise_us for row in rows if row.cost is not None]
+    axes.errorbar(x, y, xerr=noise, fmt="o", markersize=4, elinewidth=0.4, color=colour, label=rows[0].series or None)
+
+
+def _place(row: Row, *, is_log: bool) -> tuple[float, float]:
+    """Return where a row is drawn, in us and in its own unit."""
+    if row.cost is None:
+        raise ValueError(f"{row.setting} was not timed")
+    return row.cost.median_us, max(row.error, _LEAST) if is_log else row.error
 
 
 def _draw_bars(axes: Axes, rows: Sequence[Row]) -> None:

@@ -8,8 +8,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from services.studies.accuracy.figures import draw_panel, open_figure, save_figure
+from services.studies.accuracy.figure_text import plain_ticks
+from services.studies.accuracy.figures import draw_panels, open_figure, save_figure
 from services.studies.accuracy.study import Row
+
+_ROOM_FOR_LEGEND = 0.35
+"""Of the panel's height, above what is drawn."""
 
 
 def draw_growth(title: str, growing: Sequence[Row], others: Sequence[Row], stem: Path) -> list[Path]:
@@ -19,8 +23,7 @@ def draw_growth(title: str, growing: Sequence[Row], others: Sequence[Row], stem:
     _grow(panels[0], growing, {id(row): row.error for row in growing}, "operations a step")
     times = {id(row): row.cost.median_us for row in growing if row.cost is not None}
     _grow(panels[1], growing, times, "time of a step [us]")
-    for axes, quantity in zip(panels[2:], quantities, strict=True):
-        draw_panel(axes, [row for row in others if row.quantity == quantity])
+    draw_panels(figure, panels[2:], others)
     return save_figure(figure, stem)
 
 
@@ -50,6 +53,10 @@ def _grow(axes: Axes, rows: Sequence[Row], values: dict[int, float], title: str)
         axes.annotate(name, (sizes[-1], start * line[-1] / line[0]), fontsize=6)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlabel("n, degrees of freedom")
+    plain_ticks(axes.xaxis, sizes.min(), sizes.max())
+    axes.tick_params(labelsize=7)
+    axes.set_xlabel("n, degrees of freedom", fontsize=8)
     axes.set_title(title, fontsize=9)
-    axes.legend(fontsize=6)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high * (high / low) ** _ROOM_FOR_LEGEND)
+    axes.legend(fontsize=6, loc="upper left")

@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from conftest import SMALLEST
 
+from services.cli import study as command
 from services.cli.study import write_results
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
@@ -75,6 +76,20 @@ def test_the_page_needs_nothing_from_elsewhere_and_holds_every_point(written):
     data = json.loads(re.search(r"const data = (.*);\n", page)[1])
     assert len(data["rows"]) == 6
     assert data["studies"]["modes"]["title"]
+
+
+def test_a_study_without_a_frontier_prints_what_it_says_of_itself(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(mesh, "findings", lambda rows: [f"{len(rows)} changes [of 1 effect]."])
+    monkeypatch.setattr(modes, "findings", lambda rows: ["is in the table."])
+    changes = [replace(row, study="mesh", is_known=False) for row in some_rows()]
+    command._print([*some_rows(), *changes])
+    told = capsys.readouterr().out
+    assert "mesh: 6 changes [of 1 effect].\n" in told
+    assert "on the frontier of" in told
+    assert "is in the table" not in told
+    command._print(changes)
+    assert capsys.readouterr().out == "mesh: 6 changes [of 1 effect].\n"
 
 
 def facts_of(code):

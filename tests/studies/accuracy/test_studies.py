@@ -165,3 +165,8 @@ def test_operations_of_a_full_matrix_grow_by_the_square_and_those_of_modes_by_n(
     # Appendix B's own sums, by hand for n = 240.
     assert counts[f"{paper.DENSE}, n = 240"] == 27 * 240 + 4 * 240**2
     assert counts[f"{paper.ALL_NODES}, n = 240"] == 27 * 60 + 4 * 240 * 60
+
+
+def test_a_triangle_that_is_for_comparison_only_is_told_but_no_choice(run_smallest):
+    rows, _ = run_smallest("element", costs=False)
+    assert {row.setting for row in rows if not row.is_known} == {"cst, tocher, 12 x 16", "andes, tocher, 12 x 16"}

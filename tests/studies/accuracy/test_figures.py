@@ -1,0 +1,75 @@
+"""What is written in the figures: it can be read."""
+
+import itertools
+
+import pytest
+from matplotlib.transforms import Bbox
+
+from services.studies.accuracy.figures import draw_panels, open_figure
+from services.studies.accuracy.frontier import frontier
+from services.studies.accuracy.study import Cost, Row
+
+
+def row(setting, error, us, series="one", quantity="force", *, is_known=True):
+    return Row("modes", setting, series, quantity, error, "%", is_known, Cost(us, 2.0 * us, 3.0))
+
+
+CROWD = [row(f"{n} modes, residual", 1e-7 / n, 155.0 + n / 10.0) for n in (10, 20, 40, 60, 80, 120)]
+"""Six points on the floor of the panel, some of which lie on one another."""
+RIGHTMOST = [row("cheap", 30.0, 100.0), row("a name that would leave the panel at the right", 1.0, 250.0)]
+WIDE = [row("small", 0.0021, 110.0, "ours"), row("large", 131.0, 790.0, "theirs")]
+CHANGES = [row(f"effect {n}", 0.1 * n, 170.0 + n, "one effect", is_known=False) for n in range(20)]
+
+
+def drawn(rows):
+    figure, panels = open_figure("a title", len({each.quantity for each in rows}))
+    draw_panels(figure, panels, rows)
+    figure.draw_without_rendering()
+    return panels
+
+
+@pytest.mark.parametrize("rows", [CROWD, RIGHTMOST, WIDE, CHANGES], ids=["crowd", "rightmost", "wide", "changes"])
+def test_names_cover_neither_one_another_nor_points_nor_the_legend_and_stay_in_the_panel(rows):
+    (axes,) = drawn(rows)
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert boxes
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    assert not any(box.overlaps(axes.get_legend().get_window_extent()) for box in boxes)
+    for line in axes.get_lines():
+        for x, y in axes.transData.transform(line.get_xydata()) if line.get_marker() == "o" else ():
+            assert not any(box.overlaps(Bbox.from_bounds(x - 2, y - 2, 4, 4)) for box in boxes)
+    panel = axes.get_window_extent()
+    assert all(panel.x0 <= box.x0 and box.x1 <= panel.x1 for box in boxes)
+
+
+@pytest.mark.parametrize("rows", [CROWD, RIGHTMOST, WIDE], ids=["crowd", "rightmost", "wide"])
+def test_who_is_on_the_frontier_is_named_first(rows):
+    (axes,) = drawn(rows)
+    assert frontier(rows)[0].setting in {text.get_text() for text in axes.texts}
+
+
+def test_every_axis_has_plain_numbers_that_do_not_cover_one_another():
+    for axes in (*drawn(WIDE), *drawn(CROWD), *drawn(RIGHTMOST)):
+        for axis, side in ((axes.xaxis, "x"), (axes.yaxis, "y")):
+            labels = [label for label in axis.get_ticklabels(which="both") if label.get_text()]
+            texts = {label.get_text().removeprefix("\N{LESS-THAN OR EQUAL TO} ") for label in labels}
+            assert len({float(text) for text in texts}) >= 1, side
+            inside = [label.get_window_extent() for label in labels if _is_seen(label, axes, side)]
+            assert not any(one.overlaps(other) for one, other in itertools.combinations(inside, 2))
+            assert len({label.get_fontsize() for label in labels}) == 1
+
+
+def _is_seen(label, axes, side):
+    low, high = sorted(axes.get_xlim() if side == "x" else axes.get_ylim())
+    return low <= label.get_position()[side == "y"] <= high
+
+
+def test_a_series_has_one_colour_in_all_panels():
+    rows = [
+        row("a", 1.0, 100.0, "bare"),
+        row("b", 2.0, 110.0, "residual"),
+        row("b", 3.0, 110.0, "residual", "motion"),
+    ]
+    first, second = drawn(rows)
+    colours = [dict(zip(("bare", "residual"), panel.containers, strict=False)) for panel in (first, second)]
+    assert colours[0]["residual"][0].get_color() == second.containers[0][0].get_color()
