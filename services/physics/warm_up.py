@@ -112,6 +112,7 @@ class _NoSearch:
     def __init__(self, duct: ReducedDuct) -> None:
         self._rest_m = duct.mesh.vertices_m
         self.inside = np.zeros(0, np.int8)
+        self.against_m = np.zeros((0, 2, 3))
 
     def start(self, duct: DuctBody) -> None:
         """The wall stays where it is."""

@@ -48,6 +48,11 @@ class CatheterContactDetector:
         """(n,) one where a particle is in the lumen; a live view."""
         return self._detection.lumen.inside
 
+    @property
+    def against_m(self) -> FloatArray:
+        """(n, 2, 3) how far particles went in the last tick against the walls they were closest to; a live view."""
+        return self._detection.against
+
     def reset(self) -> None:
         """Forget the past: the next `detect` finds sides and insideness from the positions alone."""
         self._detection.probes.reset()

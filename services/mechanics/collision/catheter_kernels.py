@@ -30,7 +30,7 @@ from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, contact
 from services.mechanics.collision.writer import is_due, write_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, row_of, scaled, subtract
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, put_row_of, row, row_of, scaled, subtract
 
 
 class CatheterDetection(Struct):
@@ -41,6 +41,7 @@ class CatheterDetection(Struct):
     lumen: Lumen
     rims: RimMemory
     motion: Annotated[FloatArray, "n", 3]  # of the particles, as expected of this tick
+    against: Annotated[FloatArray, "n", MINIMA, 3]  # of the last tick, against the walls that they were closest to
     thickness_m: float  # radius of the catheter and half that of the wall
     margin_m: float
 
@@ -76,7 +77,9 @@ def _expected_motion(detection: CatheterDetection, i: int, p: Vector, ahead: Vec
     """
     body, wall, probes = detection.shell.body, detection.shell.wall, detection.probes
     went = motion_to(probes, i, p)
-    against = subtract(went, wall_motion(body, wall, probes, i, 0))
+    for k in range(MINIMA):
+        put_row_of(detection.against, i, k, subtract(went, wall_motion(body, wall, probes, i, k)))
+    against = row_of(detection.against, i, 0)
     furthest = against if dot(against, against) > dot(went, went) else went
     is_further = dot(furthest, furthest) < dot(ahead, ahead) < JUMP_M * JUMP_M
     return ahead if is_further else furthest

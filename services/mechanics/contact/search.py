@@ -38,6 +38,10 @@ class ContactSearch(Protocol):
     def inside(self) -> npt.NDArray[np.int8]:
         """(n,) one where a particle of the catheter is in the lumen."""
 
+    @property
+    def against_m(self) -> FloatArray:
+        """(n, 2, 3) how far its particles went in the last step against the walls that they were closest to."""
+
     def start(self, duct: DuctBody) -> None:
         """Take over the duct's shape at the start of the step."""
 
@@ -91,6 +95,11 @@ class DuctSearch:
     def inside(self) -> npt.NDArray[np.int8]:
         """(n,) one where a particle of the catheter is in the lumen; a live view."""
         return self.catheter.inside
+
+    @property
+    def against_m(self) -> FloatArray:
+        """(n, 2, 3) how far its particles went against the walls that they were closest to; a live view."""
+        return self.catheter.against_m
 
     def start(self, duct: DuctBody) -> None:
         """Move the wall."""

@@ -298,7 +298,7 @@ class Simulation:
         self.catheter_manifold.append_to(catheter_pairs, self.search, system.geometry)
         if self.rung.touch_every > 1:
             catheter, every = self.catheter, self.rung.touch_every
-            rod = catheter.state.velocity_m_s, catheter.contact_force_n, catheter.mass_kg
+            rod = catheter.state.velocity_m_s, self.search.against_m, catheter.contact_force_n, catheter.mass_kg
             thin_pairs(catheter_pairs.address, rod, (every, catheter.properties.n_segments), dt_s)
         if not (self._stages["add_pairs"] or self._stages["add_rows"]):
             rows = system.collect(pairs, catheter_pairs, self.holds.in_use)

@@ -19,8 +19,8 @@ def pairs_of_all_particles(gap_m):
     return pairs
 
 
-def kept(pairs, every=4, velocity=(0.0, 0.0, 0.0), force_n=(0.0, 0.0, 0.0)):
-    rod = np.tile(velocity, (N, 1)), np.tile(force_n, (N, 1)), np.full(N, MASS_KG)
+def kept(pairs, every=4, velocity=(0.0, 0.0, 0.0), against_m=((0.0, 0.0, 0.0),) * 2, force_n=(0.0, 0.0, 0.0)):
+    rod = np.tile(velocity, (N, 1)), np.tile(against_m, (N, 1, 1)), np.tile(force_n, (N, 1)), np.full(N, MASS_KG)
     thin_pairs(pairs.address, rod, (every, TIP), DT_S)
     return pairs.particle[: pairs.count].tolist()
 
@@ -47,6 +47,16 @@ def test_what_reaches_the_wall_within_the_step_is_kept():
     assert kept(pairs_of_all_particles(4e-4), velocity=(0.0, 0.0, -0.5)) == list(range(N))
     assert kept(pairs_of_all_particles(6e-4), velocity=(0.0, 0.0, -0.5)) == [0, 4, 8]
     assert kept(pairs_of_all_particles(4e-4), velocity=(0.5, 0.0, 0.5)) == [0, 4, 8], "along the wall, and away"
+
+
+@pytest.mark.parametrize("minimum", [0, 1])
+def test_what_the_wall_comes_to_within_the_step_is_kept(minimum):
+    """A wall that came to a catheter at rest by 0.23 mm a step was 0.13 mm in it: its own motion was asked."""
+    against_m = np.zeros((2, 3))
+    against_m[minimum, 2] = -0.23e-3
+    assert kept(pairs_of_all_particles(1.7e-4), against_m=against_m) == list(range(N))
+    assert kept(pairs_of_all_particles(1.9e-4), against_m=against_m) == [0, 4, 8]
+    assert kept(pairs_of_all_particles(1.7e-4), against_m=-against_m) == [0, 4, 8], "away"
 
 
 def test_pairs_of_tools_and_with_other_segments_are_not_its_business():
