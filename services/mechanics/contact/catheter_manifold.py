@@ -23,7 +23,7 @@ from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, WallGeometry, geometry_at, wall_at
 from services.mechanics.contact.identity import target_kind_of, target_of
 from services.mechanics.contact.manifold import ONE_POINT, NodePositions, PressedPoints, kept_point, write_corners
-from services.mechanics.contact.met import LEAST_APPROACH_M, LEAST_OF_WALL
+from services.mechanics.contact.met import least_approach_m
 from services.mechanics.contact.rows import NO_STONE, ContactRows, rows_at
 from services.mechanics.contact.system import ContactSystem
 
@@ -37,7 +37,7 @@ class CatheterManifold(PressedPoints):
 
     def __init__(self, wall: WallGeometry, margin_m: float) -> None:
         super().__init__(wall, margin_m)
-        self._least_m = min(LEAST_APPROACH_M, 2.0 * LEAST_OF_WALL * wall.half_thickness)
+        self._least_m = least_approach_m(wall.half_thickness)
 
     def keep(self, system: ContactSystem, deepest_m: float) -> None:
         """Remember the pressed points of the rows just solved, where something is as deep as counts or gives anything.
@@ -113,8 +113,9 @@ def append_kept(
         distance = math.sqrt(dot(away, away))
         if distance == 0.0 or distance > reach or dot(away, row_of(kept.normal, i)) < FACING * distance:
             continue
-        near = apart_m(thickness, 2.0 * sizes[0]) if slid[i] else ONE_POINT * thickness
-        known = _known(out, rod, (point, kept.particle[i]), (near, thickness))
+        near = apart_m(thickness, 2.0 * sizes[0]) if slid[i] else 0.0
+        shallowest = distance - thickness + least_approach_m(sizes[0])
+        known = _known(out, rod, (point, kept.particle[i]), (near, shallowest, thickness))
         if known == NONE:
             weights, s = row_of(kept.target_weights, i), kept.tool_parameter[i]
             pair = (NO_TOOL, 0, kept.particle[i], DUCT_TRIANGLE, kept.target[i], s, weights)
@@ -141,16 +142,20 @@ def copy_point(kept: ContactPairs, i: int, pairs: ContactPairs, to: int) -> None
 
 
 @kernel
-def _known(pairs: ContactPairs, rod: RodGeometry, where: tuple[Vector, int], sizes: tuple[float, float]) -> int:
-    """Return the catheter's pair near a particle with a point of the wall that is nearer than that, or `NONE`.
+def _known(pairs: ContactPairs, rod: RodGeometry, where: tuple[Vector, int], sizes: tuple[float, float, float]) -> int:
+    """Return the catheter's pair near a particle that stands for a kept point of the wall, or `NONE`.
 
-    ``where`` are point and particle; ``sizes`` how near, and the distance between axis and mid-surface.
+    One with the same point does, and one that is near and hardly less deep: the lips of a mouth that jaws squeeze are
+    closest by turns, and what is found beside the one that is not may be 0.2 mm off it. ``where`` are point and
+    particle; ``sizes`` how near, the largest gap, and the distance between axis and mid-surface.
     """
-    (point, particle), (near, thickness) = where, sizes
+    (point, particle), (near, shallowest, thickness) = where, sizes
+    same = ONE_POINT * thickness
     for k in range(pairs.count):
         if pairs.target_kind[k] != DUCT_TRIANGLE or abs(pairs.particle[k] - particle) > _BESIDE:
             continue
         known = along(_axis_point(rod, pairs, k), row_of(pairs.normal, k), -(pairs.gap_m[k] + thickness))
-        if squared_distance(known, point) < near * near:
+        apart_2 = squared_distance(known, point)
+        if apart_2 < same * same or (apart_2 < near * near and pairs.gap_m[k] < shallowest):
             return k
     return NONE

@@ -64,7 +64,7 @@ def keep_approaching(
     """
     pairs, state, kept = pairs_at(pairs_address), state_at(state_address), 0
     geometry = state.geometry
-    least = least_approach_m(geometry)
+    least = least_approach_m(geometry.wall.half_thickness)
     for i in range(pairs.count):
         tool = pairs.tool[i]
         if not pairs.gap_m[i] < NEARLY_MET_M:
@@ -88,9 +88,9 @@ def keep_approaching(
 
 
 @kernel
-def least_approach_m(geometry: ContactGeometry) -> float:
+def least_approach_m(half_thickness_m: float) -> float:
     """Return by how much a pair comes nearer, or is deeper than a row, at least, to count."""
-    return min(LEAST_APPROACH_M, 2.0 * LEAST_OF_WALL * geometry.wall.half_thickness)
+    return min(LEAST_APPROACH_M, 2.0 * LEAST_OF_WALL * half_thickness_m)
 
 
 @kernel
@@ -116,7 +116,7 @@ def _has_row(state: ContactState, pairs: ContactPairs, i: int) -> bool:
 @kernel
 def _is_foreseen(state: ContactState, pairs: ContactPairs, i: int) -> bool:
     """Return whether a row of the same bodies that faces the same way, near by, leads as deep as a pair found."""
-    rows, motion, least = state.rows, state.problem.motion, least_approach_m(state.geometry)
+    rows, motion, least = state.rows, state.problem.motion, least_approach_m(state.geometry.wall.half_thickness)
     for at in range(rows.n_contacts):
         if not (_faces_alike(rows, at, pairs, i) and _is_near(state, at, pairs, i)):
             continue
