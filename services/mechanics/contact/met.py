@@ -60,7 +60,8 @@ def keep_approaching(
 
     ``corners`` (3 n, 3) are those of `list_corners` at the start of the step. Afterwards ``gap_m`` is how much less the
     gap is at the end than at the start along the pair's normal. That is the one at the end, but where the pair would
-    seem to overlap along it at the start already, as it does round a corner: there it is the one at the start.
+    seem to overlap along it at the start already, as it does round a corner, or where the solved step takes the wall
+    through a tool: there it is the one at the start, the side on which they are.
     """
     pairs, state, kept = pairs_at(pairs_address), state_at(state_address), 0
     geometry = state.geometry
@@ -79,7 +80,7 @@ def keep_approaching(
         if start - pairs.gap_m[i] < least and _is_foreseen(state, pairs, i):
             continue
         copy_pair(pairs, i, kept)
-        if start < 0.0 and dot(away, normal) > 0.0:
+        if start < 0.0 and distance > 0.0:
             put_row(pairs.normal, kept, scaled(away, 1.0 / distance))
             start = nearest
         pairs.gap_m[kept] = start - pairs.gap_m[i]

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import NO_TOOL, ContactPairs
+from services.mechanics.collision.pairs import JAW_A, NO_TOOL, ContactPairs
 from services.mechanics.contact.laws import number_of
+from services.mechanics.contact.met import keep_approaching
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.second_look import SecondLook, slides_far
@@ -43,6 +44,7 @@ def test_walls_that_snap_beside_a_row_meet_nothing_unseen(family, name):
         (2, "t/R 0.005, holding, number 0"),
         (2, "t/R 0.01, holding, number 0"),
         (2, "t/R 0.005, holding, number 2"),  # 0.69 where detection takes the wall to be beside where it is
+        (4, "t/R 0.005, holding, number 2"),  # 69 for one step, on the side to which a solve had taken the wall
     ],
 )
 def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(seed, name):
@@ -91,6 +93,27 @@ def test_what_touches_nothing_goes_as_far_as_its_gap_beyond_what_is_far(
     state.rows.gap_m[0] = state.problem.motion[0] = 300e-6
     state.problem.motion[1] = 1e-6 * slide_um
     assert slides_far(state.address, 50e-6) == is_far
+
+
+@pytest.mark.parametrize("turned_rad", [0.2, 1.0, 1.5, 1.8, 3.1])
+def test_what_a_solve_takes_round_or_through_a_tool_is_kept_on_the_side_where_it_began(
+    small_scene, small_duct, turned_rad
+):
+    """Before, from a right angle on, it was taken to have been deep in the tool from the other side all along."""
+    simulation = Simulation(small_scene, small_duct)
+    state, pairs, apart_m = simulation.system._state, ContactPairs.allocate(1), 1.8e-3
+    jaws, wall, end_gap_m = state.geometry.tools, state.geometry.wall, -0.3e-3
+    jaws.present[0], jaws.segments[0, JAW_A], jaws.radius[0, JAW_A] = True, [[0.0, 0.0, 0.0], [10e-3, 0.0, 0.0]], 1e-3
+    away = np.array([0.0, np.cos(turned_rad), np.sin(turned_rad)])
+    pairs.count, pairs.tool[0], pairs.tool_segment[0], pairs.tool_parameter[0] = 1, 0, JAW_A, 0.5
+    pairs.target_weights[0], pairs.normal[0], pairs.gap_m[0] = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), end_gap_m
+    corners = np.array([5e-3, 0.0, 0.0]) - apart_m * np.array([away, away, away])
+    keep_approaching(pairs.address, simulation.system.address, corners)
+    nearest_m = apart_m - 1e-3 - wall.half_thickness
+    start_m = apart_m * away[1] - 1e-3 - wall.half_thickness
+    assert pairs.count == 1
+    assert np.allclose(pairs.normal[0], away if start_m < 0.0 else (0.0, 1.0, 0.0), atol=1e-12)
+    assert np.isclose(pairs.gap_m[0], (nearest_m if start_m < 0.0 else start_m) - end_gap_m, atol=1e-12)
 
 
 def test_a_look_that_finds_nothing_leaves_no_trace(monkeypatch):
