@@ -18,7 +18,7 @@ import functools
 import math
 from typing import Any
 
-from numba import cfunc, types
+from numba import types
 
 from services.gateway.hdapi import native
 from services.gateway.hdapi.applied_force import apply_order, give_up
@@ -56,6 +56,7 @@ from services.gateway.hdapi.error_stack import drain, unreachable
 from services.gateway.hdapi.handover import put, take
 from services.gateway.layout import MEMORY_SIZE
 from services.gateway.velocity_filter import low_pass
+from services.mechanics import compiled
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
@@ -222,4 +223,4 @@ def _callback(address: Address[Servo]) -> int:
 @functools.cache
 def callback() -> Any:
     """Return ``HDCallbackCode f(void *)``, compiled at the first call; its user data is the address of a `Servo`."""
-    return cfunc(types.uint32(types.int64), cache=True, nopython=True, error_model="numpy")(_callback)
+    return compiled.callback(types.uint32(types.int64), _callback)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-from numba import njit
+from numba import cfunc, njit
 
 from services.mechanics.compiled import names
 from services.mechanics.compiled.plain_types import plain
@@ -20,6 +20,7 @@ from services.mechanics.compiled.plain_types import plain
 names.begin()
 
 _USUAL: dict[str, Any] = {}
+_CALLBACK: dict[str, Any] = {}
 _LINKED: dict[str, Any] = {}
 _SIMPLIFIED: dict[str, Any] = {}
 
@@ -32,9 +33,14 @@ def _store(dispatcher: Any, *, needs_runtime: bool = False) -> Any:
 with contextlib.suppress(ImportError):
     from services.mechanics.compiled.stored import keep as _store
 with contextlib.suppress(ImportError):  # of numba's compiler: without it, kernels are compiled in the usual way
-    from services.mechanics.compiled.linked import KernelCompiler, LinkedCompiler, SimplifyingCompiler
+    from services.mechanics.compiled.linked import (
+        CallbackCompiler,
+        KernelCompiler,
+        LinkedCompiler,
+        SimplifyingCompiler,
+    )
 
-    _USUAL = {"pipeline_class": KernelCompiler}
+    _USUAL, _CALLBACK = {"pipeline_class": KernelCompiler}, {"pipeline_class": CallbackCompiler}
     _LINKED, _SIMPLIFIED = {"pipeline_class": LinkedCompiler}, {"pipeline_class": SimplifyingCompiler}
 with contextlib.suppress(ImportError):
     from services.mechanics.compiled import compile_time
@@ -69,6 +75,14 @@ def building_kernel(function: F) -> F:
     """Compile a function that prepares a scene and may allocate; decorator. No kernel of a tick calls it."""
     compiled: F = _store(njit(nogil=True)(function), needs_runtime=True)
     return compiled
+
+
+def callback(signature: Any, function: Callable[..., Any]) -> Any:
+    """Compile a function that a C library calls, and may call kernels; return numba's `CFunc`, compiled.
+
+    numba's own `cfunc` alone must not be kept on disk here: it would not find the machine code of large kernels again.
+    """
+    return cfunc(signature, cache=True, nopython=True, error_model="numpy", **_CALLBACK)(function)
 
 
 def _compiled(function: F, options: dict[str, Any]) -> F:

@@ -1,8 +1,9 @@
-"""Kernels that only kernels call have no machine code of their own: they are optimised, kept, and linked into callers.
+"""Small kernels that only kernels call have no machine code: they are optimised, kept, and linked into callers.
 
 numba links the optimised code of a callee into its caller, optimises the whole anew and makes machine code of it, which
 for nine kernels of ten nobody runs: of 500 kernels of the default scene Python calls 50. Most of the others are only
-simplified, and optimised within those that Python calls. Those of detection are optimised by themselves, each once.
+simplified, and optimised within their callers; those of detection are optimised by themselves, each once. Large ones
+are machine code that all callers share (`apart.py`).
 """
 
 from __future__ import annotations
@@ -11,13 +12,13 @@ import contextlib
 import itertools
 from collections.abc import Iterator
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from llvmlite import binding as llvm
 from llvmlite import ir
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase
+from numba.core.compiler import Compiler, CompilerBase
 
+from services.mechanics.compiled import apart
 from services.mechanics.compiled.lowering import passes
 
 _ENVIRONMENT = "_ZN08NumbaEnv"
@@ -26,9 +27,8 @@ _ENVIRONMENT = "_ZN08NumbaEnv"
 _ANOTHER_NUMBA = (AttributeError, TypeError)
 
 
-#: Instructions of what is still inlined, with all that it calls: beyond them, nothing in detection is.
-_INLINED = 1000
-_SMALL: WeakKeyDictionary[Any, bool] = WeakKeyDictionary()
+#: Instructions of a kernel, with all that is linked into it, beyond which it is called and not linked.
+_INLINED = 300
 
 
 class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
@@ -36,13 +36,12 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     numba keeps both on disk, as of every kernel, and a process that reads them cannot tell the difference. numba would
     also link all that is called, at every depth, and optimise it once more with each caller, and theirs. Here what is
-    too large to be inlined is linked when the rest has been optimised, as it was when its own turn came.
+    too large to be inlined has machine code of its own, and callers find nothing to link.
     """
 
     _final_module: Any
-    _linking_libraries: list[Any]
     _linked: Any = None
-    _large: tuple[Any, ...] = ()
+    _name_apart: str | None = None
 
     @classmethod
     def of(cls, state: Any) -> _LinkedLibrary:
@@ -51,28 +50,13 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
         library.enable_object_caching()
         return library
 
-    def finalize(self) -> None:
-        """Link what is called, the large apart; optimise; make ready."""
-        with contextlib.suppress(*_ANOTHER_NUMBA):
-            self._set_apart()
-        super().finalize()
-
-    def _set_apart(self) -> None:
-        called = list(dict.fromkeys(self._linking_libraries))
-        large = [each for each in called if not _is_small(each)]
-        modules = tuple(each._get_module_for_linking() for each in large)  # noqa: SLF001
-        for each in large:
-            self._reload_init.update(each._reload_init)  # noqa: SLF001
-        self._linking_libraries = [each for each in called if each not in large]
-        self._large = modules
-
     def _optimize_final_module(self) -> None:
         self._optimise()
-        for module in self._large:
-            self._final_module.link_in(module, preserve=True)
 
     def _optimise(self) -> None:
         super()._optimize_final_module()
+        if self._name_apart is None:
+            self._name_apart = _name_if_large(self._final_module)
 
     def _finalize_final_module(self) -> None:
         with contextlib.suppress(*_ANOTHER_NUMBA):
@@ -82,10 +66,18 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
     def _separate(self) -> None:
         """Keep the code for callers, and put the stub in its place; if a part of numba is missing, neither."""
         _ = super()._get_module_for_linking
-        stub = _stub(self._codegen, self.name, self._final_module)
+        module, name = self._final_module, self._name_apart
+        stub = _stub(self._codegen, self.name, module, places=name is None)
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
-        self._linked, self._final_module = _for_linking(self._final_module), stub
+        if name is None:
+            self._linked = _for_linking(module)
+        else:
+            nothing = llvm.parse_assembly(str(self._codegen._create_empty_module(self.name)))  # noqa: SLF001
+            library = JITCodeLibrary(self._codegen, name)
+            self._reload_init.add(apart.make(library, module, name, self._reload_init, nothing.clone()))
+            self._linked = nothing
+        self._final_module = stub
 
     def _get_module_for_linking(self) -> Any:
         self._ensure_finalized()
@@ -104,6 +96,9 @@ class _SimplifiedLibrary(_LinkedLibrary):
             super()._optimise()
         else:
             passes.run(self._final_module, options)
+            self._name_apart = _name_if_large(self._final_module)
+            if self._name_apart is not None:
+                super()._optimise()
 
 
 class KernelCompiler(CompilerBase):  # type: ignore[misc]  # numba has no types
@@ -112,6 +107,21 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]  # numba has no types
     def define_pipelines(self) -> list[Any]:
         """Return the passes for kernels."""
         return [passes(self.state)]
+
+
+class CallbackCompiler(Compiler):  # type: ignore[misc]
+    """The usual compiler for a callback of C, which is kept with the machine code that it calls.
+
+    numba links a callback when it has asked already what must be here before it is read from disk.
+    """
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile it; return the result, which names the machine code."""
+        result = super().compile_extra(function)
+        with contextlib.suppress(*_ANOTHER_NUMBA):
+            result.library._ensure_finalized()  # noqa: SLF001
+            result.reload_init.extend(result.library._reload_init)  # noqa: SLF001
+        return result
 
 
 class LinkedCompiler(KernelCompiler):
@@ -132,12 +142,10 @@ class SimplifyingCompiler(LinkedCompiler):
     _library = _SimplifiedLibrary
 
 
-def _is_small(library: Any) -> bool:
-    """Return whether what a library defines may be inlined as a whole."""
-    if library not in _SMALL:
-        instructions = _instructions(library._get_module_for_linking())  # noqa: SLF001
-        _SMALL[library] = sum(1 for _ in itertools.islice(instructions, _INLINED + 1)) <= _INLINED
-    return _SMALL[library]
+def _name_if_large(module: Any) -> str | None:
+    """Return the name of a module's own function if it is too large to be inlined as a whole."""
+    is_large = sum(1 for _ in itertools.islice(_instructions(module), _INLINED + 1)) > _INLINED
+    return apart.own_function(module) if is_large else None
 
 
 def _instructions(module: Any) -> Iterator[Any]:
@@ -153,13 +161,14 @@ def _for_linking(module: Any) -> Any:
     return module
 
 
-def _stub(codegen: Any, name: str, module: Any) -> Any:
-    """Return a module that defines nothing but the environments of `module`."""
+def _stub(codegen: Any, name: str, module: Any, *, places: bool) -> Any:
+    """Return a module that has nothing but the environments of `module`, and their places or not."""
     stub = codegen._create_empty_module(name)  # noqa: SLF001
     for variable in module.global_variables:
         if variable.name.startswith(_ENVIRONMENT) and not variable.is_declaration:
             place = ir.GlobalVariable(stub, ir.IntType(8).as_pointer(), variable.name)
-            place.linkage, place.initializer = "common", ir.Constant(place.value_type, None)
+            if places:
+                place.linkage, place.initializer = "common", ir.Constant(place.value_type, None)
     parsed = llvm.parse_assembly(str(stub))
     parsed.name = module.name
     return parsed

@@ -29,7 +29,10 @@ class _Stored(FunctionCache):  # type: ignore[misc]  # numba has no types
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the kernel for a signature, None if it is not stored."""
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            found = self._load_overload(sig, target_context)
+            if found is not None:
+                found.library._reload_init.update(found.reload_init)  # noqa: SLF001 - as of one that is compiled here
+            return found
 
 
 class _StoredWithRuntime(_Stored):
