@@ -21,12 +21,10 @@ from services.mechanics.surface.mesh import TriangleMesh, vertex_adjacency
 # So many edges away from a load the wall is moved by it.
 RINGS = 3
 # A load that dents its own node by more than this moves what is so many edges away: the residual falls off slowly, to a
-# tenth of that at three edges and a thirtieth at six, and jaws press on dozens of nodes. So does one that dents a thin
-# wall by half its thickness.
+# tenth of that at three edges and a thirtieth at six, and jaws press on dozens of nodes.
 DENT_M, DENT_RINGS = 0.2e-3, 6
-DENT_OF_WALL = 0.5
 # Walls thinner than this are within the error that this leaves of where they are: a sixtieth of all dents together
-# where jaws press. Near all their loads each load moves them, from as far as there is room for.
+# where jaws press, and all of them beside that. Each load moves them as far as there is room for.
 THIN_M = 0.2e-3
 THIN_RINGS, MOST_BLOCKS = 16, 1_800_000
 
@@ -37,15 +35,13 @@ class FieldArrays(Struct):
     blocks: Annotated[Float32Array, "b", 3, 3]
     place: Annotated[LongArray, "k"]  # of the block of each entry of the ring, -1 where there is none
     start: Annotated[IntArray, "n + 1"]
-    near: Annotated[IntArray, "n"]  # where the part of each ring ends that every load moves
-    far: Annotated[IntArray, "n"]  # and that which a deep dent moves
+    near: Annotated[IntArray, "n"]  # where the part of each ring ends that every load moves; a deep dent moves all
     softness: Annotated[FloatArray, "n"]  # how far a load moves its own node at most, in m/N
     ring: Annotated[IntArray, "k"]
     slot: Annotated[IntArray, "n"]  # scratch, all -1
     node: Annotated[IntArray, "n"]
     displacement: Annotated[FloatArray, "n", 3]
     dent_m: float  # what a load moves its own node by if its dent is deep
-    is_thin: bool  # whether each load moves what is near any of them
 
 
 field_at = reader(FieldArrays)
@@ -54,7 +50,7 @@ field_at = reader(FieldArrays)
 class ResidualField:
     """Residual displacement on the loaded nodes and those up to `RINGS`, or `DENT_RINGS`, edges away from each load.
 
-    Of thin walls, what is that near is where all loads together move it to.
+    Of thin walls up to `THIN_RINGS`, or as many as there is room for.
 
     It keeps a copy of the blocks near each node in the order in which they are read: out of the whole residual every
     one would come from another page.
@@ -69,7 +65,7 @@ class ResidualField:
         n, is_thin = duct.mesh.n_vertices, thickness_m < THIN_M
         near, far = neighbourhoods(duct.mesh, RINGS), neighbourhoods(duct.mesh, DENT_RINGS)
         put_first(near, far)
-        start, ring = _widened(duct.mesh, far) if is_thin else far
+        start, ring = neighbourhoods(duct.mesh, _rings_of_thin(n)) if is_thin else far
         place = np.zeros(len(ring), np.int64)
         find_places(duct.residual.store, (start, ring), place)
         known = place >= 0
@@ -83,11 +79,9 @@ class ResidualField:
             blocks=blocks,
             place=place,
             start=start,
-            near=start[:-1] + np.diff(near[0]),
-            far=start[:-1] + np.diff(far[0]),
+            near=start[1:].copy() if is_thin else start[:-1] + np.diff(near[0]),
             softness=own_softness(duct),
-            dent_m=min(DENT_M, DENT_OF_WALL * thickness_m),
-            is_thin=is_thin,
+            dent_m=DENT_M,
             ring=ring,
             slot=np.full(n, -1, np.int32),
             node=self.nodes,
@@ -121,17 +115,12 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
     return reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
 
 
-def _widened(mesh: TriangleMesh, first: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
-    """Return wider neighbourhoods that begin with the ``first`` ones, in their order, as wide as there is room for."""
+def _rings_of_thin(n_nodes: int) -> int:
+    """Return so many edges away from a load a thin wall of so many nodes is moved by it, as there is room for."""
     rings = THIN_RINGS
-    while rings > DENT_RINGS and 3 * rings * (rings + 1) > MOST_BLOCKS // mesh.n_vertices:
+    while rings > DENT_RINGS and 3 * rings * (rings + 1) > MOST_BLOCKS // n_nodes:
         rings -= 1
-    start, ring = neighbourhoods(mesh, rings)
-    for node in range(mesh.n_vertices):
-        mine = first[1][first[0][node] : first[0][node + 1]]
-        others = np.setdiff1d(ring[start[node] : start[node + 1]], mine)
-        ring[start[node] : start[node + 1]] = np.concatenate([mine, others])
-    return start, ring
+    return rings
 
 
 @kernel
@@ -179,24 +168,20 @@ def displace_round_loads(address: Address[FieldArrays], load_nodes: IntArray, lo
     """Write nodes and residual displacements and return how many."""
     field = field_at(address)
     slot, nodes, u, ring = field.slot, field.node, field.displacement, field.ring
-    n_near = _number_near(field, load_nodes) if field.is_thin else 0
-    count = n_near
+    count = 0
     for load in range(load_nodes.shape[0]):
         source = load_nodes[load]
         x, y, z = load_force[load, 0], load_force[load, 1], load_force[load, 2]
         if x == 0.0 and y == 0.0 and z == 0.0:
             continue
         is_deep = field.softness[source] ** 2 * (x * x + y * y + z * z) > field.dent_m * field.dent_m
-        end = field.far[source] if is_deep else field.near[source]
+        end = field.start[source + 1] if is_deep else field.near[source]
         for k in range(field.start[source], end):
             number = number_node(ring[k], slot, nodes, count)
             if number == count:
                 u[count, 0] = u[count, 1] = u[count, 2] = 0.0
                 count += 1
             _displace(field, k, number, (x, y, z))
-        for k in range(end, field.start[source + 1] if field.is_thin else end):
-            if 0 <= slot[ring[k]] < n_near:
-                _displace(field, k, slot[ring[k]], (x, y, z))
     forget_numbers(slot, nodes, count)
     return count
 
@@ -211,15 +196,3 @@ def _displace(field: FieldArrays, k: int, number: int, force: tuple[float, float
             u[number, i] += (
                 blocks[place, 0, i] * force[0] + blocks[place, 1, i] * force[1] + blocks[place, 2, i] * force[2]
             )
-
-
-@kernel
-def _number_near(field: FieldArrays, load_nodes: IntArray) -> int:
-    """Number the nodes near all loads, at rest, and return how many."""
-    count, u = 0, field.displacement
-    for load in range(load_nodes.shape[0]):
-        for k in range(field.start[load_nodes[load]], field.far[load_nodes[load]]):
-            if number_node(field.ring[k], field.slot, field.node, count) == count:
-                u[count, 0] = u[count, 1] = u[count, 2] = 0.0
-                count += 1
-    return count

@@ -61,3 +61,18 @@ def test_a_thin_wall_is_where_all_loads_together_move_it(cache_dir):
     found = field.nodes[: field.count].tolist()
     moved = field.displacement_m[[found.index(node) for node in nodes]]
     assert np.linalg.norm(moved - exact, axis=1).max() < 0.01 * thickness_m
+
+
+def test_a_thin_wall_is_there_beside_what_is_pressed_too(cache_dir):
+    """Seven edges from jaws it was seen 25 walls of 8 um beside where it is: what bulged there had no contact."""
+    scene = scenarios.insertion_scene()
+    duct = build_scene_duct(replace(scene, duct=replace(scene.duct, thickness_m=8e-6)), cache_dir)
+    every = np.arange(duct.mesh.n_vertices, dtype=np.int32)
+    nodes, force, exact = every[250:262], np.zeros((12, 3)), np.zeros((len(every), 3))
+    force[:, 2] = 1.0
+    duct.residual.apply(nodes, force, every, exact)
+    field = ResidualField(duct, 8e-6)
+    field.update(nodes, force)
+    found = np.zeros_like(exact)
+    found[field.nodes[: field.count]] = field.displacement_m[: field.count]
+    assert np.linalg.norm(found - exact, axis=1).max() < 0.01 * np.linalg.norm(exact, axis=1).max()
