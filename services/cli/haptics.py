@@ -8,9 +8,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 import msgspec
@@ -31,6 +29,7 @@ from services.runtime.errors import UserError
 from services.scenes import load_scene
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.study import Draw, Size
+from services.studies.pool import open_pool
 from services.studies.provenance import code_version
 
 RUNNING = "running.json"
@@ -63,7 +62,7 @@ def run_haptics(request: Request) -> None:
     facts = Facts.collect(command, code_version(Path(__file__).parents[2]), Draw(Size.FULL, 0), {})
     if request.running:
         _measure_running(figures / RUNNING, facts.lines())
-    with progress_line() as tell, ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as executor:
+    with progress_line() as tell, open_pool(os.cpu_count() or 1) as executor:
         late = answer_late(solve(cache_directory() / "bases"))
         won = energies(request.hands, executor, tell)
         felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, read_running(figures / RUNNING))

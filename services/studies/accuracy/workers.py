@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from multiprocessing import get_context
 from typing import Any, Protocol
+
+from services.studies.pool import open_pool
 
 Call = tuple[Any, ...]
 CONNECT_S = 10.0
@@ -77,10 +77,5 @@ def open_workers(jobs: int, scheduler: str | None) -> Iterator[Workers]:
     elif jobs == 1:
         yield _Here()
     else:
-        with ProcessPoolExecutor(jobs, get_context("spawn"), _one_thread) as pool:
+        with open_pool(jobs) as pool:
             yield _Pool(pool)
-
-
-def _one_thread() -> None:
-    """Keep linear algebra to one thread, so that sums are taken in the same order everywhere."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"

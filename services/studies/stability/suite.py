@@ -7,12 +7,12 @@ import math
 import random
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 
+from services.studies.pool import open_pool
 from services.studies.stability.criteria import Figures, failures
 from services.studies.stability.families import FAMILIES
 from services.studies.stability.family import Case, Draw, Reach
@@ -76,12 +76,9 @@ def run_cases(order: Order, cases: Iterable[tuple[str, str]], jobs: int) -> Iter
     if jobs == 1:
         yield from (run_case(order, *case) for case in cases)
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        try:
-            for done in as_completed([pool.submit(run_case, order, *case) for case in cases]):
-                yield done.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+    with open_pool(jobs) as pool:
+        for done in as_completed([pool.submit(run_case, order, *case) for case in cases]):
+            yield done.result()
 
 
 class Log:
