@@ -36,6 +36,11 @@ class KernelProgress(event.Listener):  # type: ignore[misc]  # numba is not type
         self._stage = stage
         self._tell()
 
+    @property
+    def count(self) -> int:
+        """Kernels that were compiled, not found on disk."""
+        return len(self._compiled & self._all)
+
     def on_start(self, event: Any) -> None:
         """Wait for the end."""
 
@@ -48,7 +53,7 @@ class KernelProgress(event.Listener):  # type: ignore[misc]  # numba is not type
     def _tell(self) -> None:
         """Say what there is to say: what a scene does not use is never compiled, so it may end before the last."""
         self._said_s = time.monotonic()
-        n, most = len(self._compiled & self._all), len(self._all)
+        n, most = self.count, len(self._all)
         self._say(f"{self._stage}: {n} kernels compiled, of at most {most}", n / max(1, most))
 
 

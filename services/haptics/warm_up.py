@@ -18,8 +18,10 @@ from services.mechanics.collision import CatheterContactDetector
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.rod.free_step import sleep_on
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
+from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_catheter import scene_rod
 from services.runtime.log import progress
 
@@ -27,7 +29,8 @@ from services.runtime.log import progress
 def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
     """Deform the wall and detect contacts once, as every tick does; then compile a share for physics.
 
-    That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here.
+    That compiles the contact solve meanwhile, on the other core, and finds in the cache what was compiled here. The
+    share is so large that physics ends with the gateway, which compiles after this.
     """
     with told(progress) as kernels:
         kernels.begin("collision detection")
@@ -47,6 +50,9 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         CatheterContactDetector(deformed.surface, particles_m.shape[0], diameter_m, 1e-3).detect(particles_m, pairs)
         kernels.begin("the catheter")
         _step_catheter(scene)
+        if kernels.count:
+            kernels.begin("a share for physics")
+            compile_for_physics(scene, duct)
     progress("kernels are compiled", 1.0)
 
 
@@ -59,3 +65,13 @@ def _step_catheter(scene: SceneModel) -> None:
     catheter.compliance(nodes, weights)
     catheter.correct(nodes, weights, forces)
     catheter.predict(1e-3)
+
+
+def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
+    """Call what `services.physics.warm_up` calls last, and what it takes no steps with contacts for."""
+    simulation = Simulation(scene, duct)
+    catheter, pairs = simulation.catheter, ContactPairs.allocate(scene.contact.capacity)
+    catheter.predict(1e-3)
+    simulation.catheter_manifold.compile_kernels(simulation.system, pairs, simulation.search)
+    sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
+    simulation.system.strategy.compile_kernels()

@@ -13,6 +13,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from services.cache_directory import cache_directory
+from services.haptics.warm_up import compile_for_physics
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.collision.pairs import DUCT_TRIANGLE
 from services.mechanics.effects import EFFECTS, go_together
@@ -49,6 +50,13 @@ def test_what_is_compiled_on_the_stand_in_is_what_the_duct_of_the_scene_asks_for
     assert added == []
 
 
+def test_what_haptics_compiles_for_physics_is_what_physics_asks_for() -> None:
+    """Else it would be compiled in vain, while the gateway waits for it."""
+    shared = set(_run("share"))
+    assert len(shared) > 10
+    assert shared - set(_run("physics")) == set()
+
+
 def test_nothing_is_compiled_once_the_loop_runs() -> None:
     """Jaws that take hold of the wall stalled physics for 29 ms with a warm cache."""
     assert _run("later") == []
@@ -77,6 +85,24 @@ def _compare() -> None:
     on_stand_in = _signatures()
     answer_contacts(stand_in_scene(scene), duct)
     print(json.dumps([len(on_stand_in - before), sorted(_signatures() - on_stand_in)]))
+
+
+def _share() -> None:
+    """Print what haptics compiles for physics."""
+    scene = load_scene(SMALL, [])
+    duct = load_duct(scene, cache_directory(), lambda stage, fraction: None)
+    before = _signatures()
+    compile_for_physics(scene, duct)
+    print(json.dumps(sorted(_signatures() - before)))
+
+
+def _physics() -> None:
+    """Print what physics compiles."""
+    scene = load_scene(SMALL, [])
+    before = _signatures()
+    warm_up_contact(scene)
+    warm_up(scene, load_duct(scene, cache_directory(), lambda stage, fraction: None))
+    print(json.dumps(sorted(_signatures() - before)))
 
 
 def _count_plans() -> list[float]:
@@ -115,4 +141,4 @@ def _later() -> None:
 
 
 if __name__ == "__main__":
-    {"stand-in": _compare, "later": _later}[sys.argv[1]]()
+    {"stand-in": _compare, "share": _share, "physics": _physics, "later": _later}[sys.argv[1]]()
