@@ -98,10 +98,10 @@ class Recording:
         self._writer.take(topic, batch)
 
     def sleep_until(self, due_ns: int) -> None:
-        """Sleep, with an eye on the disk."""
+        """Sleep, with an eye on the disk while something waits for it."""
         while (left_ns := due_ns - time.monotonic_ns()) > 0:
-            time.sleep(min(left_ns * 1e-9, _LOOK_S))
             self.look_at_disk()
+            time.sleep(min(left_ns * 1e-9, _LOOK_S) if self._writer.pending_bytes else left_ns * 1e-9)
 
     def turn(self, now_ns: int) -> None:
         """Hand over what is due; tell how it stands."""

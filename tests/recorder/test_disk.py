@@ -147,6 +147,25 @@ def test_a_write_that_the_disk_holds_is_told_while_it_does(
     recorder.close()
 
 
+def test_the_disk_is_looked_at_often_only_while_something_waits_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recording(Stub(tmp_path))  # type: ignore[arg-type]
+    settle(recorder._writer)
+    looks: list[int] = []
+    monkeypatch.setattr(recorder, "look_at_disk", lambda: looks.append(1))
+    clock_ns = [0]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: clock_ns[0])
+    monkeypatch.setattr(time, "sleep", lambda seconds: clock_ns.append(clock_ns.pop() + round(1e9 * seconds)))
+    recorder.sleep_until(40 * MS)
+    assert (len(looks), clock_ns) == (1, [40 * MS])
+    monkeypatch.setattr(RecordingWriter, "pending_bytes", 1)
+    recorder.sleep_until(80 * MS)
+    assert (len(looks), clock_ns) == (1 + 4, [80 * MS])
+    monkeypatch.undo()
+    recorder.close()
+
+
 def test_a_thread_that_waits_for_a_processor_is_not_held_by_the_disk() -> None:
     write = disk._Write()
     time.sleep(0.05)
