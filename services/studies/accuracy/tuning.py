@@ -79,7 +79,7 @@ class Tuned:
     ladder : tuple of QualityLevel
         Of the last rung, what can be switched while it runs: the best first.
     fits : bool
-        Whether the last rung keeps the budget.
+        Whether the last rung keeps the budget; else it is the cheapest there is.
     """
 
     rungs: list[Rung]
@@ -149,7 +149,9 @@ def _coarser_meshes(scene: SceneModel) -> Iterator[Step]:
 
 
 def tune(scene: SceneModel, budget_us: float, bench: Bench, tell: Tell) -> Tuned:
-    """Walk down from the finest settings until a tick costs no more than the budget.
+    """Walk down from the finest settings until a tick costs no more than the budget, or to the cheapest there is.
+
+    What seems to free no more time than the noise is given up last, and only where all else is not enough.
 
     Parameters
     ----------
@@ -164,11 +166,21 @@ def tune(scene: SceneModel, budget_us: float, bench: Bench, tell: Tell) -> Tuned
     best = finest(scene)
     tell("reference", 0, 1)
     reference = bench.run(best, 0.5 * TICK_S)
-    order = _ranked(best, bench, reference, tell)
-    rungs = _measured(_walk(best, order), bench, reference, tell)
-    fitting = next((k for k, rung in enumerate(rungs) if rung.cost.median_us <= budget_us), None)
-    rungs = rungs if fitting is None else rungs[: fitting + 1]
-    return Tuned(rungs, _ladder(rungs[-1].scene, bench, reference, tell), fitting is not None)
+    surely, perhaps = _ranked(best, bench, reference, tell)
+    rungs = _measured(_walk(best, surely), bench, reference, tell)
+    if perhaps and not _fits(rungs, budget_us):
+        rungs = _measured(_walk(best, [*surely, *perhaps]), bench, reference, tell)
+    last = next((k for k, rung in enumerate(rungs) if rung.cost.median_us <= budget_us), None)
+    rungs = rungs[: (_cheapest(rungs) if last is None else last) + 1]
+    return Tuned(rungs, _ladder(rungs[-1].scene, bench, reference, tell), _fits(rungs, budget_us))
+
+
+def _fits(rungs: Sequence[Rung], budget_us: float) -> bool:
+    return any(rung.cost.median_us <= budget_us for rung in rungs)
+
+
+def _cheapest(rungs: Sequence[Rung]) -> int:
+    return min(range(len(rungs)), key=lambda k: rungs[k].cost.median_us)
 
 
 def measure_ladder(scene: SceneModel, bench: Bench, tell: Tell) -> Tuned:
@@ -179,16 +191,24 @@ def measure_ladder(scene: SceneModel, bench: Bench, tell: Tell) -> Tuned:
     return Tuned(as_it_is, _ladder(scene, bench, reference, tell), fits=True)
 
 
-def _ranked(best: SceneModel, bench: Bench, reference: Run, tell: Tell) -> list[Step]:
-    """Return the steps that free more time than the noise, those first that free most for their error."""
+def _ranked(best: SceneModel, bench: Bench, reference: Run, tell: Tell) -> tuple[list[Step], list[Step]]:
+    """Return the steps that free more time than the noise, and those that seem to free some but no more than that.
+
+    Of each, those first that free most for their error. On a busy machine the noise may be more than what any frees.
+    """
     steps = [step for step in steps_down(best) if step.is_less_than(best)]
     alone = _measured([((), best), *(((step,), step.apply(best)) for step in steps)], bench, reference, tell)
-    start, worth = alone[0], dict[str, float]()
+    start, surely, perhaps = alone[0], dict[str, float](), dict[str, float]()
     for step, rung in zip(steps, alone[1:], strict=True):
         freed_us = start.cost.median_us - rung.cost.median_us
-        if freed_us > max(start.cost.noise_us, rung.cost.noise_us):
+        if freed_us > 0.0:
             lost = max(rung.errors.worst_percent - start.errors.worst_percent, LEAST_ERROR_PERCENT)
-            worth[step.name] = freed_us / lost
+            is_sure = freed_us > max(start.cost.noise_us, rung.cost.noise_us)
+            (surely if is_sure else perhaps)[step.name] = freed_us / lost
+    return _best_first(steps, surely), _best_first(steps, perhaps)
+
+
+def _best_first(steps: Sequence[Step], worth: Mapping[str, float]) -> list[Step]:
     return sorted((step for step in steps if step.name in worth), key=lambda step: -worth[step.name])
 
 

@@ -128,6 +128,32 @@ def test_a_budget_that_nothing_fits_ends_at_the_last_rung_and_says_so():
     assert set(ESSENTIAL) <= set(tuned.scene.effects)
 
 
+@pytest.mark.parametrize("budget_us", [1.0, 250.0])
+def test_where_all_is_lost_in_noise_what_seems_cheaper_is_given_up_all_the_same(budget_us):
+    """Nothing was given up, for any budget, and the scene left finer and dearer than it had been."""
+
+    class Busy(MadeUp):
+        def costs(self, scenes):
+            return [replace(cost, noise_us=1e4) for cost in super().costs(scenes)]
+
+    quiet, busy = (tune(example_scene(), budget_us, each, lambda *_: None) for each in (MadeUp(), Busy()))
+    assert busy.fits == quiet.fits
+    assert [rung.cost.median_us for rung in busy.rungs] == [rung.cost.median_us for rung in quiet.rungs]
+
+
+def test_what_frees_less_than_the_noise_is_kept_where_the_rest_is_enough():
+    class Tiny(MadeUp):
+        def costs(self, scenes):
+            return [replace(cost, noise_us=30.0) for cost in super().costs(scenes)]
+
+    taken = {step.name for step in tune(example_scene(), 300.0, Tiny(), lambda *_: None).rungs[-1].steps}
+    assert "no mucus_drag" in taken
+    assert "no self_contact" not in taken  # frees 10 us
+    assert "no self_contact" in {
+        step.name for step in tune(example_scene(), 1.0, Tiny(), lambda *_: None).rungs[-1].steps
+    }
+
+
 def test_no_more_is_given_up_than_the_budget_asks_for():
     tuned = made_up(300.0)
     assert tuned.fits
