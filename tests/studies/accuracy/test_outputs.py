@@ -14,6 +14,7 @@ from services.cli import study as command
 from services.cli.study import write_results
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
+from services.studies.accuracy.page import Text, write_page
 from services.studies.accuracy.report import write_report
 from services.studies.accuracy.sections import read_section, write_section
 from services.studies.accuracy.study import Cost, Row
@@ -141,15 +142,28 @@ def test_what_is_no_study_beside_a_page_is_one_sentence(text, tmp_path):
         read_section(file)
 
 
+def shown_by_a_browser(page, tmp_path):
+    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
+    return subprocess.run([*command, "--dump-dom", f"file://{page}"], capture_output=True, text=True, timeout=100)
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+def test_large_numbers_leave_room_for_what_the_axis_is_called(tmp_path):
+    """Millions of operations were written over it."""
+    rows = [replace(row, error=1.2e7 * row.error + 1.0, is_known=False) for row in some_rows()]
+    write_page(rows, {"modes": Text("modes", "")}, facts_of("abc"), tmp_path / "index.html")
+    shown = shown_by_a_browser(tmp_path / "index.html", tmp_path)
+    ticks = [each for each in re.findall(r'text-anchor="end">([^<]*)</text>', shown.stdout) if "modes" not in each]
+    assert "4e6" in ticks
+    assert max(map(len, ticks)) <= len("0.0001")
+
+
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
 def test_a_point_can_be_chosen_in_a_browser(written, tmp_path):
     page = (written / "index.html").read_text()
     act = "by('budget').value = 120; draw(); document.querySelector('circle').dispatchEvent(new MouseEvent('click'))"
     (written / "clicked.html").write_text(page.replace("</html>", f"<script>{act}</script></html>"))
-    command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]
-    done = subprocess.run(
-        [*command, "--dump-dom", f"file://{written / 'clicked.html'}"], capture_output=True, text=True, timeout=100
-    )
+    done = shown_by_a_browser(written / "clicked.html", tmp_path)
     assert done.stdout.count("<circle") == 3
     assert re.search(r"<th>duct.n_modes</th><td>20</td>", done.stdout)
     assert "Least wrong within 120 us: 20 modes, 0.3333 % in 100 us." in done.stdout
