@@ -12,7 +12,7 @@ import pytest
 from services.studies.pool import open_pool
 
 WORK = """
-import os, sys, time
+import os, signal, sys, time
 from pathlib import Path
 from services.studies.pool import open_pool
 
@@ -22,6 +22,7 @@ def work(folder, much):
         time.sleep(0.1)
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's jobs in the background ignore it
     with open_pool(2) as pool:
         for call in [pool.submit(work, sys.argv[1], bytes(1 << 20)) for _ in range(4)]:
             call.result()
