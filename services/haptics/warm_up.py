@@ -18,10 +18,10 @@ from services.mechanics.collision import CatheterContactDetector
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.rod.free_step import sleep_on
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.rare_kernels import compile_rare_kernels
 from services.mechanics.simulation.scene_catheter import scene_rod
 from services.runtime.log import progress
 
@@ -70,8 +70,5 @@ def _step_catheter(scene: SceneModel) -> None:
 def compile_for_physics(scene: SceneModel, duct: ReducedDuct) -> None:
     """Call what `services.physics.warm_up` calls last, and what it takes no steps with contacts for."""
     simulation = Simulation(scene, duct)
-    catheter, pairs = simulation.catheter, ContactPairs.allocate(scene.contact.capacity)
-    catheter.predict(1e-3)
-    simulation.catheter_manifold.compile_kernels(simulation.system, pairs, simulation.search)
-    sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
-    simulation.system.strategy.compile_kernels()
+    simulation.catheter.predict(1e-3)
+    compile_rare_kernels(simulation, ContactPairs.allocate(scene.contact.capacity))

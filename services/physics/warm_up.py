@@ -16,12 +16,12 @@ from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.rod import RodState
-from services.mechanics.rod.free_step import sleep_on
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.duct_alone import DuctAlone
+from services.mechanics.simulation.rare_kernels import compile_rare_kernels
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.physics.stand_in import stand_in_duct, stand_in_scene
@@ -63,11 +63,8 @@ def warm_up(scene: SceneModel, duct: ReducedDuct) -> None:
         for level in range(len(scene.quality)):
             simulation.set_quality(level)
             simulation.step(tools)
-        simulation.system.strategy.compile_kernels()
         simulation.solver.compile_kernels(pairs)
-        simulation.catheter_manifold.compile_kernels(simulation.system, pairs, simulation.search)
-        catheter = simulation.catheter
-        sleep_on(catheter.step_address, catheter.state.position_m, catheter.state.velocity_m_s)
+        compile_rare_kernels(simulation, pairs)
         ContactsReader(simulation).compile_kernels()
         Outputs(simulation, "").state(0, tool_table(()))
         _ = simulation.inserted_length_m

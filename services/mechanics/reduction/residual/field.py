@@ -62,10 +62,8 @@ class ResidualField:
     """
 
     def __init__(self, duct: ReducedDuct, thickness_m: float) -> None:
-        n, is_thin = duct.mesh.n_vertices, thickness_m < THIN_M
-        near, far = neighbourhoods(duct.mesh, RINGS), neighbourhoods(duct.mesh, DENT_RINGS)
-        put_first(near, far)
-        start, ring = neighbourhoods(duct.mesh, _rings_of_thin(n)) if is_thin else far
+        n = duct.mesh.n_vertices
+        near, start, ring = (_all_of_thin if thickness_m < THIN_M else _near_first)(duct.mesh)
         place = np.zeros(len(ring), np.int64)
         find_places(duct.residual.store, (start, ring), place)
         known = place >= 0
@@ -79,7 +77,7 @@ class ResidualField:
             blocks=blocks,
             place=place,
             start=start,
-            near=start[1:].copy() if is_thin else start[:-1] + np.diff(near[0]),
+            near=near,
             softness=own_softness(duct),
             dent_m=DENT_M,
             ring=ring,
@@ -113,6 +111,19 @@ def neighbourhoods(mesh: TriangleMesh, rings: int) -> tuple[IntArray, IntArray]:
         reach = (reach @ step).tocsr()
     reach.sort_indices()
     return reach.indptr.astype(np.int32), reach.indices.astype(np.int32)
+
+
+def _near_first(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray]:
+    """Return where the near part of each neighbourhood ends, where each begins, and them, what is near first."""
+    near, far = neighbourhoods(mesh, RINGS), neighbourhoods(mesh, DENT_RINGS)
+    put_first(near, far)
+    return far[0][:-1] + np.diff(near[0]), *far
+
+
+def _all_of_thin(mesh: TriangleMesh) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the same of a thin wall: every load moves all."""
+    start, ring = neighbourhoods(mesh, _rings_of_thin(mesh.n_vertices))
+    return start[1:].copy(), start, ring
 
 
 def _rings_of_thin(n_nodes: int) -> int:
