@@ -9,7 +9,7 @@ from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPa
 from services.mechanics.collision.writer import copy_pair
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.compiled.vectors import dot, row, row_of
+from services.mechanics.compiled.vectors import Vector, along, dot, row, row_of, scaled
 
 Rod = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -49,12 +49,20 @@ def thin_pairs(address: Address[ContactPairs], rod: Rod, keep: tuple[int, int], 
 
 @kernel
 def _is_needed(pairs: ContactPairs, pair: int, rod: Rod, dt_s: float) -> bool:
+    """Whether a pair is needed, by what moves its point and what it bears: on an edge that is between two particles."""
     velocity, against, force, mass = rod
-    particle, normal = pairs.particle[pair], row(pairs.normal, pair)
-    nearer_m = max(-dt_s * dot(row(velocity, particle), normal), 0.0)
+    first, s, normal = pairs.particle[pair], pairs.tool_parameter[pair], row(pairs.normal, pair)
+    second = min(first + 1, mass.shape[0] - 1)
+    nearer_m = max(-dt_s * dot(_between(row(velocity, first), row(velocity, second), s), normal), 0.0)
     for minimum in range(against.shape[1]):
-        nearer_m = max(nearer_m, -dot(row_of(against, particle, minimum), normal))
-    borne = row(force, particle)
-    borne_m = dt_s**2 * math.sqrt(dot(borne, borne)) / mass[particle]
+        went = _between(row_of(against, first, minimum), row_of(against, second, minimum), s)
+        nearer_m = max(nearer_m, -dot(went, normal))
+    borne = _between(scaled(row(force, first), 1.0 / mass[first]), scaled(row(force, second), 1.0 / mass[second]), s)
+    borne_m = dt_s**2 * math.sqrt(dot(borne, borne))
     is_needed: bool = borne_m > DEEP_M or pairs.gap_m[pair] - nearer_m < -DEEP_M
     return is_needed
+
+
+@kernel
+def _between(first: Vector, second: Vector, s: float) -> Vector:
+    return along(scaled(first, 1.0 - s), second, s)

@@ -20,7 +20,11 @@ def pairs_of_all_particles(gap_m):
 
 
 def kept(pairs, every=4, velocity=(0.0, 0.0, 0.0), against_m=((0.0, 0.0, 0.0),) * 2, force_n=(0.0, 0.0, 0.0)):
-    rod = np.tile(velocity, (N, 1)), np.tile(against_m, (N, 1, 1)), np.tile(force_n, (N, 1)), np.full(N, MASS_KG)
+    """``against_m`` is (2, 3) for all particles or (n, 3) for both minima of each; the others (3,) or (n, 3)."""
+    against_m = np.asarray(against_m)
+    by_minimum = np.tile(against_m, (N, 1, 1)) if len(against_m) == 2 else np.stack([against_m, against_m], axis=1)
+    alike = [np.ascontiguousarray(np.broadcast_to(each, (N, 3)), dtype=np.float64) for each in (velocity, force_n)]
+    rod = alike[0], by_minimum, alike[1], np.full(N, MASS_KG)
     thin_pairs(pairs.address, rod, (every, TIP), DT_S)
     return pairs.particle[: pairs.count].tolist()
 
@@ -57,6 +61,24 @@ def test_what_the_wall_comes_to_within_the_step_is_kept(minimum):
     assert kept(pairs_of_all_particles(1.7e-4), against_m=against_m) == list(range(N))
     assert kept(pairs_of_all_particles(1.9e-4), against_m=against_m) == [0, 4, 8]
     assert kept(pairs_of_all_particles(1.7e-4), against_m=-against_m) == [0, 4, 8], "away"
+
+
+@pytest.mark.parametrize("s", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("first", [1, 2, 5])
+def test_of_a_place_between_two_particles_both_are_asked(first, s):
+    """A segment on the mouth's edge belongs to its first particle, and nearly all of it may be the second's.
+
+    Given up by turns, on a ladder that changes in every tick, it let the catheter sink in by 9 um: that never rested.
+    """
+    share, rest = np.array([1.0 - s, s]), dict.fromkeys(("velocity", "against_m", "force_n"), np.zeros((N, 3)))
+    for name, enough in (("velocity", -0.5), ("against_m", -0.5e-3), ("force_n", 5.1 * WEIGHT_N)):
+        for of_enough, is_needed in ((0.98, False), (1.02, True)):
+            moved = np.zeros((N, 3))
+            moved[first : first + 2, 2] = of_enough * enough * share / (share @ share)
+            pairs = pairs_of_all_particles(np.inf)
+            pairs.count, pairs.particle[0], pairs.tool_parameter[0] = 1, first, s
+            pairs.gap_m[0] = 0.45e-3 if name != "force_n" else 0.0
+            assert (kept(pairs, **{**rest, name: moved}) == [first]) == is_needed, (name, of_enough)
 
 
 def test_pairs_of_tools_and_with_other_segments_are_not_its_business():
