@@ -12,13 +12,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from services.studies.accuracy.figure_text import Name, place_names, plain_ticks
-from services.studies.accuracy.frontier import frontier
+from services.studies.accuracy.frontier import ROUNDING, frontier
 from services.studies.accuracy.study import Row
 from services.whole_file import whole_file
 
 _COLUMNS, _WIDTH_IN, _HEIGHT_IN = 3, 4.4, 3.4
-_LEAST = 1e-4
-"""Errors below are rounding: they are drawn here, so that a logarithm can show them."""
 _WIDE = 4.0
 """Costs that are further apart than this take a logarithm."""
 
@@ -97,10 +95,10 @@ def _set_scales(axes: Axes, rows: Sequence[Row], *, is_log: bool) -> None:
         plain_ticks(axes.xaxis, min(medians), max(medians))
     if is_log:
         axes.set_yscale("log")
-        errors = [max(row.error, _LEAST) for row in rows]
-        plain_ticks(axes.yaxis, min(errors), max(errors), least=_LEAST)
-        if max(errors) <= _LEAST:
-            axes.set_ylim(0.1 * _LEAST, 10.0 * _LEAST)  # in one value a logarithm finds no limits
+        errors = [max(row.error, ROUNDING) for row in rows]
+        plain_ticks(axes.yaxis, min(errors), max(errors), least=ROUNDING)
+        if max(errors) <= ROUNDING:
+            axes.set_ylim(0.1 * ROUNDING, 10.0 * ROUNDING)  # in one value a logarithm finds no limits
 
 
 def _draw_series(axes: Axes, rows: Sequence[Row], colour: str, *, is_log: bool) -> None:
@@ -113,10 +111,10 @@ def _place(row: Row, *, is_log: bool) -> tuple[float, float]:
     """Return where a row is drawn, in us and in its own unit."""
     if row.cost is None:
         raise ValueError(f"{row.setting} was not timed")
-    return row.cost.median_us, max(row.error, _LEAST) if is_log else row.error
+    return row.cost.median_us, max(row.error, ROUNDING) if is_log else row.error
 
 
 def _draw_bars(axes: Axes, rows: Sequence[Row]) -> None:
-    axes.barh([row.setting for row in rows], [max(row.error, _LEAST) for row in rows], color="0.6")
+    axes.barh([row.setting for row in rows], [max(row.error, ROUNDING) for row in rows], color="0.6")
     axes.set_xscale("log")
     axes.invert_yaxis()

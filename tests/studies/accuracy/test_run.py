@@ -1,6 +1,7 @@
 """A run: what is kept, what is computed again, where, and that it comes out the same."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -79,6 +80,29 @@ def test_the_frontier_has_those_that_nobody_beats_in_both():
     assert [each.setting for each in frontier(rows)] == ["quick", "best"]
     unusable = [row("failed", float("nan"), 50.0), row("untimed", 0.1, None), row("change", 0.0, 10.0, is_known=False)]
     assert [each.setting for each in frontier(rows + unusable)] == ["quick", "best"]
+
+
+def noisy(setting, error, median_us, noise_us):
+    return replace(row(setting, error, median_us), cost=Cost(median_us, 2.0 * median_us, noise_us))
+
+
+def test_who_is_more_wrong_and_cheaper_by_less_than_the_noise_is_beaten():
+    rows = [noisy("poor", 5.0, 100.0, 3.0), noisy("fine", 1.0, 105.0, 3.0), noisy("finest", 0.5, 112.0, 3.0)]
+    assert [each.setting for each in frontier(rows)] == ["fine", "finest"]
+    assert [each.setting for each in frontier([*rows[:2], noisy("finest", 0.5, 110.9, 3.0)])] == ["finest"]
+    assert [each.setting for each in frontier([replace(each, cost=Cost(100.0, 100.0, 3.0)) for each in rows])] == [
+        "finest"
+    ]
+
+
+def test_errors_that_are_rounding_are_alike_and_the_cheapest_beyond_noise_is_left():
+    rows = [noisy("exact", 1e-8, 120.0, 3.0), noisy("exact, too", 3e-7, 100.0, 3.0), noisy("as dear", 9e-5, 104.0, 3.0)]
+    assert [each.setting for each in frontier(rows)] == ["exact, too", "as dear"]
+    assert [each.setting for each in frontier([*rows, noisy("off", 2e-4, 90.0, 3.0)])] == [
+        "off",
+        "exact, too",
+        "as dear",
+    ]
 
 
 def test_costs_are_measured_in_turns_with_the_floor_beside():
