@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from services.studies.accuracy.facts import Facts
-from services.studies.accuracy.frontier import frontier
+from services.studies.accuracy.frontier import ROUNDING, frontier
 from services.studies.accuracy.sections import Section, read_section, write_section
 from services.studies.accuracy.study import Row, load_study, study_names
 from services.whole_file import whole_file
@@ -51,7 +51,10 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
         "",
         "A cost is that of a millisecond of the scene: median, 99 %, and as noise half the range of the medians of",
         "eight interleaved repeats. An error is against the reference that each section names. In bold is what is on",
-        "the frontier: no other setting of its study beats it in both.",
+        "the frontier: no other setting of its study beats it in both. Costs that differ by no more than the noise of",
+        f"both count as equal, and so do errors below {ROUNDING:g}, which are rounding: of two settings that cannot be",
+        "told apart in cost the one that is more wrong is beaten, and along the frontier each step to less error costs",
+        "more than noise.",
         "",
     ]
     for name, section in sections.items():
@@ -73,12 +76,24 @@ def _study(name: str, section: Section, folder: str) -> list[str]:
         *([""] if told else []),
         f"![{study.TITLE}]({folder}/{name}.svg)",
         "",
-        *table(rows),
+        *_tables(name, rows),
         "",
         *(f"- {line}" for line in section.made_with),
         *([] if any(row.cost for row in rows) else ["- not timed: the run was ended before"]),
         "",
     ]
+
+
+def _tables(name: str, rows: Sequence[Row]) -> list[str]:
+    """Return the table of a study, series that it wants apart folded away below."""
+    apart: Mapping[str, str] = getattr(load_study(name), "TABLED_APART", {})
+    lines = table([row for row in rows if row.series not in apart])
+    for series, title in apart.items():
+        mine = [row for row in rows if row.series == series]
+        if mine:
+            lines += ["", "<details>", f"<summary>{title} ({len({row.setting for row in mine})})</summary>", ""]
+            lines += [*table(mine), "", "</details>"]
+    return lines
 
 
 def findings_of(name: str, rows: Sequence[Row]) -> list[str]:
@@ -129,8 +144,8 @@ def slower_machine(rows: Sequence[Row]) -> list[str]:
         "## Which rung to choose on a machine twice as slow",
         "",
         f"The setting with the least error whose tick stays within {BUDGET_US:.0f} us here, and the one that does so "
-        f"where everything takes {SLOWER:g} times as long. A setting that is {USELESS_PERCENT:.0f} % off in anything "
-        "is no choice.",
+        f"where everything takes {SLOWER:g} times as long; of errors that are alike the cheapest. A setting that is "
+        f"{USELESS_PERCENT:.0f} % off in anything is no choice.",
         "",
         "| study | quantity | here | error | us | twice as slow | error | us there |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
@@ -140,19 +155,19 @@ def slower_machine(rows: Sequence[Row]) -> list[str]:
     }
     usable = [row for row in rows if row.study not in _OF_ONE_BODY and (row.study, row.setting) not in useless]
     for place in dict.fromkeys((row.study, row.quantity) for row in usable):
-        best = frontier([row for row in usable if (row.study, row.quantity) == place])
-        cells = [_choice(best, 1.0), _choice(best, SLOWER)]
-        if best:
+        mine = [row for row in usable if (row.study, row.quantity) == place]
+        cells = [_choice(mine, 1.0), _choice(mine, SLOWER)]
+        if frontier(mine):
             lines.append(f"| {place[0]} | {place[1]} | {cells[0]} | {cells[1]} |")
     return [*lines, ""]
 
 
-def _choice(best: Sequence[Row], slower: float) -> str:
-    fits = [row for row in best if row.cost and slower * row.cost.median_us <= BUDGET_US]
-    if not fits or fits[-1].cost is None:
+def _choice(rows: Sequence[Row], slower: float) -> str:
+    fits = frontier([row for row in rows if row.cost and slower * row.cost.median_us <= BUDGET_US])
+    row = min(fits, key=lambda each: max(each.error, ROUNDING), default=None)
+    if row is None or row.cost is None:
         return "none | |"
-    row, cost = fits[-1], fits[-1].cost
-    return f"{row.setting} | {number(row.error)} {row.unit} | {microseconds(slower * cost.median_us)}"
+    return f"{row.setting} | {number(row.error)} {row.unit} | {microseconds(slower * row.cost.median_us)}"
 
 
 def values(rows: Sequence[Row], quantity: str) -> Mapping[str, float]:

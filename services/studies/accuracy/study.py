@@ -107,6 +107,13 @@ class Reads(Protocol):
         """Return sentences for the page of the documentation, made from the rows."""
 
 
+class TabledApart(Protocol):
+    """What a study may have besides: series that a table of the documentation has folded away."""
+
+    TABLED_APART: Mapping[str, str]
+    """What to call each of these series."""
+
+
 class DrawsItself(Protocol):
     """What a study may have besides: a figure of its own."""
 

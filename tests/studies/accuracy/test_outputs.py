@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from conftest import SMALLEST
 
@@ -14,8 +15,9 @@ from services.cli import study as command
 from services.cli.study import write_results
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
+from services.studies.accuracy.frontier import frontier
 from services.studies.accuracy.page import Text, write_page
-from services.studies.accuracy.report import write_report
+from services.studies.accuracy.report import slower_machine, write_report
 from services.studies.accuracy.sections import read_section, write_section
 from services.studies.accuracy.study import Cost, Row
 from services.studies.accuracy.sweeps import mesh, modes
@@ -126,12 +128,38 @@ def test_a_page_is_made_anew_in_parts(tmp_path, monkeypatch):
     assert (tmp_path / "page" / "mesh.svg").read_text() == "mesh of old"
 
 
+def test_a_long_series_is_folded_away_below_the_table(tmp_path, monkeypatch):
+    monkeypatch.setattr(modes, "findings", lambda _: [])
+    rows = [replace(row, series="two effects" if row.setting == "60 modes" else "one") for row in some_rows()]
+    monkeypatch.setattr(modes, "TABLED_APART", {"two effects": "Every pair"}, raising=False)
+    page = report_of(rows, "new", tmp_path)
+    table, folded = page.split("<summary>Every pair (1)</summary>\n\n| setting |")
+    assert "| 20 modes |" in table
+    assert "| 60 modes |" not in table
+    assert "| 60 modes |" in folded.split("</details>")[0]
+
+
 def test_rows_beside_a_page_are_read_as_they_were_written(tmp_path):
     rows = [*some_rows(), replace(some_rows()[0], cost=None, is_known=False)]
     write_section(rows, facts_of("abc"), tmp_path / "modes.json")
     section = read_section(tmp_path / "modes.json")
     assert list(section.rows) == rows
     assert "code abc" in section.made_with[0]
+
+
+def test_the_choice_for_a_slower_machine_is_the_least_wrong_that_fits_not_the_next_of_the_frontier():
+    """A tick a little over the budget beats, within noise, one a little below; that is the best that fits."""
+
+    def row(name, error, us):
+        return Row("modes", name, "", "force", error, "%", cost=Cost(us, us, 10.0))
+
+    rows = [row("coarse", 30.0, 100.0), row("middle", 2.0, 245.0), row("fine", 1.0, 255.0)]
+    assert [each.setting for each in frontier(rows)] == ["coarse", "fine"]
+    assert "| modes | force | fine | 1 % | 255 | middle | 2 % | 490 |" in slower_machine(rows)
+    alike = [row("exact", 1e-9, 150.0), row("exact and cheap", 1e-7, 140.0)]
+    assert "| modes | force | exact and cheap | 1.0e-07 % | 140 | exact and cheap | 1.0e-07 % | 280 |" in (
+        slower_machine(alike)
+    )
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"rows": []}', '{"made_with": [], "rows": [{"study": "modes"}]}'])
@@ -156,6 +184,52 @@ def test_large_numbers_leave_room_for_what_the_axis_is_called(tmp_path):
     ticks = [each for each in re.findall(r'text-anchor="end">([^<]*)</text>', shown.stdout) if "modes" not in each]
     assert "4e6" in ticks
     assert max(map(len, ticks)) <= len("0.0001")
+
+
+def acted(rows, act, tmp_path):
+    """Return the page's elements after a script, in a browser."""
+    write_page(rows, {"modes": Text("modes", "")}, facts_of("abc"), tmp_path / "index.html")
+    page = (tmp_path / "index.html").read_text()
+    (tmp_path / "acted.html").write_text(page.replace("</html>", f"<script>{act}</script></html>"))
+    return shown_by_a_browser(tmp_path / "acted.html", tmp_path).stdout
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+def test_points_that_lie_on_one_another_can_be_chosen_by_mouse(tmp_path):
+    rows = [
+        Row("modes", name, "", "force", 1.0, "%", cost=Cost(us, us, 1.0), choices={"n": name})
+        for name, us in (("under", 100.0), ("over", 100.0), ("far", 300.0))
+    ]
+    click = "dispatchEvent(new MouseEvent('click'))"
+    at_place = f"document.querySelectorAll('circle')[1].{click};"
+    shown = acted(rows, at_place, tmp_path)
+    assert "2 points lie here: " in shown
+    assert re.findall(r'<button type="button" aria-pressed="(\w+)">(\w+)', shown) == [
+        ("false", "under"),
+        ("true", "over"),
+    ]
+    assert "<th>n</th><td>over</td>" in shown
+    shown = acted(rows, at_place + f"document.querySelector('#here button').{click};", tmp_path)
+    assert "<th>n</th><td>under</td>" in shown
+    assert re.search(r'class="chosen"><title>under', shown.rpartition("<circle")[2]), "in front of what covered it"
+    alone = acted(rows, f"document.querySelectorAll('circle')[2].{click};", tmp_path)
+    assert re.search(r'<p id="here" hidden=""', alone)
+    assert "<th>n</th><td>far</td>" in alone
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+def test_the_frontier_of_the_page_is_that_of_the_table(tmp_path):
+    draw = np.random.default_rng(3)
+    powers = draw.uniform(-6.0, 1.0, 40)
+    times_us = 150.0 - 15.0 * powers + draw.uniform(-10.0, 10.0, 40)
+    rows = [
+        Row("modes", f"{k}", "", "force", 10.0**power, "%", cost=Cost(us, us, noise))
+        for k, (power, us, noise) in enumerate(zip(powers, times_us, draw.uniform(0.0, 6.0, 40), strict=True))
+    ]
+    tell = "document.title = frontier(ofStudy()).map(row => row.setting).join(' ')"
+    told = re.search(r"<title>([\d ]+)</title>", acted(rows, tell, tmp_path))
+    assert told[1].split() == [row.setting for row in frontier(rows)]
+    assert len(told[1].split()) > 2
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")

@@ -82,14 +82,12 @@ def test_the_papers_triangle_is_stiffer_in_bending_than_ours(run_smallest):
     assert pinch["andes, tocher, 12 x 16"] != pinch["andes, dkt, 12 x 16"]
 
 
-def test_all_effects_and_all_pairs_that_go_together_are_tried():
-    tried = {setting.choices["changed"] for setting in load_study("effects").settings(Draw(Size.FULL, 1))}
+@pytest.mark.parametrize("size", [Size.QUICK, Size.FULL])
+def test_all_effects_and_all_pairs_that_go_together_are_tried_and_timed_in_turns(size):
+    settings = load_study("effects").settings(Draw(size, 1))
     pairs = {f"{one} {other}" for one, other in combinations(EFFECTS, 2) if go_together(one, other)}
-    assert tried == {"", *EFFECTS, *pairs}
-    alone = [
-        setting for setting in load_study("effects").settings(Draw(Size.FULL, 1)) if setting.series != "two effects"
-    ]
-    assert {setting.group for setting in alone} == {"0"}, "in turns with what they are compared with"
+    assert {setting.choices["changed"] for setting in settings} == {"", *EFFECTS, *pairs}
+    assert len({setting.group for setting in settings}) == 1, "all beside what they are compared with"
     assert len(pairs) > 60
 
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from services.cache_directory import cache_directory
 from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.scenarios import insertion_scene
 from services.mechanics.scene import SceneModel
 from services.studies.accuracy import insertions
+from services.studies.accuracy.effect_pairs import Matrix, draw_matrices, effects_in, matrices, told_pairs
+from services.studies.accuracy.figures import draw_panels, save_figure
 from services.studies.accuracy.report import costs_us, number, values
 from services.studies.accuracy.study import Draw, Error, Reference, Row, Setting, Tick
 from services.studies.insertion_steps import Inserted, insert, rms
@@ -22,31 +27,33 @@ WHAT = (
     "The insertion with its own effects (gravity, friction, grasp slip) beside the same with one effect more or less, "
     "or two, at their default settings. What is told is no error but a change: of the force on the tools and the way "
     "of the tip, root mean square over the insertion, of the depth that the tip reaches, and of the wall where it has "
-    "moved furthest. The cost is that of the whole tick; the first setting is what to compare with."
+    "moved furthest. The cost is that of the whole tick; the first setting is what to compare with. In the figure, "
+    "each effect alone, then every pair as a matrix, with each effect alone in bold on the diagonal: what is told is "
+    "the difference from the insertion as it is, of costs in grey where it is within their noise. Pairs with a dash "
+    "stand for the same and do not go together."
 )
+TABLED_APART = {"two effects": "Every pair of effects"}
 UNCHANGED = "unchanged"
+_WIDTH_IN, _ALONE_IN, _PAIRS_IN = 11.0, 6.5, 11.0
 _SERIES = UNCHANGED, "one effect", "two effects"
-_TIMED_TOGETHER = 24
-"""Settings in turns, each of which holds a simulation: every effect alone beside the insertion as it is."""
 FORCE, TIP, DEPTH, WALL = "change of force", "change of the tip's way", "change of depth", "change of the wall"
 
 
 def settings(draw: Draw) -> Sequence[Setting]:
-    """Unchanged, each effect, and pairs: all of them, or a few drawn by the seed."""
+    """Unchanged, each effect, and every pair that goes together; on the smallest size of three effects only.
+
+    All are timed in one group, in turns with what they are compared with: a simulation more is 10 MB.
+    """
     names = list(EFFECTS)
+    names = draw.pick(names[:3], names, names)
     pairs = [pair for pair in combinations(names, 2) if go_together(*pair)]
-    n_pairs = draw.pick(1, 6, len(pairs))
-    if n_pairs < len(pairs):
-        drawn = np.random.default_rng(draw.seed).permutation(len(pairs))[:n_pairs]
-        pairs = [pairs[k] for k in sorted(drawn)]
-    singles = draw.pick(names[:3], names, names)
-    changes: list[tuple[str, ...]] = [(), *((name,) for name in singles), *pairs]
-    return [_setting(changed, group=str(k // _TIMED_TOGETHER)) for k, changed in enumerate(changes)]
+    changes: list[tuple[str, ...]] = [(), *((name,) for name in names), *pairs]
+    return [_setting(changed) for changed in changes]
 
 
-def _setting(changed: tuple[str, ...], group: str) -> Setting:
+def _setting(changed: tuple[str, ...]) -> Setting:
     name, told = ", ".join(_word(each) for each in changed) or UNCHANGED, " ".join(changed)
-    return Setting(name, {"changed": told, "effects": _listed(told)}, _SERIES[len(changed)], group)
+    return Setting(name, {"changed": told, "effects": _listed(told)}, _SERIES[len(changed)])
 
 
 def reference(draw: Draw) -> Reference:
@@ -105,4 +112,22 @@ def findings(rows: Sequence[Row]) -> list[str]:
         if name in cost:
             told += f"; {cost[name] - cost[UNCHANGED]:+.0f} us a tick (noise {noise[name]:.0f})"
         lines.append(f"{name}: {told}.")
-    return lines
+    words = [_word(name) for name in effects_in(rows)]
+    return [*lines, *(f"Pairs, {told_pairs(each, words, number)}." for each in _matrices(rows))]
+
+
+def _matrices(rows: Sequence[Row]) -> list[Matrix]:
+    return matrices(rows, (FORCE, DEPTH, WALL), signed=(DEPTH,))
+
+
+def draw_figure(rows: Sequence[Row], stem: Path) -> list[Path]:
+    """Draw each effect alone, change over cost, then all pairs as matrices."""
+    alone = [row for row in rows if row.series != "two effects"]
+    n_panels = len({row.quantity for row in alone})
+    figure = Figure((_WIDTH_IN, _ALONE_IN + _PAIRS_IN), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(TITLE, fontsize=10)
+    (above,), (below,) = figure.subfigures(2, 1, height_ratios=(_ALONE_IN, _PAIRS_IN), squeeze=False)
+    draw_panels(figure, [above.add_subplot(2, 2, place) for place in range(1, n_panels + 1)], alone)
+    draw_matrices(below, _matrices(rows), [_word(name) for name in effects_in(rows)])
+    return save_figure(figure, stem)
