@@ -19,7 +19,7 @@ from services.runtime.errors import ConfigError
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
 from services.studies.accuracy.log import Log
-from services.studies.accuracy.page import Text, write_page
+from services.studies.accuracy.page import Text, held_figure, write_page
 from services.studies.accuracy.report import findings_of, microseconds, write_report
 from services.studies.accuracy.run import fill_costs, fill_errors, floors, table
 from services.studies.accuracy.study import Draw, Row, Size, load_study, study_names
@@ -97,9 +97,11 @@ def write_results(rows: list[Row], names: list[str], facts: Facts, out: Path) ->
     texts = {}
     for name in names:
         study, mine = load_study(name), [row for row in rows if row.study == name]
-        texts[name] = Text(study.TITLE, study.WHAT, findings_of(name, mine))
         draw_itself = getattr(study, "draw_figure", None)
-        draw_itself(mine, out / name) if draw_itself else draw_study(study.TITLE, mine, out / name)
+        drawn = draw_itself(mine, out / name) if draw_itself else draw_study(study.TITLE, mine, out / name)
+        texts[name] = Text(
+            study.TITLE, study.WHAT, findings_of(name, mine), held_figure(drawn[0]) if draw_itself else ""
+        )
     write_page(rows, texts, facts, out / "index.html")
 
 

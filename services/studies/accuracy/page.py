@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -24,6 +25,13 @@ class Text:
     title: str
     what: str
     findings: Sequence[str] = ()
+    figure: str = ""
+    """One of its own, as an address that holds it."""
+
+
+def held_figure(svg: Path) -> str:
+    """Return a figure as an address that holds it, so that a page needs no other file."""
+    return "data:image/svg+xml;base64," + b64encode(svg.read_bytes()).decode("ascii")
 
 
 def write_page(rows: Sequence[Row], texts: Mapping[str, Text], facts: Facts, path: Path) -> None:

@@ -16,7 +16,7 @@ from services.cli.study import write_results
 from services.studies.accuracy.facts import Facts
 from services.studies.accuracy.figures import draw_study
 from services.studies.accuracy.frontier import frontier
-from services.studies.accuracy.page import Text, write_page
+from services.studies.accuracy.page import Text, held_figure, write_page
 from services.studies.accuracy.report import slower_machine, write_report
 from services.studies.accuracy.sections import read_section, write_section
 from services.studies.accuracy.study import Cost, Row
@@ -215,6 +215,32 @@ def test_points_that_lie_on_one_another_can_be_chosen_by_mouse(tmp_path):
     alone = acted(rows, f"document.querySelectorAll('circle')[2].{click};", tmp_path)
     assert re.search(r'<p id="here" hidden=""', alone)
     assert "<th>n</th><td>far</td>" in alone
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+def test_a_series_that_is_in_the_way_can_be_left_out_and_its_frontier_with_it(tmp_path):
+    rows = [
+        Row("modes", name, series, "force", error, "%", cost=Cost(us, us, 1.0))
+        for name, series, error, us in (("a", "one", 2.0, 100.0), ("b", "two", 1.0, 90.0), ("c", "one", 1.5, 200.0))
+    ]
+    leave_out = "document.querySelectorAll('#legend input')[1].click();"
+    shown = acted(rows, leave_out, tmp_path)
+    assert shown.count("<circle") == 2
+    assert len(re.search(r'class="best" points="([^"]+)"', shown)[1].split()) == 2
+    assert acted(rows, leave_out + leave_out, tmp_path).count("<circle") == 3
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+def test_a_figure_of_a_studys_own_is_held_by_the_page(tmp_path):
+    (tmp_path / "own.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="30" height="20"/>')
+    texts = {"modes": Text("modes", "", figure=held_figure(tmp_path / "own.svg"))}
+    write_page(some_rows(), texts, facts_of("abc"), tmp_path / "index.html")
+    (tmp_path / "own.svg").unlink()
+    act = "const own = by('figure'); own.onload = () => { document.title = `${own.hidden} ${own.naturalWidth}`; };"
+    page = (tmp_path / "index.html").read_text().replace("quantities();\n</script>", f"{act} quantities();\n</script>")
+    (tmp_path / "acted.html").write_text(page)
+    assert "<title>false 30</title>" in shown_by_a_browser(tmp_path / "acted.html", tmp_path).stdout
+    assert re.search(r'<img id="figure"[^>]* hidden=""', acted(some_rows(), "", tmp_path))
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
