@@ -56,6 +56,9 @@ def write_report(rows: Sequence[Row], names: Sequence[str], facts: Facts, figure
         "told apart in cost the one that is more wrong is beaten, and along the frontier each step to less error costs",
         "more than noise.",
         "",
+        "Beside MuJoCo and PyElastica, on cases that all of them can do and in one run, is what",
+        "`python benchmarks/bench_peers.py` writes ([benchmarks/results/peers.md](../benchmarks/results/peers.md)).",
+        "",
     ]
     for name, section in sections.items():
         lines += _study(name, section, folder.name)
