@@ -8,7 +8,7 @@ from typing import Annotated
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.ahead import is_met_first, places_of, slide_of
 from services.mechanics.collision.folds import flank_on, is_new_flank, may_be_flank
-from services.mechanics.collision.inside import Lumen, cap_clearance, follow_caps
+from services.mechanics.collision.inside import Lumen, cap_clearance, follow_caps, put_inside
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs, pairs_at
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import (
@@ -203,4 +203,4 @@ def _follow_particle(detection: CatheterDetection, i: int, p: Vector, reaches: t
     if probes.triangle[i, first] == NOT_FOUND or side == UNKNOWN or distance <= 0.0:
         return
     if cap_clearance(shell.body, lumen, i, p) > distance:
-        lumen.inside[i] = 1 if side == INSIDE else 0
+        put_inside(lumen, i, side == INSIDE)

@@ -3,7 +3,8 @@
 Caps over the open rims close the wall to a volume. A particle's flag follows the caps' side while a cap is the
 closest part of that closed surface, and keeps its value everywhere else: pushing through the wall does not
 change it. Passing a cap takes the particle through distance zero, so nobody who enters is missed, as long as
-it is looked at every `STEP_M` of its way.
+it is looked at every `STEP_M` of its way. Nor does anybody enter who has not gone as far as to the cap and beyond
+it: where a rim is dented its cap folds over, and who is beside the fold would be told to be behind it.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Lumen(Struct):
     looked_from: Annotated[FloatArray, "n", 3]  # where the caps were last looked at
     travel: Annotated[FloatArray, "n"]  # the wall's travel then
     clearance: Annotated[FloatArray, "n"]  # distance to the nearest cap then; negative without a past
+    unsure: Annotated[ByteArray, "n"]  # one where they may have passed a cap since, and nothing has told the side
 
     @classmethod
     def allocate(cls, n: int) -> Self:
@@ -43,6 +45,14 @@ class Lumen(Struct):
     def reset(self) -> None:
         """Drop the past of every particle."""
         self.clearance.fill(-1.0)
+
+
+@kernel
+def put_inside(lumen: Lumen, i: int, is_inside: bool) -> None:
+    """Set the flag of a particle as the wall knows it; where that is news the caps are asked once more."""
+    inside = 1 if is_inside else 0
+    lumen.unsure[i] = 1 if lumen.inside[i] != inside else 0
+    lumen.inside[i] = inside
 
 
 @kernel
@@ -63,24 +73,33 @@ def follow_caps(shell: Shell, lumen: Lumen, i: int, start: Vector, end: Vector, 
         return
     if cap_clearance(body, lumen, i, end) > 0.0:
         return
-    steps = 1 + int(motion / STEP_M)
+    steps, begun = 1 + int(motion / STEP_M), start
     for step in range(1, steps + 1):
         part = step / steps
         here = along(scaled(start, 1.0 - part), end, part)
         if step == steps or cap_clearance(body, lumen, i, here) <= 0.0:
-            _look(shell, lumen, i, here, guess)
+            _look(shell, lumen, i, (begun, here), guess)
+            begun = here
 
 
 @kernel
-def _look(shell: Shell, lumen: Lumen, i: int, p: Vector, guess: int) -> None:
-    body, wall, caps = shell.body, shell.wall, shell.caps
+def _look(shell: Shell, lumen: Lumen, i: int, ends: tuple[Vector, Vector], guess: int) -> None:
+    """Look at the caps from the end of a straight piece of the way since the last look."""
+    body, wall, caps, (begun, p) = shell.body, shell.wall, shell.caps, ends
+    gone = math.sqrt(squared_distance(begun, row(lumen.looked_from, i))) + math.sqrt(squared_distance(p, begun))
+    gone += body.travel - lumen.travel[i]
     cap = closest(body, caps, p, p, HORIZON_M, index(NOT_FOUND))
-    _note(body, lumen, i, p, math.sqrt(cap[1]))
+    distance = math.sqrt(cap[1])
+    may_have_passed = lumen.unsure[i] != 0 or gone * (1.0 + 1e-9) >= lumen.clearance[i] + distance
+    _note(body, lumen, i, p, distance)
     if cap[0] == NOT_FOUND:
+        lumen.unsure[i] = 0
         return
     # An edge of the rim belongs to the wall and to the cap: nothing strictly closer means no opinion.
-    if closest(body, wall, p, p, math.sqrt(cap[1]) * (1.0 + 1e-9), index(guess))[0] == NOT_FOUND:
+    tells = closest(body, wall, p, p, distance * (1.0 + 1e-9), index(guess))[0] == NOT_FOUND
+    if tells and may_have_passed:
         lumen.inside[i] = _is_behind(body, caps, cap, p)
+    lumen.unsure[i] = 1 if may_have_passed and not tells else 0
 
 
 @kernel
@@ -89,6 +108,7 @@ def _look_everywhere(shell: Shell, lumen: Lumen, i: int, p: Vector) -> None:
     body, wall, caps = shell.body, shell.wall, shell.caps
     cap = closest(body, caps, p, p, math.inf, index(NOT_FOUND))
     _note(body, lumen, i, p, math.sqrt(cap[1]))
+    lumen.unsure[i] = 0
     side = closest(body, wall, p, p, math.inf, index(NOT_FOUND))
     if side[1] < cap[1] * (1.0 - 1e-9):
         lumen.inside[i] = _is_behind(body, wall, side, p)
