@@ -169,6 +169,8 @@ def _append_catheter(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArray
     if tools.free[tool, 3] < stop:
         row = _append_pair(rows, tools, tool, (CATHETER_SEGMENT, tools.stop_arm[tool], stop))
         squeeze.row[tool, _CATHETER] = row
+        if row != NO_ROOM:
+            _soften_tangents(rows, tools, row)
 
 
 @kernel
@@ -191,8 +193,15 @@ def _append_wall(rows: ContactRows, tools: ToolArrays, squeeze: SqueezeArrays, t
     if row != NO_ROOM:
         lever = _lever_m(rows, row)
         rows.softness_m_n[row, 0] = lever * lever / fall
-        for axis in range(1, 3):
-            rows.softness_m_n[row, axis] = lever * lever * (1.0 / fall + tools.compliance[tool, 3])
+        _soften_tangents(rows, tools, row)
+
+
+@kernel
+def _soften_tangents(rows: ContactRows, tools: ToolArrays, row: int) -> None:
+    """Write the softness of what is squeezed and of the jaws' coupling together where penalty contact looks for it."""
+    lever = _lever_m(rows, row)
+    for axis in range(1, 3):
+        rows.softness_m_n[row, axis] = rows.softness_m_n[row, 0] + lever * lever * tools.compliance[rows.tool[row], 3]
 
 
 @kernel

@@ -73,7 +73,8 @@ def closed_axes(rows: ContactRows, row: int, is_sliding: bool) -> int:
 def penalty(rows: ContactRows, row: int, motion: tuple[float, float, float], gains: PenaltyGains) -> None:
     """Write the force that the law finds where nothing else pushes the jaws.
 
-    Its softness along the tangents, which carry nothing, is that of wall and coupling together: stable at any step.
+    Its softness along the tangents, which carry nothing, is that of what is squeezed and of the coupling
+    together: stable at any step.
     """
     force = rows.force_n[row]
     force[0], force[1], force[2] = max(0.0, -motion[0] / rows.softness_m_n[row, 1]), 0.0, 0.0
