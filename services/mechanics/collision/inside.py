@@ -4,7 +4,8 @@ Caps over the open rims close the wall to a volume. A particle's flag follows th
 closest part of that closed surface, and keeps its value everywhere else: pushing through the wall does not
 change it. Passing a cap takes the particle through distance zero, so nobody who enters is missed, as long as
 it is looked at every `STEP_M` of its way. Nor does anybody enter who has not gone as far as to the cap and beyond
-it: where a rim is dented its cap folds over, and who is beside the fold would be told to be behind it.
+it. Where a rim is dented its cap folds over, and the closest point of a fold does not tell on which side one is; the
+solid angle under which the caps are seen does, since folds cancel in it: half a sphere right behind a cap.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Annotated, Self
 import numpy as np
 
 from services.mechanics.arrays import ByteArray, FloatArray
+from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.probes import JUMP_M
 from services.mechanics.collision.search import NOT_FOUND, Touch, closest, offset
@@ -22,10 +24,22 @@ from services.mechanics.collision.shell import Body, Patch, Shell
 from services.mechanics.collision.sides import surface_normal, triangle_normal
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Struct
-from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance
+from services.mechanics.compiled.vectors import (
+    Vector,
+    along,
+    cross,
+    dot,
+    put_row,
+    row,
+    scaled,
+    squared_distance,
+    subtract,
+)
 
 STEP_M = 0.25e-3
 HORIZON_M = 5e-3
+# Who sees the caps from behind under less than this part of the sphere is beside them.
+BEHIND = 0.125
 
 
 class Lumen(Struct):
@@ -97,9 +111,29 @@ def _look(shell: Shell, lumen: Lumen, i: int, ends: tuple[Vector, Vector], guess
         return
     # An edge of the rim belongs to the wall and to the cap: nothing strictly closer means no opinion.
     tells = closest(body, wall, p, p, distance * (1.0 + 1e-9), index(guess))[0] == NOT_FOUND
-    if tells and may_have_passed:
-        lumen.inside[i] = _is_behind(body, caps, cap, p)
-    lumen.unsure[i] = 1 if may_have_passed and not tells else 0
+    if not may_have_passed:
+        return
+    seen = _part_of_sphere(body, caps, p) if tells else 0.0
+    if seen > BEHIND or seen < 0.0:
+        lumen.inside[i], lumen.unsure[i] = 1 if seen > BEHIND else 0, 0
+    else:
+        lumen.unsure[i] = 1
+
+
+@kernel
+def _part_of_sphere(body: Body, patch: Patch, p: Vector) -> float:
+    """Return the part of the sphere that a patch covers as seen from p, positive where it is seen from behind.
+
+    Van Oosterom and Strackee, "The solid angle of a plane triangle" (1983).
+    """
+    total = 0.0
+    for triangle in range(patch.triangles.shape[0]):
+        p0, p1, p2 = corner_positions(body, patch, triangle)
+        a, b, c = subtract(p0, p), subtract(p1, p), subtract(p2, p)
+        la, lb, lc = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(c, c))
+        beside = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
+        total += 2.0 * math.atan2(dot(a, cross(b, c)), beside)
+    return total / (4.0 * math.pi)
 
 
 @kernel

@@ -139,37 +139,43 @@ def test_beside_the_mouth_stays_outside_and_is_pushed_outwards(duct):
 
 
 def dented(seed):
-    """A duct whose one coordinate dents its rim: ears of its cap fold over there, and lie outside of the lumen."""
+    """A duct whose first coordinate dents its rim: ears of its cap fold over there, and lie outside of the lumen.
+
+    The other one, in m, moves its other end aside, of which the mouth has nothing but a bound of how far walls went.
+    """
     mesh, rng = duct_mesh(20, 26), np.random.default_rng(seed)
     rim = np.flatnonzero(np.isclose(mesh.vertices_m[:, 0], 40e-3))
-    inwards = np.zeros((mesh.n_vertices, 3, 1))
-    inwards[rim, 1:, 0] = -mesh.vertices_m[rim, 1:] * rng.uniform(0.0, 0.6, (len(rim), 1))
-    return CollisionSurface(mesh, inwards, np.ones(1), HALF_M)
+    modes = np.zeros((mesh.n_vertices, 3, 2))
+    modes[rim, 1:, 0] = -mesh.vertices_m[rim, 1:] * rng.uniform(0.0, 0.6, (len(rim), 1))
+    modes[mesh.vertices_m[:, 0] < 10e-3, 1, 1] = 1.0
+    return CollisionSurface(mesh, modes, np.ones(2), HALF_M)
 
 
+@pytest.mark.parametrize("shake_m", [0.0, 5e-3])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_who_is_flung_to_where_a_dented_rim_folds_its_cap_is_not_in_the_lumen(seed):
-    """Nobody gets in who has not gone as far as to the cap: of these 600 ways 25 ended in the lumen once."""
+def test_who_is_flung_to_where_a_dented_rim_folds_its_cap_is_not_in_the_lumen(seed, shake_m):
+    """Of 600 ways to a rim at rest 25 ended in the lumen once; where a wall shakes who came how near is unsure."""
     surface, rng = dented(seed), np.random.default_rng(seed)
     for _ in range(200):
         angle, way = rng.uniform(0.0, 2.0 * np.pi), rng.normal(size=3)
         out = np.array([0.0, np.cos(angle), np.sin(angle)])
         aim = np.array([40e-3 + rng.uniform(0.1e-3, 3e-3), 0.0, 0.0]) + rng.uniform(3.5e-3, 6e-3) * out
-        detector, dent = detector_of(surface), 0.0
+        detector, shape = detector_of(surface), np.zeros(2)
         for p in path(aim + 8e-3 * np.abs(way) * np.sign(aim) / np.linalg.norm(way), aim, 0.9e-3):
-            surface.update(np.array([dent]))
+            surface.update(shape)
             detect(detector, p)
-            dent = 1.0
+            shape = np.array([1.0, shake_m * rng.normal()])
             assert detector.inside[0] == 0, (aim, p)
 
 
+@pytest.mark.parametrize("shake_m", [0.0, 5e-3])
 @pytest.mark.parametrize("speed_m_s", [0.02, 1.0, 4.0])
-def test_a_dented_mouth_lets_in_and_out_as_any(speed_m_s):
-    surface = dented(1)
+def test_a_dented_mouth_lets_in_and_out_as_any(speed_m_s, shake_m):
+    surface, rng = dented(1), np.random.default_rng(1)
     detector = detector_of(surface)
     way = path([46e-3, 0.0, 0.0], [30e-3, 0.0, 0.0], speed_m_s * 1e-3)
     for p in [*way, *way[::-1]]:
-        surface.update(np.ones(1))
+        surface.update(np.array([1.0, shake_m * rng.normal()]))
         detect(detector, p)
         if abs(p[0] - 40e-3) > 1e-3:
             assert detector.inside[0] == (p[0] < 40e-3)
