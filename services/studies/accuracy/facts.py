@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
+from statistics import median
 
 from services.runtime.machine import processor_name
 from services.studies.accuracy.study import Cost, Draw
@@ -29,6 +30,8 @@ class Facts:
     packages: str
     floors: dict[str, Cost]
     """Of the fixed arithmetic beside each study."""
+    drift_percent: float = 0.0
+    """Half the range of what it took over the run, of its median: how much slower or faster the machine itself was."""
 
     @classmethod
     def collect(cls, command: str, code: str, draw: Draw, floors: dict[str, Cost]) -> Facts:
@@ -43,6 +46,7 @@ class Facts:
             system=f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
             packages=", ".join(f"{name} {found}" for name, found in _versions(PACKAGES)),
             floors=floors,
+            drift_percent=_drift_percent([cost.median_us for cost in floors.values()]),
         )
 
     def lines(self) -> list[str]:
@@ -54,12 +58,25 @@ class Facts:
         return [
             f"`{self.command}`, seed {self.seed}, code {self.code}, {self.date}",
             f"{self.machine}, {self.system}, {self.packages}",
-            *([f"fixed arithmetic beside each study: {floor}"] if floor else []),
+            *([f"fixed arithmetic beside each study: {floor}{self._drift()}"] if floor else []),
         ]
+
+    def _drift(self) -> str:
+        if not self.drift_percent:
+            return ""
+        return (
+            f"; over the whole run {self.drift_percent:.1f} % up or down: so much more than noise two runs may differ"
+        )
 
     def as_data(self) -> dict[str, object]:
         """Return them for a program."""
         return asdict(self)
+
+
+def _drift_percent(medians_us: Sequence[float]) -> float:
+    if len(medians_us) < 2:
+        return 0.0
+    return 50.0 * (max(medians_us) - min(medians_us)) / median(medians_us)
 
 
 def _versions(packages: Sequence[str]) -> list[tuple[str, str]]:

@@ -72,6 +72,18 @@ def test_the_run_is_told_with_seed_versions_machine_and_command(written):
     assert told["floors"]["modes"]
 
 
+def test_how_far_the_machine_drifted_over_a_run_is_told_beside_each_of_its_studies(tmp_path, monkeypatch):
+    floors = {"modes": Cost(100.0, 120.0, 1.0), "mesh": Cost(110.0, 120.0, 1.0), "paper": Cost(98.0, 120.0, 1.0)}
+    facts = Facts.collect("trocar study all", "abc", SMALLEST, floors)
+    assert facts.drift_percent == pytest.approx(6.0)
+    monkeypatch.setattr(modes, "findings", lambda _: [])
+    (tmp_path / "modes.svg").write_text("")
+    write_report(some_rows(), ["modes"], facts, tmp_path, tmp_path / "page.md")
+    assert "over the whole run 6.0 % up or down" in (tmp_path / "page.md").read_text()
+    alone = Facts.collect("trocar study modes", "abc", SMALLEST, {"modes": Cost(100.0, 120.0, 1.0)})
+    assert not any("up or down" in line for line in alone.lines())
+
+
 def test_the_page_needs_nothing_from_elsewhere_and_holds_every_point(written):
     page = (written / "index.html").read_text()
     assert not re.search(r"""(src|href)\s*=\s*["']?\s*(https?:)?//""", page)
