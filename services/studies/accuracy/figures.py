@@ -1,4 +1,4 @@
-"""Error against cost as figures: one a study, one panel a quantity, the frontier drawn through."""
+"""Error against cost as figures: one a study, one panel a quantity, the frontier in rings and drawn through."""
 
 from __future__ import annotations
 
@@ -75,9 +75,8 @@ def _draw_panel(axes: Axes, rows: Sequence[Row], colours: dict[str, str]) -> lis
     _set_scales(axes, timed, is_log=is_log)
     best = frontier(timed)
     if best:
-        axes.plot(
-            *zip(*(_place(row, is_log=is_log) for row in best), strict=True), color="0.3", linewidth=1.0, zorder=0
-        )
+        x, y = zip(*(_place(row, is_log=is_log) for row in best), strict=True)
+        axes.plot(x, y, color="0.3", linewidth=1.0, marker="o", markersize=8, markerfacecolor="none", zorder=0)
     for series in dict.fromkeys(row.series for row in timed):
         _draw_series(axes, [row for row in timed if row.series == series], colours[series], is_log=is_log)
     if any(row.series for row in timed):

@@ -48,6 +48,14 @@ def test_who_is_on_the_frontier_is_named_first(rows):
     assert frontier(rows)[0].setting in {text.get_text() for text in axes.texts}
 
 
+def test_who_is_on_the_frontier_has_a_ring_even_where_there_is_no_line():
+    alone = [row("beaten within noise", 2.0, 100.0), row("best", 1.0, 103.0)]
+    for rows, names in ((alone, ["best"]), (RIGHTMOST, [each.setting for each in RIGHTMOST])):
+        (axes,) = drawn(rows)
+        (rings,) = [line for line in axes.get_lines() if line.get_markerfacecolor() == "none"]
+        assert [x for x, _ in rings.get_xydata()] == [each.cost.median_us for each in rows if each.setting in names]
+
+
 def test_every_axis_has_plain_numbers_that_do_not_cover_one_another():
     for axes in (*drawn(WIDE), *drawn(CROWD), *drawn(RIGHTMOST)):
         for axis, side in ((axes.xaxis, "x"), (axes.yaxis, "y")):
