@@ -65,8 +65,8 @@ class Effect:
     n_local_modes: ClassVar[int] = 0
     """Modes beside supports that it needs at most, see `reduction.local_modes`."""
     can_rest: ClassVar[bool] = False
-    """Whether a rung of the quality ladder may leave it out for a while: what it does in a step leaves nothing behind
-    that the next one without it would miss, and nothing in the picture hangs on it."""
+    """Whether a rung of the quality ladder may leave it out for a while, and nothing jumps: what it does in a step
+    leaves nothing behind that the next one without it would miss, or it fades (`rest`, `wake`)."""
 
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
@@ -82,8 +82,16 @@ class Effect:
         """What the effect and its bodies store now, for the energy balance: nothing, unless it says so."""
         return 0.0
 
+    def rest(self) -> None:
+        """Begin to rest, as a rung of the quality ladder wants: its stages are called until it `rests`."""
+
     def wake(self) -> None:
         """Act again after a rung of the quality ladder on which the effect rested: what it remembers is old."""
+
+    @property
+    def rests(self) -> bool:
+        """Whether one that was told to rest does nothing any more, so that no stage need be called."""
+        return True
 
     def check_mesh(self, mesh: TriangleMesh) -> None:
         """Raise a ValueError for a mesh of the duct that this cannot act on: before its modes are computed."""

@@ -43,6 +43,7 @@ class Hyperelasticity(Effect):
     Settings = HyperelasticitySettings
     of_wall = True
     kicks = True
+    can_rest = True
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
         """Choose the triangles that stand for the wall, unless they are in the cache."""
@@ -57,6 +58,7 @@ class Hyperelasticity(Effect):
         self._force = np.zeros(duct.basis.n_modes)
         self._wall.books[ENERGY] = self.potential_energy_j(world)
         self._dt_s = 0.0
+        self._to_fade = 0.0
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Kick the modes by the force that is wanted at the end of the step."""
@@ -73,6 +75,22 @@ class Hyperelasticity(Effect):
     def settle(self, world: World, dt_s: float) -> None:
         """Take back what the wall gave out because contacts did other than in the last step."""
         settle_step(self._wall, self._force, world.duct)
+        if self._wall.faded[0] != self._to_fade:
+            self._wall.fade(self._to_fade, dt_s)
+            self._wall.books[ENERGY] = self.potential_energy_j(world)
+
+    def rest(self) -> None:
+        """Stiffen less and less."""
+        self._to_fade = 1.0
+
+    def wake(self) -> None:
+        """Stiffen more and more."""
+        self._to_fade = 0.0
+
+    @property
+    def rests(self) -> bool:
+        """Whether the wall does not stiffen at all."""
+        return float(self._wall.faded[0]) == 1.0
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the force, which the next step begins with, and the energy books of the steps."""

@@ -45,6 +45,7 @@ class Softening(Effect):
     of_wall = True
     n_local_modes = N_LOCAL_MODES
     stands_for = ("nonlinear_membrane",)
+    can_rest = True
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
         """Compute what is learned of the wall, unless it is in the cache.
@@ -79,6 +80,19 @@ class Softening(Effect):
         drive = duct.modal_force, duct.position_gain * (duct.contact_impulse + duct.modal_kick)
         self._wall.follow(loads, duct.contact_impulse, drive, motion, dt_s)
         self.dissipated_j = self._wall.dissipated_j
+
+    def rest(self) -> None:
+        """Give way less and less."""
+        self._wall.fade(1.0)
+
+    def wake(self) -> None:
+        """Give way more and more."""
+        self._wall.fade(0.0)
+
+    @property
+    def rests(self) -> bool:
+        """Whether the wall is a linear one."""
+        return self._wall.has_faded
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return forces followed, force on the modes, and the books."""

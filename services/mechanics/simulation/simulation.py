@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from operator import add, sub
 from time import perf_counter_ns
 from typing import Protocol
@@ -26,7 +25,7 @@ from services.mechanics.contact.search import ContactSearch
 from services.mechanics.contact.system import DroppedContacts
 from services.mechanics.contact.thinning import thin_pairs
 from services.mechanics.contact.tool_loads import ReportArrays, report
-from services.mechanics.effects import Effect, build_effects, by_stage
+from services.mechanics.effects import build_effects, by_stage
 from services.mechanics.reduction import ModalState, ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS, GraspHold, ToolInputs, ToolResults
@@ -71,7 +70,6 @@ class Simulation:
         self.scene = scene = place_catheter(scene, duct.mesh)
         self.effects = build_effects(scene)
         stages = by_stage(self.effects.values())
-        self._rungs = [_stages_without(self.effects, level.without) for level in scene.quality]
         self.world = world = build_world(scene, duct, tuple(self.effects.values()), search)
         self.duct, self.catheter, self.tools = world.duct, world.catheter, world.tools
         self.system, self.holds, self.search = world.system, world.holds, world.search
@@ -90,7 +88,6 @@ class Simulation:
         self._tool_pairs = ContactPairs.allocate(scene.contact.capacity)
         self._tool_force = np.zeros((N_TOOLS, N_COORDINATES))
         self.solver = StepSolver(world, self._tool_force)
-        self._use_rung(0)
         self._report_arrays = ReportArrays.of(self.tool_results, self._tool_force)
         self._stiffness = LocalStiffness(self.system.bodies, self.system.address, self.tool_results)
         self.cost_ns = [0] * len(STAGE_NAMES)
@@ -101,6 +98,9 @@ class Simulation:
         self.watcher: Watcher | None = None
         for effect in stages["prepare"]:
             effect.prepare(world)
+        for name in scene.quality[0].without:
+            self.effects[name].rest()
+        self._use_rung(0)
 
     def step(self, tools: ToolInputs, pairs: ContactPairs | None = None, dt_s: float = 1e-3) -> None:
         """Advance everything by one tick.
@@ -134,8 +134,10 @@ class Simulation:
         for _ in range(steps):
             if not self._step_in_parts(tools, pairs, dt_s / steps):
                 self._heal(dt_s)
-                return
+                break
             pairs = None
+        if self._fading and all(effect.rests for effect in self._fading):
+            self._use_rung(self.quality_level)
 
     def _step_in_parts(self, tools: ToolInputs, pairs: ContactPairs | None, dt_s: float) -> bool:
         """Advance by a step, or up to the first part of it that ends in a state that is not sound: then False."""
@@ -182,6 +184,7 @@ class Simulation:
         for grasp in self.grasps:
             grasp.let_go()
         self._tool_force[:] = 0.0
+        self._use_rung(self.quality_level)
         self._report(dt_s)
 
     @property
@@ -255,13 +258,19 @@ class Simulation:
         """Switch to a rung of the scene's quality ladder; states stay as they are, so nothing jumps."""
         if not 0 <= level < len(self.scene.quality):
             raise ValueError(f"quality level {level} is not within 0 and {len(self.scene.quality) - 1}")
-        for name in set(self.rung.without) - set(self.scene.quality[level].without):
+        before, then = set(self.rung.without), set(self.scene.quality[level].without)
+        for name in before - then:
             self.effects[name].wake()
+        for name in then - before:
+            self.effects[name].rest()
         self._use_rung(level)
 
     def _use_rung(self, level: int) -> None:
+        """Let a rung's effects act, and those that are still fading to rest."""
         self.quality_level, self.rung = level, self.scene.quality[level]
-        self._stages = self._rungs[level]
+        self._fading = [self.effects[name] for name in self.rung.without if not self.effects[name].rests]
+        acting = [e for name, e in self.effects.items() if e in self._fading or name not in self.rung.without]
+        self._stages = by_stage(acting)
         self.solver.use(self._stages, self.rung.iterations)
 
     def _add_loads(self, dt_s: float) -> None:
@@ -343,7 +352,3 @@ class Simulation:
         self.max_penetration_m = report(*addresses, dt_s)
         if self.system.strategy.knows_stiffness:
             self._stiffness.write()
-
-
-def _stages_without(effects: Mapping[str, Effect], resting: Sequence[str]) -> dict[str, tuple[Effect, ...]]:
-    return by_stage(effect for name, effect in effects.items() if name not in resting)

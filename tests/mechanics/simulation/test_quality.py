@@ -209,7 +209,7 @@ def test_a_long_step_is_taken_in_parts_where_something_is_fast(long_steps, speed
 @pytest.mark.parametrize(
     ("without", "essential", "said"),
     [
-        (("gravity",), (), "quality.1.without: gravity cannot rest while the scene runs; these can: self_contact, muc"),
+        (("gravity",), (), "quality.1.without: gravity cannot rest while the scene runs; these can: softening, hyp"),
         (("twist",), (), "quality.1.without: the scene has no effect 'twist'"),
         (("mucus_drag",), ("mucus_drag",), "quality.1.without: mucus_drag is essential"),
         ((), ("twist",), "essential: the scene has no effect 'twist'"),

@@ -13,6 +13,9 @@ Both are exact in time, so that nothing that was not put in comes out, whatever 
   force is that of the end of the step, found ahead of it with the contact forces of the last one (`push_ahead`): it too
   does no more work than the potential falls by. Where
   contacts change so that it does, as where the wall is let go, the step is corrected by the force of where it has led.
+
+Part of the softening, of force and potential alike, may have faded. All of it comes or goes in `FADE_S`; what the
+potential changes by meanwhile is nobody's work, and is entered as spent.
 """
 
 from __future__ import annotations
@@ -51,6 +54,9 @@ LEAST_FORCE_N = 1e-7
 """Below it a wall is not pressed."""
 TANK_SHARE = 0.1
 """Of the potential: more than that the tank does not keep."""
+FADE_S = 0.25
+"""Time in which all of the softening comes or goes: what a hand feels of that, newtons, stays far below the rate that a
+rig lets forces change at."""
 CREDIT_J = 1e-9
 """The tank may owe so much: patterns begin at a wall that has moved a little already."""
 
@@ -86,12 +92,15 @@ def follow_loads(
     q, _, _, qddot = motion
     is_pressed = _follow(wall, loads, modal_force, 1.0 - math.exp(-dt_s / FOLLOW_S))
     if not is_pressed and wall.pattern.numbers[GAIN] == 0.0 and not lags(wall):
+        wall.faded[0] = wall.to_fade
         if wall.g.shape[0] > 0:
             follow_lag(wall, q, 0.0, dt_s)
         return
     _enter_step(wall, motion, gains)
     if wall.g.shape[0] > 0:
         _relax(wall, q, dt_s)
+    if wall.faded[0] != wall.to_fade:
+        _fade(wall, q, dt_s)
     if is_pressed and (wall.made[0] > 0 or begin_candidate(wall)) and continue_candidate(wall):
         _try_candidate(wall, q)
     if not is_pressed:
@@ -136,6 +145,24 @@ def _follow(wall: SoftenedWall, loads: tuple[IntArray, FloatArray], modal_force:
 
 
 @kernel
+def _fade(wall: SoftenedWall, q: FloatArray, dt_s: float) -> None:
+    """Let softening come or go. Where none was left, all begins anew: what it was of is long ago."""
+    books, most = wall.books, dt_s / FADE_S
+    if wall.faded[0] == 1.0:
+        wall.pattern.numbers[GAIN] = 0.0
+        wall.made[0] = 0
+        wall.lag[:] = 0.0
+        wall.lagged[:] = 0.0
+        for term in range(wall.followed.shape[0]):
+            for mode in range(q.shape[0]):
+                wall.followed[term, mode] = q[mode]
+    wall.faded[0] += min(max(wall.to_fade - wall.faded[0], -most), most)
+    potential = _potential(wall, wall.pattern, q)
+    books[SPENT] += books[POTENTIAL] - potential
+    books[POTENTIAL] = potential
+
+
+@kernel
 def _mix(wall: SoftenedWall, node: int, force_n: float) -> None:
     """Count the law's coefficients at a node by the force on it."""
     for number in range(N_PARTS):
@@ -157,7 +184,7 @@ def _enter_step(
         work, potential = _work(wall, motion), _potential(wall, wall.pattern, q)
     books[TANK] -= work + potential - books[POTENTIAL]
     if books[TANK] < -CREDIT_J:
-        own = potential - lagging_j(wall, wall.pattern, q)
+        own = potential - (1.0 - wall.faded[0]) * lagging_j(wall, wall.pattern, q)
         if own > 0.0:
             numbers[PART] *= max(0.0, 1.0 + (books[TANK] + CREDIT_J) / own)
             left = _potential(wall, wall.pattern, q)
@@ -211,23 +238,23 @@ def _correct_step(
 @kernel
 def _find_force(wall: SoftenedWall, start: FloatArray, end: FloatArray, position_gain: FloatArray) -> None:
     """Write the force of a step from ``start`` (r,) to where it leads; ``end`` (r,) is where ``force`` leads."""
-    pattern, times = wall.pattern, 2.0 if wall.takes_mean else 1.0
+    pattern, times, share = wall.pattern, 2.0 if wall.takes_mean else 1.0, 1.0 - wall.faded[0]
     s, moves = _along(wall, pattern, end), 0.0
     for mode in range(end.shape[0]):
         moved = times * position_gain[mode] * pattern.direction[mode]
-        s -= moved * (wall.force[mode] - wall.lagged[mode])
+        s -= moved * (wall.force[mode] - share * wall.lagged[mode])
         moves += moved * pattern.direction[mode]
-    part = pattern.numbers[PART]
+    part = share * pattern.numbers[PART]
     phi = part * evaluate_ahead(pattern, _along(wall, pattern, start), s, moves * part)
     for mode in range(end.shape[0]):
-        wall.force[mode] = phi * pattern.direction[mode] + wall.lagged[mode]
+        wall.force[mode] = phi * pattern.direction[mode] + share * wall.lagged[mode]
 
 
 @kernel
 def _potential(wall: SoftenedWall, pattern: Pattern, q: FloatArray) -> float:
-    """Return P of a pattern, as much of it as acts, and what lags stores with it."""
+    """Return P of a pattern and what lags stores with it, as much of both as acts."""
     potential = evaluate(pattern, _along(wall, pattern, q))[1]
-    return float(pattern.numbers[PART] * potential + lagging_j(wall, pattern, q))
+    return float((1.0 - wall.faded[0]) * (pattern.numbers[PART] * potential + lagging_j(wall, pattern, q)))
 
 
 @kernel
@@ -235,7 +262,7 @@ def _potential_without(wall: SoftenedWall, pattern: Pattern, q: FloatArray) -> f
     """Return what lags stores if nothing of a pattern acts."""
     part = pattern.numbers[PART]
     pattern.numbers[PART] = 0.0
-    potential = lagging_j(wall, pattern, q)
+    potential = (1.0 - wall.faded[0]) * lagging_j(wall, pattern, q)
     pattern.numbers[PART] = part
     return float(potential)
 
@@ -292,9 +319,10 @@ def _keep_tank(wall: SoftenedWall) -> None:
 def _push(wall: SoftenedWall, q: FloatArray, qddot: FloatArray) -> None:
     """Write the force of the next step, and let the accelerations start with it."""
     phi, _ = evaluate(wall.pattern, _along(wall, wall.pattern, q))
-    phi *= wall.pattern.numbers[PART]
+    share = 1.0 - wall.faded[0]
+    phi *= share * wall.pattern.numbers[PART]
     for mode in range(q.shape[0]):
-        force = phi * wall.pattern.direction[mode] + wall.lagged[mode]
+        force = phi * wall.pattern.direction[mode] + share * wall.lagged[mode]
         if wall.takes_mean:
             qddot[mode] += force - wall.force[mode]
         wall.force[mode] = force

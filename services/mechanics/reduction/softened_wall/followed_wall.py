@@ -34,6 +34,15 @@ class FollowedWall:
         self.force = self._wall.force
 
     @property
+    def has_faded(self) -> bool:
+        """Whether no softening is left."""
+        return float(self._wall.faded[0]) == 1.0
+
+    def fade(self, part: float) -> None:
+        """Let a part of the softening fade in the steps that follow, and the rest come back, see `follow`."""
+        self._wall.to_fade = part
+
+    @property
     def stored_j(self) -> float:
         """What the wall stores less than a linear one that is displaced as far."""
         return float(self._wall.books[STORED])

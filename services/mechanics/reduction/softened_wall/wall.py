@@ -41,6 +41,7 @@ class SoftenedWall(Struct):
     n_local: int = 0  # modes beside supports, the last ones
     takes_mean: bool  # the integrator, of the forces at both ends of a step
     most_softening: float  # part of the linear stiffness that may be lost along a pattern
+    to_fade: float = 0.0  # part of the softening, which `faded` goes to
     g: Annotated[FloatArray, "t"]  # Prony's terms, none of a wall that does not relax
     tau_s: Annotated[FloatArray, "t"]
     followed: Annotated[FloatArray, "t", "r"]  # state: d, the modes as far as a term has followed them
@@ -50,6 +51,7 @@ class SoftenedWall(Struct):
     modal: Annotated[FloatArray, "r"]  # state: the modal force that belongs to them
     force: Annotated[FloatArray, "r"]  # state: what acts on the modes in the next step
     books: Annotated[FloatArray, N_BOOKS]  # state
+    faded: Annotated[FloatArray, 1]  # state: part of the softening that does not act
     mixed: Annotated[FloatArray, N_MIXED]  # state: coefficients times forces on the nodes, and forces, followed
     pattern: Pattern  # state: acts
     candidate: Pattern  # is being made of the forces below
@@ -106,7 +108,7 @@ class SoftenedWall(Struct):
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         own = self.at_sites, self.modal, self.force, self.books, self.mixed, self.followed, self.lag, self.lagged
-        return *own, *self.pattern.state_arrays()
+        return *own, self.faded, *self.pattern.state_arrays()
 
 
 softened_wall_at = reader(SoftenedWall)

@@ -8,6 +8,8 @@ with conjugate gradients, begun with the last force, takes two products with the
 p takes the contact forces of the last step for those of this one. At rest the force is then that of the law, exactly.
 As E is convex, the force of where a step ends does no more work in it than E falls by. Contacts may change so that it
 does, as where the wall is let go: `settle_step` sees to that.
+
+Part of the energy may have faded, as if less of the tissue were of that kind; all of it comes or goes in `FADE_S`.
 """
 
 from __future__ import annotations
@@ -29,6 +31,8 @@ SEARCH_STEPS = 6
 RELATIVE = 1e-3
 """Residual over the force at which Newton's method ends; conjugate gradients end at a tenth of theirs."""
 UNBOUNDED = math.inf
+FADE_S = 0.25
+"""Time in which all of the stiffening comes or goes, as that of `softened_wall`."""
 LEAST_GAIN = 1e-6
 """Of the largest: an exact oscillator that turns round within a step has none."""
 ENERGY, TANK = range(2)
@@ -51,6 +55,7 @@ class StretchedWall(Struct):
     step: Annotated[FloatArray, "r"]
     search: Annotated[FloatArray, "r"]
     image: Annotated[FloatArray, "r"]
+    faded: Annotated[FloatArray, 1]  # state: part of the energy that does not act
     books: Annotated[FloatArray, 2]  # state: the energy, and what steps have lost of it
 
     @classmethod
@@ -59,6 +64,11 @@ class StretchedWall(Struct):
         k, r = len(samples.energy_j), samples.strain.shape[1]
         strain, energy = np.ascontiguousarray(samples.strain), np.ascontiguousarray(samples.energy_j)
         return cls.zeros(strain=strain, energy=energy, n=3 * k, k=k, r=r)
+
+    def fade(self, part: float, dt_s: float) -> None:
+        """Go on, in a step of this length, until this part of the energy has faded."""
+        most = dt_s / FADE_S
+        self.faded[0] += min(max(part - self.faded[0], -most), most)
 
     def take_gain(self, gain: FloatArray) -> None:
         """Prepare for steps in which an impulse f dt moves the modes by ``gain`` (r,) times f."""
@@ -70,7 +80,7 @@ class StretchedWall(Struct):
 
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
-        return self.pull, self.books
+        return self.pull, self.faded, self.books
 
 
 wall_at = reader(StretchedWall)
@@ -102,7 +112,7 @@ def stretch_energy(address: Address[StretchedWall], q: FloatArray) -> float:
     _strains(wall.strain, q, wall.at)
     total = 0.0
     for sample in range(wall.energy.shape[0]):
-        total += wall.energy[sample] * beyond_linear(_form(wall.at, sample))[0]
+        total += _energy(wall, sample) * beyond_linear(_form(wall.at, sample))[0]
     return total
 
 
@@ -126,7 +136,7 @@ def _newton_step(wall: StretchedWall) -> bool:
         residual[mode] = -pull[mode]
     _strains(wall.scaled, step, wall.at)
     for sample in range(wall.energy.shape[0]):
-        slope = 2.0 * wall.energy[sample] * beyond_linear(_form(wall.at, sample))[1]
+        slope = 2.0 * _energy(wall, sample) * beyond_linear(_form(wall.at, sample))[1]
         for i in range(3 * sample, 3 * sample + 3):
             wall.stress[i] = slope * wall.at[i]
     _add_pulls(wall.scaled, wall.stress, -1.0, residual)
@@ -182,7 +192,7 @@ def _apply_tangent(wall: StretchedWall) -> None:
         for i in range(3 * sample, 3 * sample + 3):
             turned += at[i] * along[i]
         for i in range(3 * sample, 3 * sample + 3):
-            wall.stress[i] = wall.energy[sample] * (2.0 * slope * along[i] + 4.0 * curvature * turned * at[i])
+            wall.stress[i] = _energy(wall, sample) * (2.0 * slope * along[i] + 4.0 * curvature * turned * at[i])
     _add_pulls(wall.scaled, wall.stress, 1.0, image)
 
 
@@ -204,8 +214,8 @@ def _line_search(wall: StretchedWall) -> float:
                 turned += strain * wall.along[i]
                 own += wall.along[i] * wall.along[i]
             _, first, second = beyond_linear(form)
-            slope += 2.0 * wall.energy[sample] * first * turned
-            curvature += wall.energy[sample] * (2.0 * first * own + 4.0 * second * turned * turned)
+            slope += 2.0 * _energy(wall, sample) * first * turned
+            curvature += _energy(wall, sample) * (2.0 * first * own + 4.0 * second * turned * turned)
         if abs(slope) <= RELATIVE * along_itself:
             break
         if slope > 0.0:
@@ -216,6 +226,12 @@ def _line_search(wall: StretchedWall) -> float:
         if not low < length < high:
             length = 0.5 * (low + high) if high < UNBOUNDED else 2.0 * low
     return length
+
+
+@kernel
+def _energy(wall: StretchedWall, sample: int) -> float:
+    """Return what a sample's energy is multiplied by, as much of it as acts."""
+    return float((1.0 - wall.faded[0]) * wall.energy[sample])
 
 
 @kernel

@@ -1,0 +1,112 @@
+"""Effects that fade where a rung of the quality ladder lets them rest: nothing jumps, and the books balance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from effect_runs import pressing_tools
+
+from services.mechanics.scene import QualityLevel
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.energy import EnergyBook
+from services.mechanics.simulation.scene_duct import build_scene_duct
+
+pytestmark = pytest.mark.timeout(600)
+SOFT, STIFF = {"softening": {"n_squeezes": 8}}, {"hyperelasticity": {"exponent": 400.0}}
+VISCOUS = {"viscoelasticity": {"g": [0.3], "tau_s": [0.1]}}
+KINDS = {"softening": SOFT, "softening that lags": SOFT | VISCOUS, "hyperelasticity": STIFF, "both": SOFT | STIFF}
+FADES = "softening", "hyperelasticity"
+DEPTH_M = 4.5e-3
+LARGEST_CHANGE_N = 0.02  # a millisecond: a tenth of what a rig lets the force at a hand change by
+
+
+@pytest.fixture(params=KINDS)
+def press(request, with_effects, cache_dir):
+    """A tool pressed into the wall, and as far into that of a scene whose effects that fade are not there."""
+    scene = with_effects(**KINDS[request.param])
+    without = tuple(name for name in scene.effects if name in FADES)
+    others = {name: settings for name, settings in scene.effects.items() if name not in without}
+    ladder = (QualityLevel(), QualityLevel(name="less", without=without))
+    duct = build_scene_duct(scene, cache_dir)
+
+    def build(absent=False):
+        this = replace(scene, effects=others) if absent else replace(scene, quality=ladder)
+        simulation, tools = Simulation(this, duct), pressing_tools(this)
+        tools.present[1] = False
+        top = tools.position_m[0, 2]
+        simulation.step(tools)
+        book = EnergyBook(simulation)
+        for tick in range(600):
+            tools.position_m[0, 2] = top - DEPTH_M * min(1.0, tick / 300.0)
+            book.step(tools)
+        return book, tools
+
+    return build
+
+
+def felt(simulation):
+    return simulation.tool_results.force_n[0].copy()
+
+
+def go_on(book, tools, ticks, largest_change_n=np.inf):
+    """Take steps with the hand held still; no step changes the force by more than is said."""
+    before = felt(book.simulation)
+    for _ in range(ticks):
+        book.step(tools)
+        now = felt(book.simulation)
+        assert np.linalg.norm(now - before) < largest_change_n
+        before = now
+    return before
+
+
+def test_the_force_goes_smoothly_to_that_without_the_effect_and_back(press):
+    """Its size is compared: on a round wall without friction the tool may lie a little on either side."""
+    (book, tools), (absent, same) = press(), press(absent=True)
+    with_it, without = go_on(book, tools, 300), go_on(absent, same, 900)
+    book.simulation.set_quality(1)
+    resting = go_on(book, tools, 600, LARGEST_CHANGE_N)
+    book.simulation.set_quality(0)
+    again = go_on(book, tools, 600, LARGEST_CHANGE_N)
+    with_it, without, resting, again = (np.linalg.norm(force) for force in (with_it, without, resting, again))
+    near = 0.03 * abs(without - with_it) + 0.01 * with_it
+    assert resting == pytest.approx(without, abs=near)
+    assert again == pytest.approx(with_it, abs=near)
+
+
+def test_no_stage_of_an_effect_that_has_faded_is_called(press, monkeypatch):
+    book, tools = press()
+    simulation = book.simulation
+    called = []
+    for name in FADES:
+        if name in simulation.effects:
+            effect = simulation.effects[name]
+            monkeypatch.setattr(
+                effect, "add_loads", lambda world, dt_s, act=effect.add_loads: called.append(act(world, dt_s))
+            )
+    simulation.set_quality(1)
+    go_on(book, tools, 200)
+    assert called
+    go_on(book, tools, 60)
+    called.clear()
+    go_on(book, tools, 20)
+    assert not called
+
+
+@pytest.mark.parametrize("every", [3, 40, 400])
+def test_the_books_balance_whatever_comes_and_goes(press, every):
+    book, tools = press()
+    for tick in range(1200):
+        book.simulation.set_quality(tick // every % 2)
+        book.step(tools)
+    assert abs(book.flow.imbalance_j) < 0.01 * book.flow.input_j
+    assert np.linalg.norm(felt(book.simulation)) < 10.0
+
+
+def test_a_scene_may_begin_on_a_rung_on_which_it_rests(press):
+    book, _ = press()
+    scene = book.simulation.scene
+    lowest = Simulation(replace(scene, quality=scene.quality[1:]), book.simulation.duct.reduced)
+    assert not any(lowest.effects[name].rests for name in lowest.rung.without)
+    for _ in range(300):
+        lowest.step(pressing_tools(scene))
+    assert all(lowest.effects[name].rests for name in lowest.rung.without)
