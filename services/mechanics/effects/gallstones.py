@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.beside import place_along
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, NO_TOOL, ContactPairs
 from services.mechanics.compiled import kernel
-from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, squared_distance, subtract
 from services.mechanics.contact.frames import write_frame
 from services.mechanics.contact.geometry import ContactGeometry, RodGeometry, geometry_at
@@ -44,6 +45,24 @@ class GallstonesSettings:
         require_not_negative(self, "bile_viscosity_pa_s")
 
 
+class Stones(Struct):
+    """s spheres: where they are, where they began the step, and what moves them."""
+
+    position: Annotated[FloatArray, "s", 3]
+    velocity: Annotated[FloatArray, "s", 3]
+    start: Annotated[FloatArray, "s", 3]
+    start_velocity: Annotated[FloatArray, "s", 3]
+    motion: Annotated[FloatArray, "s", 3]  # in the step, without contacts
+    change: Annotated[FloatArray, "s", 3]
+    weight: Annotated[FloatArray, "s", 3]
+    mass: Annotated[FloatArray, "s"]
+    drag: Annotated[FloatArray, "s"]
+    compliance: Annotated[FloatArray, "s"]
+
+
+stones_at = reader(Stones)
+
+
 class Gallstones(Effect):
     """Spheres with three translations each, frictionless in their rotation, solved with the other contacts.
 
@@ -55,42 +74,36 @@ class Gallstones(Effect):
 
     def __init__(self, settings: GallstonesSettings, scene: SceneModel) -> None:
         super().__init__(settings, scene)
-        self.position_m = np.array(settings.position_m, dtype=np.float64)
         self.radius_m = np.array(settings.radius_m, dtype=np.float64)
-        self.velocity_m_s = np.zeros_like(self.position_m)
-        self._start_m = self.position_m.copy()
-        self._start_m_s = self.velocity_m_s.copy()
-        self._motion_m = np.zeros_like(self.position_m)
         self._ahead_m = np.zeros((1, 3))
         volume = 4.0 / 3.0 * math.pi * self.radius_m**3
-        self._mass_kg = settings.density_kg_m3 * volume
         self._submerged_kg = (settings.density_kg_m3 - 1000.0) * volume
-        self._drag_n_s_m = 6.0 * math.pi * settings.bile_viscosity_pa_s * self.radius_m
-        self._compliance = np.zeros(len(volume))
-        self._weight_n = np.zeros_like(self.position_m)
+        position_m = np.array(settings.position_m, dtype=np.float64)
+        self._stones = stones = Stones.zeros(
+            s=len(volume),
+            position=position_m,
+            start=position_m.copy(),
+            mass=settings.density_kg_m3 * volume,
+            drag=6.0 * math.pi * settings.bile_viscosity_pa_s * self.radius_m,
+        )
+        self.position_m, self.velocity_m_s = stones.position, stones.velocity
 
     def prepare(self, world: World) -> None:
         """Give every stone its own detection, for each has its radius; weigh them."""
         self._detectors = [world.search.sphere_detector(float(r)) for r in self.radius_m]
         self._pairs = ContactPairs.allocate(4)
         self._geometry = [self._stone_geometry(world.system.geometry, stone) for stone in range(len(self.radius_m))]
-        self._weight_n += self._submerged_kg[:, None] * world.acceleration_m_s2
+        self._stones.weight += self._submerged_kg[:, None] * world.acceleration_m_s2
 
     def add_loads(self, world: World, dt_s: float) -> None:
         """Predict the stones without contact."""
-        self._start_m[:] = self.position_m
-        self._start_m_s[:] = self.velocity_m_s
-        inverse = 1.0 / (self._mass_kg + dt_s * self._drag_n_s_m)
-        momentum = self._mass_kg[:, None] * self.velocity_m_s + dt_s * self._weight_n
-        self.velocity_m_s[:] = inverse[:, None] * momentum
-        self.position_m += dt_s * self.velocity_m_s
-        self._motion_m[:] = self.position_m - self._start_m
-        self._compliance[:] = dt_s**2 * inverse
+        predict_stones(self._stones.address, dt_s)
 
     def _stone_geometry(self, scene: ContactGeometry, stone: int) -> ContactGeometry:
         """Return the scene's geometry with a stone in the place of the catheter, a rod of one particle."""
         here = slice(stone, stone + 1)
-        rod = RodGeometry(position=self._start_m[here], motion=self._motion_m[here], radius=float(self.radius_m[stone]))
+        at_m, motion_m = self._stones.start[here], self._stones.motion[here]
+        rod = RodGeometry(position=at_m, motion=motion_m, radius=float(self.radius_m[stone]))
         return ContactGeometry(tools=scene.tools, rod=rod, wall=scene.wall)
 
     def add_rows(self, world: World, dt_s: float) -> None:
@@ -101,7 +114,7 @@ class Gallstones(Effect):
         for stone, detector in enumerate(self._detectors):
             self._pairs.clear()
             foresee_push(geometry.address, self._geometry[stone].address, margin_m, self._ahead_m)
-            detector.detect(self._start_m[stone : stone + 1], self._pairs, self._ahead_m)
+            detector.detect(self._stones.start[stone : stone + 1], self._pairs, self._ahead_m)
             first = rows.n_contacts
             world.system.append(self._pairs, self._geometry[stone])
             mark_stone(rows.address, first, stone)
@@ -109,19 +122,12 @@ class Gallstones(Effect):
 
     def add_compliance(self, world: World, dt_s: float) -> None:
         """Add dt^2 / m of each stone to its rows."""
-        add_stone_compliance(world.system.rows.address, self._compliance, world.system.compliance_m_n)
+        add_stone_compliance(world.system.rows.address, self._stones.compliance, world.system.compliance_m_n)
 
     def after_solve(self, world: World, dt_s: float) -> None:
         """Apply the contact forces."""
         system = world.system
-        change = np.zeros_like(self.position_m)
-        add_stone_forces(system.rows.address, system.force_n, change)
-        change *= self._compliance[:, None]
-        self.position_m += change
-        self.velocity_m_s += change / dt_s
-        drag_power_w = self._drag_n_s_m @ np.sum(self.velocity_m_s**2, axis=1)
-        lost_by_step_j = 0.5 * self._mass_kg @ np.sum((self.velocity_m_s - self._start_m_s) ** 2, axis=1)
-        self.dissipated_j += float(dt_s * drag_power_w + lost_by_step_j)
+        self.dissipated_j += push_stones(self._stones.address, system.rows.address, system.force_n, dt_s)
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Where the stones are and how fast they move."""
@@ -129,8 +135,40 @@ class Gallstones(Effect):
 
     def potential_energy_j(self, world: World) -> float:
         """Kinetic energy of the stones, and what their weight has stored, zero at the origin."""
-        kinetic_j = 0.5 * self._mass_kg @ np.sum(self.velocity_m_s**2, axis=1)
-        return float(kinetic_j - np.sum(self._weight_n * self.position_m))
+        kinetic_j = 0.5 * self._stones.mass @ np.sum(self.velocity_m_s**2, axis=1)
+        return float(kinetic_j - np.sum(self._stones.weight * self.position_m))
+
+
+@kernel
+def predict_stones(address: Address[Stones], dt_s: float) -> None:
+    """Move the stones by their weight and drag alone, and write what a force on each moves it by."""
+    stones = stones_at(address)
+    for stone in range(stones.mass.shape[0]):
+        inverse = 1.0 / (stones.mass[stone] + dt_s * stones.drag[stone])
+        stones.compliance[stone] = dt_s * dt_s * inverse
+        for axis in range(3):
+            start, before = stones.position[stone, axis], stones.velocity[stone, axis]
+            velocity = inverse * (stones.mass[stone] * before + dt_s * stones.weight[stone, axis])
+            stones.start[stone, axis], stones.start_velocity[stone, axis] = start, before
+            stones.velocity[stone, axis], stones.position[stone, axis] = velocity, start + dt_s * velocity
+            stones.motion[stone, axis] = stones.position[stone, axis] - start
+
+
+@kernel
+def push_stones(address: Address[Stones], rows_address: Address[ContactRows], forces: FloatArray, dt_s: float) -> float:
+    """Move the stones by the contact forces (k, 3); return what drag and the implicit step have taken out, in J."""
+    stones, lost_j = stones_at(address), 0.0
+    stones.change[:] = 0.0
+    add_stone_forces(rows_address, forces, stones.change)
+    for stone in range(stones.mass.shape[0]):
+        for axis in range(3):
+            change = stones.compliance[stone] * stones.change[stone, axis]
+            stones.position[stone, axis] += change
+            stones.velocity[stone, axis] += change / dt_s
+            velocity = stones.velocity[stone, axis]
+            lost_j += dt_s * stones.drag[stone] * velocity * velocity
+            lost_j += 0.5 * stones.mass[stone] * (velocity - stones.start_velocity[stone, axis]) ** 2
+    return lost_j
 
 
 @kernel
