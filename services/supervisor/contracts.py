@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from services.runtime.histogram import quantile_ns
@@ -46,6 +46,20 @@ def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
     found = [_judge_loop(name, windows[name], loop) for name, loop in contracts.loops.items() if name in windows]
     found += [_judge_path(name, windows, path, contracts) for name, path in contracts.paths.items()]
     return [breach for breach in found if breach is not None]
+
+
+def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Breach]) -> float:
+    """Return what loops in breach have lost of late, in seconds that a loop's budget is for: the largest.
+
+    Of the last minute, or since windows were judged anew.
+    """
+    most_s = 0.0
+    for name in {breach.process for breach in of} & contracts.loops.keys() & windows.keys():
+        contract = contracts.loops[name]
+        loss = _loss(windows[name], BUDGET_S, contract)
+        if loss is not None and contract.miss_ratio > 0.0:
+            most_s = max(most_s, loss.ratio * loss.seconds / contract.miss_ratio)
+    return most_s
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,8 +101,11 @@ class Enforcement:
         """The quality level in force."""
         return self.governor.level
 
-    def decide(self, now_s: float, standing: list[Breach]) -> Action | None:
-        """Return what to do now about the `standing` breaches of critical processes, worst first; mostly nothing."""
+    def decide(self, now_s: float, standing: list[Breach], spent_s: float = 0.0) -> Action | None:
+        """Return what to do now about the `standing` breaches of critical processes, worst first; mostly nothing.
+
+        ``spent_s`` is what was lost since the rung in force was taken, see `Governor.burns`.
+        """
         self._severity.see(now_s, standing)
         if not standing:
             self._standing_since_s = None
@@ -110,10 +113,10 @@ class Enforcement:
         self.governor.disturbed()
         if self._standing_since_s is None:
             self._standing_since_s = now_s
-        if now_s - self._standing_since_s < self._patience_s(standing):
+        if now_s - self._standing_since_s < self._patience_s(now_s, standing):
             return None
         self._standing_since_s = now_s
-        self.governor.burns(now_s)
+        self.governor.burns(now_s, spent_s)
         return self._give_up(standing) if self.governor.can_lower else self._climb(now_s, standing)
 
     def reset(self) -> None:
@@ -122,14 +125,16 @@ class Enforcement:
         self._standing_since_s = None
         self._severity.clear()
 
-    def _patience_s(self, standing: list[Breach]) -> float:
-        may_be_quick = self.governor.can_lower and any(breach.sudden for breach in standing)
-        return min(self.ladder.sudden_s, self.ladder.patience_s) if may_be_quick else self.ladder.patience_s
+    def _patience_s(self, now_s: float, standing: list[Breach]) -> float:
+        if not (self.governor.can_lower and any(breach.sudden for breach in standing)):
+            return self.ladder.patience_s
+        sudden_s = self.ladder.hysteresis.try_s if self.governor.is_trying(now_s) else self.ladder.sudden_s
+        return min(sudden_s, self.ladder.patience_s)
 
     def _give_up(self, standing: list[Breach]) -> Action:
         worst = next((breach for breach in standing if breach.severe), standing[0])
         before = self.governor.rung
-        self.governor.lower()
+        self.governor.lower(by_far=worst.severe)
         return Action(Rung.LOWER, worst.process, "; now ".join((worst.text, _told(self.governor.rung, before))))
 
     def _climb(self, now_s: float, standing: list[Breach]) -> Action | None:

@@ -190,12 +190,14 @@ class Supervisor:
         if not self.crew.all_ready or self._now_s - self._not_ready_s < SETTLE_S:
             self._judge_anew()
         seen = []
+        windows = {name: member.window for name, member in self.crew.members.items() if member.up}
         if self.state in (RigState.RUNNING, RigState.DEGRADED):
-            windows = {name: member.window for name, member in self.crew.members.items() if member.up}
             seen = contracts.judge(windows, self.rig.contracts)
         self._stalled = self._stalls()
         self.breaches = [*self._standing.update(self._now_s, seen), *self._stalled]
-        action = self.enforcement.decide(self._now_s, [b for b in self.breaches if self._is_critical(b.process)])
+        standing = [breach for breach in self.breaches if self._is_critical(breach.process)]
+        spent_s = contracts.spent_s(windows, self.rig.contracts, standing) if standing else 0.0
+        action = self.enforcement.decide(self._now_s, standing, spent_s)
         if action is not None:
             self._act(action)
 
