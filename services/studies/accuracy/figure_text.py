@@ -13,8 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 from matplotlib.transforms import Bbox
 
 _SIZE = 5.5
-_POINT_PX = 4.0
-"""Half of what a point takes up of a figure of 100 dots an inch."""
+_POINT_PX = 6.5
+"""Half of what a point and its ring take up of a figure of 100 dots an inch."""
 _MANY_DECADES = 3.0
 
 
@@ -66,8 +66,8 @@ def place_names(axes: Axes, names: Sequence[Name]) -> None:
 
 def _tries(axes: Axes, name: Name) -> Iterator[Annotation]:
     """Write a name above and below its point, right and left of it, one after the other."""
-    for across, side in ((5, "left"), (-5, "right")):
-        for up, edge in ((3, "bottom"), (-3, "top")):
+    for across, side in ((6, "left"), (-6, "right")):
+        for up, edge in ((5, "bottom"), (-5, "top")):
             written = axes.annotate(
                 name.text,
                 name.place,

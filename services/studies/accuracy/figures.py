@@ -79,7 +79,7 @@ def _draw_panel(axes: Axes, rows: Sequence[Row], colours: dict[str, str]) -> lis
         axes.plot(x, y, color="0.3", linewidth=1.0, marker="o", markersize=8, markerfacecolor="none", zorder=0)
     for series in dict.fromkeys(row.series for row in timed):
         _draw_series(axes, [row for row in timed if row.series == series], colours[series], is_log=is_log)
-    if any(row.series for row in timed):
+    if len({row.series for row in timed}) > 1:
         axes.legend(fontsize=7)
     axes.set_xlabel("median cost of a millisecond [us]", fontsize=8)
     axes.grid(visible=True, which="both", linewidth=0.2)

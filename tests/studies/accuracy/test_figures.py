@@ -17,6 +17,7 @@ def row(setting, error, us, series="one", quantity="force", *, is_known=True):
 CROWD = [row(f"{n} modes, residual", 1e-7 / n, 155.0 + n / 10.0) for n in (10, 20, 40, 60, 80, 120)]
 """Six points on the floor of the panel, some of which lie on one another."""
 RIGHTMOST = [row("cheap", 30.0, 100.0), row("a name that would leave the panel at the right", 1.0, 250.0)]
+TWO = [row(f"{n} modes, {s}", e / n, 155.0 + n / 10.0, s) for s, e in (("bare", 9.0), ("full", 1.0)) for n in (10, 40)]
 WIDE = [row("small", 0.0021, 110.0, "ours"), row("large", 131.0, 790.0, "theirs")]
 CHANGES = [row(f"effect {n}", 0.1 * n, 170.0 + n, "one effect", is_known=False) for n in range(20)]
 
@@ -28,16 +29,18 @@ def drawn(rows):
     return panels
 
 
-@pytest.mark.parametrize("rows", [CROWD, RIGHTMOST, WIDE, CHANGES], ids=["crowd", "rightmost", "wide", "changes"])
+@pytest.mark.parametrize("rows", [CROWD, RIGHTMOST, TWO, WIDE, CHANGES], ids=lambda rows: rows[0].setting)
 def test_names_cover_neither_one_another_nor_points_nor_the_legend_and_stay_in_the_panel(rows):
     (axes,) = drawn(rows)
     boxes = [text.get_window_extent() for text in axes.texts]
     assert boxes
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
-    assert not any(box.overlaps(axes.get_legend().get_window_extent()) for box in boxes)
+    if axes.get_legend():
+        assert not any(box.overlaps(axes.get_legend().get_window_extent()) for box in boxes)
     for line in axes.get_lines():
+        half = 0.5 * line.get_markersize() * axes.get_figure().dpi / 72.0
         for x, y in axes.transData.transform(line.get_xydata()) if line.get_marker() == "o" else ():
-            assert not any(box.overlaps(Bbox.from_bounds(x - 2, y - 2, 4, 4)) for box in boxes)
+            assert not any(box.overlaps(Bbox.from_bounds(x - half, y - half, 2 * half, 2 * half)) for box in boxes)
     panel = axes.get_window_extent()
     assert all(panel.x0 <= box.x0 and box.x1 <= panel.x1 for box in boxes)
 
@@ -46,6 +49,10 @@ def test_names_cover_neither_one_another_nor_points_nor_the_legend_and_stay_in_t
 def test_who_is_on_the_frontier_is_named_first(rows):
     (axes,) = drawn(rows)
     assert frontier(rows)[0].setting in {text.get_text() for text in axes.texts}
+
+
+def test_a_legend_stands_where_there_is_something_to_tell_apart():
+    assert [bool(drawn(rows)[0].get_legend()) for rows in (CROWD, TWO, WIDE, CHANGES)] == [False, True, True, False]
 
 
 def test_who_is_on_the_frontier_has_a_ring_even_where_there_is_no_line():
