@@ -116,6 +116,25 @@ def test_a_try_that_has_held_makes_the_next_sooner_again() -> None:
     assert governor.wait_s == 10.0
 
 
+def test_a_try_that_fails_goes_back_to_the_rung_that_held_not_to_the_one_that_frees_most_for_its_error() -> None:
+    governor = Governor(LEVELS)
+    governor.lower(by_far=True)
+    way = [governor.level]
+    while governor.come_back(1000.0 * len(way)):
+        way.append(governor.level)
+        governor.calm(1000.0 * len(way) - 1.0)  # it has held
+    assert way == [3, 2, 1, 0]
+    held = Governor(LEVELS)
+    held.lower(by_far=True)
+    for now_s in (0.0, 1000.0, 2000.0):
+        held.come_back(now_s)
+    assert held.level == 0
+    held.burns(2003.0, spent_s=40.0)
+    held.lower()
+    assert held.level == 1
+    assert held.wait_s == 160.0
+
+
 def test_one_stall_of_the_machine_gives_nothing_up() -> None:
     """Its windows are over before patience is, sudden as it was."""
     assert play(lambda t: 9.0 if 10.0 <= t < 11.0 else 1.0, 60.0) == []
