@@ -110,3 +110,16 @@ def test_a_scene_may_begin_on_a_rung_on_which_it_rests(press):
     for _ in range(300):
         lowest.step(pressing_tools(scene))
     assert all(lowest.effects[name].rests for name in lowest.rung.without)
+
+
+def test_what_comes_back_is_not_taken_for_a_gain_of_the_step(press, monkeypatch):
+    """A tool that stands still: what the potential grows by is owed by no rate."""
+    book, tools = press()
+    simulation = book.simulation
+    simulation.set_quality(1)
+    go_on(book, tools, 600)
+    taken = []
+    monkeypatch.setattr(simulation.duct, "take_out", lambda energy_j: taken.append(energy_j) or energy_j)
+    simulation.set_quality(0)
+    go_on(book, tools, 400)
+    assert sum(taken) <= 1e-7
