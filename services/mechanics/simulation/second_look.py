@@ -20,6 +20,7 @@ from services.mechanics.compiled.memory import copy_arrays, copy_table
 from services.mechanics.compiled.struct import Address
 from services.mechanics.contact import laws
 from services.mechanics.contact.met import keep_approaching, list_corners
+from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.reduction.residual.field import THIN_M
 from services.mechanics.simulation.pace import furthest_at, sampled_modes
@@ -123,14 +124,27 @@ class SecondLook:
 def slides_far(state_address: Address[ContactState], far_m: float) -> bool:
     """Return whether any two surfaces that have a row move against each other by more than ``far_m`` in the step.
 
-    A particle is as far from everything as its row's gap, and may go so much further. Beside a tool walls bulge.
+    A particle is as far from everything as its nearest row's gap, and may go so much further. Walls bulge beside tools.
     """
     state = state_at(state_address)
     rows, motion = state.rows, state.problem.motion
     for row in range(rows.n_contacts):
         if laws.HAS_GAP[rows.law[row]]:
-            far = far_m + (max(rows.gap_m[row], 0.0) if rows.tool[row] == NO_TOOL else 0.0)
             nearer = motion[3 * row] - max(rows.gap_m[row] + rows.pad_m[row], 0.0)
-            if nearer * nearer + motion[3 * row + 1] ** 2 + motion[3 * row + 2] ** 2 > far * far:
+            went_2 = nearer * nearer + motion[3 * row + 1] ** 2 + motion[3 * row + 2] ** 2
+            if went_2 > far_m * far_m and went_2 > (far_m + _room(rows, row)) ** 2:
                 return True
     return False
+
+
+@kernel
+def _room(rows: ContactRows, row: int) -> float:
+    """Return how far a row's particle is from everything, its segment too: as its nearest row; 0 beside a tool."""
+    if rows.tool[row] != NO_TOOL:
+        return 0.0
+    least: float = max(rows.gap_m[row], 0.0)
+    for other in range(rows.n_contacts):
+        is_its = rows.rod_node[other, 0] == rows.rod_node[row, 0] and rows.tool[other] == NO_TOOL
+        if is_its and rows.rod_weight[other, 0] * rows.rod_weight[row, 0] > 0.0 and laws.HAS_GAP[rows.law[other]]:
+            least = min(least, max(rows.gap_m[other], 0.0))
+    return least

@@ -95,6 +95,18 @@ def test_what_touches_nothing_goes_as_far_as_its_gap_beyond_what_is_far(
     assert slides_far(state.address, 50e-6) == is_far
 
 
+@pytest.mark.parametrize(("particle", "gap_um", "is_far"), [(5, 40, True), (5, 160, False), (6, 40, False)])
+def test_what_is_near_something_else_has_no_room_to_go_so_far(small_scene, small_duct, particle, gap_um, is_far):
+    """Between the lips of a mouth one is near where the other is not: nobody looked, and that came 0.17 mm deeper."""
+    state = Simulation(small_scene, small_duct).system._state
+    rows, motion = state.rows, state.problem.motion
+    rows.n_contacts, rows.law[:2], rows.tool[:2] = 2, number_of("unilateral"), NO_TOOL
+    rows.rod_node[:2, 0], rows.rod_weight[:2, 0] = (5, particle), 1.0
+    rows.gap_m[:2] = motion[[0, 3]] = 300e-6, 1e-6 * gap_um
+    motion[1] = 200e-6
+    assert slides_far(state.address, 50e-6) == is_far
+
+
 @pytest.mark.parametrize("turned_rad", [0.2, 1.0, 1.5, 1.8, 3.1])
 def test_what_a_solve_takes_round_or_through_a_tool_is_kept_on_the_side_where_it_began(
     small_scene, small_duct, turned_rad
