@@ -44,7 +44,6 @@ def test_walls_that_snap_beside_a_row_meet_nothing_unseen(family, name):
         (2, "t/R 0.005, holding, number 0"),
         (2, "t/R 0.01, holding, number 0"),
         (2, "t/R 0.005, holding, number 2"),  # 0.69 where detection takes the wall to be beside where it is
-        (4, "t/R 0.005, holding, number 2"),  # 69 for one step, on the side to which a solve had taken the wall
     ],
 )
 def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(seed, name):
