@@ -43,6 +43,9 @@ FACING = 0.5
 LEAST_M = 50e-6
 # Nor than this part of a thin wall.
 LEAST_OF_WALL = 0.25
+# Who slides by no more than this in a tick rests on the wall, as far as it is no further off than that: such a piece
+# has this slack only. Between points that it presses the wall may bulge, where no walk from them leads.
+QUIET_M, NEARLY_M, BULGE_M = 10e-6, 20e-6, 0.2e-3
 # What is no further than so many times what counts as close leads on to what is.
 LEADS_ON = 4.0
 # A wall that is dented rises so steeply beside what presses it, at most.
@@ -135,6 +138,13 @@ def comes_nearer(beside: Beside, i: int) -> bool:
         return True
     both = along(motion, last, 1.0)
     return bool(max(math.sqrt(dot(both, both)), closing + beside.last_closing[i]) > 2.0 * least)
+
+
+@kernel
+def hardly_slides(beside: Beside, i: int) -> bool:
+    """Return whether probe i moves so little against what it touched that nobody looks at what is beside that."""
+    motion = row(beside.motion, i)
+    return bool(dot(motion, motion) < QUIET_M * QUIET_M)
 
 
 @kernel

@@ -77,6 +77,7 @@ class Probes(Struct):
     normal: Annotated[FloatArray, "n", MINIMA, 3]  # towards the probe
     distance: Annotated[FloatArray, "n", MINIMA]  # signed, from the mid-surface to the axis
     is_aside: bool = False  # whether this tick's searches will be forgotten
+    leeway_m: float = math.inf  # no probe that is advanced has more slack than this
     due: float = EARLY  # part of its slack from which a probe searches, in this tick
 
     @classmethod
@@ -205,7 +206,7 @@ def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector],
 
 @kernel
 def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
-    enough = probes.due * (probes.seen[i] - reach)
+    enough = probes.due * min(probes.seen[i] - reach, probes.leeway_m)
     if _used(body, probes, i, ends) < enough:
         return False
     used = used_since(body, probes.near, i, ends, probes.search[i])

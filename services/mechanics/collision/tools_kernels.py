@@ -6,10 +6,13 @@ import math
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.collision.beside import (
+    BULGE_M,
+    NEARLY_M,
     Beside,
     apart_m,
     comes_nearer,
     go_to,
+    hardly_slides,
     is_met,
     note_after,
     note_before,
@@ -125,13 +128,24 @@ def _advance_piece(
     else:
         body, wall, look = detection.shell.body, detection.shell.wall, (reach, index(UNKNOWN))
         is_look = detection.beside.close_m > 0.0
+        detection.probes.leeway_m = math.inf
         if not is_look:
             note_before(body, wall, detection.beside, detection.probes, i, ends)
+            if _rests(detection, i, reach):
+                detection.probes.leeway_m = BULGE_M
         elif _may_touch_more(detection, i, ends, reach):
             detection.probes.seen[i] = reach
         advance(body, wall, detection.probes, i, ends, look, look)
         if not is_look:
             note_after(detection.beside, detection.probes, i)
+
+
+@kernel
+def _rests(detection: ToolDetection, i: int, reach: float) -> bool:
+    """Return whether a piece touches the wall and hardly slides along it."""
+    probes = detection.probes
+    is_touching = probes.distance[i, 0] < reach - detection.margin_m + NEARLY_M
+    return bool(probes.triangle[i, 0] != NOT_FOUND and is_touching and hardly_slides(detection.beside, i))
 
 
 @kernel

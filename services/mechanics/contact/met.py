@@ -96,22 +96,26 @@ def least_approach_m(half_thickness_m: float) -> float:
 
 @kernel
 def _has_row(state: ContactState, pairs: ContactPairs, i: int) -> bool:
-    """Return whether a row of the same piece of a tool is at the same point of it: another would do no more."""
-    rows, tools, tool, segment = state.rows, state.geometry.tools, pairs.tool[i], pairs.tool_segment[i]
+    """Return whether a row keeps the same piece of a tool off the same point of the wall: another would do no more."""
+    rows, tool, segment = state.rows, pairs.tool[i], pairs.tool_segment[i]
     if tool == NO_TOOL or pairs.target_kind[i] == CATHETER_SEGMENT:
         return False
-    ends, radius, s = tools.segments[tool, segment], tools.radius[tool, segment], pairs.tool_parameter[i]
-    near = ONE_POINT * (radius + state.geometry.wall.half_thickness)
-    on_axis = along(scaled(row(ends, 0), 1.0 - s), row(ends, 1), s)
-    mine = along(subtract(on_axis, row(tools.segments[tool, 1], 0)), row(pairs.normal, i), -radius)
+    wall = state.geometry.wall
+    near, corners = ONE_POINT * (state.geometry.tools.radius[tool, segment] + wall.half_thickness), wall.triangles
+    mine = _at_rest(wall.vertices, corners[pairs.target[i]], pairs.target_weights[i])
     for at in range(rows.n_contacts):
-        identity = rows.identity[at]
-        is_there = rows.tool[at] == tool and HAS_GAP[rows.law[at]] and tool_segment_of(identity) == segment
-        if not is_there or target_kind_of(identity) != pairs.target_kind[i]:
-            continue
-        if squared_distance(mine, row(rows.point_m, at)) < near * near:
-            return True
+        if _faces_alike(rows, at, pairs, i) and tool_segment_of(rows.identity[at]) == segment:
+            known = _at_rest(wall.vertices, rows.duct_node[at], rows.duct_weight[at])
+            if squared_distance(mine, known) < near * near:
+                return True
     return False
+
+
+@kernel
+def _at_rest(vertices: FloatArray, nodes: IntArray, weights: FloatArray) -> Vector:
+    """Return where a point of the wall, between three nodes, is at rest."""
+    w = weights[0], weights[1], weights[2]
+    return combine(w, row(vertices, nodes[0]), row(vertices, nodes[1]), row(vertices, nodes[2]))
 
 
 @kernel

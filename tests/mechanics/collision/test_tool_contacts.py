@@ -251,6 +251,38 @@ def test_a_jaw_on_the_wall_rests_on_few_points_that_stay(duct):
     assert compared > 100
 
 
+def bulging_patch(centre_m, width_m):
+    """A flat patch of wall, 12 by 4 mm, whose coordinates, in m, raise bulges of this width at places along x."""
+    x, y = np.linspace(-6e-3, 6e-3, 61), np.linspace(-2e-3, 2e-3, 21)
+    vertices = np.zeros((x.size * y.size, 3))
+    vertices[:, 0], vertices[:, 1] = np.repeat(x, y.size), np.tile(y, x.size)
+    corner = (np.arange(len(x) - 1)[:, None] * len(y) + np.arange(len(y) - 1)).ravel()
+    halves = [corner, corner + len(y), corner + 1], [corner + 1, corner + len(y), corner + len(y) + 1]
+    triangles = np.concatenate([np.stack(half, axis=1) for half in halves]).astype(np.int32)
+    modes = np.zeros((len(vertices), 3, len(centre_m)))
+    for k, place in enumerate(centre_m):
+        modes[:, 2, k] = np.exp(-((vertices[:, 0] - place) ** 2 + vertices[:, 1] ** 2) / width_m**2)
+    return CollisionSurface(TriangleMesh(vertices, triangles), modes, np.ones(len(centre_m)), HALF_M)
+
+
+@pytest.mark.parametrize("rises_um", [2, 4, 8])
+def test_a_jaw_at_rest_sees_a_wall_that_bulges_between_the_points_on_which_it_rests(rises_um):
+    """Within a tenth of a millimetre: no walk over the wall leads from one bulge to the next.
+
+    Before, within half of what a search sees beyond a contact's reach.
+    """
+    surface = bulging_patch([-0.8e-3, 0.4e-3], 0.4e-3)
+    detector, unseen_m = tool_detector(surface), 0.0
+    height = 0.6e-3 + JAW_M + HALF_M
+    jaw = one_jaw([-15e-3, 0.0, height], [15e-3, 0.0, height])
+    for rise in np.arange(0.0, 0.95e-3, 1e-6 * rises_um):
+        surface.update(np.array([0.6e-3, rise]))
+        found = detect(detector, jaw)
+        deepest = height - deformed(surface)[:, 2].max() - JAW_M - HALF_M
+        unseen_m = max(unseen_m, min(row["gap_m"] for row in found) - deepest)
+    assert unseen_m < 0.1e-3 + 2e-6 * rises_um
+
+
 def test_a_jaw_in_the_mouth_and_one_outside_pinch_the_wall(duct):
     detector = tool_detector(duct)
     for opening in np.linspace(0.5, 0.1, 60):
@@ -296,7 +328,7 @@ def test_who_takes_tools_up_again_searches_only_for_those_that_have_gone_far(duc
     """A jaw on the wall, a little further along it, and in the lumen: where it gets to without crossing the wall."""
     y, searched = RADIUS_M + HALF_M + JAW_M - 0.2e-3, []
     detector = tool_detector(duct)
-    for start, height in ((20e-3, y), (20.4e-3, y), (20.4e-3, 0.0)):
+    for start, height in ((20e-3, y), (20.08e-3, y), (20.08e-3, 0.0)):
         jaw = one_jaw([start, height, 0.0], [start + 10e-3, height, 0.0])
         detector.take_up(jaw, RADII)
         duct.update(np.zeros(0))

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.mechanics.collision.pairs import JAW_A, NO_TOOL, ContactPairs
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_TOOL, ContactPairs
 from services.mechanics.contact.laws import number_of
 from services.mechanics.contact.met import keep_approaching
+from services.mechanics.contact.pair_rows import append_pairs
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.second_look import SecondLook, slides_far
@@ -125,6 +126,53 @@ def test_what_a_solve_takes_round_or_through_a_tool_is_kept_on_the_side_where_it
     assert pairs.count == 1
     assert np.allclose(pairs.normal[0], away if start_m < 0.0 else (0.0, 1.0, 0.0), atol=1e-12)
     assert np.isclose(pairs.gap_m[0], (nearest_m if start_m < 0.0 else start_m) - end_gap_m, atol=1e-12)
+
+
+def found(triangle, weights, segment, normal):
+    """The pair of a jaw of the first tool, at its middle, with a point of the wall."""
+    pairs = ContactPairs.allocate(1)
+    pairs.count, pairs.tool[0], pairs.tool_segment[0], pairs.tool_parameter[0] = 1, 0, segment, 0.5
+    pairs.particle[0], pairs.target_kind[0], pairs.target[0] = -1, DUCT_TRIANGLE, triangle
+    pairs.target_weights[0], pairs.normal[0] = weights, normal
+    return pairs
+
+
+@pytest.mark.parametrize(
+    ("apart_um", "segment", "turned_rad", "is_kept"),
+    [
+        (0, JAW_A, 0.0, False),
+        (15, JAW_A, 0.15, False),
+        (60, JAW_A, 0.0, True),  # another point
+        (0, JAW_B, 0.0, True),  # another piece of the tool
+        (0, JAW_A, 0.5, True),  # another flank
+    ],
+)
+def test_a_look_gives_a_point_of_the_wall_that_has_a_row_no_second_one(
+    small_scene, small_duct, apart_um, segment, turned_rad, is_kept
+):
+    """However deep it ends, beyond the edge of a triangle as well; here what is within 30 um is one point.
+
+    Before, a row's point in the room was compared with a pair's as seen from the jaws' joint: never alike.
+    """
+    system, mesh, one = Simulation(small_scene, small_duct).system, small_duct.mesh, 60
+    shared = np.isin(mesh.triangles, mesh.triangles[one])
+    across = next(k for k in range(mesh.n_triangles) if shared[k].sum() == 2)
+    corners = mesh.vertices_m[mesh.triangles[across]]
+    a, b, third = *corners[shared[across]], corners[~shared[across]][0]
+    axis, out = (b - a) / np.linalg.norm(b - a), np.cross(b - a, third - a)
+    out /= np.linalg.norm(out)
+    share = 1e-6 * apart_um / np.linalg.norm(third - 0.5 * (a + b))
+    jaws = system.geometry.tools
+    jaws.present[0], jaws.waiting[0], jaws.radius[0, JAW_A:] = True, False, 1e-3
+    jaws.segments[0, JAW_A:] = 0.5 * (a + b) + 1.5e-3 * out + 5e-3 * np.array([-axis, axis])
+    system.clear()
+    on_edge = 0.5 * np.isin(mesh.triangles[one], mesh.triangles[across])
+    append_pairs(found(one, on_edge, JAW_A, out), system.geometry, system.rows)
+    turned = np.cos(turned_rad) * out + np.sin(turned_rad) * np.cross(axis, out)
+    pairs = found(across, (1.0 - share) * 0.5 * shared[across] + share * ~shared[across], segment, turned)
+    pairs.gap_m[0] = -50e-6
+    keep_approaching(pairs.address, system.address, corners - 50e-6 * out)
+    assert pairs.count == is_kept
 
 
 def test_a_look_that_finds_nothing_leaves_no_trace(monkeypatch):

@@ -166,6 +166,13 @@ def test_a_wall_does_not_roll_into_the_catheter(seed, family, case, deep_m):
     assert result.figures["healed"] == 0
 
 
+def test_jaws_at_rest_see_a_wall_that_bulges_between_the_points_that_they_press():
+    """It rose by a few micrometres a tick beside them, and was found 0.110 mm deep."""
+    result = run_case(Order(Reach.LONG, 1, ("jerks",)), "jerks", "beside, 0.2 m/s, number 126")
+    assert not result.failed, result.figures
+    assert result.figures["tool_penetration_hand"] < 0.08e-3
+
+
 # What these cases asked was not what they did: the catheter on springs touched nothing, and at finer steps the hands
 # jerked a thousand times a second.
 ASKED = [
