@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from services.mechanics.arrays import Float32Array, FloatArray
@@ -32,15 +34,22 @@ def cubic_tensor_and_energies(
     """
     k = fields.shape[1]
     T, energy = np.zeros((k, k, k), np.float32), np.zeros(alone.shape[1])
-    for start in range(0, len(shell.triangles), CHUNK):
-        part = slice(start, min(start + CHUNK, len(shell.triangles)))
-        third = _third_derivatives(shell, part)
-        _add_tensor(T, third, _local_fields(shell, part, fields))
-        energy += _energies(third, _local_fields(shell, part, alone))
+    for _, third, local in third_derivatives_and_fields(shell, np.concatenate([fields, alone], axis=1)):
+        _add_tensor(T, third, np.ascontiguousarray(local[:, :, :k]))
+        energy += _energies(third, local[:, :, k:])
     for a in range(k):
         T[a:, a, a:] = T[a, a:, a:]
         T[a:, a:, a] = T[a, a:, a:]
     return T, energy
+
+
+def third_derivatives_and_fields(
+    shell: CorotationalShell, fields: FloatArray
+) -> Iterator[tuple[slice, Float32Array, Float32Array]]:
+    """Of some triangles at a time: which, third derivatives (t, 18, 324) in their axes, and fields (t, 18, k) there."""
+    for start in range(0, len(shell.triangles), CHUNK):
+        part = slice(start, min(start + CHUNK, len(shell.triangles)))
+        yield part, _third_derivatives(shell, part), _local_fields(shell, part, fields)
 
 
 def _add_tensor(T: Float32Array, third: Float32Array, local: Float32Array) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.reduction.softened_wall.node_energies import LEAST_SHARE, add_node, begin_nodes
 from services.mechanics.reduction.softened_wall.pattern import (
     DELIVERED,
     GAIN,
@@ -17,13 +18,21 @@ from services.mechanics.reduction.softened_wall.pattern import (
     read_law,
     turns,
 )
-from services.mechanics.reduction.softened_wall.wall import N_MIXED, SoftenedWall
-from services.mechanics.reduction.softening.law import N_PARTS
+from services.mechanics.reduction.softened_wall.two_laws import mix_laws, share_laws, sum_energies
+from services.mechanics.reduction.softened_wall.wall import (
+    FIRST,
+    N_MIXED,
+    N_NODES,
+    N_SITES,
+    NODE,
+    SECOND,
+    SoftenedWall,
+)
 
-LEAST_SHARE = 1e-4
-"""Of the largest force on a site: below it a site does not count."""
 PAIRS = 512
 """Pairs of pressed sites that a tick takes on: all of 31 sites, 4 % of those of 160."""
+PAIRS_A_NODE = 64
+"""That take as long as what sites leave out of the force on a node."""
 LEAST_FIT = 1.0 / 3.0
 """m . t over V: below it the modes hardly give the sites' displacement, and the force fades."""
 MOST_ENERGY = 4.0
@@ -36,73 +45,93 @@ NOTHING = 1e-9
 def begin_candidate(wall: SoftenedWall) -> bool:
     """Take the forces of this tick for the next pattern; False where none are."""
     largest, count = 0.0, 0
-    for site in range(wall.at_sites.shape[0]):
-        largest = max(largest, abs(wall.at_sites[site]))
-    for site in range(wall.at_sites.shape[0]):
-        counts = abs(wall.at_sites[site]) > LEAST_SHARE * largest
-        wall.pressed[site] = wall.at_sites[site] if counts else 0.0
-        wall.quadratic[site] = 0.0
-        wall.moved[site] = 0.0
+    for law in range(wall.at_sites.shape[0]):
+        for site in range(wall.at_sites.shape[1]):
+            largest = max(largest, abs(wall.at_sites[law, site]))
+    for site in range(wall.at_sites.shape[1]):
+        counts = _take_site(wall, site, LEAST_SHARE * largest)
         if counts:
             wall.active[count] = site
             count += 1
     for mode in range(wall.modal.shape[0]):
         wall.pressed_modal[mode] = wall.modal[mode]
-    for number in range(N_MIXED):
-        wall.pressed_mixed[number] = wall.mixed[number]
-    wall.made[0], wall.made[1], wall.made[2] = count, 0, 0
+    for law in range(wall.mixed.shape[0]):
+        for number in range(N_MIXED):
+            wall.pressed_mixed[law, number] = wall.mixed[law, number]
+    wall.made[N_SITES], wall.made[FIRST], wall.made[SECOND] = count, 0, 0
+    share_laws(wall)
+    wall.made[N_NODES] = 0
+    if wall.shares[0] < 1.0:
+        begin_nodes(wall)
     return count > 0
 
 
 @kernel
+def _take_site(wall: SoftenedWall, site: int, least: float) -> bool:
+    """Take the forces on a site, unless they are less than ``least``; whether they are not."""
+    counts = False
+    for law in range(wall.at_sites.shape[0]):
+        counts = counts or abs(wall.at_sites[law, site]) > least
+    for law in range(wall.at_sites.shape[0]):
+        wall.pressed[law, site] = wall.at_sites[law, site] if counts else 0.0
+        wall.quadratic[law, site] = 0.0
+        wall.moved[law, site] = 0.0
+    return counts
+
+
+@kernel
 def continue_candidate(wall: SoftenedWall) -> bool:
-    """Take on some more pairs of sites; True when the pattern is complete."""
-    n, first, second = wall.made[0], wall.made[1], wall.made[2]
-    for _ in range(PAIRS):
-        if second == 0:
-            _add_linear(wall, wall.active[first])
-        _add_pair(wall, wall.active[first], wall.active[second])
-        second += 1
-        if second > first:
-            first, second = first + 1, 0
-        if first == n:
-            wall.made[0] = 0
-            _complete(wall)
-            return True
-    wall.made[1], wall.made[2] = first, second
-    return False
+    """Take on some more pairs of sites, and nodes; True when the pattern is complete."""
+    made, left = wall.made, PAIRS
+    while left > 0 and made[FIRST] < made[N_SITES]:
+        first, second = made[FIRST], made[SECOND]
+        for law in range(wall.shares.shape[0]):
+            if wall.shares[law] > 0.0:
+                if second == 0:
+                    _add_linear(wall, law, wall.active[first])
+                _add_pair(wall, law, wall.active[first], wall.active[second])
+                left -= 1
+        is_last = second == first
+        made[FIRST], made[SECOND] = (first + 1, 0) if is_last else (first, second + 1)
+    while left > 0 and made[NODE] < made[N_NODES]:
+        add_node(wall, wall.active_nodes[made[NODE]])
+        made[NODE] += 1
+        left -= PAIRS_A_NODE
+    if made[FIRST] < made[N_SITES] or made[NODE] < made[N_NODES]:
+        return False
+    made[N_SITES] = 0
+    _complete(wall)
+    return True
 
 
 @kernel
-def _add_linear(wall: SoftenedWall, site: int) -> None:
+def _add_linear(wall: SoftenedWall, law: int, site: int) -> None:
     """Add a site to W a."""
-    force = wall.pressed[site]
-    for other in range(wall.moved.shape[0]):
-        wall.moved[other] += force * wall.local[site, other]
+    force = wall.pressed[law, site]
+    for other in range(wall.moved.shape[1]):
+        wall.moved[law, other] += force * wall.local[site, other]
 
 
 @kernel
-def _add_pair(wall: SoftenedWall, first: int, second: int) -> None:
+def _add_pair(wall: SoftenedWall, law: int, first: int, second: int) -> None:
     """Add a pair of sites to T a a / 2."""
-    product = wall.pressed[first] * wall.pressed[second] * (0.5 if first == second else 1.0)
-    for site in range(wall.quadratic.shape[0]):
-        wall.quadratic[site] += product * wall.third[first, second, site]
+    product = wall.pressed[law, first] * wall.pressed[law, second] * (0.5 if first == second else 1.0)
+    for site in range(wall.quadratic.shape[1]):
+        wall.quadratic[law, site] += product * wall.third[first, second, site]
 
 
 @kernel
 def _complete(wall: SoftenedWall) -> None:
     """Write the numbers, the law and the direction of the pattern."""
-    made, a = wall.candidate, wall.pressed
-    V, E = 0.0, 0.0
-    for site in range(a.shape[0]):
-        V += 0.5 * a[site] * wall.moved[site]
-        E += a[site] * wall.quadratic[site] / 3.0
+    made = wall.candidate
+    V, E = sum_energies(wall)
     rho = -E / V if V > 0.0 else 0.0
     numbers = made.numbers
     numbers[GAIN], numbers[RHO], numbers[PART], numbers[TURN] = 0.0, rho, 1.0, math.inf
-    _mix_law(wall)
     if abs(rho) < NOTHING:
         return
+    mix_laws(wall, V, rho)
+    integrate_law(made)
     is_there, part = _shift(wall, rho)
     if not is_there:
         return
@@ -129,7 +158,7 @@ def _shift(wall: SoftenedWall, rho: float) -> tuple[bool, float]:
     made = wall.candidate
     if turns(made) or rho < 0.0:
         for site in range(wall.shift.shape[0]):
-            wall.shift[site] = 0.5 * wall.moved[site]
+            wall.shift[site] = 0.5 * wall.moved[0, site]
         return True, 0.5
     work, area = read_law(made, rho)
     if abs(work) < NOTHING * abs(rho):
@@ -137,20 +166,8 @@ def _shift(wall: SoftenedWall, rho: float) -> tuple[bool, float]:
     energy = area / (rho * rho)  # Phi
     slope = work - 2.0 * energy  # rho times the derivative of Phi
     for site in range(wall.shift.shape[0]):
-        wall.shift[site] = ((energy - slope) * wall.moved[site] - slope / rho * wall.quadratic[site]) / work
+        wall.shift[site] = ((energy - slope) * wall.moved[0, site] - slope / rho * wall.quadratic[0, site]) / work
     return True, (energy - slope) / work
-
-
-@kernel
-def _mix_law(wall: SoftenedWall) -> None:
-    """Write the law of forces on these nodes."""
-    made, mixed = wall.candidate, wall.pressed_mixed
-    made.work[:] = 0.0
-    for part in range(N_PARTS):
-        coefficient = mixed[part] / mixed[N_PARTS]
-        for point in range(made.work.shape[0]):
-            made.work[point] += coefficient * wall.parts[part, point]
-    integrate_law(made)
 
 
 @summing_kernel

@@ -115,32 +115,29 @@ def _follow(wall: SoftenedWall, loads: tuple[IntArray, FloatArray], modal_force:
     """Go a part of the way to the forces on the sites and on the modes; False where none are left."""
     nodes, forces = loads
     largest = 0.0
-    for site in range(wall.at_sites.shape[0]):
-        wall.at_sites[site] *= 1.0 - part
-    for number in range(N_MIXED):
-        wall.mixed[number] *= 1.0 - part
+    _keep_forces(wall, 1.0 - part)
     for load in range(nodes.shape[0]):
         node = nodes[load]
         for k in range(wall.near.shape[1]):
             total = 0.0
             for axis in range(3):
                 total += wall.weights[node, k, axis] * forces[load, axis]
-            wall.at_sites[wall.near[node, k]] += part * total
+            for law in range(wall.at_sites.shape[0]):
+                wall.at_sites[law, wall.near[node, k]] += part * total * wall.blunt[law, node]
         force = row(forces, load)
+        if wall.at_nodes.shape[0] > 0:
+            wall.at_nodes[node] += part * dot(row(wall.inward, node), force)
         _mix(wall, node, part * math.sqrt(dot(force, force)))
     acting = part if nodes.shape[0] > 0 else 0.0
     for mode in range(wall.modal.shape[0]):
         wall.modal[mode] += acting * modal_force[mode] - part * wall.modal[mode]
-    for site in range(wall.at_sites.shape[0]):
-        largest = max(largest, abs(wall.at_sites[site]))
+    for site in range(wall.at_sites.shape[1]):
+        largest = max(largest, abs(wall.at_sites[0, site]))
     if nodes.shape[0] > 0 or largest >= LEAST_FORCE_N:
         return True
-    for site in range(wall.at_sites.shape[0]):
-        wall.at_sites[site] = 0.0
+    _keep_forces(wall, 0.0)
     for mode in range(wall.modal.shape[0]):
         wall.modal[mode] = 0.0
-    for number in range(N_MIXED):
-        wall.mixed[number] = 0.0
     return False
 
 
@@ -163,11 +160,24 @@ def _fade(wall: SoftenedWall, q: FloatArray, dt_s: float) -> None:
 
 
 @kernel
+def _keep_forces(wall: SoftenedWall, left: float) -> None:
+    """Keep a part of the forces that were followed."""
+    for law in range(wall.at_sites.shape[0]):
+        for site in range(wall.at_sites.shape[1]):
+            wall.at_sites[law, site] *= left
+        for number in range(N_MIXED):
+            wall.mixed[law, number] *= left
+    for held in range(wall.at_nodes.shape[0]):
+        wall.at_nodes[held] *= left
+
+
+@kernel
 def _mix(wall: SoftenedWall, node: int, force_n: float) -> None:
-    """Count the law's coefficients at a node by the force on it."""
-    for number in range(N_PARTS):
-        wall.mixed[number] += force_n * wall.coefficients[node, number]
-    wall.mixed[N_PARTS] += force_n
+    """Count the laws' coefficients at a node, and the share of the second one, by the force on it."""
+    for law in range(wall.mixed.shape[0]):
+        for number in range(N_PARTS):
+            wall.mixed[law, number] += force_n * wall.coefficients[law, node, number]
+        wall.mixed[law, N_PARTS] += force_n * wall.counts[law, node]
 
 
 @kernel

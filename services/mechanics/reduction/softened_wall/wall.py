@@ -22,19 +22,32 @@ STORED, SPENT, POTENTIAL, TANK = range(4)
 """Books in J: what is stored, and what was dissipated so far; stored are the pattern's potential and the tank."""
 N_BOOKS = 4
 N_MIXED = N_PARTS + 1
+N_SITES, FIRST, SECOND, N_NODES, NODE = range(5)
+"""What is made of a candidate: sites, the pair of them that comes next, nodes, and the node that comes next."""
 MOST_SOFTENING = 0.9
 """Of the stiffness so much may be lost: what is left brings the wall back."""
 
 
 class SoftenedWall(Struct):
-    """n nodes, m sites, r modes, t terms of a Prony series."""
+    """n nodes, m sites, r modes, t terms of a Prony series.
+
+    There are l laws, that of the sites and that of the nodes, which comes second if there is one; see `TwoLaws`. h is n
+    then, and zero otherwise.
+    """
 
     near: Annotated[IntArray, "n", "k"]
     weights: Annotated[FloatArray, "n", "k", 3]
     local: Annotated[FloatArray, "m", "m"]
     third: Annotated[Float32Array, "m", "m", "m"]
-    coefficients: Annotated[FloatArray, "n", N_PARTS]
-    parts: Annotated[FloatArray, N_PARTS, "p"]
+    blunt: Annotated[FloatArray, "l", "n"]  # what weights are multiplied with
+    inward: Annotated[FloatArray, "h", 3]
+    sites_nearby: Annotated[IntArray, "h", "a"]
+    nodes_nearby: Annotated[IntArray, "h", "b"]
+    sharp: Annotated[Float32Array, "h", "z", "z"]
+    node_local: Annotated[Float32Array, "h", "h"]
+    coefficients: Annotated[FloatArray, "l", "n", N_PARTS]
+    counts: Annotated[FloatArray, "l", "n"]  # one, and the share of the second law
+    parts: Annotated[FloatArray, "l", N_PARTS, "p"]
     delivery: Annotated[FloatArray, "r", "m"]
     stiffness: Annotated[FloatArray, "r"]
     rest_q: Annotated[FloatArray, "r"]
@@ -47,21 +60,29 @@ class SoftenedWall(Struct):
     followed: Annotated[FloatArray, "t", "r"]  # state: d, the modes as far as a term has followed them
     lag: Annotated[FloatArray, "t", "r"]  # state: l
     lagged: Annotated[FloatArray, "r"]  # state: what lags pushes with
-    at_sites: Annotated[FloatArray, "m"]  # state: forces on the sites, followed
+    at_sites: Annotated[FloatArray, "l", "m"]  # state: forces on the sites, followed
+    at_nodes: Annotated[FloatArray, "h"]  # state: likewise inward forces on the nodes
     modal: Annotated[FloatArray, "r"]  # state: the modal force that belongs to them
     force: Annotated[FloatArray, "r"]  # state: what acts on the modes in the next step
     books: Annotated[FloatArray, N_BOOKS]  # state
     faded: Annotated[FloatArray, 1]  # state: part of the softening that does not act
-    mixed: Annotated[FloatArray, N_MIXED]  # state: coefficients times forces on the nodes, and forces, followed
+    mixed: Annotated[FloatArray, "l", N_MIXED]  # state: forces on the nodes times coefficients and counts, followed
     pattern: Pattern  # state: acts
     candidate: Pattern  # is being made of the forces below
-    pressed: Annotated[FloatArray, "m"]
+    pressed: Annotated[FloatArray, "l", "m"]
     pressed_modal: Annotated[FloatArray, "r"]
-    pressed_mixed: Annotated[FloatArray, N_MIXED]
+    pressed_mixed: Annotated[FloatArray, "l", N_MIXED]
+    pressed_nodes: Annotated[FloatArray, "h"]
     active: Annotated[IntArray, "m"]
-    made: Annotated[LongArray, 3]  # sites that are active, and the pair of them that comes next
-    quadratic: Annotated[FloatArray, "m"]
-    moved: Annotated[FloatArray, "m"]
+    active_nodes: Annotated[IntArray, "h"]
+    made: Annotated[LongArray, 5]
+    shares: Annotated[FloatArray, "l"]  # of the laws
+    energies: Annotated[FloatArray, "l", 2]  # V and E that they have
+    of_nodes: Annotated[FloatArray, 2]  # V of the nodes so far, and what E is larger by
+    nearby: Annotated[FloatArray, "z"]
+    law: Annotated[FloatArray, "p"]
+    quadratic: Annotated[FloatArray, "l", "m"]
+    moved: Annotated[FloatArray, "l", "m"]
     shift: Annotated[FloatArray, "m"]
     foretold: Annotated[FloatArray, "r"]
 
@@ -78,15 +99,25 @@ class SoftenedWall(Struct):
 
         ``series`` is how the linear wall relaxes, if it does; see `lagging`.
         """
-        sites, law = softening.sites, softening.law
+        sites, remainder = softening.sites, softening.remainder
+        laws = (softening.laws.of_sites, softening.laws.of_nodes)[: 1 + (len(remainder.third) > 0)]
+        law = laws[0]
+        one = np.ones(len(sites.scale))
         stiffness = duct.basis.omega_rad_s**2
         arrays = {
             "near": sites.near,
             "weights": sites.weights,
             "local": sites.local_m_n,
             "third": softening.third,
-            "coefficients": law.coefficients,
-            "parts": law.work,
+            "blunt": np.stack([one, 1.0 / sites.scale][: len(laws)]),
+            "inward": remainder.inward,
+            "sites_nearby": remainder.sites,
+            "nodes_nearby": remainder.nodes,
+            "sharp": remainder.third,
+            "node_local": remainder.local_m_n,
+            "coefficients": np.stack([each.coefficients for each in laws]),
+            "counts": np.stack([one, softening.laws.share][: len(laws)]),
+            "parts": np.stack([each.work for each in laws]),
             "delivery": delivery(duct, sites, Lumen.of(duct.mesh)),
             "stiffness": stiffness,
             "rest_q": constant_modal_force / stiffness,
@@ -98,7 +129,9 @@ class SoftenedWall(Struct):
         patterns = {name: Pattern.zeros(**extents, **points) for name in ("pattern", "candidate")}
         takes_mean = isinstance(integrator, Newmark)
         plain |= {"takes_mean": takes_mean, "most_softening": MOST_SOFTENING, "n_local": duct.n_local_modes}
-        return cls.zeros(m=len(sites.nodes), t=len(series.g), **extents, **patterns, **plain)
+        extents |= {"l": len(laws), "m": len(sites.nodes), "t": len(series.g)}
+        extents |= {"h": len(remainder.third), "z": remainder.third.shape[1]}
+        return cls.zeros(**extents, **patterns, **plain)
 
     def stiffens(self) -> bool:
         """Whether what acts is a pattern whose potential has a convex part."""
@@ -108,7 +141,7 @@ class SoftenedWall(Struct):
     def state_arrays(self) -> tuple[AnyArray, ...]:
         """Return the live arrays of the state."""
         own = self.at_sites, self.modal, self.force, self.books, self.mixed, self.followed, self.lag, self.lagged
-        return *own, self.faded, *self.pattern.state_arrays()
+        return *own, self.faded, self.at_nodes, *self.pattern.state_arrays()
 
 
 softened_wall_at = reader(SoftenedWall)

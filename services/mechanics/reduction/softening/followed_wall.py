@@ -22,9 +22,14 @@ MOST_NODES = 640
 COARSE_NODES = 320
 
 
+def has_few_nodes(recipe: DuctRecipe) -> bool:
+    """Whether a wall is followed as it is."""
+    return recipe.mesh.n_vertices <= MOST_NODES
+
+
 def followed_recipe(recipe: DuctRecipe) -> DuctRecipe:
     """Return the recipe of the wall to squeeze, its own where that is small or cannot be had on fewer nodes."""
-    if recipe.mesh.n_vertices <= MOST_NODES:
+    if has_few_nodes(recipe):
         return recipe
     try:
         mesh, kept = coarsened(recipe.mesh, COARSE_NODES)

@@ -8,7 +8,7 @@ then do the work V Y(rho); to first order Y = 3 rho exactly (the second-order re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,10 +29,16 @@ NOISE = 0.03
 """Scatter of the reference's closures that the law does not explain, over the closure."""
 MEAN_SCALE, LOCAL_SCALE = 5.0, 0.5
 """Spread expected of the coefficients, and of what they vary by from place to place."""
+LOCAL_SCALE_OF_NODES = 0.7
+"""The same where energies are right: less of what is left is how sites lie."""
 SMOOTH_WIDTHS = 1.5
 """Distance over which they vary, in widths of the lumen."""
 SUPPORT_SCALE, SUPPORT_WIDTHS = 5.0, 0.35
 """What they vary by beside a support, and within which distance: the wall cannot ovalise there, and is stretched."""
+
+FADE_WIDTHS = (1.0, 2.0)
+"""Of the lumen from the nearest support: nearer than the first the law of the sites holds, beyond the last that of the
+nodes."""
 
 
 def parts(rho: FloatArray) -> FloatArray:
@@ -87,6 +93,47 @@ class SofteningLaw:
     coefficients: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class TwoLaws:
+    """What a wall gives way by where it is pressed far from supports, and where it is beside them.
+
+    Attributes
+    ----------
+    of_sites : SofteningLaw
+        For the energies that forces have once they are spread over the sites, scaled.
+    of_nodes : SofteningLaw
+        For those that they have themselves; over the same rho. Of no nodes where the wall's `Remainder` is not known.
+    share : (n,) float64
+        Of the second law, for forces on each node: of a load the mean over its nodes, counted by the forces on them.
+    """
+
+    of_sites: SofteningLaw
+    of_nodes: SofteningLaw
+    share: FloatArray
+
+
+def share_of_nodes(from_support: FloatArray) -> FloatArray:
+    """(n,) shares of the law of the nodes, given how far these are from a support in widths of the lumen: smooth.
+
+    Beside a support energies that are right make nothing better: what a wall that is stretched does goes with how wide
+    it is pressed as well.
+    """
+    first, last = FADE_WIDTHS
+    part = np.clip((from_support - first) / (last - first), 0.0, 1.0)
+    share: FloatArray = part * part * (3.0 - 2.0 * part)
+    return share
+
+
+def over_same_rho(first: SofteningLaw, second: SofteningLaw) -> tuple[SofteningLaw, SofteningLaw]:
+    """Both laws at the points of one grid; beyond its own points either stays what it is there."""
+    ends = [(law.rho[0], law.rho[-1]) for law in (first, second)]
+    grid = _grid(min(low for low, _ in ends), max(high for _, high in ends))
+    one, other = (
+        replace(law, rho=grid, work=parts(np.clip(grid, *end))) for law, end in zip((first, second), ends, strict=True)
+    )
+    return one, other
+
+
 def place_of(n_nodes: int, nodes: IntArray, force_n: FloatArray) -> FloatArray:
     """(n,) shares of the nodes of a wall in forces (k, 3) on some of them."""
     share = np.zeros(n_nodes)
@@ -95,15 +142,17 @@ def place_of(n_nodes: int, nodes: IntArray, force_n: FloatArray) -> FloatArray:
     return share
 
 
-def alike(distance: FloatArray, from_support: FloatArray, other_from_support: FloatArray) -> FloatArray:
-    """(n, s) covariance of the coefficients at n places with those at s others, over `LOCAL_SCALE` squared.
+def alike(
+    distance: FloatArray, from_support: FloatArray, other_from_support: FloatArray, local_scale: float = LOCAL_SCALE
+) -> FloatArray:
+    """(n, s) covariance of what the coefficients vary by at n places with that at s others.
 
     ``distance`` (n, s) is between them, ``from_support`` (n,) and (s,) how far each is from the nearest support, in
     widths of the lumen.
     """
     beside, other_beside = (np.exp(-far / SUPPORT_WIDTHS) for far in (from_support, other_from_support))
     smooth = np.exp(-0.5 * (distance / SMOOTH_WIDTHS) ** 2)
-    covariance: FloatArray = smooth + (SUPPORT_SCALE / LOCAL_SCALE) ** 2 * np.outer(beside, other_beside)
+    covariance: FloatArray = local_scale**2 * smooth + SUPPORT_SCALE**2 * np.outer(beside, other_beside)
     return covariance
 
 
@@ -119,10 +168,10 @@ def fit_law(samples: Sequence[Sample], among: FloatArray, to: FloatArray) -> Sof
     wanted = share * (np.array([sample.excess for sample in samples]) - FIRST * first)
     seen = share * np.stack(others)
     places = np.stack([sample.place for sample in samples])
-    kernel = MEAN_SCALE**2 + LOCAL_SCALE**2 * (places @ among @ places.T)
+    kernel = MEAN_SCALE**2 + places @ among @ places.T
     covariance = kernel * (seen.T @ seen) + NOISE**2 * np.eye(len(rho))
     dual = np.linalg.solve(covariance, wanted)
-    at_nodes = MEAN_SCALE**2 + LOCAL_SCALE**2 * (to @ places.T)
+    at_nodes = MEAN_SCALE**2 + to @ places.T
     fitted = at_nodes @ (seen * dual).T
     coefficients = np.concatenate([np.full((len(fitted), 1), FIRST), fitted], axis=1)
     grid = _grid(*np.clip([min(rho.min(), -0.05), max(rho.max(), 0.05)], -LARGEST_RHO, LARGEST_RHO))

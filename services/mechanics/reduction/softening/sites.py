@@ -34,8 +34,9 @@ class LoadSites:
         The same less the rigid motion of the piece of wall round each site, so that a duct that is bent as a beam
         counts for nothing; symmetric, not negative.
     near : (n, K) int32, weights : (n, K, 3) float64
-        Force f on a node is ``weights @ f`` on its nearest sites: that which comes nearest in energy, scaled to the
-        cubic energy that a force on the node has itself (`scaled_to_cubic`).
+        Force f on a node is ``weights @ f`` on its nearest sites: that which comes nearest in energy, times ``scale``.
+    scale : (n,) float64
+        With it a force on the node has the cubic energy of its own (`scaled_to_cubic`).
     """
 
     nodes: IntArray
@@ -43,6 +44,7 @@ class LoadSites:
     local_m_n: FloatArray
     near: IntArray
     weights: FloatArray
+    scale: FloatArray
 
     def spread(self, nodes: IntArray, force_n: FloatArray) -> FloatArray:
         """(m,) forces on the sites for forces (k, 3) on nodes."""
@@ -126,11 +128,17 @@ def place_sites(model: ShellModel, lumen: Lumen, own_m_n: FloatArray) -> tuple[L
     fields[model.free_dofs] = model.factor.solve(np.stack(loads, axis=1))
     moved = fields.reshape(-1, 6, len(nodes))[:, :3]
     W = np.einsum("sa,sat->st", lumen.inward[nodes], moved[nodes])
-    rigid = np.stack([_rigid_part(mesh, lumen, node, moved) for node in nodes])
-    local = _not_negative(W - rigid)
+    local = local_compliance_m_n(mesh, lumen, nodes, fields)
     near = np.asarray(cKDTree(mesh.vertices_m[nodes]).query(mesh.vertices_m, NEAREST)[1], np.int32)
     weights = np.stack([np.linalg.solve(W[np.ix_(n, n)], u[:, n].T) for n, u in zip(near, moved, strict=True)])
-    return LoadSites(nodes, W, local, near, weights), fields
+    return LoadSites(nodes, W, local, near, weights, np.ones(mesh.n_vertices)), fields
+
+
+def local_compliance_m_n(mesh: TriangleMesh, lumen: Lumen, nodes: IntArray, fields: FloatArray) -> FloatArray:
+    """(m, m) inward displacement of nodes, less rigid motion; ``fields`` (6 n, m) are of unit forces on them."""
+    moved = fields.reshape(-1, 6, len(nodes))[:, :3]
+    whole = np.einsum("sa,sat->st", lumen.inward[nodes], moved[nodes])
+    return _not_negative(whole - np.stack([_rigid_part(mesh, lumen, node, moved) for node in nodes]))
 
 
 def scaled_to_cubic(sites: LoadSites, third: Float32Array, inward: FloatArray, own_j: FloatArray) -> LoadSites:
@@ -144,7 +152,7 @@ def scaled_to_cubic(sites: LoadSites, third: Float32Array, inward: FloatArray, o
     spread_j = np.array([_cubic_j(third[np.ix_(n, n, n)], w) for n, w in zip(sites.near, weights, strict=True)])
     ratio = np.divide(own_j, spread_j, out=np.ones_like(own_j), where=spread_j != 0.0)
     scale = np.clip(np.cbrt(ratio), *SCALES)
-    return replace(sites, weights=sites.weights * scale[:, None, None])
+    return replace(sites, weights=sites.weights * scale[:, None, None], scale=sites.scale * scale)
 
 
 def _cubic_j(third: Float32Array, forces: FloatArray) -> float:

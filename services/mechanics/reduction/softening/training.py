@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,21 @@ from services.mechanics.reduction.content_hash import hash_content, hash_sources
 from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.softening.followed_wall import followed_recipe
-from services.mechanics.reduction.softening.law import Sample, SofteningLaw, alike, fit_law, place_of
+from services.mechanics.reduction.softening.followed_wall import followed_recipe, has_few_nodes
+from services.mechanics.reduction.softening.law import (
+    LOCAL_SCALE,
+    LOCAL_SCALE_OF_NODES,
+    Sample,
+    SofteningLaw,
+    TwoLaws,
+    alike,
+    fit_law,
+    over_same_rho,
+    place_of,
+    share_of_nodes,
+)
 from services.mechanics.reduction.softening.own_energy import fields_of, interpolated_j, known_nodes
+from services.mechanics.reduction.softening.remainder import Remainder, no_remainder, remainder_of
 from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites, scaled_to_cubic
 from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
 
@@ -48,17 +61,15 @@ class WallSoftening:
     sites : LoadSites
     third : (m, m, m) float32
         T: third derivatives of the strain energy along the linear responses to unit forces on the sites.
-    law : SofteningLaw
+    remainder : Remainder
+        Not known of a wall of many nodes.
+    laws : TwoLaws
     """
 
     sites: LoadSites
     third: Float32Array
-    law: SofteningLaw
-
-    def energies_j(self, at_sites: FloatArray) -> tuple[float, float]:
-        """V and E of forces (m,) on the sites, see `law`."""
-        V = 0.5 * at_sites @ self.sites.local_m_n @ at_sites
-        return float(V), float(_cubic(self.third, at_sites))
+    remainder: Remainder
+    laws: TwoLaws
 
 
 def fetch_softening(
@@ -80,16 +91,24 @@ def fetch_softening(
         made = train_softening(recipe, own_compliance_m_n(duct), n_squeezes, progress)
         for name in LoadSites.__slots__:
             entry.save(f"sites_{name}", getattr(made.sites, name))
+        for name in Remainder.__slots__:
+            entry.save(f"remainder_{name}", getattr(made.remainder, name))
         for name in SofteningLaw.__slots__:
-            entry.save(f"law_{name}", getattr(made.law, name))
+            entry.save(f"law_{name}", getattr(made.laws.of_sites, name))
+            entry.save(f"law_of_nodes_{name}", getattr(made.laws.of_nodes, name))
+        entry.save("share", made.laws.share)
         entry.save("third", made.third)
         entry.describe(recipe=recipe.key(), n_squeezes=n_squeezes)
 
     name = f"softening-{hash_content(recipe.key(), n_squeezes, hash_sources(*SOURCES))}"
     entry = cache.fetch(cache_dir or cache_directory(), name, make)
     sites = LoadSites(**{name: entry.load(f"sites_{name}") for name in LoadSites.__slots__})
-    law = SofteningLaw(**{name: entry.load(f"law_{name}") for name in SofteningLaw.__slots__})
-    return WallSoftening(sites, entry.load("third"), law)
+    remainder = Remainder(**{name: entry.load(f"remainder_{name}") for name in Remainder.__slots__})
+    of_sites, of_nodes = (
+        SofteningLaw(**{name: entry.load(f"{law}_{name}") for name in SofteningLaw.__slots__})
+        for law in ("law", "law_of_nodes")
+    )
+    return WallSoftening(sites, entry.load("third"), remainder, TwoLaws(of_sites, of_nodes, entry.load("share")))
 
 
 def train_softening(
@@ -102,17 +121,26 @@ def train_softening(
     progress("cubic energy", 0.0)
     lumen = Lumen.of(recipe.mesh)
     inward_m_n = np.einsum("na,nab,nb->n", lumen.inward, own_m_n, lumen.inward)
-    wall = _Wall.of(recipe, lumen, inward_m_n)
+    wall = _Wall.of(recipe, lumen, inward_m_n, has_few_nodes(recipe))
     squeezed = followed_recipe(recipe)
     followed = wall if squeezed is recipe else _Wall.of(squeezed, Lumen.of(squeezed.mesh))
-    samples: list[Sample] = []
+    states: list[SqueezedState] = []
     drawn = draw_squeezes(squeezed, followed.lumen, followed.sites.nodes, n_squeezes, beside=followed.beside_supports())
     for done, squeeze in enumerate(drawn):
         progress("squeezes of the wall", done / n_squeezes)
-        samples += _samples(followed, follow(squeezed, followed.lumen, squeeze))
+        states += follow(squeezed, followed.lumen, squeeze)
     progress("squeezes of the wall", 1.0)
-    law = fit_law(samples, followed.alike(followed), wall.alike(followed))
-    return WallSoftening(wall.sites, wall.third, law)
+    return WallSoftening(wall.sites, wall.third, wall.remainder, _fit_laws(wall, followed, states))
+
+
+def _fit_laws(wall: _Wall, followed: _Wall, states: list[SqueezedState]) -> TwoLaws:
+    """Fit either law to all that was followed, beside supports or not: what they share is not what they learn from."""
+    of_sites = fit_law(_samples(followed, states, energies_of_sites_j), followed.alike(followed), wall.alike(followed))
+    if not wall.knows_nodes:
+        return TwoLaws(of_sites, replace(of_sites, coefficients=of_sites.coefficients[:0]), np.zeros(0))
+    among, to = (each.alike(followed, LOCAL_SCALE_OF_NODES) for each in (followed, wall))
+    of_nodes = fit_law(_samples(followed, states, energies_of_nodes_j), among, to)
+    return TwoLaws(*over_same_rho(of_sites, of_nodes), share_of_nodes(wall.from_support()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,29 +151,41 @@ class _Wall:
     lumen: Lumen
     sites: LoadSites
     third: Float32Array
+    remainder: Remainder
 
     @classmethod
-    def of(cls, recipe: DuctRecipe, lumen: Lumen, inward_m_n: FloatArray | None = None) -> _Wall:
-        """Differentiate the energy; ``inward_m_n`` (n,) is what each node gives way inward, if it is known."""
+    def of(
+        cls, recipe: DuctRecipe, lumen: Lumen, inward_m_n: FloatArray | None = None, knows_nodes: bool = False
+    ) -> _Wall:
+        """Differentiate the energy; ``inward_m_n`` (n,) is what each node gives way inward, if it is known.
+
+        ``knows_nodes``: what sites leave out is made as well. A law learned with that on few nodes is wrong on many.
+        """
         model = recipe.model()
         own_m_n = _inward_m_n(model, lumen) if inward_m_n is None else inward_m_n
         sites, fields = place_sites(model, lumen, own_m_n)
         known = known_nodes(recipe.mesh, own_m_n)
         alone = fields_of(model, known, lumen.inward[known])
-        third, energy_j = cubic_tensor_and_energies(CorotationalShell(model), fields, alone)
+        shell = CorotationalShell(model)
+        third, energy_j = cubic_tensor_and_energies(shell, fields, alone)
         own_j = interpolated_j(recipe.mesh, own_m_n, known, energy_j)
-        return cls(model, lumen, scaled_to_cubic(sites, third, lumen.inward, own_j), third)
+        remainder = remainder_of(shell, lumen, sites, fields) if knows_nodes else no_remainder()
+        return cls(model, lumen, scaled_to_cubic(sites, third, lumen.inward, own_j), third, remainder)
 
-    def alike(self, other: _Wall) -> FloatArray:
+    @property
+    def knows_nodes(self) -> bool:
+        return len(self.remainder.third) > 0
+
+    def alike(self, other: _Wall, local_scale: float = LOCAL_SCALE) -> FloatArray:
         """(n, s) how alike the law is at its nodes and at another's, see `law.alike`."""
         distance = cdist(self.model.mesh.vertices_m, other.model.mesh.vertices_m) / np.median(self.lumen.width_m)
-        return alike(distance, self._from_support(), other._from_support())
+        return alike(distance, self.from_support(), other.from_support(), local_scale)
 
     def beside_supports(self) -> IntArray:
         """Nodes of sites within half a lumen's width of a support, where the law varies most."""
-        return self.sites.nodes[self._from_support()[self.sites.nodes] < BESIDE_WIDTHS]
+        return self.sites.nodes[self.from_support()[self.sites.nodes] < BESIDE_WIDTHS]
 
-    def _from_support(self) -> FloatArray:
+    def from_support(self) -> FloatArray:
         """(n,) from each node to the nearest support, in widths of the lumen."""
         x = self.model.mesh.vertices_m
         held = np.unique(self.model.held_dofs // 6)
@@ -174,17 +214,31 @@ def own_compliance_m_n(duct: ReducedDuct) -> FloatArray:
     return compliance
 
 
-def _samples(wall: _Wall, states: list[SqueezedState]) -> list[Sample]:
-    sites, samples = wall.sites, []
+Energies = Callable[["_Wall | WallSoftening", IntArray, FloatArray], tuple[float, float]]
+
+
+def energies_of_sites_j(wall: _Wall | WallSoftening, nodes: IntArray, force_n: FloatArray) -> tuple[float, float]:
+    """V and E of forces (k, 3) on nodes, spread over the sites and scaled; see `law`."""
+    at_sites = wall.sites.spread(nodes, force_n)
+    return 0.5 * float(at_sites @ wall.sites.local_m_n @ at_sites), _cubic(wall.third, at_sites)
+
+
+def energies_of_nodes_j(wall: _Wall | WallSoftening, nodes: IntArray, force_n: FloatArray) -> tuple[float, float]:
+    """V and E that forces (k, 3) on nodes have themselves."""
+    at_sites = wall.sites.spread(nodes, force_n / wall.sites.scale[nodes, None])
+    V, more_j = wall.remainder.energies_j(at_sites, nodes, force_n)
+    return V, _cubic(wall.third, at_sites) + more_j
+
+
+def _samples(wall: _Wall, states: list[SqueezedState], energies_j: Energies) -> list[Sample]:
+    samples = []
     for state in states:
-        at_sites = sites.spread(state.nodes, state.force_n)
-        V = 0.5 * float(at_sites @ sites.local_m_n @ at_sites)
+        V, E = energies_j(wall, state.nodes, state.force_n)
         if V / state.work_j < LEAST_SHARE:
             continue
         linear = _linear_work_j(wall.model, state.nodes, state.force_n)
-        rho, excess = -_cubic(wall.third, at_sites) / V, (state.work_j - linear) / V
         place = place_of(wall.model.mesh.n_vertices, state.nodes, state.force_n)
-        samples.append(Sample(rho, excess, V / state.work_j, place))
+        samples.append(Sample(-E / V, (state.work_j - linear) / V, V / state.work_j, place))
     return samples
 
 

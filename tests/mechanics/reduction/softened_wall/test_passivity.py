@@ -21,7 +21,7 @@ STEP = RHO[1] - RHO[0]
 RHO = RHO - RHO[np.abs(RHO).argmin()]
 
 
-def random_wall(random, integrator, coefficients, strength=1.0, series=NEVER):
+def random_wall(random, integrator, coefficients, strength=1.0, series=NEVER, n_laws=1):
     """A wall whose sites and modes have to do with each other, as those of a shell, and whose numbers are small."""
     shapes = random.normal(size=(MODES, SITES)) / np.sqrt(MODES)
     third = random.normal(size=(SITES, SITES, SITES))
@@ -36,17 +36,36 @@ def random_wall(random, integrator, coefficients, strength=1.0, series=NEVER):
         "weights": np.abs(random.normal(size=(NODES, 6, 3))),
         "local": local,
         "third": (-0.02 * strength * np.abs(third) * np.abs(local).max() ** 1.5).astype(np.float32),
-        "coefficients": np.tile(coefficients, (NODES, 1)),
-        "parts": parts(RHO),
+        "coefficients": np.tile(coefficients, (n_laws, NODES, 1)),
+        "parts": np.stack([parts(RHO), parts(np.clip(RHO, -0.2, 0.9))][:n_laws]),
+        "blunt": np.stack([np.ones(NODES), np.linspace(0.7, 1.4, NODES)][:n_laws]),
+        "counts": np.stack([np.ones(NODES), np.clip(np.linspace(-0.5, 1.5, NODES), 0.0, 1.0)][:n_laws]),
         "delivery": shapes / stiffness[:, None] @ np.linalg.inv(local),
         "stiffness": stiffness,
         "rest_q": 1e-3 * random.normal(size=MODES),
     }
+    if n_laws == 2:
+        arrays |= nodes_of(random, arrays, 0.02 * strength * np.abs(local).max() ** 1.5)
     plain = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     plain |= {"g": np.array(series.g, np.float64), "tau_s": np.array(series.tau_s, np.float64)}
-    extents = {"m": SITES, "r": MODES, "p": len(RHO), "t": len(series.g)}
+    extents = {"l": n_laws, "m": SITES, "r": MODES, "p": len(RHO), "t": len(series.g)}
+    extents |= {"h": NODES, "z": 7} if n_laws == 2 else {"h": 0, "z": 0, "a": 0, "b": 0}
     plain |= {"takes_mean": isinstance(integrator, Newmark), "most_softening": 0.9, "n_local": 2}
     return SoftenedWall.zeros(**extents, **patterns, **plain)
+
+
+def nodes_of(random, arrays, strength):
+    """Energies of forces on the nodes themselves: like those of the sites, and the rest of random numbers."""
+    spread = np.zeros((NODES, SITES))
+    np.add.at(spread, (np.arange(NODES)[:, None], arrays["near"]), arrays["weights"][:, :, 0])
+    sharp = random.normal(size=(NODES, 7, 7)) - 1.0
+    return {
+        "inward": np.tile((1.0, 0.0, 0.0), (NODES, 1)),
+        "sites_nearby": random.integers(0, SITES, (NODES, 4)).astype(np.int32),
+        "nodes_nearby": random.integers(0, NODES, (NODES, 3)).astype(np.int32),
+        "sharp": (strength * (sharp + sharp.transpose(0, 2, 1))).astype(np.float32),
+        "node_local": (1.2 * spread @ arrays["local"] @ spread.T).astype(np.float32),
+    }
 
 
 OMEGA = np.geomspace(100.0, 2e4, MODES)
@@ -67,10 +86,11 @@ class Shaken:
 
 
 def shake(seed, kind, dt_s, ways, coefficients, series=NEVER, ticks=1500):
+    """A wall of one law, and of two where the seed is odd."""
     random = np.random.default_rng(seed)
     integrator = kind(OMEGA, np.zeros(MODES))
     strength = 10.0 if coefficients is TURNING else 1.0
-    wall = random_wall(random, integrator, np.array(coefficients), strength, series)
+    wall = random_wall(random, integrator, np.array(coefficients), strength, series, 1 + seed % 2)
     if series.g:
         wall.rest_q[:] = 0.0
     state, seen, viscous = ModalState.at_rest(MODES), Shaken(), ViscousModes(OMEGA, series)
@@ -180,7 +200,7 @@ def test_a_pattern_has_the_mean_law_of_the_nodes_that_are_pressed():
     """By the forces on them, whatever sites these are spread over: beside a support it changes from node to node."""
     random, integrator = np.random.default_rng(5), Newmark(OMEGA, np.zeros(MODES))
     wall, state = random_wall(random, integrator, np.array(GIVING)), ModalState.at_rest(MODES)
-    wall.coefficients[:] *= random.uniform(0.5, 2.0, (NODES, 1))
+    wall.coefficients[:] *= random.uniform(0.5, 2.0, (1, NODES, 1))
     wall.near[7], wall.weights[7] = wall.near[3], wall.weights[3]
     gains = integrator.gains(1e-3)
     nodes, forces = np.array([3, 7], np.int32), np.array([[0.3, 0.0, 0.4], [0.0, 0.1, 0.0]])
@@ -188,5 +208,5 @@ def test_a_pattern_has_the_mean_law_of_the_nodes_that_are_pressed():
         motion = state.q, state.q.copy(), state.qdot, state.qddot
         made = gains.position, gains.velocity, gains.acceleration
         follow_loads(wall.address, (nodes, forces), np.ones(MODES), motion, made, 1e-3)
-    mixed = wall.pressed_mixed[:-1] / wall.pressed_mixed[-1]
-    np.testing.assert_allclose(mixed, (5.0 * wall.coefficients[3] + wall.coefficients[7]) / 6.0, rtol=1e-12)
+    mixed = wall.pressed_mixed[0, :-1] / wall.pressed_mixed[0, -1]
+    np.testing.assert_allclose(mixed, (5.0 * wall.coefficients[0, 3] + wall.coefficients[0, 7]) / 6.0, rtol=1e-12)
