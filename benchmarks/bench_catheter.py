@@ -27,7 +27,7 @@ from services.mechanics.rod import (
     clamped,
     straight_rod,
 )
-from services.studies.rod_problems import GJ, X, elastica_tip, example_rod
+from studies.published.rods import GJ, X, elastica_tip, example_rod
 
 DT_S = 1e-3
 STEP_BUDGET_S = 30e-6

@@ -31,7 +31,7 @@ from rig_threads import watch
 
 from services.runtime import realtime
 from services.runtime.direct import DirectReader, DirectSender
-from services.runtime.whole import is_readable
+from services.runtime.frame_batches import is_readable
 
 PERIOD_NS = 1_000_000
 #: Bytes of gateway.state, haptics.contact_model, haptics.contacts and physics.state in the default scene, touching.

@@ -25,12 +25,12 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.scenarios import Scenario
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_catheter import place_catheter
 from services.scenes import load_duct, load_scene
 from services.scenes.hands import hands_of
 from services.scenes.ready import load_surface
-from services.studies.jaw_moment import JawMoment
+from studies.energy_book import EnergyBook
+from studies.jaw_moment import JawMoment
 
 TOOL, TICKS = 1, 1700
 TIMES_S = 0.0, 0.3, 0.4, 0.9, 1.2, 1.6

@@ -13,7 +13,7 @@ from report import Row, measure, parse, write_report
 from services.mechanics.collision import CatheterContactDetector, CollisionSurface, ToolContactDetector
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.fem import ShellModel, ShellSection
-from services.mechanics.fem.supports import clamp
+from services.mechanics.fem.boundary_conditions import clamp
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 

@@ -19,8 +19,8 @@ import numpy as np
 from report import Row, measure, parse, write_report
 
 from services.gateway.instrument import Instrument, build_instruments
-from services.gateway.layout import HANDLE_SIZE
 from services.gateway.local_bus import LocalBus
+from services.gateway.servo_arrays import HANDLE_SIZE
 from services.runtime import config, realtime
 
 SECONDS, WARM_S = 20.0, 2.0

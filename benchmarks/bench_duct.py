@@ -38,7 +38,7 @@ from services.mechanics.reduction.basis import gather_modes
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
+from services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
 from services.mechanics.reduction.recipe import MIB
 from services.mechanics.reduction.residual.patches import largest_radius_m, patch_pattern
 from services.mechanics.reduction.viscoelastic import PronySeries, ViscousModes

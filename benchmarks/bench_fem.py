@@ -16,7 +16,7 @@ from report import Row, measure, parse, write_report
 from services.mechanics.fem import ElementChoice, ShellModel, clamp
 from services.mechanics.fem.assembly import assemble_stiffness
 from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS
-from services.studies.shell_problems import REFERENCE_SECTION, reference_duct
+from studies.published.shells import REFERENCE_SECTION, reference_duct
 
 CHOICES = [ElementChoice(membrane, bending) for membrane in MEMBRANE_ELEMENTS for bending in BENDING_ELEMENTS]
 

@@ -15,7 +15,7 @@ import numpy as np
 from report import Row, Timing, parse, write_report
 
 from protocol.bodies import LocalModel
-from services.gateway.hdapi.standin import StandIn
+from services.gateway.hdapi.standin import HdapiStandIn
 from services.gateway.instrument import Instrument, build_instruments
 from services.runtime import config, realtime
 
@@ -53,7 +53,7 @@ def tick(instruments: list[Instrument]) -> float:
 def main() -> None:
     arguments = parse(__doc__, ticks=(TICKS, f"at 1 kHz; the first {SETTLE_TICKS} do not count"))
     realtime.set_up(0, PRIORITY)
-    with tempfile.TemporaryDirectory() as folder, StandIn.compiled(Path(folder), threaded=True) as standin:
+    with tempfile.TemporaryDirectory() as folder, HdapiStandIn.compiled(Path(folder), threaded=True) as standin:
         instruments = hardware(standin.path)
         for instrument in instruments:
             instrument.open()

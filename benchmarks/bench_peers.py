@@ -22,7 +22,7 @@ from catheter_peers import PEERS, Peer
 from report import Row, parse, write_report
 
 from services.mechanics.rod import ImplicitIntegrator, clamped, straight_rod
-from services.studies.rod_problems import X, example_rod
+from studies.published.rods import X, example_rod
 
 FALL_S = 30e-3
 SEGMENTS = (10, 20, 40, 80)

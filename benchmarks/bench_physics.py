@@ -28,7 +28,7 @@ from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.effects.gravity import GravitySettings
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
-from services.mechanics.scenarios import insertion, insertion_scene, paper_scene
+from services.mechanics.scenarios import insertion, insertion_scene
 from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe
 from services.mechanics.scene.tools import ToolInputs
@@ -37,6 +37,7 @@ from services.mechanics.simulation.duct_alone import DuctAlone
 from services.mechanics.simulation.scene_duct import build_scene_duct, scene_mesh
 from services.runtime import realtime
 from services.runtime.realtime import Fact
+from studies.paper_scene import paper_scene
 
 CORE, PRIORITY = 1, 60  # of physics in configs/rigs/stub.yaml
 TICK_BUDGET_S = 250e-6

@@ -2,9 +2,9 @@
 
     python benchmarks/bench_scenes.py [--scenes default stone] [--seconds 6] [--mesh FILE] [trocar up's options]
 
-Writes docs/scenes.md. Scenes that are named replace their own lines, so that the table can be made in parts. A scene
-that takes a surface file gets ``--mesh``, and is left out without one. The stub's hands do in each what it is for
-(`services.scenes.hands`).
+Writes docs/reference/scenes.md. Scenes that are named replace their own lines, so that the table can be made in parts.
+A scene that takes a surface file gets ``--mesh``, and is left out without one. The stub's hands do in each what it is
+for (`services.scenes.hands`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from services.runtime.machine import processor_name
 from services.scenes import load_scene
 
 ROOT = Path(__file__).resolve().parents[1]
-REPORT = ROOT / "docs" / "scenes.md"
+REPORT = ROOT / "docs" / "reference" / "scenes.md"
 LOOPS = ("gateway", "haptics", "physics")
 HEAD = """# Scenes, what each runs and what that costs
 
-Made by `python benchmarks/bench_scenes.py`; not to be edited by hand. Work of a tick in us, median and 99 %, in a rig
-with the stub's hands, without a viewer, on two cores; `-` is a process that the scene does not call for, which is not
-started. Of the gateway its part between ticks is not counted.
+Made by `python benchmarks/bench_scenes.py`; do not edit by hand. The columns gateway, haptics and physics hold the work
+of a tick in us, median and 99 %, in a rig with simulated hands and without a viewer. `-` is a process that the scene
+does not need, which is not started. The gateway's work between ticks is not counted. The cells are those of the duct's
+mesh, the number after the catheter counts its segments.
 
 | scene | bodies | effects | gateway | haptics | physics | late or lost, physics | measured |
 | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -75,7 +76,7 @@ def line_of(name: str, scene: SceneModel, run: dict[str, Any]) -> str:
     work = [_work(loops[loop]["work_us"]) if loop in loops else "-" for loop in LOOPS]
     late = f"{100.0 * loops['physics']['miss_ratio']:.2g} %"
     effects = ", ".join(scene.effects) or "none"
-    when = f"{datetime.now(UTC):%Y-%m-%d %H:%M}, {processor_name()}, {os.cpu_count()} cores"
+    when = f"{datetime.now(UTC):%Y-%m-%d}, {processor_name()}, {os.cpu_count()} cores"
     return " | ".join((f"| `{name}`", bodies_of(scene), effects, *work, late, f"{when} |"))
 
 

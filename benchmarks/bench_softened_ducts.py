@@ -31,7 +31,7 @@ from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.scenes.load import load_scene
 from services.scenes.ready import load_duct
-from services.studies.accuracy.random_squeezes import answers, draw_loads, wrong_by
+from studies.accuracy.random_squeezes import answers, draw_loads, wrong_by
 
 ANATOMY = Path(__file__).parents[2] / "shared" / "data" / "anatomy" / "aorta-surface-open-ends.stl"
 EFFECTS = {"softening": SofteningSettings()}

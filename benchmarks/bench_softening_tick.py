@@ -25,7 +25,7 @@ from services.mechanics.effects import EFFECTS
 from services.mechanics.scenarios import Scenario, insertion
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.studies.effect_costs import time_in_turns
+from studies.effect_costs import time_in_turns
 
 MOST_US = 80.0
 SHUT_RAD = 0.45

@@ -8,7 +8,7 @@ deadline of a tick does. Each time it counts to a few hundred: how long that tak
 whoever shares it unseen.
 
 A wake-up in the midst of a tick costs that tick what it takes, and every fifth tick is a 99th percentile. PHASES is
-the file in which a rig says when in a millisecond nobody works on a core (`services.supervisor.floor.Phases`): it then
+the file in which a rig says when in a millisecond nobody works on a core (`core_sleepers.Phases`): it then
 wakes there.
 """
 
@@ -23,8 +23,8 @@ import sys
 import time
 from pathlib import Path
 
-from services.supervisor import floor
-from services.supervisor.floor import Phases, pin_above_all
+from services.supervisor.observers import core_sleepers
+from services.supervisor.observers.core_sleepers import Phases, pin_above_all
 
 PERIOD_NS, LATE_NS = 5_000_000, 1_000_000
 _COUNTED = range(300)
@@ -44,7 +44,7 @@ def _quantile(values: list[int], share: float) -> float:
 
 def next_at(phase_ns: int, from_ns: int) -> int:
     """Return the first time from `from_ns` on that is `phase_ns` into a period of the rig's loops."""
-    return from_ns + (phase_ns - from_ns) % floor.PERIOD_NS
+    return from_ns + (phase_ns - from_ns) % core_sleepers.PERIOD_NS
 
 
 def watch(core: int, seconds: float, phases: Phases | None = None, from_s: float = 0.0) -> dict[str, float]:
@@ -86,7 +86,7 @@ class Floor:
 
     def __init__(self, seconds: float, rings: Path | None = None, from_s: float = 0.0) -> None:
         self._seconds, self._from_s = seconds, from_s
-        phases = None if rings is None else rings / floor.PHASES
+        phases = None if rings is None else rings / core_sleepers.PHASES
         self._phases = [str(phases)] if phases is not None and phases.exists() else []
         self.cores: list[dict[str, float]] = []
 

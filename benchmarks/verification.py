@@ -1,4 +1,4 @@
-"""Write docs/verification.md: every published or independent number this project is checked against.
+"""Write docs/results/verification.md: every published or independent number this project is checked against.
 
     python benchmarks/verification.py
 
@@ -13,12 +13,13 @@ from pathlib import Path
 from report import parse
 
 HERE = Path(__file__).resolve().parent
-TARGET = HERE.parent / "docs" / "verification.md"
+TARGET = HERE.parent / "docs" / "results" / "verification.md"
 HEADER = """# Verification
 
-Made by `python benchmarks/verification.py`; do not edit by hand. Error is value / reference - 1. "Source" says where
-the reference number comes from; *computed* means another solver or a semi-analytic method, *unverified* a standard
-literature value that was not checked against the printed source. The tests hold the same numbers to tolerances.
+Every published or independent number that this project is checked against. Made by `python benchmarks/verification.py`;
+do not edit by hand. The error is value / reference - 1; several errors stand in the order of their meshes. *Computed*
+means another solver or a semi-analytic method. *Unverified* means a value of the literature that was not checked
+against the printed source. The tests hold the same numbers to tolerances.
 """
 
 

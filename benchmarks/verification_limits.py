@@ -5,14 +5,14 @@ from __future__ import annotations
 from verification_duct import ANDES, CST, label
 from verification_table import Entry, Table
 
-from services.studies.buckling_problems import (
+from studies.published.buckling import (
     PLATE_COEFFICIENT,
     column_buckling,
     cylinder_buckling,
     plate_buckling,
     ring_buckling,
 )
-from services.studies.torsion_problem import tube_torsion
+from studies.published.torsion import tube_torsion
 
 
 def tables() -> list[Table]:
@@ -53,9 +53,9 @@ def buckling() -> Table:
             )
     return Table(
         "Buckling",
-        "Linear: the state before buckling is that of small displacements. Columns, cylinders and rings are over the "
-        "value that theory gives. The classical stress of the cylinder holds to terms of order h / R: at R/h 100 and "
-        "360 x 30 the same case gives 0.992. Pressure stays normal to the wall.",
+        "Linear buckling: the state before it is that of small displacements. Loads of columns, cylinders and rings "
+        "are divided by the theoretical value. The classical stress of the cylinder leaves out terms of order h / R:"
+        " at R/h 100 on 360 x 30 cells the ratio is 0.992. Pressure stays normal to the wall.",
         sorted(entries, key=lambda e: e.quantity),
     )
 
@@ -75,8 +75,9 @@ def torsion() -> Table:
     ]
     return Table(
         "Thick walls: torsion",
-        "Stiffness over the membrane's G 2 pi R³ h, tube six radii long, nu 0.45, middle half. Flat strips converge to "
-        "1 + h² / 3 R², a solid tube is 1 + h² / 4 R², Sanders's shell 1 + 3 h² / 16 R². `andes` lies higher by a part "
-        "that depends on the shape of its cells alone (docs/decisions/shell-elements.md).",
+        "Torsional stiffness of a tube, divided by that of a thin wall, G 2 pi R³ h. Six radii long, nu 0.45, "
+        "measured in the middle half. Flat strips converge to 1 + h² / 3 R²; a solid tube has 1 + h² / 4 R², "
+        "Sanders's shell 1 + 3 h² / 16 R². `andes` converges to a higher value that depends on the shape of its "
+        "cells.",
         entries,
     )

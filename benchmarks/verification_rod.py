@@ -8,14 +8,12 @@ from scipy.special import ellipk
 from verification_table import Entry, Table
 
 from services.mechanics.rod.implicit import SPECTRAL_RADIUS
-from services.studies import rod_dynamics as dynamics
-from services.studies import rod_problems as problems
+from studies.published import rod_dynamics as dynamics
+from studies.published import rods as problems
 
 ELASTICA = {  # P L^2/EI: tip angle [rad], deflection w/L, shortening u/L
     0.5: (0.24453, 0.16214, 0.01592),
-    1.0: (0.46135, 0.30172, 0.05643),
     2.0: (0.78175, 0.49346, 0.16064),
-    3.0: (0.98602, 0.60325, 0.25442),
     5.0: (1.21537, 0.71379, 0.38763),
     10.0: (1.43029, 0.81061, 0.55500),
 }
@@ -41,8 +39,8 @@ def elastica() -> Table:
                 entries.append(Entry(quantity, segments(n), value, expected, BISSHOPP))
     return Table(
         "Catheter, large deflection under a tip load",
-        "A clamped rod under a dead tip load, settled by the implicit step at 2 ms. The error falls with the square of "
-        "the segment length.",
+        "A clamped rod under a tip load that keeps its direction, settled by the implicit step at 2 ms. The error "
+        "falls with the square of the segment length.",
         sorted(entries, key=lambda e: float(e.quantity.split()[2].rstrip(","))),
     )
 
@@ -55,9 +53,9 @@ def circle_and_catenary() -> Table:
     sag = a * (np.cosh(0.05 / a) - 1.0)
     return Table(
         "Catheter, end moment and catenary",
-        "M = 2πEI/L bends the rod to a circle: bending springs in the angle reproduce uniform curvature exactly. The "
-        "chain (EI = 0, span 100 mm, length 150 mm) hangs by its ends; its end tension is that of the middle of the "
-        "first segment.",
+        "M = 2πEI/L bends the rod to a circle; bending springs in the angle reproduce uniform curvature exactly. The"
+        " chain (EI = 0, span 100 mm, length 150 mm) hangs by its ends; its end tension is measured in the middle of"
+        " the first segment.",
         [
             Entry("end moment, curvature L/2π, mean", segments(50), float(curvature.mean()), 1.0, CLOSED_FORM),
             Entry("end moment, curvature L/2π, tip", segments(50), float(curvature[-1]), 1.0, CLOSED_FORM),
@@ -102,9 +100,9 @@ def buckling() -> Table:
     )
     return Table(
         "Catheter, buckling",
-        "The Euler load is the thrust of a column whose ends come together by 0.02 % more than it compresses; the tip "
-        "angle is that of a clamped-free column. Greenhill's 2π for hinged ends is not run: a hinge with an axial "
-        "moment that stays axial is not a support of this rod.",
+        "The Euler load is the thrust of a column whose ends approach by 0.02 % more than it compresses. The tip "
+        "angle is that of a clamped-free column. Greenhill's 2π for hinged ends is left out: this rod has no hinge "
+        "whose axial moment keeps its direction.",
         entries,
     )
 
@@ -124,8 +122,8 @@ def vibration() -> Table:
     ]
     return Table(
         "Catheter, vibration",
-        "Let go in the shape of a mode and timed by zero crossings, with the undamped midpoint rule (spectral radius "
-        "1) at 400 steps a period.",
+        "The rod is released in the shape of a mode and timed by zero crossings. Undamped midpoint rule (spectral "
+        "radius 1), 400 steps a period.",
         entries,
     )
 
@@ -145,9 +143,8 @@ def convergence_in_time() -> Table:
     ]
     return Table(
         "Catheter, convergence in the time step",
-        "A cantilever bent by 17 mm is let go at rest, with the material damping of the scenes and the default "
-        "spectral radius. The error is the root mean square of the tip's over 0.3 s against the midpoint rule at 10 "
-        "us.",
+        "A cantilever bent by 17 mm is released at rest, with the scenes' material damping and the default spectral "
+        "radius. The error is the root mean square distance of the tip over 0.3 s from the midpoint rule at 10 us.",
         entries,
     )
 
@@ -167,7 +164,8 @@ def spinning() -> Table:
     ]
     return Table(
         "Catheter, free rotation",
-        "A straight, free, undamped rod spins across its axis, stepped at 1 ms, over that at the start.",
+        "A straight, free, undamped rod spins across its axis in steps of 1 ms. The number is its angular momentum "
+        "over that at the start.",
         entries,
     )
 

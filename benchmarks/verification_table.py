@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from dataclasses import dataclass
 
 
@@ -30,12 +32,55 @@ class Table:
     entries: list[Entry]
 
     def to_markdown(self) -> str:
-        lines = [f"## {self.title}", "", self.about, ""]
-        lines += ["| quantity | mesh | value | reference | error | source |", "|---|---|---|---|---|---|"]
+        """Return a row for each quantity, with the errors on all meshes; kinds of mesh are parted by semicolons.
+
+        The source and the meshes of most rows are told above the table, any others in their rows.
+        """
+        rows: dict[tuple[object, ...], dict[str, Entry]] = {}
         for e in self.entries:
-            unit = f" {e.unit}" if e.unit else ""
-            lines.append(
-                f"| {e.quantity} | {e.mesh} | {e.value:.5g}{unit} | {e.reference:.5g}{unit} "
-                f"| {100 * e.relative_error:+.2f} % | {e.source} |"
+            rows.setdefault((e.quantity, e.reference, e.source), {})[e.mesh] = e  # a mode that is double has one row
+        (usual, _), *others = Counter(next(iter(row.values())).source for row in rows.values()).most_common()
+        told = [self.about, f"Reference: {usual}{', unless a row names another' if others else ''}."]
+        (mostly, count), *others = Counter(meshes(list(row)) for row in rows.values()).most_common()
+        column = ["mesh"] if others else []
+        if count == 1 and others:
+            mostly = ""
+        told += [f"Mesh: {mostly}{', unless a row names another' if others else ''}."] if mostly else []
+        head = ["quantity", *column, "reference", "error, %"]
+        lines = [f"## {self.title}", "", " ".join(told), "", _row(head), "|" + "---|" * len(head)]
+        for row in rows.values():
+            first = next(iter(row.values()))
+            source = "" if first.source == usual else f"; {first.source}"
+            unit = f" {first.unit}" if first.unit else ""
+            errors = "; ".join(
+                ", ".join(f"{100 * row[name].relative_error:+.2f}" for name in kind) for kind in _kinds(list(row))
             )
+            own = meshes(list(row))
+            mesh = ["" if own == mostly else own] if column else []
+            lines.append(_row([first.quantity, *mesh, f"{first.reference:.5g}{unit}{source}", errors]))
         return "\n".join([*lines, ""])
+
+
+def _row(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _kinds(names: list[str]) -> list[list[str]]:
+    """Return meshes that differ in their numbers only together."""
+    kinds: dict[str, list[str]] = {}
+    for name in names:
+        kinds.setdefault(re.sub(r"\d+", "#", name), []).append(name)
+    return list(kinds.values())
+
+
+def meshes(names: list[str]) -> str:
+    """Return meshes as one: ``cst, 8 a side`` and ``cst, 16 a side`` are ``cst, 8, 16 a side``."""
+    return "; ".join(_of_one_kind(kind) for kind in _kinds(names))
+
+
+def _of_one_kind(names: list[str]) -> str:
+    heads, tails = zip(*(name.rpartition(", ")[::2] for name in names), strict=True)
+    sizes, ends = zip(*(re.fullmatch(r"([\d x]*\d|)(.*)", tail).groups() for tail in tails), strict=True)  # type: ignore[union-attr]
+    if len({*heads}) > 1 or len({*ends}) > 1:
+        return ", ".join(names)
+    return f"{heads[0]}{', ' if heads[0] else ''}{', '.join(sizes)}{ends[0]}"

@@ -20,7 +20,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from services.cache_directory import cache_directory
 from services.source_closure import Sources
@@ -38,7 +38,7 @@ def choose() -> None:
     if ours not in named.split(","):
         os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = f"{ours},{named}"
     if "numba" in sys.modules:
-        sys.modules["numba"].core.config.reload_config()
+        sys.modules["numba"].config.reload_config()
 
 
 def root() -> Path:
@@ -49,22 +49,15 @@ def root() -> Path:
 class Locator:
     """Tells numba where the compiled kernels of one function lie; made by numba, for functions of ours only."""
 
-    def __init__(self, module: str, digest: str, line: int) -> None:
-        self._module = module
-        self._digest = digest
+    def __init__(self, folder: Path, line: int) -> None:
+        self._folder = folder
         self._line = line
-        self._folder = root() / f"{module}-{digest}"
 
     @classmethod
     def from_function(cls, function: Callable[..., object], path: str) -> Locator | None:
         """Return the locator of a function, None if its file is not ours or nothing can be written."""
-        module = _sources().module_of(Path(path))
-        if module is None or not _is_writable(root()):
-            return None
-        _end_of_compilation()
-        locator = cls(module, _digest(module), function.__code__.co_firstlineno)
-        locator._mark_used()
-        return locator
+        folder = _folder(path, root())
+        return None if folder is None else cls(folder, function.__code__.co_firstlineno)
 
     def get_cache_path(self) -> str:
         """Return the folder of this function's module as it is now."""
@@ -72,63 +65,68 @@ class Locator:
 
     def get_source_stamp(self) -> str:
         """Return what a stored kernel must have been made of: the folder says it."""
-        return self._digest
+        return self._folder.name
 
     def get_disambiguator(self) -> str:
         """Return what tells functions of one name in one module apart."""
         return str(self._line)
 
     def ensure_cache_path(self) -> None:
-        """Make the folder. numba calls this right before it stores a kernel, so it also begins to exclude others.
+        """Make the folder. numba calls this right before it stores a kernel, so it also takes the kernel's lock.
 
         numba numbers the files of a kernel's signatures by reading the index, and two processes that store two
         signatures at once would give both the same number: one would later run code made for other types.
         """
         if not self._folder.is_dir():
-            _forget_oldest(self._folder.parent, self._module)
+            _forget_oldest(self._folder)
             self._folder.mkdir(parents=True, exist_ok=True)
-        _end_of_compilation().hold(self._folder / "lock")
-
-    def _mark_used(self) -> None:
-        with contextlib.suppress(FileNotFoundError):
-            os.utime(self._folder)
+        _LOCK.hold(self._folder / f"{self._line}.lock")
 
 
-class _EndOfCompilation(threading.local):
-    """Releases what `hold` took when this thread leaves the compilation in which it was taken: a listener of numba's.
+class _Lock:
+    """The lock file of the kernel that this thread stores, or has stored last; thread-local, as compilations are."""
 
-    A kernel is compiled, and stored at last, under numba's compiler lock, inside the compilation of its caller; each
-    taking and release of that lock is an event. Thread-local, as that lock has an owner.
-    """
+    _PATIENCE_S = 5.0
+    _APART_S = 0.01
 
     def __init__(self) -> None:
-        self._depth = 0
-        self._held_at = 0
-        self._file: IO[bytes] | None = None
+        self._local = threading.local()
 
     def hold(self, path: Path) -> None:
-        """Wait for and take the lock file ``path``."""
-        if self._file is None:
-            self._held_at = self._depth
-            self._file = path.open("wb")
-            fcntl.flock(self._file, fcntl.LOCK_EX)
+        """Let go of the lock that is held and take another; one that is not free after five seconds is not waited for.
 
-    def notify(self, event: Any) -> None:
-        """Follow numba's compiler lock."""
-        self._depth += 1 if event.is_start else -1
-        if self._file is not None and self._depth < self._held_at:
-            self._file.close()
-            self._file = None
+        Nobody says when numba has stored a kernel, which takes milliseconds: its lock is held until the next one is.
+        """
+        self.release()
+        self._local.file = path.open("wb")
+        end_s = time.monotonic() + self._PATIENCE_S
+        while time.monotonic() < end_s:
+            with contextlib.suppress(BlockingIOError):
+                fcntl.flock(self._local.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return
+            time.sleep(self._APART_S)
+
+    def release(self) -> None:
+        """Let go of the lock, if one is held."""
+        file: IO[bytes] | None = getattr(self._local, "file", None)
+        if file is not None:
+            file.close()
+            self._local.file = None
+
+
+_LOCK = _Lock()
 
 
 @functools.cache
-def _end_of_compilation() -> _EndOfCompilation:
-    from numba.core import event  # here, as `services` is imported by processes that have no use for numba
-
-    event.Listener.register(_EndOfCompilation)
-    listener = _EndOfCompilation()
-    event.register("numba:compiler_lock", listener)
-    return listener
+def _folder(path: str, root: Path) -> Path | None:
+    """Return the folder of a file's kernels below `root`, marked as used, or None."""
+    module = _sources().module_of(Path(path))
+    if module is None or not _is_writable(root):
+        return None
+    folder = root / f"{module}-{_digest(module)}"
+    with contextlib.suppress(FileNotFoundError):
+        os.utime(folder)
+    return folder
 
 
 @functools.cache
@@ -154,10 +152,10 @@ def _is_writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK)
 
 
-def _forget_oldest(folder: Path, module: str) -> None:
-    """Keep the last used few of a module's folders, and those in which somebody may be at work."""
+def _forget_oldest(folder: Path) -> None:
+    """Keep the last used few of the folders of a module, and those in which somebody may be at work."""
     ages = []
-    for path in folder.glob(f"{module}-*"):
+    for path in folder.parent.glob(f"{folder.name.rpartition('-')[0]}-*"):
         with contextlib.suppress(FileNotFoundError):  # another process forgets it, too
             ages.append((time.time() - path.stat().st_mtime, path))
     for age_s, path in sorted(ages)[_KEPT - 1 :]:

@@ -1,13 +1,18 @@
 """All tests, in two parts: ``python -m tests [what pytest takes]``, which ``./dev test`` runs.
 
 First everything that shares the machine: one worker a core, a file stays with one of them. Then, alone, what starts a
-rig: a rig beside busy neighbours is judged as late, and rightly. One summary counts both; either part fails the run.
-Where all tests are run, physics and haptics compile before, each its share, so that no two workers compile the same.
+rig that is judged: a rig beside busy neighbours is late, and rightly called so. One summary counts both; either part
+fails the run. Where all tests are run, physics and haptics compile before, each its share, so that no two workers
+compile the same.
+
+``--long``, by hand and before a release, also runs what is marked ``long``; then all hard cases of a seed that nobody
+has seen (``--seed S``: that one), and faults of a running rig by chance. Their rates are tables in ``docs/``.
 """
 
 from __future__ import annotations
 
 import os
+import secrets
 import subprocess
 import sys
 import tempfile
@@ -30,6 +35,10 @@ from services.runtime.process import Options, load_process_config
 name, scene = sys.argv[1:]
 importlib.import_module(f"services.{name}.__main__").prepare(load_process_config(name, Options("stub", scene, ())))
 """
+
+
+_DOCS = Path(__file__).parents[1] / "docs"
+_MOST_SEED = 2**31
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +105,8 @@ def compile_kernels() -> float:
 
 def main(arguments: list[str]) -> int:
     """Run both parts, the second also after a failure of the first, unless the first was interrupted."""
-    if not arguments:
+    seed = _take_seed(arguments)
+    if not [word for word in arguments if word != "--long"]:
         print("compiling kernels", flush=True)
         print(f"kernels are compiled ({compile_kernels():.0f} s)", flush=True)
     workers = min(os.cpu_count() or 1, _MOST_WORKERS)
@@ -104,7 +114,28 @@ def main(arguments: list[str]) -> int:
     if parts[0].exit_code != 2:  # interrupted, or -x
         parts.append(run_part(_ALONE, arguments))
     print(summary(parts))
-    return exit_code(parts)
+    rates = measure_rates(seed) if "--long" in arguments and parts[0].exit_code != 2 else 0
+    return exit_code(parts) or rates
+
+
+def _take_seed(arguments: list[str]) -> int:
+    """Take ``--seed S`` out of the arguments; without it a seed is drawn."""
+    if "--seed" not in arguments:
+        return secrets.randbelow(_MOST_SEED)
+    at = arguments.index("--seed")
+    seed = int(arguments[at + 1])
+    del arguments[at : at + 2]
+    return seed
+
+
+def measure_rates(seed: int) -> int:
+    """Run what is a matter of rates, write its tables, and return an exit code that says whether anything failed."""
+    print(f"rates over fresh cases, seed {seed}; `python -m tests --long --seed {seed}` runs them again", flush=True)
+    commands = [
+        ["-m", "services.cli.app", "stability", "--long", "--seed", f"{seed}", "--report", f"{_DOCS / 'stability.md'}"],
+        ["-m", "tests.rig.kills", "--seed", f"{seed}", "--report", f"{_DOCS / 'kills.md'}"],
+    ]
+    return max([subprocess.run([sys.executable, *command], check=False).returncode for command in commands])
 
 
 if __name__ == "__main__":

@@ -1,24 +1,71 @@
-"""What all tests share: a cache of their own, and nothing of the caller's environment."""
+"""What all tests share: a cache of their own, and nothing of the caller's environment.
+
+Bases, blocks and what walls have learned take a minute to compute, so they are kept from run to run, as kernels are. An
+entry of the cache is named by the content that it follows from and by part of the code; here a folder is named by all
+source that makes entries, and by the libraries' versions, so that changed code never meets what other code has made.
+
+Tests marked ``long`` run with ``--long`` only.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import shutil
+import time
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 import services.runtime  # noqa: F401  first of all: it keeps the numerics libraries to one thread
 from services import kernel_cache
+from services.cache_directory import cache_directory
+from services.source_closure import Sources
+
+#: The modules that make entries of the cache: their results follow from these and from what they import.
+MAKERS = (
+    "services.mechanics.reduction.nonlinear.quadratic_manifold",
+    "services.mechanics.reduction.reduce",
+    "services.mechanics.reduction.softening.training",
+    "services.mechanics.reduction.hyperelastic.energy_sampling",
+    "services.meshes.cached",
+)
+_LIBRARIES = ("numpy", "scipy", "numba", "trimesh", "pyvista", "pyacvd")
+_KEPT = 3
+_IN_USE_S = 3600.0
+
+
+# Properties are tried with other numbers in every run; what fails prints how it is run again.
+settings.register_profile("trocar", deadline=None, print_blob=True)
+settings.load_profile("trocar")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--long", action="store_true", help="also run what is marked long: before a release")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is long, unless it is asked for; what waits for processes most of the time comes first."""
+    items.sort(key=lambda item: "of_fakes" not in item.path.name)
+    if config.getoption("--long"):
+        return
+    left_out = [item for item in items if item.get_closest_marker("long")]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in left_out]
 
 
 @pytest.fixture(autouse=True, scope="session")
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Bases are built anew in every test run; rig options of the shell that started it do not reach the tests.
+def own_cache() -> Iterator[Path]:
+    """Rig options of the shell that started the tests do not reach them, nor the user's own bases.
 
     Kernels stay where they are: their folder is named after their source, and a rig finds what the tests compiled.
     """
-    directory = _shared(tmp_path_factory) / "cache"
-    directory.mkdir(exist_ok=True)
+    of_user = cache_directory()
+    # Tests of a recipe's copy are run by a test: their folder is beside its own.
+    directory = kept_directory(of_user.parent if of_user.parent.name == "tests" else of_user / "tests")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("NUMBA_CACHE_DIR", str(kernel_cache.root()))
         patch.setenv("TROCAR_CACHE_DIR", str(directory))
@@ -27,7 +74,16 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield directory
 
 
-def _shared(factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of the whole run, also where it has several workers: what one has built the other finds."""
-    own = factory.getbasetemp()
-    return own.parent if own.name.startswith("popen-") else own
+def kept_directory(root: Path) -> Path:
+    """Return the folder below ``root`` of the code as it is now; of those of other code the last used few are kept."""
+    sources = Sources(Path(__file__).parents[1])
+    made_of = [sources.digest(module) for module in MAKERS] + [version(name) for name in _LIBRARIES]
+    directory = root / hashlib.sha256("\n".join(made_of).encode()).hexdigest()[:16]
+    directory.mkdir(parents=True, exist_ok=True)
+    directory.touch()
+    ages = sorted((time.time() - path.stat().st_mtime, path) for path in root.iterdir())
+    for age_s, path in ages[_KEPT:]:
+        if age_s > _IN_USE_S:
+            with contextlib.suppress(OSError):
+                shutil.rmtree(path)
+    return directory

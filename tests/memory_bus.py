@@ -11,7 +11,7 @@ import msgspec
 import protocol.bodies as bodies
 from protocol import Frame, topic
 from services.runtime import bus
-from services.runtime.whole import join
+from services.runtime.frame_batches import join
 
 
 class MemoryHub:

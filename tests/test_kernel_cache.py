@@ -125,11 +125,9 @@ def test_what_was_not_used_for_longest_is_forgotten_but_nothing_in_use(
     (tmp_path / "services.mechanics.other-1").mkdir()
     os.utime(tmp_path / "services.mechanics.other-1", (0, 0))
     os.utime(tmp_path / f"{module}-19")
-    locator = kernel_cache.Locator(module, "new", 1)
-    with_numba = kernel_cache._end_of_compilation()
+    locator = kernel_cache.Locator(tmp_path / f"{module}-new", 1)
     locator.ensure_cache_path()
-    with_numba._file.close()
-    with_numba._file = None
+    kernel_cache._LOCK.release()
     kept = sorted(path.name.rpartition("-")[2] for path in tmp_path.glob(f"{module}-*"))
     assert kept == ["00", "01", "02", "03", "04", "05", "19", "new"]
     assert (tmp_path / "services.mechanics.other-1").is_dir()
@@ -138,5 +136,5 @@ def test_what_was_not_used_for_longest_is_forgotten_but_nothing_in_use(
 def test_a_folder_that_another_process_forgets_meanwhile_is_no_fault(tmp_path: Path) -> None:
     gone = tmp_path / "services.mechanics.example-gone"
     gone.symlink_to(tmp_path / "removed")  # is listed, and is not there when it is looked at
-    kernel_cache._forget_oldest(tmp_path, "services.mechanics.example")
+    kernel_cache._forget_oldest(tmp_path / "services.mechanics.example-new")
     assert gone.is_symlink()

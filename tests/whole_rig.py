@@ -15,12 +15,12 @@ from protocol.bodies import GatewayState, PhysicsState
 from services.cache_directory import cache_directory
 from services.gateway.driver import GraspHandle
 from services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
-from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE
 from services.gateway.scene_hands import SceneHands
 from services.gateway.script import HANDLE
+from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from services.haptics import __main__ as haptics_process
 from services.mechanics.arrays import FloatArray
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.physics import __main__ as physics_process

@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from typing import Annotated, Self
 
 import msgspec
-import numpy as np
 from msgspec import Meta
 
-from protocol.arrays import Array, pack, spec
+from protocol.arrays import Array, spec
+from protocol.table import TableRow, columns
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
-#: Columns of the table of local models.
-MODEL_COLUMNS = 33
 
-
-class LocalModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+class LocalModel(TableRow, array_like=True, frozen=True, kw_only=True):
     """Force on one instrument near a state: ``f = f0 - K (x - x0) - B (v - v0)``; the same for the grasp torque.
 
     A row of `ContactModel.models` by its names, for whoever does not mind an object: servo and haptics take rows.
@@ -34,19 +31,12 @@ class LocalModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     reference_rate_rad_s: float = 0.0
     in_contact: Annotated[bool, Meta(description="false: free space, every force above is zero")] = False
 
-    def row(self) -> tuple[float, ...]:
-        """Return it as it travels, (MODEL_COLUMNS,)."""
-        return (
-            *self.force_n, *self.stiffness_n_m, *self.damping_n_s_m, *self.reference_position_m,
-            *self.reference_velocity_m_s, self.grasp_torque_nm, self.grasp_stiffness_nm_rad,
-            self.grasp_damping_nm_s_rad, self.reference_angle_rad, self.reference_rate_rad_s, float(self.in_contact),
-        )  # fmt: skip
 
-    @classmethod
-    def from_row(cls, row: Sequence[float]) -> Self:
-        """Return the model that travels as ``row`` (MODEL_COLUMNS,)."""
-        n = [float(number) for number in row]
-        return msgspec.convert((n[0:3], n[3:12], n[12:21], n[21:24], n[24:27], *n[27:32], bool(n[32])), cls)
+#: Where the parts of ``f = f0 - K (x - x0) - B (v - v0)`` and of the grasp's torque begin in the table of local models.
+(
+    MODEL_F0, MODEL_K, MODEL_B, MODEL_X0, MODEL_V0, MODEL_TORQUE, MODEL_GRASP_K, MODEL_GRASP_B, MODEL_ANGLE0,
+    MODEL_RATE0, MODEL_CONTACT, MODEL_COLUMNS,
+) = columns(LocalModel)  # fmt: skip
 
 
 class ContactModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -69,19 +59,14 @@ class ContactModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     @classmethod
     def of(cls, tick: int, ttl_s: float, models: Sequence[LocalModel]) -> Self:
         """Return a frame's body of such models."""
-        rows = [model.row() for model in models]
-        return cls(tick=tick, ttl_s=ttl_s, models=pack(np.array(rows).reshape(len(rows), MODEL_COLUMNS)))
+        return cls(tick=tick, ttl_s=ttl_s, models=LocalModel.table(models))
 
     def local_models(self) -> tuple[LocalModel, ...]:
         """Return the models by their names, of a checked body."""
         return tuple(map(LocalModel.from_row, self.models.view().tolist()))
 
 
-#: Columns of the table of tools.
-TOOL_COLUMNS = 8
-
-
-class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+class ToolState(TableRow, array_like=True, frozen=True, kw_only=True):
     """One forceps as physics needs it: a row of `ToolContacts.tools` by its names."""
 
     position_m: Annotated[Vec3, Meta(description="HIP: the junction J")]
@@ -89,19 +74,9 @@ class ToolState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     roll_rad: Annotated[float, Meta(description="of the jaws about the shaft; pose = J, port and roll")] = 0.0
     jaw_angle_rad: Annotated[float, Meta(description="opening between the jaws that the handle asks for")] = 0.0
 
-    def row(self) -> tuple[float, ...]:
-        """Return it as it travels, (TOOL_COLUMNS,)."""
-        return (*self.position_m, *self.port_m, self.roll_rad, self.jaw_angle_rad)
 
-    @classmethod
-    def from_row(cls, row: Sequence[float]) -> Self:
-        """Return the tool that travels as ``row`` (TOOL_COLUMNS,)."""
-        return msgspec.convert((row[0:3], row[3:6], row[6], row[7]), cls)
-
-
-def tool_table(tools: Sequence[ToolState]) -> Array:
-    """Return tools as they travel, (tools, TOOL_COLUMNS)."""
-    return pack(np.array([tool.row() for tool in tools]).reshape(len(tools), TOOL_COLUMNS))
+TOOL_POSITION, TOOL_PORT, TOOL_ROLL, TOOL_OPENING, TOOL_COLUMNS = columns(ToolState)
+tool_table = ToolState.table
 
 
 class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -116,8 +91,9 @@ class GraspHold(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     jaw_angle_rad: Annotated[float, Meta(description="opening at which the jaws met what they hold")]
 
 
-#: Columns of the two tables of contact pairs.
-PAIR_INDICES, PAIR_GEOMETRY = 4, 8
+# Columns of the two tables of contact pairs, and how many there are of each.
+PAIR_TOOL, PAIR_SEGMENT, PAIR_KIND, PAIR_TARGET, PAIR_INDICES = range(5)
+PAIR_PARAMETER, PAIR_WEIGHTS, PAIR_NORMAL, PAIR_GAP, PAIR_GEOMETRY = 0, 1, 4, 7, 8
 
 
 class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

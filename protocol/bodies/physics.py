@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Annotated
 
 import msgspec
-import numpy as np
 from msgspec import Meta
 
-from protocol.arrays import Array, pack, spec
+from protocol.arrays import Array, spec
+from protocol.table import TableRow, columns
 from protocol.vectors import ZERO3, ZERO9, Mat3, Vec3
 
 
@@ -35,13 +34,7 @@ class Catheter(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     inserted_length_m: Annotated[float, Meta(description="arc length inside the lumen")] = 0.0
 
 
-#: Columns of the table of reactions.
-REACTION_COLUMNS = 27
-#: No count is larger, whatever a table says.
-_MOST = 2.0**31
-
-
-class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+class ToolReaction(TableRow, array_like=True, frozen=True, kw_only=True):
     """Solved force on one tool, and the stiffness that it meets: a row of `PhysicsState.tools` by its names."""
 
     force_n: Annotated[Vec3, Meta(description="on the tool, at J")] = ZERO3
@@ -60,27 +53,18 @@ class ToolReaction(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
         float, Meta(description="opening at which what is between the jaws stops them, -1 not known")
     ] = -1.0
 
-    def row(self) -> tuple[float, ...]:
-        """Return it as it travels, (REACTION_COLUMNS,)."""
-        return (
-            *self.force_n, *self.port_moment_nm, *self.proxy_position_m, *self.stiffness_n_m, self.grasp_torque_nm,
-            self.grasp_stiffness_nm_rad, self.proxy_jaw_angle_rad, float(self.contacts), float(self.holds),
-            *self.position_m, self.jaw_angle_rad,
-        )  # fmt: skip
-
-    @classmethod
-    def from_row(cls, row: Sequence[float]) -> Self:
-        """Return the reaction that travels as ``row`` (REACTION_COLUMNS,)."""
-        n = list(row)
-        contacts, holds = (int(min(max(count, 0.0), _MOST)) for count in n[21:23])
-        of_grasp, about = n[18:20], (n[9:18], n[23:26], n[26], n[6:9])
-        return msgspec.convert((n[0:3], n[3:6], *of_grasp, *about, contacts, holds, n[20]), cls)
+    TABLE_ORDER = (
+        "force_n", "port_moment_nm", "proxy_position_m", "stiffness_n_m", "grasp_torque_nm", "grasp_stiffness_nm_rad",
+        "proxy_jaw_angle_rad", "contacts", "holds", "position_m", "jaw_angle_rad",
+    )  # fmt: skip
 
 
-def reaction_table(reactions: Sequence[ToolReaction]) -> Array:
-    """Return reactions as they travel, (tools, REACTION_COLUMNS)."""
-    rows = np.array([reaction.row() for reaction in reactions])
-    return pack(rows.reshape(len(reactions), REACTION_COLUMNS))
+(
+    REACTION_FORCE, REACTION_MOMENT, REACTION_PROXY, REACTION_STIFFNESS, REACTION_GRASP_TORQUE,
+    REACTION_GRASP_STIFFNESS, REACTION_PROXY_OPENING, REACTION_CONTACTS, REACTION_HOLDS, REACTION_POSITION,
+    REACTION_OPENING, REACTION_COLUMNS,
+) = columns(ToolReaction)  # fmt: skip
+reaction_table = ToolReaction.table
 
 
 class ContactForces(msgspec.Struct, array_like=True, frozen=True, kw_only=True):

@@ -25,7 +25,7 @@ class QualityReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     name: Annotated[str, Meta(max_length=64)] = "full"
     rungs: Annotated[int, Meta(ge=1, le=16, description="of the whole ladder")] = 1
-    cost_us: Annotated[float | None, Meta(description="of a tick of physics; none: nobody has measured")] = None
+    cost_us: Annotated[float | None, Meta(description="of a tick of physics; none: not measured")] = None
     force_error_percent: float | None = None
     motion_error_percent: float | None = None
     lowered: Annotated[int, Meta(ge=0, description="how often since the start")] = 0
@@ -33,7 +33,7 @@ class QualityReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
 
 class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
-    """State of the rig, and what everyone is asked to do."""
+    """State of the rig, and what its processes are to do."""
 
     state: Annotated[str, Meta(max_length=16, description="off, starting, ready, running, degraded or safe_stop")]
     quality_level: Annotated[int, Meta(ge=0, lt=16, description="0 is the best")] = 0
@@ -45,7 +45,7 @@ class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
     ] = ""
     processes: Annotated[tuple[ProcessReport, ...], Meta(max_length=16)] = ()
     token_sha256: Annotated[
-        str, Meta(max_length=64, description="of the session's token, which whoever commands the rig must show")
+        str, Meta(max_length=64, description="of the session's token, which every command must carry")
     ] = ""
     quality: QualityReport = QualityReport()
     armed: Annotated[

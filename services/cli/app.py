@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from enum import StrEnum
+from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from services.cli import refusals
+from services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
 
 app = typer.Typer(
     name="trocar", no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
     help="Trocar: an open laparoscopic haptic trainer.",
 )  # fmt: skip
+VERBS = "trocar.verbs"
+
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
-
-Rig = Annotated[str, typer.Option("--rig", envvar="TROCAR_RIG", help="Rig file, or the name of one in configs/rigs.")]
-Scene = Annotated[
-    str | None, typer.Option("--scene", envvar="TROCAR_SCENE", help="Scene file, or the name of one in configs/scenes.")
-]
-Overrides = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", envvar="TROCAR_SET", help="Change one key of the rig.")
-]
-Address = Annotated[str | None, typer.Option(help="Address of the supervisor's page; default: the one of this host.")]
-Token = Annotated[str | None, typer.Option(help="Token that the rig printed, with --address.")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
-
-
-def _finite(value: float | None) -> float | None:
-    """Refuse what has no end."""
-    if value is not None and not math.isfinite(value):
-        raise typer.BadParameter(f"{value} is no length of time")
-    return value
 
 
 class Viewer(StrEnum):
@@ -51,7 +37,7 @@ def up(
     rig: Rig = "stub",
     scene: Scene = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, callback=_finite, help="Run so long, measured from RUNNING, then end.")
+        float | None, typer.Option(min=0.1, callback=finite, help="Run so long, measured from RUNNING, then end.")
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write what the run did to this file.")] = None,
     viewer: Annotated[Viewer | None, typer.Option(help="Where the picture is shown; default: as the rig says.")] = None,
@@ -79,7 +65,7 @@ def top(
     rig: Rig = "stub",
     once: Annotated[bool, typer.Option("--once", help="Print once and end.")] = False,
     json: Json = False,
-    seconds: Annotated[float, typer.Option(min=0.3, callback=_finite, help="Window of the figures.")] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.3, callback=finite, help="Window of the figures.")] = 2.0,
     overrides: Overrides = None,
 ) -> None:
     """Show rates, lateness, paths and topics of a running rig."""
@@ -118,7 +104,7 @@ def sniff(
     topic: Annotated[str | None, typer.Argument(help="Topic to print; without it, the rates of all.")] = None,
     rig: Rig = "stub",
     count: Annotated[int | None, typer.Option(min=1, help="End after so many frames.")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.1, callback=_finite, help="End after so long.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.1, callback=finite, help="End after so long.")] = None,
     hz: Annotated[
         bool, typer.Option("--hz", help="Rate, gaps and periods of the topic instead of its frames.")
     ] = False,
@@ -170,29 +156,11 @@ def repair(
 
 
 @app.command()
-def fem(
-    file: Annotated[Path, typer.Argument(help="Shell case, see configs/fem.")],
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write numbers for programs.")] = None,
-    vtu_file: Annotated[Path | None, typer.Option("--vtu", help="Write fields for ParaView.")] = None,
-) -> None:
-    """Solve your own shell: statics, frequencies, buckling of the case in a file."""
-    from services.cli.fem import fem_command
+def scenes(json: Json = False) -> None:
+    """List the scenes that can be named, each with one sentence."""
+    from services.cli.scenes import run_scenes
 
-    fem_command(file, json_file, vtu_file)
-
-
-@app.command()
-def effects(
-    scene: Scene = None,
-    measure: Annotated[
-        bool, typer.Option("--measure", help="Run the scene with and without each effect; about a minute.")
-    ] = False,
-    json: Json = False,
-) -> None:
-    """List the physical effects: what each does, needs, and costs."""
-    from services.cli.effects import run_effects
-
-    run_effects(scene or "default", measure, json)
+    run_scenes(json)
 
 
 @app.command()
@@ -201,101 +169,6 @@ def tissues(json: Json = False) -> None:
     from services.cli.tissues import run_tissues
 
     run_tissues(json)
-
-
-@app.command()
-def stability(
-    long: Annotated[
-        bool, typer.Option("--long/--quick", help="All of every family, more than 2,000 runs; or a few of each.")
-    ] = False,
-    families: Annotated[
-        list[str] | None, typer.Option("--family", metavar="NAME", help="Only this family; may be given again.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Other seeds, other members of the families.")] = 1,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
-    minutes: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, callback=_finite, help="After so long begin no more cases, and tell of those that have run."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder that keeps results as they come; a run that was ended goes on there.")
-    ] = None,
-    report: Annotated[Path | None, typer.Option(help="Write the table as a page, as docs/stability.md.")] = None,
-    json: Json = False,
-) -> None:
-    """Run the hard cases: nothing blows up, nothing stays wrong, nothing lies quietly."""
-    from services.cli.stability import Request, run_stability
-
-    run_stability(Request(long, tuple(families or ()), seed, jobs, minutes, out, report, json))
-
-
-@app.command()
-def study(
-    names: Annotated[list[str], typer.Argument(metavar="NAME", help="Studies, or all.")],
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and samples: all in five minutes.")] = False,
-    smallest: Annotated[bool, typer.Option("--smallest", help="So little that nothing can be learnt of it.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Draws what is drawn by chance.")] = 1,
-    out: Annotated[
-        Path, typer.Option(help="Folder for results, figures and page; a run that was ended goes on there.")
-    ] = Path("study"),
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes for errors; default: one a core.")] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler whose workers compute errors; costs stay here.")
-    ] = None,
-    report: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write a page with figures, as docs/accuracy.md; studies of it that are not run stay as they are."
-        ),
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Show what accuracy costs in time: error against a converged reference beside the cost of a tick."""
-    from services.cli.study import Request, run_study
-    from services.studies.accuracy.study import Size
-
-    if quick and smallest:
-        raise typer.BadParameter("--quick and --smallest are two sizes: say one of them")
-    size = Size.SMALLEST if smallest else Size.QUICK if quick else Size.FULL
-    run_study(Request(tuple(names), size, seed, out, jobs, scheduler, report, json))
-
-
-@app.command()
-def tune(
-    scene: Annotated[str, typer.Option("--scene", help="Scene file, or the name of one in configs/scenes.")],
-    budget_us: Annotated[
-        float | None,
-        typer.Option(help="What a tick of physics may cost, in microseconds; without it, only the ladder is measured."),
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one key of the scene first.")
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Scene file to write, with its quality ladder.")] = Path("tuned.yaml"),
-    json: Json = False,
-) -> None:
-    """Choose modes, mesh, particles, sweeps and effects of a scene for this machine, and say what was given up."""
-    from services.cli.tune import Request, run_tune
-
-    run_tune(Request(scene, tuple(overrides or ()), budget_us, out, json))
-
-
-@app.command()
-def haptics(
-    hands: Annotated[int, typer.Option(min=1, help="How many try to get energy out of each kind of servo.")] = 1000,
-    out: Annotated[Path, typer.Option(help="Page to write; its figures go into a folder beside it.")] = Path(
-        "haptics.md"
-    ),
-    running: Annotated[
-        bool, typer.Option("--running", help="First run an insertion in a rig of its own; else keep what one did.")
-    ] = False,
-    json: Json = False,
-) -> None:
-    """Show what is felt: how stiff a wall may be, what a moving hand meets, whether any hand gets energy out."""
-    from services.cli.haptics import Request, run_haptics
-
-    run_haptics(Request(hands, out, json, running))
 
 
 @config_app.command("show")
@@ -321,8 +194,19 @@ def config_schema(kind: Annotated[str, typer.Argument(help="rig, scene or device
     run_schema(kind)
 
 
+def add_installed_verbs() -> None:
+    """Add the verbs of installed packages that name a function (app) in the entry-point group `VERBS`.
+
+    `services` does not import what judges it: the studies bring their verbs themselves.
+    """
+    for point in entry_points(group=VERBS):
+        if find_spec(point.module.partition(".")[0]):  # an image of the rig leaves the studies out
+            point.load()(app)
+
+
 def main() -> None:
     """Run the command; what a person can mend is one sentence and an exit code."""
+    add_installed_verbs()
     refusals.run(app)
 
 

@@ -12,11 +12,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from services.cli import host_checks, probes
-from services.cli.host_checks import Finding, Verdict
+from services.cli.host_checks import CheckResult, Verdict
 from services.gateway.driver import check_host
 from services.runtime import config
+from services.runtime.endpoints import lock_holders
 from services.runtime.rig import Rig
-from services.supervisor.holders import holders
 
 _MARKS = {Verdict.OK: "[green]ok[/]", Verdict.WARN: "[yellow]warn[/]", Verdict.FAIL: "[red]fail[/]"}
 
@@ -40,17 +40,17 @@ def run_doctor(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None
         sys.exit(1)
 
 
-def _devices(rig: Rig) -> Iterator[Finding]:
+def _devices(rig: Rig) -> Iterator[CheckResult]:
     named = [each for row in rig.gateway.instruments for each in (row.arm, row.grasp) if each is not None]
-    for check in check_host(named, in_use=bool(holders(rig.transport))):
+    for check in check_host(named, in_use=bool(lock_holders(rig.transport))):
         yield host_checks.finding(check.name, check.ok, check.found, check.advice, needed=check.needed)
 
 
-def _failed(findings: list[Finding]) -> bool:
+def _failed(findings: list[CheckResult]) -> bool:
     return any(finding.verdict is Verdict.FAIL for finding in findings)
 
 
-def _print(findings: list[Finding]) -> None:
+def _print(findings: list[CheckResult]) -> None:
     table = Table(box=None, pad_edge=False)
     for title in ("", "check", "found", "what to do"):
         table.add_column(title, overflow="fold")

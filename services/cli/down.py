@@ -12,9 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from services.runtime import config, endpoints
+from services.runtime.endpoints import lock_holders
 from services.runtime.errors import UserError
 from services.runtime.rig import Rig
-from services.supervisor.holders import holders
 
 _SUPERVISOR_S = 15.0  # it ends five processes, each of which may take five seconds
 _END_S = 5.0
@@ -23,7 +23,7 @@ _END_S = 5.0
 def run_down(rig_name: str, overrides: tuple[str, ...], as_json: bool) -> None:
     """End every process that publishes for the rig: the supervisor first, which ends the others in order."""
     rig = config.load_rig(rig_name, overrides)
-    found = holders(rig.transport)
+    found = lock_holders(rig.transport)
     ended = end_all(rig, found)
     if as_json:
         print(json.dumps({"ended": ended}))
@@ -43,7 +43,7 @@ def end_all(rig: Rig, found: dict[str, int]) -> list[str]:
     """
     supervisor = {name: pid for name, pid in found.items() if name == "supervisor"}
     _end(supervisor, _SUPERVISOR_S)
-    left = holders(rig.transport)
+    left = lock_holders(rig.transport)
     _end({name: pid for name, pid in left.items() if name != "gateway"}, _END_S)
     _end({name: pid for name, pid in left.items() if name == "gateway"}, _END_S)
     endpoints.remove_stale(rig.transport)

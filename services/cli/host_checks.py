@@ -20,10 +20,10 @@ from pathlib import Path
 from services.cache_directory import cache_directory
 from services.cli import preemption
 from services.runtime import endpoints
+from services.runtime.endpoints import lock_holders
 from services.runtime.errors import UserError
 from services.runtime.realtime import DMA_LATENCY, LOCKED_BYTES, lockable_bytes
 from services.runtime.rig import Rig
-from services.supervisor.holders import holders
 from services.supervisor.page_place import DIST
 
 _NEEDED = ("numpy", "scipy", "numba", "zmq", "msgspec", "msgpack", "can", "pydantic", "yaml")
@@ -46,7 +46,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class CheckResult:
     """One check."""
 
     name: str
@@ -55,14 +55,14 @@ class Finding:
     advice: str = ""
 
 
-def finding(name: str, ok: bool, found: str, advice: str, *, needed: bool = False) -> Finding:
+def finding(name: str, ok: bool, found: str, advice: str, *, needed: bool = False) -> CheckResult:
     """Return a finding whose advice is given only where it is wanted."""
     if ok:
-        return Finding(name, Verdict.OK, found)
-    return Finding(name, Verdict.FAIL if needed else Verdict.WARN, found, advice)
+        return CheckResult(name, Verdict.OK, found)
+    return CheckResult(name, Verdict.FAIL if needed else Verdict.WARN, found, advice)
 
 
-def software() -> Iterator[Finding]:
+def software() -> Iterator[CheckResult]:
     """Check Python, packages, and the built page."""
     version = platform.python_version()
     supported = (3, 11) <= sys.version_info[:2] < (3, 14)
@@ -82,7 +82,7 @@ def _list(missing: list[str]) -> str:
     return f"missing: {', '.join(missing)}" if missing else "all there"
 
 
-def scheduling() -> Iterator[Finding]:
+def scheduling() -> Iterator[CheckResult]:
     """Check what the 1 kHz loops want of the system."""
     cores = len(os.sched_getaffinity(0))
     yield finding("cores", cores >= 2, str(cores), "two cores or more: the stub rig pins its loops to cores 0 and 1")
@@ -90,11 +90,11 @@ def scheduling() -> Iterator[Finding]:
     yield _memlock()
     yield _preemption()
     slack = Path("/proc/self/timerslack_ns")
-    yield Finding(
+    yield CheckResult(
         "timer slack", Verdict.OK, f"{slack.read_text().strip() if slack.exists() else '?'} ns, the loops set 1"
     )
     awake = os.access(DMA_LATENCY, os.W_OK)
-    advice = f"write permission on {DMA_LATENCY} (docs/deployment.md), or `spare_power: true` in the rig file"
+    advice = f"write permission on {DMA_LATENCY} (docs/how-to/deployment.md), or `spare_power: true` in the rig file"
     yield finding("idle cores", awake, "kept awake by the loops" if awake else "sleep, and wake late", advice)
     governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
     if governor.exists():
@@ -102,7 +102,7 @@ def scheduling() -> Iterator[Finding]:
         yield finding("governor", name == "performance", name, "cpupower frequency-set -g performance")
 
 
-def _preemption() -> Finding:
+def _preemption() -> CheckResult:
     how = preemption.of_this_kernel()
     advice = (
         "preempt=full on the kernel's command line, or a kernel with PREEMPT_RT: until then a loop waits for the end "
@@ -111,7 +111,7 @@ def _preemption() -> Finding:
     return finding("preemption", preemption.is_prompt(how), how or "the kernel does not say", advice)
 
 
-def _memlock() -> Finding:
+def _memlock() -> CheckResult:
     limit = lockable_bytes()
     enough = limit is None or limit >= LOCKED_BYTES
     shown = "as much as there is" if limit is None else f"{limit >> 20} MiB a process, {LOCKED_BYTES >> 20} are wanted"
@@ -119,7 +119,7 @@ def _memlock() -> Finding:
     return finding("memlock", enough, shown, advice)
 
 
-def _ladder() -> Finding:
+def _ladder() -> CheckResult:
     """Say which scheduling classes a loop is granted; it takes the first of them."""
     script = (
         "import json; from services.runtime.scheduling import Wish, rungs_granted; "
@@ -137,20 +137,22 @@ def _ladder() -> Finding:
     return finding("scheduling classes", rungs["fifo"].startswith("granted"), found, advice)
 
 
-def storage(rig: Rig) -> Iterator[Finding]:
+def storage(rig: Rig) -> Iterator[CheckResult]:
     """Check cache, recordings, socket folder, and who is using it."""
     for name, path in (("cache folder", cache_directory()), ("recordings", rig.recorder.directory)):
         yield _folder(name, path)
     try:
         longest = endpoints.endpoint(rig.transport, "haptics.contact_model")
     except (UserError, OSError) as error:
-        yield Finding("bus", Verdict.FAIL, str(error), "set transport.directory to a short path of yours")
+        yield CheckResult("bus", Verdict.FAIL, str(error), "set transport.directory to a short path of yours")
         return
-    running = ", ".join(f"{name} {pid}" for name, pid in holders(rig.transport).items())
-    yield Finding("bus", Verdict.OK, f"{longest.rpartition('/')[0]}: {f'in use by {running}' if running else 'free'}")
+    running = ", ".join(f"{name} {pid}" for name, pid in lock_holders(rig.transport).items())
+    yield CheckResult(
+        "bus", Verdict.OK, f"{longest.rpartition('/')[0]}: {f'in use by {running}' if running else 'free'}"
+    )
 
 
-def _folder(name: str, path: Path) -> Finding:
+def _folder(name: str, path: Path) -> CheckResult:
     existing = path.absolute()
     while not existing.exists():
         existing = existing.parent
@@ -161,7 +163,7 @@ def _folder(name: str, path: Path) -> Finding:
     return finding(name, writable and free > _FREE_BYTES, found, advice)
 
 
-def ports(rig: Rig) -> Iterator[Finding]:
+def ports(rig: Rig) -> Iterator[CheckResult]:
     """Check that the page and the picture can have their ports."""
     web, picture = rig.supervisor.web, rig.visualization
     places = (("supervisor.web.port", web.host, web.port), ("visualization.port", picture.host, picture.port))
@@ -172,6 +174,6 @@ def ports(rig: Rig) -> Iterator[Finding]:
                 probe.bind((host, port))
             except OSError as error:
                 why = f"{host}:{port}: {(error.strerror or str(error)).lower()}"
-                yield Finding(key, Verdict.WARN, why, f"trocar down, or --set {key}=N")
+                yield CheckResult(key, Verdict.WARN, why, f"trocar down, or --set {key}=N")
             else:
-                yield Finding(key, Verdict.OK, f"{host}:{port} is free")
+                yield CheckResult(key, Verdict.OK, f"{host}:{port} is free")

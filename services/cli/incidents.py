@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from services.runtime.flight import COLUMNS
 from services.runtime.flights import FAST_HZ, Flight, ThreadTime, overrun_ns
+from services.supervisor.observers.core_sleepers import NAME as FLOOR
 
-#: Flights of the watchers that do nothing but wake: late ones are the machine's doing.
-FLOOR = "floor"
 #: Later than this the machine did not wake who was due: ten times what a wake-up takes.
 FLOOR_LATE_NS = 300_000
 #: Why a tick was late: nobody was woken on its core; it was working; or none of what is known (its frame was on its

@@ -21,7 +21,8 @@ from services.runtime import config, endpoints
 from services.runtime.errors import UserError
 from services.runtime.flight import flight_directory
 from services.runtime.flights import FILE_SUFFIX, Flight, Flights, ThreadTime, read_file, read_rings
-from services.supervisor.threads import ThreadWatch
+from services.supervisor.observers.observer import Sight
+from services.supervisor.observers.thread_usage import ThreadUsage
 
 _LOOK_S = 1.0
 _THREADS = 8
@@ -58,21 +59,29 @@ def run_latency(request: Request) -> None:
         if there is nothing to look at, or a file cannot be read or written.
     """
     targets.look_at_file("--trace", request.trace)
-    taken = [read_file(path) for path in request.files] or [_now(request)]
+    taken = [read_file(path) for path in request.files]
+    kept = None
+    if not taken:
+        now, kept = _now(request)
+        taken = [now]
     if request.trace is not None:
         if len(taken) > 1:
             raise UserError(f"--trace: a trace is of one file, and {len(taken)} were given")
         targets.write_text("--trace", request.trace, json.dumps(trace(taken[0]), allow_nan=False))
         print(f"wrote {request.trace}: open it at https://ui.perfetto.dev", file=sys.stderr)
     if request.json:
-        print(json.dumps([_plain(each, request.worst) for each in taken]))
+        source = {"file": str(kept)} if kept is not None else {}
+        print(json.dumps([_plain(each, request.worst) | source for each in taken]))
         return
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
+    if kept is not None:
+        rig = f"No rig runs as {request.rig}; this is the last that one kept, at {taken[0].taken_at}: {kept}"
+        console.print(rig, markup=False, soft_wrap=True)
     for each in taken:
         _show(console, each, request.worst)
 
 
-def _now(request: Request) -> Flights:
+def _now(request: Request) -> tuple[Flights, Path | None]:
     """Return the last seconds of the rig's loops, whether they run or died; else the newest file that it left."""
     transport = config.load_rig(request.rig, request.overrides).transport
     directory = endpoints.run_directory(transport)
@@ -82,15 +91,14 @@ def _now(request: Request) -> Flights:
         kept = sorted((directory / "flights").glob(f"*{FILE_SUFFIX}"))
         if not kept:
             raise UserError(f"no loop has left a flight in {rings}, and no file is kept in {directory / 'flights'}")
-        print(f"no rig is running; of the last one: {kept[-1]}", file=sys.stderr)
-        return read_file(kept[-1])
-    threads = ThreadWatch()
+        return read_file(kept[-1]), kept[-1]
+    threads = ThreadUsage()
     for _ in range(2):
-        threads.turn(time.monotonic(), pids)
+        threads.sample(Sight(time.monotonic(), pids))
         time.sleep(_LOOK_S)
-    threads.turn(time.monotonic(), pids)
+    threads.sample(Sight(time.monotonic(), pids))
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return Flights(read_rings(rings), time.monotonic_ns(), now, "looked at by hand", threads.recent())
+    return Flights(read_rings(rings), time.monotonic_ns(), now, "looked at by hand", threads.busiest()), None
 
 
 def _plain(taken: Flights, worst: int) -> dict[str, object]:

@@ -1,7 +1,8 @@
 """Whether the kernel takes a core from what it does itself for an ordinary process, when a loop is to run.
 
 A kernel without preemption ends the system call first: a process of the machine that made one of 1.4 ms a second was
-behind two thirds of the moments in which a rig missed ticks, whatever the loops' priority (docs/fast-path.md).
+behind two thirds of the moments in which a rig missed ticks, whatever the loops' priority
+(docs/explanation/fast-path.md).
 """
 
 from __future__ import annotations

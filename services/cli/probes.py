@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 
-from services.cli.host_checks import Finding, Verdict, finding
+from services.cli.host_checks import CheckResult, Verdict, finding
 
 _PACKAGES = {"OpenGL": "libopengl0", "GL": "libgl1", "EGL": "libegl1", "Xrender": "libxrender1"}
 _RENDER_S = 40.0
@@ -25,7 +25,7 @@ print(plotter.render_window.GetClassName())
 """
 
 
-def graphics() -> Iterator[Finding]:
+def graphics() -> Iterator[CheckResult]:
     """Check display, GL libraries, and one picture drawn off screen."""
     display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
     advice = "the web page needs none; --viewer native does"
@@ -37,7 +37,7 @@ def graphics() -> Iterator[Finding]:
     yield probe("off-screen picture", _RENDER, _RENDER_S, environment, "native window, snapshots and MJPEG need it")
 
 
-def probe(name: str, script: str, patience_s: float, environment: dict[str, str], advice: str) -> Finding:
+def probe(name: str, script: str, patience_s: float, environment: dict[str, str], advice: str) -> CheckResult:
     """Return what a script said that was run for no longer than `patience_s`; a crash is a finding too."""
     command = [sys.executable, "-W", "ignore", "-c", script]
     try:
@@ -45,10 +45,10 @@ def probe(name: str, script: str, patience_s: float, environment: dict[str, str]
             command, capture_output=True, text=True, timeout=patience_s, env={**os.environ, **environment}, check=False
         )
     except subprocess.TimeoutExpired:
-        return Finding(name, Verdict.WARN, f"no answer within {patience_s:.0f} s", advice)
+        return CheckResult(name, Verdict.WARN, f"no answer within {patience_s:.0f} s", advice)
     if done.returncode == 0:
-        return Finding(name, Verdict.OK, done.stdout.strip())
+        return CheckResult(name, Verdict.OK, done.stdout.strip())
     if done.returncode < 0:
-        return Finding(name, Verdict.WARN, f"crashes with {signal.Signals(-done.returncode).name}", advice)
+        return CheckResult(name, Verdict.WARN, f"crashes with {signal.Signals(-done.returncode).name}", advice)
     last = (done.stderr.strip().splitlines() or ["failed"])[-1]
-    return Finding(name, Verdict.WARN, last[:200], advice)
+    return CheckResult(name, Verdict.WARN, last[:200], advice)

@@ -6,16 +6,16 @@ import dataclasses
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import BaseModel, TypeAdapter
 
-from services.runtime import config, endpoints, keys
-from services.runtime.called_for import BESIDE_THE_DUCT
+from services.nearest_word import did_you_mean
+from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
+from services.runtime.scene_requirements import BESIDE_THE_DUCT
 
 KINDS = ("rig", "scene", "device")
 
@@ -65,7 +65,8 @@ def run_show(request: Request) -> None:
 def run_schema(kind: str) -> None:
     """Print the JSON schema of a kind of file."""
     if kind not in KINDS:
-        raise ConfigError(f"there is no configuration {kind!r}; known: {', '.join(KINDS)}")
+        near = did_you_mean(kind, KINDS)
+        raise ConfigError(f"there is no configuration {kind!r}; known: {', '.join(KINDS)}{near}")
     print(json.dumps(TypeAdapter(_type_of(kind)).json_schema(), indent=1))
 
 
@@ -82,36 +83,13 @@ def _type_of(kind: str) -> Any:
 
 
 def _load(kind: str, name: str, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
-    path = config.find(kind, name)
+    from services.cli.check_options import checked_rig, checked_scene
+
     if kind == "scene":
-        return _load_scene(name, overrides)
+        return checked_scene(name, overrides)
     if kind == "rig":
-        return _load_rig(path, overrides)
-    return config.load(_type_of(kind), path, overrides)
-
-
-def _load_scene(name: str, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
-    """Return a scene whose duct could be built: with a mesh that is there, and so many modes as it has."""
-    from services.cache_directory import cache_directory
-    from services.scenes import check_duct, scene_origins
-
-    scene, origins = scene_origins(name, overrides)
-    check_duct(scene, cache_directory())
-    return scene, origins
-
-
-def _load_rig(path: Path, overrides: tuple[str, ...]) -> tuple[Any, config.Origins]:
-    """Return a rig whose scene could be built, and whose drivers take their settings."""
-    from services.gateway.instrument import build_instruments
-
-    of_rig, of_scene = config.split_overrides(overrides)
-    rig, origins = config.load(Rig, path, of_rig)
-    endpoints.check(rig.transport)
-    if rig.transport.keys is not None:
-        keys.load(rig.transport.keys)
-    build_instruments(rig.gateway)
-    _load_scene(rig.scene, of_scene)
-    return rig, origins
+        return checked_rig(name, None, overrides)
+    return config.load(_type_of(kind), config.find(kind, name), overrides)
 
 
 def plain(value: Any) -> Any:

@@ -15,10 +15,11 @@ from rich.table import Table
 
 from protocol.topics import TOPICS
 from services.cli.raw_frames import unpack
+from services.nearest_word import did_you_mean
 from services.runtime import config, endpoints, keys
 from services.runtime.errors import BusError, ConfigError
+from services.runtime.frame_batches import batch_endpoint, lengths_and_frames, split
 from services.runtime.rig import Transport
-from services.runtime.whole import lengths_and_frames, split, whole
 
 #: Printed per second unless every frame is asked for: a 1 kHz topic scrolls faster than anyone reads.
 _PRINTED_HZ = 5.0
@@ -39,7 +40,7 @@ class Request:
 
 
 @dataclass(slots=True)
-class Tally:
+class TopicTally:
     """Counts of one topic. Its rate is the publisher's, from what it numbered and stamped, however many came here."""
 
     frames: int = 0
@@ -90,7 +91,8 @@ def run_sniff(request: Request) -> None:
     """
     transport = config.load_rig(request.rig, request.overrides).transport
     if request.topic is not None and request.topic not in TOPICS:
-        raise ConfigError(f"there is no topic {request.topic!r}; known: {', '.join(TOPICS)}")
+        near = did_you_mean(request.topic, TOPICS)
+        raise ConfigError(f"there is no topic {request.topic!r}; known: {', '.join(TOPICS)}{near}")
     topics = list(TOPICS) if request.topic is None else [request.topic]
     try:
         if request.topic is None or request.rates:
@@ -113,7 +115,7 @@ def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Itera
             socket.setsockopt(zmq.RECONNECT_IVL, 10)
             if rig_keys:
                 rig_keys.guard_reader(socket)
-            socket.connect(endpoints.endpoint(transport, whole(topic)))
+            socket.connect(endpoints.endpoint(transport, batch_endpoint(topic)))
             poller.register(socket, zmq.POLLIN)
             names[socket] = topic
         while (left_s := until_s - time.monotonic()) > 0:
@@ -126,7 +128,7 @@ def frames(transport: Transport, topics: Iterable[str], until_s: float) -> Itera
 
 def _show_rates(request: Request, transport: Transport, topics: list[str]) -> None:
     seconds = request.seconds or 2.0
-    tallies: defaultdict[str, Tally] = defaultdict(Tally)
+    tallies: defaultdict[str, TopicTally] = defaultdict(TopicTally)
     for topic, data, _now_s in frames(transport, topics, time.monotonic() + seconds):
         tallies[topic].add(data)
     if not tallies:

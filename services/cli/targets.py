@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from services.atomic_file import atomic_file
 from services.runtime.errors import ConfigError, UserError
-from services.whole_file import whole_file
 
 
-def look_at_file(option: str, path: Path | None) -> None:
-    """Refuse a file that could not be written in the end.
+def look_at_file(option: str, path: Path | None, *, makes_folder: bool = False) -> None:
+    """Refuse a file that could not be written in the end; with `makes_folder`, its folder is made.
 
     Raises
     ------
@@ -22,6 +22,8 @@ def look_at_file(option: str, path: Path | None) -> None:
     if path is None:
         return
     folder = path.absolute().parent
+    if makes_folder and not folder.is_dir():
+        make_folder(option, folder)
     if not folder.is_dir():
         raise ConfigError(f"{option} {path}: there is no folder {folder}")
     if path.is_dir():
@@ -65,12 +67,12 @@ def writing(option: str, path: Path) -> Iterator[None]:
 
 
 def write_text(option: str, path: Path, text: str) -> None:
-    """Write a file so that a reader sees all of it or what was there before, as `whole_file` says.
+    """Write a file so that a reader sees all of it or what was there before, as `atomic_file` says.
 
     Raises
     ------
     UserError
         naming the option and the reason.
     """
-    with writing(option, path), whole_file(path) as half:
+    with writing(option, path), atomic_file(path) as half:
         half.write_text(text, encoding="utf-8")

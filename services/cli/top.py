@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import msgspec
@@ -18,16 +18,17 @@ import protocol
 import protocol.bodies as bodies
 from services.runtime import config
 from services.runtime.bus import Bus
+from services.runtime.endpoints import lock_holders
 from services.runtime.errors import BusError
+from services.runtime.histogram import Quantiles
 from services.runtime.zmq_bus import ZmqBus
 from services.supervisor import figures
-from services.supervisor.dashboard import loop_row, spread, topic_rows
-from services.supervisor.holders import holders
-from services.supervisor.rows import Spread
+from services.supervisor.dashboard import loop_row, topic_rows
 from services.supervisor.window import Window
 
 _TURN_S = 0.1
 _STALE_S = 1.0
+_QUANTILES = tuple(field.name for field in fields(Quantiles))
 #: Of a terminal as it is opened; all tables fit.
 _WIDTH = 80
 
@@ -83,7 +84,7 @@ class Listener:
             "quality_level": self.state.quality_level if self.state else None,
             "waits_for": waits,
             "processes": processes + [_unheard_row(report) for report in unheard.values()],
-            "paths": {n: spread(p.latency) for w in counted.values() for n, p in w.paths.items()},
+            "paths": {n: p.latency.quantiles() for w in counted.values() for n, p in w.paths.items()},
             "topics": topic_rows(counted),
         }
         plain: dict[str, Any] = json.loads(msgspec.json.encode(data))
@@ -127,7 +128,7 @@ def run_top(request: Request) -> None:
     reads = [*(f"{name}.health" for name in protocol.PROCESSES), "supervisor.state"]
     bus = ZmqBus(transport, reads=reads)
     try:
-        listener = Listener(bus, request.seconds, holders(transport))
+        listener = Listener(bus, request.seconds, lock_holders(transport))
         if request.once or not listener.is_anybody():
             _listen(listener, request.seconds if request.once else 0.5)
         if not listener.is_anybody():
@@ -205,9 +206,9 @@ def _process_table(processes: list[dict[str, Any]]) -> Table:
 
 
 def _path_table(paths: dict[str, dict[str, float]]) -> Table:
-    table = _table("path us", *Spread.__struct_fields__)
+    table = _table("path us", *_QUANTILES)
     for name, values in paths.items():
-        table.add_row(name, *(_number(values[key]) for key in Spread.__struct_fields__))
+        table.add_row(name, *(_number(values[key]) for key in _QUANTILES))
     return table
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from services.cli import targets
+from services.cli import targets, validation
 from services.cli.status_display import StatusDisplay
 from services.runtime.errors import DeviceError
 from services.runtime.process import Options
@@ -49,6 +49,7 @@ def run_up(request: Request, nursery: Nursery) -> None:
     """Start the rig, stay until it ends, write the report whatever ended it."""
     targets.look_at_file("--json", request.json_file)
     options = Options(request.rig, request.scene, (*request.overrides, *_viewer(request.viewer)))
+    validation.validate(request.rig, request.scene, request.overrides)
     process = session.open_session(options)
     display = StatusDisplay()
     run = Run(request, display)

@@ -14,12 +14,12 @@ import time
 
 from protocol.bodies import GatewayState
 from services.gateway import scene_hands
-from services.gateway.answers import Answers
-from services.gateway.heard import Heard
+from services.gateway.handle_schedule import HandleSchedule
 from services.gateway.instrument import Instrument, build_instruments
-from services.gateway.orders import Orders
+from services.gateway.model_intake import ModelIntake
+from services.gateway.newest_frames import NewestFrames
 from services.gateway.scene_hands import SceneHands
-from services.gateway.turns import Turns
+from services.gateway.supervisor_commands import SupervisorCommands
 from services.runtime.bus import Bus
 from services.runtime.health import LatencyPath
 from services.runtime.log import progress
@@ -55,12 +55,14 @@ class Gateway:
         self._process = process
         self._bus, self._health = process.bus, process.health
         self.meter = LoopMeter(RATE_HZ, STAGES)
-        self.instruments = build_instruments(process.rig.gateway, Heard(self._bus), hands.hands)
+        self.instruments = build_instruments(process.rig.gateway, NewestFrames(self._bus), hands.hands)
         self._servo = self._path("servo", 100.0)
         self._grasp = self._path("grasp", 300.0)
-        self._answers = Answers(self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0))
-        self._orders = Orders(self.instruments, process.rig.gateway.supervisor_timeout_s)
-        self._turns = Turns(len(self.instruments))
+        self._answers = ModelIntake(
+            self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0)
+        )
+        self._orders = SupervisorCommands(self.instruments, process.rig.gateway.supervisor_timeout_s)
+        self._turns = HandleSchedule(len(self.instruments))
         self._look_round = self._timed = False
         self._unsettled: tuple[int, int, int] | None = None  # index, when sampled, when written, of the last tick
 
@@ -156,19 +158,19 @@ class Gateway:
             instrument.close()
 
 
-def take(bus: Bus, answers: Answers, came_ns: int = 0) -> None:
+def take(bus: Bus, answers: ModelIntake, came_ns: int = 0) -> None:
     """Give the answer to the last tick to the servos, if it has come and they have not had it: now, or at `came_ns`."""
     frame = bus.latest(MODEL) if answers.outstanding else None
     if frame is not None:
         answers.accept(frame, came_ns or time.monotonic_ns())
 
 
-def notice(bus: Bus, answers: Answers, until_ns: int) -> int:
+def notice(bus: Bus, answers: ModelIntake, until_ns: int) -> int:
     """Wait for a model, at most until `until_ns`; return when it came, 0 if none did. Haptics is at work: it is let."""
     return time.monotonic_ns() if answers.outstanding and bus.wait(MODEL, until_ns) else 0
 
 
-def listen(bus: Bus, answers: Answers, until_ns: int) -> None:
+def listen(bus: Bus, answers: ModelIntake, until_ns: int) -> None:
     """Wait for the answer to the last tick, at most until `until_ns`."""
     for _ in range(_LOOKS):
         if not answers.outstanding or not bus.wait(MODEL, until_ns):

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from services.gateway.layout import READ_ROLL, READ_SIZE, READ_TEMPERATURE
 from services.gateway.script import COLUMNS, ROLL, draw_back
+from services.gateway.servo_arrays import READ_ROLL, READ_SIZE, READ_TEMPERATURE
 from services.gateway.simulated_arm import HAND_SIZE, filter_reading, hottest, place_hand, step_links, tremble
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel

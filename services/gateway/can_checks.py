@@ -30,7 +30,7 @@ _MAKE_VIRTUAL = "sudo modprobe vcan; sudo ip link add dev NAME type vcan; sudo i
 _LONGEST_QUEUE = 32
 _MODULES = (
     "sudo modprobe can_raw (and `vcan` for a bus without wires); a kernel that was built without CAN, as some virtual "
-    "machines have, takes an adapter on a serial line: interface slcan (docs/gateway.md)"
+    "machines have, takes an adapter on a serial line: interface slcan (docs/how-to/hardware.md)"
 )
 
 
@@ -151,7 +151,7 @@ def _listen(bus: dict[str, Any], nodes: list[int]) -> Iterator[HostCheck]:
         opened = canbus.open_bus(bus, "here")
     except DeviceError as error:
         said = str(error).removeprefix("here: ")
-        yield HostCheck(f"CAN bus {where}", False, said, "docs/gateway.md has a table of adapters", needed=True)
+        yield HostCheck(f"CAN bus {where}", False, said, "docs/how-to/hardware.md has a table of adapters", needed=True)
         return
     try:
         heard = _hear_drives(opened)

@@ -10,6 +10,7 @@ from typing import Any
 import can
 
 from services.gateway.shared_bus import share
+from services.nearest_word import did_you_mean
 from services.runtime.errors import DeviceError
 
 #: Frames taken by one `drain`: what a stall of half a second leaves behind, and a bound on a tick's time.
@@ -74,7 +75,7 @@ def check_keys(settings: dict[str, Any]) -> None:
     known = ("interface", "bitrate", *known)
     unknown = next((key for key in settings if key not in known), None)
     if unknown is not None:
-        raise ValueError(f"unknown key {unknown!r}; known: {', '.join(known)}")
+        raise ValueError(f"unknown key {unknown!r}; known: {', '.join(known)}{did_you_mean(unknown, known)}")
     if "channel" not in settings:  # without, socketcan hears all buses of the machine
         raise ValueError("channel: this key is missing")
 

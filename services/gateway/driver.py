@@ -24,6 +24,7 @@ from services.gateway.host_check import HostCheck
 from services.gateway.script import Motion
 from services.gateway.servo_law import servo_force
 from services.mechanics.arrays import FloatArray
+from services.nearest_word import did_you_mean
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
 from services.runtime.rig import DriverSettings, Mount, Vector3
@@ -138,7 +139,7 @@ class Arm(Device):
 
     @abstractmethod
     def read(self, time_ns: int, reading: FloatArray) -> None:
-        """Write position, velocity, temperature and roll into `reading`; see `layout`. Never waits.
+        """Write position, velocity, temperature and roll into `reading`; see `servo_arrays`. Never waits.
 
         What the device does not measure, temperature or roll, stays as it is.
 
@@ -225,7 +226,7 @@ def open_bench(name: str, folder: Path) -> AbstractContextManager[Bench]:
     """
     bench = getattr(_module(name, "bench"), "bench", None)
     if bench is None:
-        raise DeviceError(f"driver {name!r} has no function `bench`: see docs/recipes.md")
+        raise DeviceError(f"driver {name!r} has no function `bench`: see docs/how-to/recipes.md")
     return cast(AbstractContextManager[Bench], bench(folder))
 
 
@@ -239,7 +240,9 @@ def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[Hos
 
 def _module(name: str, where: str) -> ModuleType:
     if name not in known_drivers():
-        raise DeviceError(f"{where}: there is no driver {name!r}; known: {', '.join(known_drivers())}")
+        known = known_drivers()
+        near = did_you_mean(name, known)
+        raise DeviceError(f"{where}: there is no driver {name!r}; known: {', '.join(known)}{near}")
     try:
         return importlib.import_module(f"services.gateway.drivers.{name}")
     except ImportError as error:

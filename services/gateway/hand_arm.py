@@ -10,7 +10,8 @@ from pydantic import Field
 
 from services.gateway import pose, premium_model, virtual_hand
 from services.gateway.driver import Arm, ArmLimits, Place
-from services.gateway.layout import MEMORY_FORCE, READ_ROLL
+from services.gateway.servo_arrays import MEMORY_FORCE, READ_ROLL
+from services.gateway.slew import slew
 from services.gateway.virtual_hand import POSITION, STATE_SIZE, TICK_S
 from services.mechanics.arrays import FloatArray
 from services.runtime.errors import ConfigError
@@ -84,6 +85,7 @@ class HandArm(Arm):
         """Put the tool where it waits; a step of a copy makes the kernels ready."""
         virtual_hand.step_hand(self._state.copy(), self.target, self.felt_n)
         virtual_hand.read_hand(self._state, self._mount, np.zeros(8))
+        slew(self._roll, self.target_roll, 0.0)
         self._state[:] = 0.0
         self._state[POSITION : POSITION + 3] = self.target
 
@@ -102,8 +104,7 @@ class HandArm(Arm):
             self._passed_s = 0.0
         for _ in range(ticks):
             virtual_hand.step_hand(self._state, self.target, self.felt_n)
-            step = _ROLL_RAD_S * TICK_S
-            self._roll += min(max(self.target_roll - self._roll, -step), step)
+            self._roll = slew(self._roll, self.target_roll, _ROLL_RAD_S * TICK_S)
         virtual_hand.read_hand(self._state, self._mount, reading)
         reading[READ_ROLL] = self._roll
 

@@ -8,7 +8,8 @@ from typing import Annotated
 from pydantic import Field
 
 from services.gateway.driver import GraspHandle, Place
-from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE
+from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
+from services.gateway.slew import slew
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import Settings
 
@@ -35,7 +36,8 @@ class HandGrasp(GraspHandle):
         self._last_ns = 0
 
     def open(self) -> None:
-        """Nothing to open."""
+        """Compile the limiter here, and not in a tick."""
+        slew(self._angle, self._target, 0.0)
 
     def enable(self) -> None:
         """Nothing to switch on: `ready` stays false."""
@@ -53,8 +55,8 @@ class HandGrasp(GraspHandle):
         passed_s = (time_ns - self._last_ns) * 1e-9 if self._last_ns else 0.0
         self._last_ns = time_ns
         step = self._settings.rate_rad_s * min(passed_s, 0.02)
-        moved = min(max(self._target - self._angle, -step), step)
-        self._angle += moved
+        before, self._angle = self._angle, slew(self._angle, self._target, step)
+        moved = self._angle - before
         handle[HANDLE_ANGLE] = self._angle
         handle[HANDLE_RATE] = moved / passed_s if passed_s > 0.0 else 0.0
 

@@ -8,7 +8,7 @@ from typing import Any
 from evdev import AbsInfo, InputEvent, ecodes
 
 
-class StandIn:
+class InputStandIn:
     """An input device as `input_events.Source` wants it; `say` is a hand on it.
 
     Attributes
@@ -68,21 +68,23 @@ def _axis(low: int, high: int, value: int = 0) -> AbsInfo:
     return AbsInfo(value, low, high, 0, 0, 0)
 
 
-def gamepad(path: str = "/dev/input/event5") -> StandIn:
+def gamepad(path: str = "/dev/input/event5") -> InputStandIn:
     """Return a gamepad in the ranges of the common ones: sticks of 16 bits, triggers of 8."""
     sticks = [(code, _axis(-32768, 32767)) for code in (ecodes.ABS_X, ecodes.ABS_Y, ecodes.ABS_RX, ecodes.ABS_RY)]
     triggers = [(code, _axis(0, 255)) for code in (ecodes.ABS_Z, ecodes.ABS_RZ)]
     hat = [(code, _axis(-1, 1)) for code in (ecodes.ABS_HAT0X, ecodes.ABS_HAT0Y)]
     buttons = [ecodes.BTN_SOUTH, ecodes.BTN_EAST, ecodes.BTN_TL, ecodes.BTN_TR]
     can = {ecodes.EV_KEY: buttons, ecodes.EV_ABS: sticks + triggers + hat, ecodes.EV_FF: [ecodes.FF_RUMBLE]}
-    return StandIn(path, "Stand-in gamepad", can)
+    return InputStandIn(path, "Stand-in gamepad", can)
 
 
-def spacemouse(path: str = "/dev/input/event6", absolute: bool = False) -> StandIn:
+def spacemouse(path: str = "/dev/input/event6", absolute: bool = False) -> InputStandIn:
     """Return a SpaceMouse as most kernels show it, with relative axes, or as some do, with absolute ones."""
     names = ("X", "Y", "Z", "RX", "RY", "RZ")
     buttons = {ecodes.EV_KEY: [ecodes.BTN_0, ecodes.BTN_1]}
     if absolute:
         axes = [(ecodes.ecodes[f"ABS_{name}"], _axis(-350, 350)) for name in names]
-        return StandIn(path, "Stand-in SpaceMouse", {**buttons, ecodes.EV_ABS: axes})
-    return StandIn(path, "Stand-in SpaceMouse", {**buttons, ecodes.EV_REL: [ecodes.ecodes[f"REL_{n}"] for n in names]})
+        return InputStandIn(path, "Stand-in SpaceMouse", {**buttons, ecodes.EV_ABS: axes})
+    return InputStandIn(
+        path, "Stand-in SpaceMouse", {**buttons, ecodes.EV_REL: [ecodes.ecodes[f"REL_{n}"] for n in names]}
+    )

@@ -9,7 +9,7 @@ import numpy as np
 
 import protocol.bodies as bodies
 from protocol import Frame
-from services.gateway import layout, pose
+from services.gateway import pose, servo_arrays
 from services.gateway.driver import Arm, GraspHandle, Place, load_arm, load_grasp
 from services.gateway.engagement import State
 from services.gateway.scene_hands import SceneHand, fitted
@@ -32,8 +32,8 @@ class Instrument:
         self._port = np.array(settings.port_m)
         self._port_m = settings.port_m
         self._mount = pose.pack_mount(settings.mount)
-        self._reading = np.zeros(layout.READ_SIZE)
-        self._handle = np.zeros(layout.HANDLE_SIZE)
+        self._reading = np.zeros(servo_arrays.READ_SIZE)
+        self._handle = np.zeros(servo_arrays.HANDLE_SIZE)
         self._pose = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         self._motion, self._orientation = self._pose[:6], self._pose[6:]
         self._arm_force = np.zeros(3)
@@ -64,7 +64,7 @@ class Instrument:
         servo, arm = self.servo, self.arm
         if arm.fault:
             servo.engagement.fail(arm.fault)
-        temperature = float(self._reading[layout.READ_TEMPERATURE])
+        temperature = float(self._reading[servo_arrays.READ_TEMPERATURE])
         if servo.step(now_ns, self._motion, temperature, calibrated=arm.calibrated, law=arm.evaluate):
             arm.enable()
             if self.grasp is not None:
@@ -131,7 +131,7 @@ class Instrument:
         """Return what the rig is told of this tick."""
         x, y, z, vx, vy, vz, qw, qx, qy, qz = self._pose.tolist()
         angle, rate = self._handle.tolist()
-        temperature, roll = self._reading[layout.READ_TEMPERATURE :].tolist()
+        temperature, roll = self._reading[servo_arrays.READ_TEMPERATURE :].tolist()
         servo = self.servo
         fx, fy, fz = servo.force_n.tolist()
         return bodies.InstrumentState(

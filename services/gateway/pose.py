@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY
+from services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.scene.tool_orientation import tool_orientation

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from services.gateway.script import Breakpoint, Motion, Player
 from services.mechanics.scenarios import SCENARIOS
+from services.nearest_word import did_you_mean
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Vector3
 
@@ -17,7 +18,8 @@ def scenario_player(name: str, index: int, port_m: Vector3, pace: float = 1.0) -
         naming the known scenarios, or saying that this one has nothing for the instrument to do.
     """
     if name not in SCENARIOS:
-        raise ConfigError(f"there is no scenario {name!r}; known: {', '.join(SCENARIOS)}")
+        near = did_you_mean(name, SCENARIOS)
+        raise ConfigError(f"there is no scenario {name!r}; known: {', '.join(SCENARIOS)}{near}")
     scenario = SCENARIOS[name]()
     motion = scenario.motions[index] if index < len(scenario.motions) else None
     if motion is None:

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from services.atomic_file import atomic_file
 from services.cache_directory import cache_directory
 from services.gateway.script import SCENE, Motion, draw_back
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.runtime.rig import GatewaySettings, InstrumentSettings, Settings, Vector3
 from services.source_closure import Sources
-from services.whole_file import whole_file
 
 _MODULE = "services.scenes.hand_motions"
 
@@ -99,7 +99,7 @@ def _found(scene: str, overrides: tuple[str, ...]) -> str:
 
 def _keep(file: Path, text: str) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(file) as half:
+    with atomic_file(file) as half:
         half.write_text(text, encoding="utf-8")
 
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.gateway import layout, servo_law
+from protocol.bodies.haptics import MODEL_COLUMNS
+from services.gateway import servo_arrays, servo_law
 from services.gateway.engagement import Engagement, State
 from services.mechanics.arrays import FloatArray
 
-#: Model, motion, limits, present tick, memory: see `layout`.
+#: Model, motion, limits, present tick, memory: see `servo_arrays`.
 Law = Callable[[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray], None]
 #: This many late ticks in a row, each longer than this, and the arm is let go.
 OVERRUNS, OVERRUN_S = 3, 0.002
@@ -38,14 +39,14 @@ class ServoLimits:
 
     def pack(self) -> FloatArray:
         """Return the limits as the kernels read them. Torque unloads in the same time as force."""
-        out = np.zeros(layout.LIMIT_SIZE)
-        out[layout.LIMIT_FORCE] = self.force_n
-        out[layout.LIMIT_CONTINUOUS_FORCE] = min(self.continuous_force_n, self.force_n)
-        out[layout.LIMIT_RATE] = self.force_rate_n_s
-        out[layout.LIMIT_DAMPING] = self.damping_n_s_m
-        out[layout.LIMIT_TORQUE] = self.torque_nm
-        out[layout.LIMIT_TORQUE_RATE] = self.torque_nm * self.force_rate_n_s / self.force_n
-        out[layout.LIMIT_COUNT], out[layout.LIMIT_FRICTION] = self.count_m, self.friction_n
+        out = np.zeros(servo_arrays.LIMIT_SIZE)
+        out[servo_arrays.LIMIT_FORCE] = self.force_n
+        out[servo_arrays.LIMIT_CONTINUOUS_FORCE] = min(self.continuous_force_n, self.force_n)
+        out[servo_arrays.LIMIT_RATE] = self.force_rate_n_s
+        out[servo_arrays.LIMIT_DAMPING] = self.damping_n_s_m
+        out[servo_arrays.LIMIT_TORQUE] = self.torque_nm
+        out[servo_arrays.LIMIT_TORQUE_RATE] = self.torque_nm * self.force_rate_n_s / self.force_n
+        out[servo_arrays.LIMIT_COUNT], out[servo_arrays.LIMIT_FRICTION] = self.count_m, self.friction_n
         return out
 
 
@@ -66,11 +67,11 @@ class Servo:
         self.age_s = _MAX_AGE_S
         self.grasp_on = False
         self._limits = limits.pack()
-        self._model = np.zeros(layout.MODEL_SIZE)
-        self._memory = np.zeros(layout.MEMORY_SIZE)
-        self._now = np.zeros(layout.NOW_SIZE)
-        self._now[layout.NOW_TTL] = self._ttl_s = 1.0
-        self.force_n = self._memory[layout.MEMORY_FORCE : layout.MEMORY_FORCE + 3]
+        self._model = np.zeros(MODEL_COLUMNS)
+        self._memory = np.zeros(servo_arrays.MEMORY_SIZE)
+        self._now = np.zeros(servo_arrays.NOW_SIZE)
+        self._now[servo_arrays.NOW_TTL] = self._ttl_s = 1.0
+        self.force_n = self._memory[servo_arrays.MEMORY_FORCE : servo_arrays.MEMORY_FORCE + 3]
         self._answers_ns = 0
         self._incarnation = -1
         self._overruns = 0
@@ -82,7 +83,7 @@ class Servo:
     @property
     def torque_nm(self) -> float:
         """Grasp torque to write."""
-        return float(self._memory[layout.MEMORY_TORQUE])
+        return float(self._memory[servo_arrays.MEMORY_TORQUE])
 
     @property
     def limp(self) -> bool:
@@ -92,20 +93,20 @@ class Servo:
     @property
     def scale(self) -> float:
         """How much of the model reaches the hand: 0 limp to 1."""
-        return float(self._memory[layout.MEMORY_SCALE])
+        return float(self._memory[servo_arrays.MEMORY_SCALE])
 
     @property
     def refused(self) -> int:
         """Forces that were not finite."""
-        return int(self._memory[layout.MEMORY_REFUSED])
+        return int(self._memory[servo_arrays.MEMORY_REFUSED])
 
     @property
     def energy_j(self) -> float:
         """Energy that the hand has put into the present contact; negative: more came out."""
-        return float(self._memory[layout.MEMORY_ENERGY])
+        return float(self._memory[servo_arrays.MEMORY_ENERGY])
 
     def accept(self, model: FloatArray, ttl_s: float, answers_ns: int, incarnation: int) -> None:
-        """Take a model (MODEL_SIZE,) that answers the device sample of `answers_ns`.
+        """Take a model (MODEL_COLUMNS,) that answers the device sample of `answers_ns`.
 
         A new incarnation means re-engagement.
         """
@@ -113,7 +114,7 @@ class Servo:
             self._incarnation = incarnation
             self.engagement.let_go()
         self._answers_ns = answers_ns
-        self._now[layout.NOW_TTL] = self._ttl_s = ttl_s
+        self._now[servo_arrays.NOW_TTL] = self._ttl_s = ttl_s
         self._model[:] = model
 
     def step(
@@ -148,13 +149,13 @@ class Servo:
             dt_s,
             fresh=self.age_s <= servo_law.hold_s(ttl_s),
             alive=self.age_s < ttl_s,
-            demand_n=float(self._memory[layout.MEMORY_DEMAND]),
+            demand_n=float(self._memory[servo_arrays.MEMORY_DEMAND]),
             calibrated=calibrated,
         )
-        now[layout.NOW_DT] = dt_s
-        now[layout.NOW_AGE] = self.age_s
-        now[layout.NOW_GAIN] = self.engagement.gain
-        now[layout.NOW_TEMPERATURE] = temperature
+        now[servo_arrays.NOW_DT] = dt_s
+        now[servo_arrays.NOW_AGE] = self.age_s
+        now[servo_arrays.NOW_GAIN] = self.engagement.gain
+        now[servo_arrays.NOW_TEMPERATURE] = temperature
         law(self._model, motion, self._limits, now, self._memory)
         return begins
 
@@ -164,12 +165,12 @@ class Servo:
         The torque of a drive that has come back is ramped up as force is when it begins.
         """
         now = self._now
-        now[layout.NOW_DT] = dt_s = (now_ns - self._last_grasp_ns) * 1e-9 if self._last_grasp_ns else 1e-3
+        now[servo_arrays.NOW_DT] = dt_s = (now_ns - self._last_grasp_ns) * 1e-9 if self._last_grasp_ns else 1e-3
         self._last_grasp_ns = now_ns
-        now[layout.NOW_AGE] = self._age_s(now_ns)
+        now[servo_arrays.NOW_AGE] = self._age_s(now_ns)
         rise = dt_s / self._ramp_s if self._ramp_s > 0.0 else 1.0
         self._grasp_gain = min(self._grasp_gain + rise, self.engagement.gain) if self.grasp_on else 0.0
-        now[layout.NOW_GRASP_GAIN] = self._grasp_gain
+        now[servo_arrays.NOW_GRASP_GAIN] = self._grasp_gain
         servo_law.servo_torque(self._model, handle, self._limits, now, self._memory)
 
     def reset_clock(self) -> None:

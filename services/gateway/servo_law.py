@@ -22,7 +22,20 @@ from __future__ import annotations
 
 import math
 
-from services.gateway.layout import (
+from protocol.bodies.haptics import (
+    MODEL_ANGLE0,
+    MODEL_B,
+    MODEL_CONTACT,
+    MODEL_F0,
+    MODEL_GRASP_B,
+    MODEL_GRASP_K,
+    MODEL_K,
+    MODEL_RATE0,
+    MODEL_TORQUE,
+    MODEL_V0,
+    MODEL_X0,
+)
+from services.gateway.servo_arrays import (
     HANDLE_ANGLE,
     HANDLE_RATE,
     LIMIT_CONTINUOUS_FORCE,
@@ -41,17 +54,6 @@ from services.gateway.layout import (
     MEMORY_REFUSED,
     MEMORY_SCALE,
     MEMORY_TORQUE,
-    MODEL_ANGLE0,
-    MODEL_B,
-    MODEL_CONTACT,
-    MODEL_F0,
-    MODEL_GRASP_B,
-    MODEL_GRASP_K,
-    MODEL_K,
-    MODEL_RATE0,
-    MODEL_TORQUE,
-    MODEL_V0,
-    MODEL_X0,
     NOW_AGE,
     NOW_DT,
     NOW_GAIN,
@@ -59,8 +61,10 @@ from services.gateway.layout import (
     NOW_TEMPERATURE,
     NOW_TTL,
 )
+from services.gateway.slew import slew, slew_vector
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import scaled
 
 #: A model is used as it is up to this age, and up to this share of its life.
 HOLD_S, HOLD_SHARE = 0.005, 0.25
@@ -109,11 +113,11 @@ def damping_share(age_s: float, ttl_s: float) -> float:
 
 @kernel
 def servo_force(model: FloatArray, motion: FloatArray, limits: FloatArray, now: FloatArray, memory: FloatArray) -> None:
-    """Write the force of this tick into `memory`; `layout` says what is where.
+    """Write the force of this tick into `memory`; `servo_arrays` says what is where.
 
     Parameters
     ----------
-    model : (MODEL_SIZE,)
+    model : (MODEL_COLUMNS,)
     motion : (6,)
         Position in m and velocity in m/s of the HIP, in the frame of the model.
     limits, now : (LIMIT_SIZE,), (NOW_SIZE,)
@@ -156,7 +160,7 @@ def servo_torque(
     largest = min(limits[LIMIT_TORQUE], rate * max(0.0, now[NOW_TTL] - now[NOW_AGE]))
     step = rate * min(now[NOW_DT], MAX_TORQUE_STEP_S)
     wanted = min(max(wanted, -largest), largest)
-    memory[MEMORY_TORQUE] = min(max(wanted, memory[MEMORY_TORQUE] - step), memory[MEMORY_TORQUE] + step)
+    memory[MEMORY_TORQUE] = slew(memory[MEMORY_TORQUE], wanted, step)
 
 
 @kernel
@@ -220,17 +224,12 @@ def _approach(wanted: tuple[float, float, float], largest: float, step: float, m
     Both the start, once it is in the ball, and the target are in the ball, so every point between them is.
     """
     norm = math.sqrt(wanted[0] ** 2 + wanted[1] ** 2 + wanted[2] ** 2)
-    shrink = largest / norm if norm > largest else 1.0
-    x, y, z = memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1], memory[MEMORY_FORCE + 2]
-    held = math.sqrt(x * x + y * y + z * z)
+    target = scaled(wanted, largest / norm) if norm > largest else wanted
+    force = (memory[MEMORY_FORCE], memory[MEMORY_FORCE + 1], memory[MEMORY_FORCE + 2])
+    held = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
     back = min(max(0.0, held - largest), step)
     if back > 0.0:
-        keep = (held - back) / held
-        x, y, z = keep * x, keep * y, keep * z
-        step -= back
-    dx, dy, dz = shrink * wanted[0] - x, shrink * wanted[1] - y, shrink * wanted[2] - z
-    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-    share = step / distance if distance > step else 1.0
-    memory[MEMORY_FORCE] = x + share * dx
-    memory[MEMORY_FORCE + 1] = y + share * dy
-    memory[MEMORY_FORCE + 2] = z + share * dz
+        force = scaled(force, (held - back) / held)
+    force = slew_vector(force, target, step - back)
+    for axis in range(3):
+        memory[MEMORY_FORCE + axis] = force[axis]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from services.gateway import premium_model
-from services.gateway.layout import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.premium_model import GEARS
+from services.gateway.servo_arrays import READ_POSITION, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.velocity_filter import butterworth, low_pass
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel

@@ -16,6 +16,7 @@ from services.gateway.hand_grasp import HandGrasp, HandGraspSettings
 from services.gateway.host_check import HostCheck
 from services.gateway.input_events import Inputs, Kind
 from services.mechanics.arrays import FloatArray
+from services.nearest_word import did_you_mean
 from services.runtime.errors import DeviceError
 from services.runtime.rig import Settings
 
@@ -53,7 +54,8 @@ class SteeringSettings(HandSettings, DeviceSettings):
     def _are_known(cls, axes: dict[str, Axes]) -> dict[str, Axes]:
         for motion, names in axes.items():
             if motion not in MOTIONS:
-                raise ValueError(f"there is no motion {motion!r}; known: {', '.join(MOTIONS)}")
+                near = did_you_mean(motion, MOTIONS)
+                raise ValueError(f"there is no motion {motion!r}; known: {', '.join(MOTIONS)}{near}")
             _check_axes(names)
         return axes
 

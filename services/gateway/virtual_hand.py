@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from services.gateway.layout import READ_POSITION, READ_VELOCITY
 from services.gateway.pose import to_arm
+from services.gateway.servo_arrays import READ_POSITION, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 

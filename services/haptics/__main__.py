@@ -17,7 +17,7 @@ from services.haptics.tool_tracker import ToolTracker
 from services.haptics.warm_up import warm_up
 from services.mechanics.bodies.forceps.grasp import Grasp
 from services.mechanics.collision.pairs import ContactPairs
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow

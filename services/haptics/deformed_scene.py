@@ -10,7 +10,7 @@ from services.mechanics.arrays import IntArray
 from services.mechanics.bodies.wall import make_wall
 from services.mechanics.collision import ToolContactDetector
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 
 

@@ -7,18 +7,31 @@ from typing import Annotated
 import numpy as np
 
 from protocol.arrays import Array
-from protocol.bodies.haptics import MODEL_COLUMNS
-from protocol.bodies.physics import REACTION_COLUMNS
-from services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, VELOCITY
-from services.haptics.reactions import (
-    ASKED,
-    FORCE,
-    GRASP_STIFFNESS,
-    GRASP_TORQUE,
-    HIP,
-    STIFFNESS,
-    is_held,
+from protocol.bodies.haptics import (
+    MODEL_ANGLE0,
+    MODEL_B,
+    MODEL_COLUMNS,
+    MODEL_CONTACT,
+    MODEL_F0,
+    MODEL_GRASP_B,
+    MODEL_GRASP_K,
+    MODEL_K,
+    MODEL_RATE0,
+    MODEL_TORQUE,
+    MODEL_V0,
+    MODEL_X0,
 )
+from protocol.bodies.physics import (
+    REACTION_COLUMNS,
+    REACTION_FORCE,
+    REACTION_GRASP_STIFFNESS,
+    REACTION_GRASP_TORQUE,
+    REACTION_OPENING,
+    REACTION_POSITION,
+    REACTION_STIFFNESS,
+)
+from services.haptics.instruments import HANDLE_RATE, INSTRUMENT_COLUMNS, VELOCITY
+from services.haptics.reactions import is_held
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
@@ -27,12 +40,9 @@ from services.mechanics.scene.tools import N_TOOLS
 
 #: Instruments of a device frame, at most; those without a tool in the scene get the free model.
 _MOST = 8
-_ROW_BYTES = 8 * MODEL_COLUMNS
-# Columns of a model: f0, K, B, x0 and v0, then those of the grasp, and whether it touches.
-_K, _B, _X0, _V0, _GRASP, _IN_CONTACT = 3, 12, 21, 24, 27, 32
 
 
-class Felt(Struct):
+class ModelInputs(Struct):
     """What the models are made of, and where they go."""
 
     reactions: Annotated[FloatArray, N_TOOLS, REACTION_COLUMNS]
@@ -45,7 +55,7 @@ class Felt(Struct):
     models: Annotated[FloatArray, _MOST, MODEL_COLUMNS]
 
 
-felt_at = reader(Felt)
+inputs_at = reader(ModelInputs)
 
 
 class LocalModels:
@@ -68,7 +78,7 @@ class LocalModels:
         each = (*tools, *(ProbeScene(),) * (N_TOOLS - len(tools)))
         jaws = [tool.jaws for tool in each]  # of a tool that has none, the opening is always zero
         self._n_tools = len(tools)
-        self._felt = Felt(
+        self._felt = ModelInputs(
             reactions=reactions,
             instruments=instruments,
             coupling_stiffness=np.array([f.coupling_stiffness_n_m for f in each]),
@@ -87,9 +97,9 @@ class LocalModels:
 
 
 @kernel
-def write_models(address: Address[Felt], n: int) -> None:
+def write_models(address: Address[ModelInputs], n: int) -> None:
     """Write the models of the first ``n`` tools that touch something; all others are free: zeros."""
-    felt = felt_at(address)
+    felt = inputs_at(address)
     models = felt.models
     for row in range(models.shape[0]):
         for column in range(models.shape[1]):
@@ -100,25 +110,25 @@ def write_models(address: Address[Felt], n: int) -> None:
 
 
 @kernel
-def _write_model(felt: Felt, tool: int) -> None:
+def _write_model(felt: ModelInputs, tool: int) -> None:
     """Write the model of a tool that touches."""
     solved, moves, model = felt.reactions[tool], felt.instruments[tool], felt.models[tool]
     for axis in range(3):
-        model[axis] = solved[FORCE + axis]
-        model[_X0 + axis] = solved[HIP + axis]
-        model[_V0 + axis] = moves[VELOCITY + axis]
+        model[MODEL_F0 + axis] = solved[REACTION_FORCE + axis]
+        model[MODEL_X0 + axis] = solved[REACTION_POSITION + axis]
+        model[MODEL_V0 + axis] = moves[VELOCITY + axis]
     for entry in range(9):
-        model[_K + entry] = solved[STIFFNESS + entry]
+        model[MODEL_K + entry] = solved[REACTION_STIFFNESS + entry]
     scale = felt.coupling_damping[tool] / felt.coupling_stiffness[tool] ** 2
-    felt_damping(solved[STIFFNESS : STIFFNESS + 9], scale, model[_B : _B + 9])
-    ratio, asked = felt.jaw_ratio[tool], solved[ASKED]
+    felt_damping(solved[REACTION_STIFFNESS : REACTION_STIFFNESS + 9], scale, model[MODEL_B : MODEL_B + 9])
+    ratio, asked = felt.jaw_ratio[tool], solved[REACTION_OPENING]
     moves_jaws = ratio if 0.0 < asked < felt.jaw_max_angle[tool] else 0.0
-    model[_GRASP] = solved[GRASP_TORQUE] * ratio
-    model[_GRASP + 1] = max(0.0, solved[GRASP_STIFFNESS]) * moves_jaws**2
-    model[_GRASP + 2] = felt.jaw_damping[tool] * moves_jaws**2
-    model[_GRASP + 3] = asked / ratio
-    model[_GRASP + 4] = moves[HANDLE_RATE]
-    model[_IN_CONTACT] = 1.0
+    model[MODEL_TORQUE] = solved[REACTION_GRASP_TORQUE] * ratio
+    model[MODEL_GRASP_K] = max(0.0, solved[REACTION_GRASP_STIFFNESS]) * moves_jaws**2
+    model[MODEL_GRASP_B] = felt.jaw_damping[tool] * moves_jaws**2
+    model[MODEL_ANGLE0] = asked / ratio
+    model[MODEL_RATE0] = moves[HANDLE_RATE]
+    model[MODEL_CONTACT] = 1.0
 
 
 @kernel

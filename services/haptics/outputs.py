@@ -7,7 +7,18 @@ import numpy as np
 from protocol.arrays import Array, pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
-from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES
+from protocol.bodies.haptics import (
+    PAIR_GAP,
+    PAIR_GEOMETRY,
+    PAIR_INDICES,
+    PAIR_KIND,
+    PAIR_NORMAL,
+    PAIR_PARAMETER,
+    PAIR_SEGMENT,
+    PAIR_TARGET,
+    PAIR_TOOL,
+    PAIR_WEIGHTS,
+)
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.collision.pairs import ContactPairs, pairs_at
 from services.mechanics.compiled import kernel
@@ -46,12 +57,12 @@ def tabulate_pairs(address: Address[ContactPairs], index: IntArray, geometry: Fl
     """Write the pairs into tables of the wire, a row each, and return how many there are."""
     pairs = pairs_at(address)
     for row in range(pairs.count):
-        index[row, 0], index[row, 1] = pairs.tool[row], pairs.tool_segment[row]
-        index[row, 2], index[row, 3] = pairs.target_kind[row], pairs.target[row]
-        geometry[row, 0], geometry[row, 7] = pairs.tool_parameter[row], pairs.gap_m[row]
+        index[row, PAIR_TOOL], index[row, PAIR_SEGMENT] = pairs.tool[row], pairs.tool_segment[row]
+        index[row, PAIR_KIND], index[row, PAIR_TARGET] = pairs.target_kind[row], pairs.target[row]
+        geometry[row, PAIR_PARAMETER], geometry[row, PAIR_GAP] = pairs.tool_parameter[row], pairs.gap_m[row]
         for axis in range(3):
-            geometry[row, 1 + axis] = pairs.target_weights[row, axis]
-            geometry[row, 4 + axis] = pairs.normal[row, axis]
+            geometry[row, PAIR_WEIGHTS + axis] = pairs.target_weights[row, axis]
+            geometry[row, PAIR_NORMAL + axis] = pairs.normal[row, axis]
     return int(pairs.count)
 
 

@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from protocol.arrays import Array
-from protocol.bodies.physics import ToolReaction
+from protocol.bodies.physics import REACTION_CONTACTS, REACTION_HOLDS, ToolReaction
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.scene.tools import N_TOOLS
 from services.runtime.flat_view import flat_view
-
-# Columns, see `PhysicsState.tools`.
-FORCE, PROXY, STIFFNESS, GRASP_TORQUE, GRASP_STIFFNESS, OPENING = 0, 6, 9, 18, 19, 20
-CONTACTS, HOLDS, HIP, ASKED = 21, 22, 23, 26
 
 
 class Reactions:
@@ -46,4 +42,4 @@ class Reactions:
 @kernel
 def is_held(reactions: FloatArray, tool: int) -> bool:
     """Return whether something touches or holds a tool."""
-    return bool(reactions[tool, CONTACTS] > 0.0 or reactions[tool, HOLDS] > 0.0)
+    return bool(reactions[tool, REACTION_CONTACTS] > 0.0 or reactions[tool, REACTION_HOLDS] > 0.0)

@@ -7,10 +7,10 @@ from typing import Annotated
 import numpy as np
 
 from protocol.arrays import Array
-from protocol.bodies.haptics import TOOL_COLUMNS
-from protocol.bodies.physics import REACTION_COLUMNS
+from protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_PORT, TOOL_POSITION, TOOL_ROLL
+from protocol.bodies.physics import REACTION_COLUMNS, REACTION_POSITION, REACTION_PROXY, REACTION_PROXY_OPENING
 from services.haptics.instruments import HANDLE, INSTRUMENT_COLUMNS, PORT, ROLL
-from services.haptics.reactions import HIP, OPENING, PROXY, is_held
+from services.haptics.reactions import is_held
 from services.mechanics.arrays import BoolArray, FloatArray
 from services.mechanics.bodies.forceps.grasp import JawState
 from services.mechanics.bodies.forceps.tool_body import ToolArrays, ToolBody, tools_at, update_poses
@@ -19,11 +19,8 @@ from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 
-# Columns of what physics is told of a tool: three for J, three for the port, and these.
-_TOLD_PORT, _TOLD_ROLL, _TOLD_OPENING = 3, 6, 7
 
-
-class Hands(Struct):
+class HandTables(Struct):
     """What says where tools are, whether they are there, and what physics is told of them."""
 
     reactions: Annotated[FloatArray, N_TOOLS, REACTION_COLUMNS]
@@ -34,7 +31,7 @@ class Hands(Struct):
     told: Annotated[FloatArray, N_TOOLS, TOOL_COLUMNS]
 
 
-hands_at = reader(Hands)
+hands_at = reader(HandTables)
 
 
 class ToolTracker:
@@ -62,7 +59,7 @@ class ToolTracker:
         self.radius_m = self._body.radius_m
         self.present = np.zeros(N_TOOLS, np.bool_)
         self._told = np.zeros((N_TOOLS, TOOL_COLUMNS))
-        self._hands = Hands(
+        self._hands = HandTables(
             reactions=reactions,
             instruments=instruments,
             jaw_ratio=np.array([j.jaw_ratio if j else 1.0 for j in jaws]),
@@ -82,11 +79,11 @@ class ToolTracker:
 
     def jaws(self, i: int) -> JawState:
         """Return where the jaws of tool `i` are, and where its handle wants them."""
-        return JawState(self._body.proxy.item(i, 3), self._told.item(i, _TOLD_OPENING))
+        return JawState(self._body.proxy.item(i, 3), self._told.item(i, TOOL_OPENING))
 
 
 @kernel
-def follow_hands(hands_address: Address[Hands], tools_address: Address[ToolArrays], n: int) -> None:
+def follow_hands(hands_address: Address[HandTables], tools_address: Address[ToolArrays], n: int) -> None:
     """Place ``n`` proxies, their frames and segments, and write what physics is told; other tools are not there."""
     hands, tools = hands_at(hands_address), tools_at(tools_address)
     for tool in range(hands.present.shape[0]):
@@ -97,16 +94,16 @@ def follow_hands(hands_address: Address[Hands], tools_address: Address[ToolArray
 
 
 @kernel
-def _follow_hand(hands: Hands, tools: ToolArrays, tool: int) -> None:
+def _follow_hand(hands: HandTables, tools: ToolArrays, tool: int) -> None:
     """Place a proxy. What is between the jaws keeps them open."""
     hand, solved, told = hands.instruments[tool], hands.reactions[tool], hands.told[tool]
     held = is_held(hands.reactions, tool)
     opening = min(max(hands.jaw_ratio[tool] * hand[HANDLE], 0.0), hands.jaw_max_angle[tool])
     for axis in range(3):
-        stretch = solved[PROXY + axis] - solved[HIP + axis] if held else 0.0
-        tools.port[tool, axis] = told[_TOLD_PORT + axis] = hand[PORT + axis]
+        stretch = solved[REACTION_PROXY + axis] - solved[REACTION_POSITION + axis] if held else 0.0
+        tools.port[tool, axis] = told[TOOL_PORT + axis] = hand[PORT + axis]
         tools.proxy[tool, axis] = hand[axis] + stretch
-        told[axis] = hand[axis]
-    tools.roll[tool] = told[_TOLD_ROLL] = hand[ROLL]
-    tools.proxy[tool, 3] = solved[OPENING] if held else opening
-    told[_TOLD_OPENING] = opening
+        told[TOOL_POSITION + axis] = hand[axis]
+    tools.roll[tool] = told[TOOL_ROLL] = hand[ROLL]
+    tools.proxy[tool, 3] = solved[REACTION_PROXY_OPENING] if held else opening
+    told[TOOL_OPENING] = opening

@@ -17,7 +17,7 @@ from services.mechanics.bodies.forceps.grasp import deepest_touch, touched_apart
 from services.mechanics.collision import CatheterContactDetector
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, ContactPairs
 from services.mechanics.effects import build_effects, by_stage
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation

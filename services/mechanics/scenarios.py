@@ -14,7 +14,7 @@ import numpy as np
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.effects.gravity import GravitySettings
-from services.mechanics.scene import CatheterScene, ContactSettings, DuctScene, ForcepsScene, SceneModel, ToolScene
+from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel, ToolScene
 from services.mechanics.scene.minimum_jerk import minimum_jerk
 from services.mechanics.scene.tools import N_TOOLS, ToolInputs
 
@@ -25,8 +25,8 @@ Vector3 = tuple[float, float, float]
 class ToolMotion:
     """Breakpoints of one instrument.
 
-    ``grip_point_m`` is where the middle of the jaws shall be, ``grip_offset_m`` beyond J on the shaft's axis: that
-    is what a surgeon steers, and with the port it fixes J.
+    ``grip_point_m`` is the middle of the jaws, ``grip_offset_m`` beyond J on the shaft's axis. A surgeon steers that
+    point, and with the port it fixes J.
     """
 
     time_s: tuple[float, ...]
@@ -173,31 +173,6 @@ def _behind(catheter: CatheterScene, back_m: float, above_m: float) -> Vector3:
     """A point of the catheter's starting line, ``back_m`` behind its tip."""
     x, y, z = (tip - back_m * d for tip, d in zip(catheter.tip_position_m, catheter.direction, strict=True))
     return x, y, z + above_m
-
-
-def paper_scene() -> SceneModel:
-    """The set-up of Basdogan, Ho and Srinivasan (2001), as far as its text fixes it.
-
-    Their bending triangle on CST, bare modes under Newmark, particles under semi-implicit Euler, penalty contact
-    without friction, jaws that hold as soon as both touch. At a tick of 1 ms a particle of 3 mg bears a contact
-    stiffness of about 1 N/m.
-    """
-    scene = insertion_scene()
-    left, right = (each.jaws for each in scene.forceps if each.jaws)
-    return replace(
-        scene,
-        duct=replace(scene.duct, membrane="cst", bending="tocher", residual="none", n_modes=60),
-        catheter=replace(
-            scene.catheter,
-            integrator="semi_implicit",
-            internal_damping_s=0.0,
-            viscous_drag_n_s_m2=0.5,
-            introducer_seal_friction_n=0.0,
-        ),
-        forceps=(replace(left, grasp_torque_nm=1e-9), replace(right, grasp_torque_nm=1e-9)),
-        contact=ContactSettings(model="penalty", penalty_stiffness_n_m=1.0, penalty_damping_n_s_m=1e-3),
-        effects={"gravity": GravitySettings()},
-    )
 
 
 SCENARIOS = {"insertion": insertion, "miss": miss}

@@ -1,4 +1,4 @@
-"""What effects see of a simulation: bodies, contacts and collision detection, but nothing that steps them."""
+"""Interface of a simulation for its effects: bodies, contacts and collision detection, but nothing that steps them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from services.mechanics.scene import SceneModel
 
 
 class KeepsState(Protocol):
-    """What has a state of its own, and may store energy in it."""
+    """An effect with a state of its own, in which it may store energy."""
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the state, which are only ever changed in place."""
 
     def potential_energy_j(self, world: World) -> float:
-        """What it stores now."""
+        """Return the energy stored now."""
 
 
 @dataclass(frozen=True, slots=True)

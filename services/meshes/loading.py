@@ -10,7 +10,7 @@ import numpy as np
 
 from services.mechanics.surface.mesh import TriangleMesh, smallest_angles_rad
 from services.meshes.errors import MeshError
-from services.meshes.openings import Opening, find_openings, lumen_diameter_m, name_ends, place_by_ends
+from services.meshes.openings import SurfaceOpening, find_openings, lumen_diameter_m, name_ends, place_by_ends
 from services.meshes.plausibility import judge_size, judge_unit
 from services.meshes.reading import read_surface
 from services.meshes.remeshing import remesh
@@ -41,7 +41,7 @@ class DuctSurface:
     """A duct from a file, with what was done to it and what it has."""
 
     mesh: TriangleMesh
-    openings: list[Opening]
+    openings: list[SurfaceOpening]
     actions: list[str]
 
 

@@ -13,7 +13,7 @@ from services.meshes.errors import MeshError
 
 
 @dataclass(frozen=True)
-class Opening:
+class SurfaceOpening:
     """One open rim of a surface."""
 
     name: str
@@ -27,10 +27,10 @@ class Opening:
     """Of the circle with the rim's area."""
 
 
-def find_openings(mesh: TriangleMesh) -> list[Opening]:
+def find_openings(mesh: TriangleMesh) -> list[SurfaceOpening]:
     """Open rims of an outward-wound surface, widest first."""
     measured = sorted(((rim, *_measure(mesh.vertices_m[rim])) for rim in boundary_loops(mesh)), key=lambda m: -m[3])
-    return [Opening(f"end_{k}", *values) for k, values in enumerate(measured)]
+    return [SurfaceOpening(f"end_{k}", *values) for k, values in enumerate(measured)]
 
 
 def _measure(points_m: FloatArray) -> tuple[FloatArray, FloatArray, float]:

@@ -14,7 +14,7 @@ from services.meshes.errors import MeshError
 from services.meshes.obj_file import read_obj
 from services.meshes.vtp_file import read_vtp
 
-FURTHEST_M = 1e9
+COORDINATE_MAX_M = 1e9
 """Of a coordinate: beyond, the file is broken, and squares of lengths soon are not numbers."""
 READABLE = (".stl", ".obj", ".ply", ".vtp")
 
@@ -57,7 +57,7 @@ def read_surface(path: Path, units: str) -> TriangleMesh:
         raise MeshError(f"{path}: the file holds no triangles")
     furthest = int(np.abs(mesh.vertices_m).max(axis=1).argmax())
     distance_m = float(np.abs(mesh.vertices_m[furthest]).max())
-    if distance_m > FURTHEST_M:
+    if distance_m > COORDINATE_MAX_M:
         raise MeshError(f"{path}: vertex {furthest} is {distance_m:.3g} m from the origin, no shell lies so far")
     return mesh
 

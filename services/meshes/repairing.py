@@ -21,14 +21,14 @@ PINHOLE_RATIO = 0.2
 
 
 @dataclass(frozen=True)
-class Repaired:
+class RepairedMesh:
     """A surface without defects, wound outwards, and what was done to it."""
 
     mesh: TriangleMesh
     actions: list[str]
 
 
-def repair_surface(mesh: TriangleMesh, is_used: bool = True) -> Repaired:
+def repair_surface(mesh: TriangleMesh, is_used: bool = True) -> RepairedMesh:
     """Merge, drop, cut loose, orient and close pinholes until nothing is left to find.
 
     ``is_used`` says whether the triangles are used as they are; see `check_surface`.
@@ -47,7 +47,7 @@ def repair_surface(mesh: TriangleMesh, is_used: bool = True) -> Repaired:
     if enclosed_volume_m3(mesh) < 0.0:
         mesh = TriangleMesh(mesh.vertices_m, mesh.triangles[:, ::-1])
         actions.append("turned all triangles to face outwards")
-    return Repaired(mesh, actions)
+    return RepairedMesh(mesh, actions)
 
 
 def merge_and_drop(mesh: TriangleMesh, actions: list[str]) -> TriangleMesh:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from services.atomic_file import atomic_file
 from services.mechanics.arrays import FloatArray
 from services.mechanics.surface.mesh import TriangleMesh
-from services.whole_file import whole_file
 
 
 def write_vtu(
@@ -26,5 +26,5 @@ def write_vtu(
     grid = meshio.Mesh(
         mesh.vertices_m, [("triangle", mesh.triangles)], point_data=dict(vertex_fields), cell_data=cell_data
     )
-    with whole_file(path) as half:
+    with atomic_file(path) as half:
         meshio.write(half, grid, file_format="vtu")

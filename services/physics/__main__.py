@@ -8,12 +8,12 @@ from operator import add
 
 from protocol import Frame
 from services.cache_directory import cache_directory
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.simulation import STAGE_NAMES
-from services.physics.duct_alone import STAGES as DUCT_STAGES
-from services.physics.duct_alone import run_duct_alone
+from services.physics.duct_alone_loop import STAGES as DUCT_STAGES
+from services.physics.duct_alone_loop import run_duct_alone
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.physics.warm_up import warm_up, warm_up_contact

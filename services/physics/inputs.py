@@ -9,7 +9,24 @@ import numpy as np
 from protocol.arrays import pack
 from protocol.bodies import GraspHold as HoldBody
 from protocol.bodies import ToolContacts
-from protocol.bodies.haptics import PAIR_GEOMETRY, PAIR_INDICES, TOOL_COLUMNS, tool_table
+from protocol.bodies.haptics import (
+    PAIR_GAP,
+    PAIR_GEOMETRY,
+    PAIR_INDICES,
+    PAIR_KIND,
+    PAIR_NORMAL,
+    PAIR_PARAMETER,
+    PAIR_SEGMENT,
+    PAIR_TARGET,
+    PAIR_TOOL,
+    PAIR_WEIGHTS,
+    TOOL_COLUMNS,
+    TOOL_OPENING,
+    TOOL_PORT,
+    TOOL_POSITION,
+    TOOL_ROLL,
+    tool_table,
+)
 from protocol.vectors import Vec3
 from services.mechanics.arrays import BoolArray, FloatArray, IntArray
 from services.mechanics.collision.pair_faults import names_fault, numbers_fault
@@ -26,8 +43,6 @@ NO_PARTICLE = -1
 _ROOM = 4
 _ROW_BYTES = 4 * PAIR_INDICES, 8 * PAIR_GEOMETRY
 _TOOL_BYTES = 8 * TOOL_COLUMNS
-# Columns of the table of tools: three for J, three for the port, and these.
-_ROLL, _OPENING = 6, 7
 
 
 class Tables(Struct):
@@ -138,7 +153,8 @@ def take_tables(tables_address: Address[Tables], n_sent: int, n_tools: int, addr
     tables = tables_at(tables_address)
     index = tables.index
     for row in range(min(n_sent, index.shape[0])):
-        if names_fault(index[row, 0], index[row, 1], index[row, 2], index[row, 3], tables.n_targets):
+        tool, segment, kind = index[row, PAIR_TOOL], index[row, PAIR_SEGMENT], index[row, PAIR_KIND]
+        if names_fault(tool, segment, kind, index[row, PAIR_TARGET], tables.n_targets):
             return -1
     _take_tools(tables, n_tools)
     return int(_take_pairs(tables, n_sent, pairs_at(address)))
@@ -152,9 +168,9 @@ def _take_tools(tables: Tables, n_tools: int) -> None:
         tables.present[tool] = tool < n_tools
         if tool < n_tools:
             for axis in range(3):
-                tables.position[tool, axis] = rows[tool, axis]
-                tables.port[tool, axis] = rows[tool, 3 + axis]
-            tables.roll[tool], tables.opening[tool] = rows[tool, _ROLL], rows[tool, _OPENING]
+                tables.position[tool, axis] = rows[tool, TOOL_POSITION + axis]
+                tables.port[tool, axis] = rows[tool, TOOL_PORT + axis]
+            tables.roll[tool], tables.opening[tool] = rows[tool, TOOL_ROLL], rows[tool, TOOL_OPENING]
 
 
 @kernel
@@ -163,14 +179,16 @@ def _take_pairs(tables: Tables, n_sent: int, pairs: ContactPairs) -> int:
     index, geometry = tables.index, tables.geometry
     n_looked_at, n = min(n_sent, pairs.gap_m.shape[0]), 0
     for row in range(n_looked_at):
-        weights = geometry[row, 1], geometry[row, 2], geometry[row, 3]
-        normal = geometry[row, 4], geometry[row, 5], geometry[row, 6]
-        if numbers_fault(geometry[row, 0], weights, normal, geometry[row, 7]):
+        w, d = PAIR_WEIGHTS, PAIR_NORMAL
+        weights = geometry[row, w], geometry[row, w + 1], geometry[row, w + 2]
+        normal = geometry[row, d], geometry[row, d + 1], geometry[row, d + 2]
+        parameter, gap = geometry[row, PAIR_PARAMETER], geometry[row, PAIR_GAP]
+        if numbers_fault(parameter, weights, normal, gap):
             continue
         pairs.particle[n] = NO_PARTICLE
-        pairs.tool[n], pairs.tool_segment[n] = index[row, 0], index[row, 1]
-        pairs.target_kind[n], pairs.target[n] = index[row, 2], index[row, 3]
-        pairs.tool_parameter[n], pairs.gap_m[n] = geometry[row, 0], geometry[row, 7]
+        pairs.tool[n], pairs.tool_segment[n] = index[row, PAIR_TOOL], index[row, PAIR_SEGMENT]
+        pairs.target_kind[n], pairs.target[n] = index[row, PAIR_KIND], index[row, PAIR_TARGET]
+        pairs.tool_parameter[n], pairs.gap_m[n] = parameter, gap
         put_row(pairs.target_weights, n, weights)
         put_row(pairs.normal, n, normal)
         n += 1

@@ -10,8 +10,21 @@ from numpy.typing import NDArray
 from protocol import Frame
 from protocol.arrays import Array
 from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
-from protocol.bodies.haptics import TOOL_COLUMNS
-from protocol.bodies.physics import REACTION_COLUMNS
+from protocol.bodies.haptics import TOOL_COLUMNS, TOOL_OPENING, TOOL_POSITION
+from protocol.bodies.physics import (
+    REACTION_COLUMNS,
+    REACTION_CONTACTS,
+    REACTION_FORCE,
+    REACTION_GRASP_STIFFNESS,
+    REACTION_GRASP_TORQUE,
+    REACTION_HOLDS,
+    REACTION_MOMENT,
+    REACTION_OPENING,
+    REACTION_POSITION,
+    REACTION_PROXY,
+    REACTION_PROXY_OPENING,
+    REACTION_STIFFNESS,
+)
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL
 from services.mechanics.compiled import kernel
@@ -27,8 +40,6 @@ from services.runtime.flat_view import flat_view
 _INSERTED_EVERY = 16
 # Kinds of contacts on the wire.
 TOOL_DUCT, TOOL_CATHETER, CATHETER_DUCT, OTHER = range(4)
-# Columns of the table of reactions, a row a tool: nine for three vectors, nine for K, and these; three are the HIP's.
-_GRASP_TORQUE, _GRASP_STIFFNESS, _JAW_ANGLE, _CONTACTS, _HOLDS, _HIP, _ASKED = 18, 19, 20, 21, 22, 23, 26
 _TOOL_BYTES = 8 * TOOL_COLUMNS
 
 
@@ -151,16 +162,17 @@ def tabulate(rows_address: Address[ContactRows], sent_address: Address[Sent], fi
     table, hands = sent.table, sent.hands
     for tool in range(table.shape[0]):
         for axis in range(3):
-            table[tool, axis] = sent.force[tool, axis]
-            table[tool, 3 + axis] = sent.port_moment[tool, axis]
-            table[tool, 6 + axis] = sent.proxy_position[tool, axis]
-            table[tool, _HIP + axis] = hands[tool, axis]
+            table[tool, REACTION_FORCE + axis] = sent.force[tool, axis]
+            table[tool, REACTION_MOMENT + axis] = sent.port_moment[tool, axis]
+            table[tool, REACTION_PROXY + axis] = sent.proxy_position[tool, axis]
+            table[tool, REACTION_POSITION + axis] = hands[tool, TOOL_POSITION + axis]
             for other in range(3):
-                table[tool, 9 + 3 * axis + other] = sent.stiffness[tool, axis, other]
-        table[tool, _GRASP_TORQUE], table[tool, _GRASP_STIFFNESS] = sent.grasp_torque[tool], sent.grasp_stiffness[tool]
-        table[tool, _ASKED] = hands[tool, TOOL_COLUMNS - 1]
-        table[tool, _JAW_ANGLE] = sent.proxy_jaw_angle[tool]
-        table[tool, _CONTACTS] = table[tool, _HOLDS] = 0.0
+                table[tool, REACTION_STIFFNESS + 3 * axis + other] = sent.stiffness[tool, axis, other]
+        table[tool, REACTION_GRASP_TORQUE] = sent.grasp_torque[tool]
+        table[tool, REACTION_GRASP_STIFFNESS] = sent.grasp_stiffness[tool]
+        table[tool, REACTION_OPENING] = hands[tool, TOOL_OPENING]
+        table[tool, REACTION_PROXY_OPENING] = sent.proxy_jaw_angle[tool]
+        table[tool, REACTION_CONTACTS] = table[tool, REACTION_HOLDS] = 0.0
     _count(rows, sent, first_hold, after_holds)
     return rows.n_contacts
 
@@ -179,6 +191,6 @@ def _count(rows: ContactRows, sent: Sent, first_hold: int, after_holds: int) -> 
         is_wall = rows.identity[row] > 0 and target_kind_of(rows.identity[row]) == DUCT_TRIANGLE
         kinds[row] = TOOL_DUCT if on_duct or is_wall else TOOL_CATHETER
         if first_hold <= row < after_holds:
-            sent.table[tool[row], _HOLDS] += 1.0
+            sent.table[tool[row], REACTION_HOLDS] += 1.0
         elif force[row, 0] != 0.0 or force[row, 1] != 0.0 or force[row, 2] != 0.0:
-            sent.table[tool[row], _CONTACTS] += 1.0
+            sent.table[tool[row], REACTION_CONTACTS] += 1.0

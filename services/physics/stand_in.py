@@ -12,7 +12,7 @@ import numpy as np
 
 from services.mechanics.effects import EFFECTS
 from services.mechanics.reduction.basis import ModalBasis
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import Residual
 from services.mechanics.scene import QualityLevel, SceneModel
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct

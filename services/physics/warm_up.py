@@ -14,7 +14,7 @@ from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.bodies.forceps.tool_body import ToolBody
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, JAW_A, ContactPairs
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.rod import RodState
 from services.mechanics.rod.implicit import ImplicitIntegrator
 from services.mechanics.scene import SceneModel

@@ -14,24 +14,21 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from protocol import TOPICS, Frame
+from protocol import Frame
 from protocol.topics import observed_by, read_by
 from services.recorder.losses import Losses, counts
-from services.recorder.recording import MakeSwift, RecordingWriter
+from services.recorder.recording import RecordingWriter
 from services.recorder.repair import repair_all
 from services.runtime import realtime
-from services.runtime.bus import Batch, Bus
+from services.runtime.bus import Bus
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
-from services.runtime.whole import has_whole_socket
 
 #: Longer than the period of what is sampled, far shorter than a turn.
 _PATIENCE_NS = 4_000_000
 _TELL_NS = 1_000_000_000
 #: The disk is looked at so often; a write that it holds for longer is told, but not again and again.
 _LOOK_S, _HELD_S, _HELD_AGAIN_S = 0.01, 0.02, 10.0
-#: Fast topics recorded whole that are too many to look at each frame.
-_MANY = 2
 #: Messages of one topic taken in a turn: of a fast one about a second. What is beyond waits for the next.
 _AT_ONCE = 64
 #: What has come is still taken when it is asked to end, for so long: who does not end is killed after five seconds.
@@ -55,47 +52,26 @@ def _metadata(process: Process) -> dict[str, str]:
 
 def whole(process_config: ProcessConfig) -> tuple[str, ...]:
     """Return the topics of which the rig file wants every frame, of those that anybody publishes."""
-    return tuple(filter(process_config.called_for.speaks, process_config.rig.recorder.whole))
-
-
-def _swiftly(process: Process) -> MakeSwift | None:
-    """Return what writes batches, where there is so much to write that it pays.
-
-    It is compiled: its libraries take half a second of every start and 60 MB, and one topic at full rate takes 3 % of a
-    core without.
-    """
-    speaks = process.called_for.speaks
-    if sum(has_whole_socket(TOPICS[name]) for name in filter(speaks, process.rig.recorder.whole)) < _MANY:
-        return None
-    from services.recorder import batches
-
-    batches.warm_up()
-    return batches.swiftly
+    return tuple(filter(process_config.requirements.is_published, process_config.rig.recorder.whole))
 
 
 class Recording:
     """A file being filled, and what is told of it."""
 
-    def __init__(self, process: Process, swiftly: MakeSwift | None = None) -> None:
+    def __init__(self, process: Process) -> None:
         self._process = process
         now_ns = time.monotonic_ns()
         self._losses = Losses(now_ns)
         self._held_told_s = float("-inf")
         self._has_lost = False
         self._due_ns = now_ns + _TELL_NS
-        self._writer = RecordingWriter(
-            _new_file(process), _metadata(process), shared=process.rig.recorder.shared, swiftly=swiftly
-        )
+        self._writer = RecordingWriter(_new_file(process), _metadata(process), shared=process.rig.recorder.shared)
         process.log.info("writing %s", self._writer.path)
 
     def take(self, frames: Iterable[Frame]) -> None:
         """Append `frames`."""
         for frame in frames:
             self._writer.write(frame)
-
-    def take_batch(self, topic: str, batch: Batch) -> None:
-        """Append those frames of a batch that may be used."""
-        self._writer.take(topic, batch)
 
     def sleep_until(self, due_ns: int) -> None:
         """Sleep, with an eye on the disk while something waits for it."""
@@ -152,10 +128,10 @@ def run(process: Process) -> None:
     bus, settings = process.bus, process.rig.recorder
     for path, found in repair_all(settings.directory).items():
         process.log.info("%s was not closed: indexed anew, %d frames", path, found.frames)
-    speaks = process.called_for.speaks
+    speaks = process.requirements.is_published
     read = dict.fromkeys(filter(speaks, (*settings.whole, *read_by("recorder"))))
     sampled = [topic for topic in filter(speaks, observed_by("recorder")) if topic not in read]
-    recording = Recording(process, _swiftly(process))
+    recording = Recording(process)
     meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))
     process.ready(meter)
     try:
@@ -188,7 +164,7 @@ def take(bus: Bus, topics: Iterable[str], recording: Recording, beat: Callable[[
             batch = bus.batch(topic)
             if batch is None:
                 break
-            recording.take_batch(topic, batch)
+            recording.take(batch.frames())
             beat()
         else:
             more = True

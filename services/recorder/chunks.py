@@ -7,12 +7,10 @@ import zlib
 from array import array
 from dataclasses import dataclass, field
 
-import numpy as np
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Chunk, ChunkIndex
-from numpy.typing import NDArray
 
 #: Opcode, length, channel, sequence, log time, publish time.
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -20,15 +18,6 @@ _MESSAGE_INDEX = struct.Struct("<BQHI")
 _AFTER_LENGTH = _MESSAGE.size - 9
 #: A tenth of the library's effort for nearly the same size: most of a frame are the low bits of doubles.
 _LEVEL = -5
-
-
-@dataclass(frozen=True, slots=True)
-class Records:
-    """Messages as they stand in a chunk, one after the other, and of each its log time and its place among them."""
-
-    data: bytes
-    log_ns: NDArray[np.int64]
-    offsets: NDArray[np.int64]
 
 
 @dataclass(slots=True)
@@ -49,26 +38,15 @@ class OpenChunk:
 
     def add(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None:
         """Append a message."""
-        entries = self._entries(channel)
+        entries = self.index.get(channel)
+        if entries is None:
+            entries = self.index[channel] = array("Q")
         entries.append(log_ns)
         entries.append(self.size)
         length = _AFTER_LENGTH + len(data)
         self._records.append(_MESSAGE.pack(Opcode.MESSAGE, length, channel, sequence & 0xFFFFFFFF, log_ns, publish_ns))
         self._records.append(data)
         self.size += 9 + length
-
-    def extend(self, channel: int, records: Records) -> None:
-        """Append messages that are records already."""
-        both = np.column_stack((records.log_ns, records.offsets + self.size)).astype("u8")
-        self._entries(channel).frombytes(both.tobytes())
-        self._records.append(records.data)
-        self.size += len(records.data)
-
-    def _entries(self, channel: int) -> array[int]:
-        entries = self.index.get(channel)
-        if entries is None:
-            entries = self.index[channel] = array("Q")
-        return entries
 
     @property
     def counts(self) -> dict[int, int]:

@@ -5,38 +5,26 @@ from __future__ import annotations
 import struct
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from protocol import TOPICS, Frame, Topic
-from services.recorder.chunks import OpenChunk, Records
+from protocol import TOPICS, Frame
+from services.recorder.chunks import OpenChunk
 from services.recorder.disk import PENDING_MAX, RecordingFile
 from services.recorder.losses import Loss
 from services.recorder.schema import PACKAGE, file_descriptor
 from services.recorder.transcode import to_protobuf
-from services.runtime.bus import Batch, Run
 
 #: A chunk ends when it is this large or this old: what a crash takes with it.
 CHUNK_BYTES = 1 << 20
 CHUNK_NS = 500_000_000
-
-
-class Swift(Protocol):
-    """Writes the batches of one topic."""
-
-    def records(self, batch: Batch) -> tuple[Records, Run] | None:
-        """Return a batch as it goes into a chunk; None for one whose frames are to be looked at one by one."""
-        ...
-
-
-MakeSwift = Callable[[Topic, int, int], Swift | None]
 
 
 class RecordingWriter:
@@ -44,12 +32,6 @@ class RecordingWriter:
 
     Times in the file are wall clock: the monotonic clock of the bus is mapped once, at the start, and the mapping is
     kept in the metadata, so a wall clock that steps during the recording does not matter.
-
-    Parameters
-    ----------
-    swiftly
-        Makes what writes whole batches of a topic, from its row, its number in the file and wall less monotonic clock;
-        None where it writes none. Without it, each frame is written by itself.
 
     Attributes
     ----------
@@ -59,16 +41,12 @@ class RecordingWriter:
         Frames not taken because the disk is too slow, by topic.
     """
 
-    def __init__(
-        self, path: Path, metadata: Mapping[str, str], *, shared: bool = False, swiftly: MakeSwift | None = None
-    ) -> None:
+    def __init__(self, path: Path, metadata: Mapping[str, str], *, shared: bool = False) -> None:
         self.path = path
         self.frames = 0
         self.lost: Counter[str] = Counter()
         self._file = RecordingFile(path, shared=shared)
         self._channels: dict[str, int] = {}
-        self._swiftly = swiftly
-        self._swift: dict[str, Swift] = {}
         self._to_wall_ns = time.time_ns() - time.monotonic_ns()
         self._chunk = OpenChunk()
         self._chunk_began_ns = 0
@@ -94,20 +72,6 @@ class RecordingWriter:
         channel = self._channels.get(topic) or self._declare(topic)
         self._chunk.add(channel, frame.sequence, sent_ns, origin_ns, to_protobuf(frame))
         self.frames += 1
-        if self._chunk.size > CHUNK_BYTES:
-            self._end_chunk()
-
-    def take(self, topic: str, batch: Batch) -> None:
-        """Append the frames of a batch, together where that is possible."""
-        swift = self._swift.get(topic)
-        found = swift.records(batch) if swift is not None and self._file.pending <= PENDING_MAX else None
-        if found is None or not batch.inbox.follow(found[1]):
-            for frame in batch.frames():
-                self.write(frame)
-            return
-        records, run = found
-        self._chunk.extend(self._channels[topic], records)
-        self.frames += run.count
         if self._chunk.size > CHUNK_BYTES:
             self._end_chunk()
 
@@ -161,13 +125,11 @@ class RecordingWriter:
         self._file.declare(Schema(number, descriptor, "protobuf", f"{PACKAGE}.{body.__name__}"))
         self._file.declare(Channel(number, f"/{topic.replace('.', '/')}", "protobuf", {}, number))
         self._channels[topic] = number
-        if self._swiftly is not None and (swift := self._swiftly(TOPICS[topic], number, self._to_wall_ns)) is not None:
-            self._swift[topic] = swift
         return number
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class RecordedMessage:
     """One recorded frame: `body` is the protobuf message, times are wall clock."""
 
     topic: str
@@ -175,12 +137,12 @@ class Message:
     body: Any
 
 
-def read(path: Path) -> Iterator[Message]:
+def read(path: Path) -> Iterator[RecordedMessage]:
     """Yield the messages of a recording in file order; one that was cut off by a crash ends where it was cut."""
     with path.open("rb") as file:
         reader = NonSeekingReader(file, decoder_factories=[DecoderFactory()])
         try:
             for _schema, channel, message, body in reader.iter_decoded_messages(log_time_order=False):
-                yield Message(channel.topic[1:].replace("/", "."), message.log_time, body)
+                yield RecordedMessage(channel.topic[1:].replace("/", "."), message.log_time, body)
         except (McapError, EOFError, struct.error):  # how the reader says that a record was cut
             return

@@ -39,14 +39,14 @@ _BROKEN = (McapError, ValueError, OverflowError, struct.error, zstandard.ZstdErr
 
 
 @dataclass(frozen=True, slots=True)
-class Repaired:
+class RepairedRecording:
     """What was made of a recording."""
 
     frames: int
     cut_bytes: int
 
 
-def repair(path: Path) -> Repaired | None:
+def repair(path: Path) -> RepairedRecording | None:
     """Mend the recording `path` in place; None if there is nothing to mend.
 
     Raises
@@ -67,10 +67,10 @@ def repair(path: Path) -> Repaired | None:
         scan.mend_last_chunk()
         finish(file, scan.summary, scan.end)
         os.fsync(file)
-        return Repaired(scan.summary.frames, max(0, scan.size - scan.end))
+        return RepairedRecording(scan.summary.frames, max(0, scan.size - scan.end))
 
 
-def repair_all(directory: Path) -> dict[Path, Repaired]:
+def repair_all(directory: Path) -> dict[Path, RepairedRecording]:
     """Mend all recordings of this user in `directory` that nobody is writing; return what was mended."""
     mended = {}
     for path in sorted(directory.glob("*.mcap")):

@@ -38,14 +38,26 @@ class Envelope(msgspec.Struct, array_like=True):
     valid: bool
 
 
+def is_copied(field: Field) -> bool:
+    """Return whether a field is an array whose bytes stand in a message as they are: its numbers have a fixed size."""
+    return field.spec is not None and field.spec.dtype != "|i1"
+
+
 @cache
-def file_descriptor(body: type[msgspec.Struct]) -> descriptor_pb2.FileDescriptorSet:
-    """Return the self-contained descriptor set of `body`."""
+def file_descriptor(body: type[msgspec.Struct], *, arrays_as_bytes: bool = False) -> descriptor_pb2.FileDescriptorSet:
+    """Return the self-contained descriptor set of `body`.
+
+    Parameters
+    ----------
+    body
+        A body type of the wire.
+    arrays_as_bytes
+        Whether to declare arrays whose bytes are copied as `bytes`, which serialise alike: for whoever writes them.
+    """
     file = descriptor_pb2.FileDescriptorProto(name=f"{PACKAGE}/{body.__name__}.proto", package=PACKAGE, syntax="proto3")
-    _add_message(file, body)
-    for inner in nested(body):
-        _add_message(file, inner)
-    _add_message(file, Envelope)
+    kinds: list[type[msgspec.Struct]] = [body, *nested(body), Envelope]
+    for kind in kinds:
+        _add_message(file, kind, arrays_as_bytes)
     file.message_type[0].field.add(
         name="envelope", number=ENVELOPE_FIELD, label=_Field.LABEL_OPTIONAL, type=_Field.TYPE_MESSAGE,
         type_name=f".{PACKAGE}.Envelope",
@@ -53,11 +65,13 @@ def file_descriptor(body: type[msgspec.Struct]) -> descriptor_pb2.FileDescriptor
     return descriptor_pb2.FileDescriptorSet(file=[file])
 
 
-def _add_message(file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.Struct]) -> None:
+def _add_message(file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.Struct], arrays_as_bytes: bool) -> None:
     message = file.message_type.add(name=body.__name__)
     for number, field in enumerate(fields(body), start=1):
         if field.form is Form.MAP:
             _add_map(message, field, number)
+        elif arrays_as_bytes and is_copied(field):
+            message.field.add(name=field.name, number=number, label=_Field.LABEL_OPTIONAL, type=_Field.TYPE_BYTES)
         else:
             _add_field(message, field, number)
 

@@ -14,7 +14,7 @@ import msgspec
 import protocol
 import protocol.bodies as bodies
 from protocol import Frame, FrameError, Reason, Topic
-from services.runtime import whole
+from services.runtime import frame_batches
 from services.runtime.histogram import LatencyHistogram
 
 #: A reader accepts up to this many times the topic's rate; what comes faster is refused undecoded.
@@ -40,62 +40,49 @@ class Bus(Protocol):
 
         Frames leave when the process sleeps; ``at_once`` is for one that somebody waits for, in the middle of a tick.
         """
-        ...
 
     def flush(self) -> None:
         """Send what nobody waits for: to be called between two ticks, in each. Never blocks."""
-        ...
 
     def latest(self, topic: str) -> Frame | None:
         """Return the newest frame of a "latest" topic that was not returned before, or None. Never blocks."""
-        ...
 
     def drain(self, topic: str) -> list[Frame]:
         """Return the frames of a topic read with ``every`` since the last call, oldest first. Never blocks."""
-        ...
 
     def batch(self, topic: str) -> Batch | None:
         """Return the next unread frames of a topic read with ``every``, unchecked, or None. Never blocks."""
-        ...
 
     def sample(self, topics: Iterable[str], until_ns: int) -> dict[str, Frame]:
         """Ask for one frame each of topics opened as ``samples``; wait for them, but not beyond `until_ns`.
 
         Between two samples nothing is sent to this process: for readers that want some frames of a fast topic.
         """
-        ...
 
     def wait(self, topic: str, until_ns: int) -> bool:
         """Sleep until `topic` may have a frame (True) or the monotonic clock reaches `until_ns` (False)."""
-        ...
 
     def is_fresh(self, *topics: str) -> bool:
         """Return whether the last frame of each topic is younger than its ``stale_after_s`` and was sent as valid."""
-        ...
 
     def has_reader(self, topic: str) -> bool:
         """Return whether a reader of `topic`, which this process publishes, has subscribed."""
-        ...
 
     @property
     def refused_readers(self) -> int:
         """How many have knocked without the rig's keys."""
-        ...
 
     def reports(self) -> tuple[bodies.TopicReport, ...]:
         """Return the counts of every topic of this process."""
-        ...
 
     on_flood: Callable[[], None]
     """Called when a publisher begins to flood a topic that is read, and while it goes on."""
 
     def floods(self) -> dict[str, int]:
         """Return how many frames beyond `FLOOD_FACTOR` times its rate were seen, of each topic that was flooded."""
-        ...
 
     def close(self) -> None:
         """Give up all sockets and locks."""
-        ...
 
 
 class Outbox:
@@ -188,22 +175,6 @@ class Inbox:
             self._is_refusing = False
             self._look_for_flood(last)
 
-    def follow(self, run: Run) -> bool:
-        """Count frames that somebody else has looked into, if they follow on the last one; else count nothing."""
-        now, last = time.monotonic_ns(), self.last
-        if last is None or (run.incarnation, run.first) != (last.incarnation, last.sequence + 1):
-            return False
-        if run.count > int(self._refilled(now)):
-            return False
-        self._tokens -= run.count
-        self.received += run.count
-        self.age.record(now - run.sent_ns)
-        self.last = Frame(
-            protocol.PROTOCOL_VERSION, self.row.name, self.row.version, run.incarnation, run.first + run.count - 1,
-            run.sent_ns, run.origin_ns, run.valid, None,
-        )  # fmt: skip
-        return True
-
     def is_fresh(self, now_ns: int) -> bool:
         """Return whether the last frame may still be acted on."""
         last = self.last
@@ -266,18 +237,6 @@ class Inbox:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
-    """Frames of one publisher, each with the number after that of the one before; times are those of the last."""
-
-    incarnation: int
-    first: int
-    count: int
-    sent_ns: int
-    origin_ns: int
-    valid: bool
-
-
-@dataclass(frozen=True, slots=True)
 class Batch:
     """Frames as they came, one after the other, and their lengths as 32-bit integers."""
 
@@ -287,7 +246,7 @@ class Batch:
 
     def frames(self) -> list[Frame]:
         """Return those that may be used; of the others the reasons are counted."""
-        return self.inbox.accept_all(whole.split(self.lengths, self.data))
+        return self.inbox.accept_all(frame_batches.split(self.lengths, self.data))
 
 
 def floods(inboxes: dict[str, Inbox]) -> dict[str, int]:

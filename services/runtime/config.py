@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +13,7 @@ import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
+from services.nearest_word import did_you_mean
 from services.runtime import yaml_text
 from services.runtime.errors import ConfigError
 from services.runtime.rig import Rig
@@ -45,8 +47,9 @@ def find(kind: str, name: str | Path) -> Path:
     folder = config_directory() / f"{kind}s"
     named = folder / f"{name}.yaml"
     if not _is_there(named):
-        known = ", ".join(sorted(p.stem for p in folder.glob("*.yaml"))) or "none"
-        raise ConfigError(f"there is no {kind} {str(name)!r} in {folder}; known: {known}")
+        known = sorted(p.stem for p in folder.glob("*.yaml"))
+        near = did_you_mean(name, known)
+        raise ConfigError(f"there is no {kind} {str(name)!r} in {folder}; known: {', '.join(known) or 'none'}{near}")
     return named
 
 
@@ -172,15 +175,18 @@ def _sentence(error: ValidationError, kind: type[Any]) -> str:
     path = ".".join(str(part) for part in unknown or first["loc"] if part != "[key]")  # of a key that is wrong itself
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
     if unknown:
-        known = ", ".join(known_keys(kind, unknown[:-1])) or "none"
-        return f"{path}: unknown key {str(unknown[-1])!r}; known: {known}{more}"
+        known = known_keys(kind, unknown[:-1])
+        near = did_you_mean(unknown[-1], known)
+        return f"{path}: unknown key {str(unknown[-1])!r}; known: {', '.join(known) or 'none'}{more}{near}"
     if first["type"] in _MISSING:
         return f"{path}: this key is missing{more}"
     if first["type"] == _NO_KIND:
         key = str(first["ctx"]["discriminator"]).strip("'")
         return f"{'.'.join(filter(None, (path, key)))}: this key is missing{more}"
     message = first["msg"].removeprefix("Value error, ")
-    return f"{path or 'file'}: {message[:1].lower()}{message[1:]}{more}"
+    choices = re.findall("'(.*?)'", str(first.get("ctx", {}).get("expected", "")))
+    near = did_you_mean(first["input"], choices)
+    return f"{path or 'file'}: {message[:1].lower()}{message[1:]}{more}{near}"
 
 
 def _unknown(error: ErrorDetails, kind: Any) -> tuple[int | str, ...]:

@@ -13,15 +13,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-from protocol.topics import TOPICS
+from protocol.topics import PROCESSES, TOPICS, published_by
 from services.runtime.errors import BusError
 from services.runtime.private_directory import make_private, open_text
 from services.runtime.rig import Transport
 
 _MAX_IPC_PATH = 107
 _PORTS = 8192
-#: Of the endpoint of a topic's batches, as `services.runtime.whole` names it.
-_WHOLE = ".whole"
+#: Ends the name of the endpoint of a topic's batches, see `services.runtime.frame_batches`.
+_BATCHES = ".whole"
 
 
 def run_directory(transport: Transport) -> Path:
@@ -67,7 +67,7 @@ def check(transport: Transport) -> None:
     """
     if transport.kind == "ipc" and transport.directory is not None:
         for topic in TOPICS:
-            _ipc_path(transport.directory, f"{topic}{_WHOLE}")
+            _ipc_path(transport.directory, f"{topic}{_BATCHES}")
 
 
 def _ipc_path(directory: Path, topic: str) -> str:
@@ -99,11 +99,37 @@ def claim(transport: Transport, topic: str) -> IO[str]:
     return lock
 
 
+def lock_holders(transport: Transport) -> dict[str, int]:
+    """Return by process name the process that holds a lock of its endpoints, supervised or not."""
+    directory = run_directory(transport)
+    found: dict[str, int] = {}
+    for process in PROCESSES:
+        for topic in published_by(process):
+            pid = _holder(directory / f"{topic}.lock")
+            if pid is not None:
+                found[process] = pid
+    return found
+
+
+def _holder(path: Path) -> int | None:
+    try:
+        lock = open_text(path)
+    except FileNotFoundError:
+        return None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            text = lock.read().strip()
+            return int(text) if text.isdigit() else None
+    return None
+
+
 def remove_stale(transport: Transport) -> list[str]:
     """Remove the sockets of publishers that are no more (one that is killed leaves them) and return their names."""
     removed = []
     for path in sorted(run_directory(transport).glob("*.ipc")):
-        with suppress(BusError, FileNotFoundError), claim(transport, path.stem.removesuffix(_WHOLE)):
+        with suppress(BusError, FileNotFoundError), claim(transport, path.stem.removesuffix(_BATCHES)):
             path.unlink()
             removed.append(path.name)
     return removed

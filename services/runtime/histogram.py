@@ -86,10 +86,10 @@ class LatencyHistogram:
 class Quantiles:
     """What a table shows of a histogram, in microseconds; NaN where nothing was counted."""
 
-    p50: float
-    p99: float
-    p99_9: float
-    max: float
+    p50: float = float("nan")
+    p99: float = float("nan")
+    p99_9: float = float("nan")
+    max: float = float("nan")
 
 
 def quantile_ns(counts: NDArray[np.int64], deadline_ns: int, q: float, max_ns: float = np.inf) -> float:

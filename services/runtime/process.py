@@ -15,12 +15,12 @@ from typing import Any
 from protocol.topics import observed_by, published_by, read_by, topic
 from services import start_up
 from services.runtime import config, endpoints, log, realtime
-from services.runtime.called_for import EVERYTHING, CalledFor, called_for
 from services.runtime.errors import BusError, UserError
 from services.runtime.flight import SUFFIX, FlightRing, flight_directory
 from services.runtime.health import HealthReporter
 from services.runtime.loop import LoopMeter
 from services.runtime.rig import Rig
+from services.runtime.scene_requirements import EVERYTHING, SceneRequirements, scene_requirements
 from services.runtime.scheduling import Scheduling
 from services.runtime.zmq_bus import ZmqBus
 
@@ -44,7 +44,7 @@ class ProcessConfig:
     scene_name: str
     scene_overrides: tuple[str, ...]
     log: logging.Logger
-    called_for: CalledFor = EVERYTHING
+    requirements: SceneRequirements = EVERYTHING
 
 
 @dataclass(slots=True)
@@ -59,7 +59,7 @@ class Process:
     facts: list[realtime.Fact]
     bus: ZmqBus
     health: HealthReporter
-    called_for: CalledFor = EVERYTHING
+    requirements: SceneRequirements = EVERYTHING
     _scheduling: Scheduling | None = None
     _stopping: list[bool] = field(default_factory=lambda: [False])
 
@@ -129,7 +129,7 @@ def load_process_config(name: str, options: Options) -> ProcessConfig:
     """
     rig = config.load_rig(options.rig, options.overrides)
     scene, scene_overrides = options.scene or rig.scene, config.split_overrides(options.overrides)[1]
-    wanted = called_for(scene, scene_overrides)
+    wanted = scene_requirements(scene, scene_overrides)
     return ProcessConfig(name, wanted.fitted(rig), scene, scene_overrides, log.set_up(name), wanted)
 
 
@@ -154,11 +154,14 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
     )
     for fact in facts:
         _warn_of(fact, logger)
-    called = process_config.called_for
-    read, observed = tuple(filter(called.speaks, read_by(name))), tuple(filter(called.speaks, observed_by(name)))
+    requirements = process_config.requirements
+    read, observed = (
+        tuple(filter(requirements.is_published, read_by(name))),
+        tuple(filter(requirements.is_published, observed_by(name))),
+    )
     bus = ZmqBus(
         rig.transport,
-        publishes=filter(called.listens, published_by(name)),
+        publishes=filter(requirements.is_read, published_by(name)),
         reads=[each for each in read if each not in whole],
         reads_every=[each for each in (*read, *observed) if each in whole],
         samples=[each for each in observed if each not in whole],
@@ -172,7 +175,7 @@ def open_process(process_config: ProcessConfig, whole: Collection[str] = ()) -> 
         facts,
         bus,
         HealthReporter(name, bus),
-        called,
+        requirements,
     )
     process.health.realtime = facts
     if scheduling is not None:
@@ -233,7 +236,7 @@ def main(
     try:
         options = parse(name, arguments)
         process_config = load_process_config(name, options)
-        if name in process_config.called_for.idle:
+        if name in process_config.requirements.idle:
             process_config.log.info("scene %s has nothing to do for it", process_config.scene_name)
             return 0
         prepared = () if prepare is None else (prepare(process_config),)

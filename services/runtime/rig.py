@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from protocol.topics import TOPICS, observed_by, read_by
+from services.nearest_word import did_you_mean
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -42,7 +43,7 @@ def _one_of(kind: str, known: Iterable[str]) -> AfterValidator:
 
     def check(name: str) -> str:
         if name not in names:
-            raise ValueError(f"there is no {kind} {name!r}; known: {', '.join(names)}")
+            raise ValueError(f"there is no {kind} {name!r}; known: {', '.join(names)}{did_you_mean(name, names)}")
         return name
 
     return AfterValidator(check)
@@ -182,7 +183,7 @@ class LoopContract(Settings):
     rate_hz: Annotated[float, Field(gt=0)]
     miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(0.01, description="of a minute's ticks that may be lost")
     follows_readers: bool = Field(
-        False, description="whether fewer ticks are due while whoever it works for asks for fewer: a picture"
+        False, description="whether fewer ticks are due while its readers want fewer: of a picture"
     )
     stop_miss_ratio: Annotated[float, Field(ge=0, le=1)] = Field(
         0.5, description="beyond it and on the lowest quality the loop is restarted, then the rig stopped; 1: never"
@@ -203,7 +204,7 @@ class SupervisorSettings(Settings):
 
     mode: Literal["launch", "attach"] = "launch"
     heartbeat_timeout_s: Annotated[float, Field(gt=0.02)] = 0.5
-    ready_timeout_s: Annotated[float, Field(gt=0)] = 120.0
+    ready_timeout_s: Annotated[float, Field(gt=0)] = Field(120.0, description="without progress of a starting process")
     window_s: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="over which the dashboard shows figures")
     backoff_s: tuple[Annotated[float, Field(ge=0)], ...] = (0.1, 0.5, 1.0, 2.0, 5.0)
     max_restarts_per_minute: Annotated[int, Field(ge=0)] = 5
@@ -235,7 +236,8 @@ class RecorderSettings(Settings):
         known = (*read_by("recorder"), *observed_by("recorder"))
         for topic in whole:
             if topic not in known:
-                raise ValueError(f"the recorder does not read {topic!r}; known: {', '.join(known)}")
+                near = did_you_mean(topic, known)
+                raise ValueError(f"the recorder does not read {topic!r}; known: {', '.join(known)}{near}")
         return whole
 
 

@@ -19,17 +19,17 @@ from protocol import Frame, Reason, Topic, topic
 from services.runtime import bus, endpoints, keys
 from services.runtime.direct import DirectReader, DirectSender
 from services.runtime.errors import BusError
-from services.runtime.rig import Transport
-from services.runtime.scheduling import step_aside
-from services.runtime.whole import (
+from services.runtime.frame_batches import (
     SENDS_PER_S,
     BatchSender,
+    batch_endpoint,
     count_readers,
-    has_whole_socket,
+    has_batches,
     is_readable,
     lengths_and_frames,
-    whole,
 )
+from services.runtime.rig import Transport
+from services.runtime.scheduling import step_aside
 
 #: Frames that a slow reader may fall behind before frames are lost (and counted).
 _HIGH_WATER_MARK = 1000
@@ -56,7 +56,7 @@ class ZmqBus:
         Topic names. State topics are read newest-only.
     reads_every
         Topics of which every frame is wanted, whatever the table says: for recorders and sniffers. Those of a fast
-        topic come in batches, so that nobody waits for such a reader (`services.runtime.whole`).
+        topic come in batches, so that nobody waits for such a reader (`services.runtime.frame_batches`).
     samples
         Topics of which a frame is wanted now and then: see `sample`.
 
@@ -114,8 +114,8 @@ class ZmqBus:
             self._senders[name] = self._bound(transport, name, name, _HIGH_WATER_MARK)
             self._subscribed[name] = 0
         self._out[name] = bus.Outbox(row, incarnation)
-        if has_whole_socket(row):
-            self._batches[name] = BatchSender(self._bound(transport, name, whole(name), _BATCHES_KEPT))
+        if has_batches(row):
+            self._batches[name] = BatchSender(self._bound(transport, name, batch_endpoint(name), _BATCHES_KEPT))
 
     def _bound(self, transport: Transport, name: str, endpoint_name: str, most: int) -> zmq.Socket[bytes]:
         """Return a socket that sends topic `name` and keeps `most` messages for a reader that is slow."""
@@ -148,15 +148,15 @@ class ZmqBus:
         box = bus.Inbox(topic(name), every=every, on_flood=self._flooded)
         socket = self._context.socket(zmq.SUB)
         if box.every:
-            socket.rcvhwm = _HIGH_WATER_MARK if whole(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
+            socket.rcvhwm = _HIGH_WATER_MARK if batch_endpoint(name) == name else round(bus.BACKLOG_S * SENDS_PER_S)
         else:
             socket.conflate = True  # keeps the newest; one topic and one part per socket, else frames vanish unseen
         socket.reconnect_ivl = _RECONNECT_MS
-        if samples or box.every or not has_whole_socket(box.row):  # but the hand waits for a fast one over tcp
+        if samples or box.every or not has_batches(box.row):  # but the hand waits for a fast one over tcp
             socket.reconnect_ivl_max = _RECONNECT_MAX_MS
         if self._keys:
             self._keys.guard_reader(socket)
-        socket.connect(endpoints.endpoint(transport, whole(name) if every else name))
+        socket.connect(endpoints.endpoint(transport, batch_endpoint(name) if every else name))
         self._receivers[name] = socket
         self._descriptors[name] = int(socket.getsockopt(zmq.FD))
         self._in[name] = box
@@ -326,7 +326,7 @@ class ZmqBus:
 
 def _is_direct(transport: Transport, row: Topic) -> bool:
     """Return whether the loops send and receive a topic themselves."""
-    return transport.kind == "ipc" and has_whole_socket(row)
+    return transport.kind == "ipc" and has_batches(row)
 
 
 def _path(transport: Transport, name: str) -> str:

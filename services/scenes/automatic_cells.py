@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from services.mechanics.scene import DuctScene, ForcepsScene
-from services.mechanics.scene.cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
+from services.mechanics.scene.mesh_cells import MOST_NODES, MOST_NODES_ALL_PAIRS, accurate_cells
 from services.runtime import config
 from services.scenes.limits import LARGEST
 

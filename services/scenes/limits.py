@@ -38,7 +38,7 @@ _AT_MOST: dict[str, dict[str, float]] = {
 }
 LARGEST = 1e30
 """Of any number: the mechanics multiplies several, and beyond 1e308 a product is infinite."""
-FURTHEST_M = 10.0
+LENGTH_MAX_M = 10.0
 """Of any length and place: what is longer is in another unit."""
 _OF_LENGTH = re.compile(r"(?<!_[1ns])_m(\.\d)?$")
 """What ends a length's name: not that of a curvature (1_m), a stiffness (n_m) or a damping (n_s_m)."""
@@ -59,8 +59,8 @@ def fault(scene: SceneModel) -> str:
         for name, value in _floats(holder):
             if abs(value) > LARGEST:
                 return f"{path}.{name}: must not be above {LARGEST:g} in size, is {value:g}"
-            if abs(value) > FURTHEST_M and _OF_LENGTH.search(name):
-                return f"{path}.{name}: must not be above {FURTHEST_M:g} m, is {value:g}; is it in another unit?"
+            if abs(value) > LENGTH_MAX_M and _OF_LENGTH.search(name):
+                return f"{path}.{name}: must not be above {LENGTH_MAX_M:g} m, is {value:g}; is it in another unit?"
     if not len(scene.forceps) <= N_TOOLS:
         return f"forceps: at most {N_TOOLS}, are {len(scene.forceps)}"
     return _hands_fault(scene) or _catheter_fault(scene.catheter) or _ladder_fault(scene.quality)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from services.mechanics.scene.tissue import Tissue, tissue
+from services.mechanics.scene.tissue import TISSUES, Tissue, tissue
+from services.nearest_word import did_you_mean
 from services.runtime import config
 from services.runtime.errors import ConfigError
 
@@ -27,7 +28,7 @@ def take_tissue(data: dict[str, Any], where: str, origins: config.Origins) -> No
     try:
         chosen = tissue(name)
     except ValueError as error:
-        raise ConfigError(f"{where}: duct.tissue: {error}") from None
+        raise ConfigError(f"{where}: duct.tissue: {error}{did_you_mean(name, TISSUES)}") from None
     if chosen.is_orthotropic and "effects" not in data:
         data["effects"] = effects = {}
     _fill(duct, _wall(chosen), "duct", name, origins)

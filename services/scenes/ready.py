@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.simulation.scene_duct import build_scene_duct, check_scene_duct, scene_mesh
 from services.mechanics.surface.mesh import TriangleMesh

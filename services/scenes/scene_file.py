@@ -17,9 +17,10 @@ from services.mechanics.scene.instruments import TOOLS, USUAL
 from services.mechanics.simulation.scene_catheter import check_catheter
 from services.mechanics.simulation.scene_duct import check_duct_numbers
 from services.mechanics.simulation.scene_world import check_integrator
+from services.nearest_word import did_you_mean
 from services.runtime import config
-from services.runtime.called_for import has_duct_alone
 from services.runtime.errors import ConfigError
+from services.runtime.scene_requirements import has_duct_alone
 from services.scenes import limits
 
 # The dataclasses inside have no configuration of their own and take this one.
@@ -54,7 +55,8 @@ def _named_tools(data: Mapping[str, Any], where: str) -> tuple[type[ToolScene], 
     kinds = [each.get("kind", USUAL) if isinstance(each, Mapping) else USUAL for each in named]
     for k, kind in enumerate(kinds):
         if not isinstance(kind, str) or kind not in TOOLS:
-            raise ConfigError(f"{where}: forceps.{k}.kind: there is no tool {kind!r}; known: {', '.join(TOOLS)}")
+            near = did_you_mean(kind, TOOLS)
+            raise ConfigError(f"{where}: forceps.{k}.kind: there is no tool {kind!r}; known: {', '.join(TOOLS)}{near}")
     return tuple(TOOLS[kind] for kind in kinds)
 
 

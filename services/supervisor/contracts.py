@@ -1,4 +1,4 @@
-"""Judging: what loops and paths did over a minute and lately against what the rig file says they must keep."""
+"""Judges loops and paths, over a minute and over the last seconds, against the contracts of the rig file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from services.supervisor.window import Window
 
 #: A budget is for a minute, and is only overdrawn while the last seconds still overdraw it.
 BUDGET_S, STILL_S = 60.0, 5.0
-#: Who spends it within the last seconds, and in the last one goes on at that rate, is as sudden as a breakdown.
+#: A loop that spends it within the last seconds, and in the last one goes on at that rate, fails as suddenly as in a
+#: breakdown.
 _SPENT_RATE = BUDGET_S / STILL_S
 #: A breakdown spends the budget so many times faster than it lasts, over a second and still.
 BREAKDOWN_RATE = 50.0
@@ -40,8 +41,8 @@ class Breach:
 def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
     """Return the contracts that the counts in `windows` (by process) break.
 
-    Error budgets as services are run by them (burn rates over a long and a short window; Site Reliability Workbook,
-    chapter 5): a tick lost now and then is what a budget is for; one that is overdrawn is told while it still is.
+    The contracts are error budgets with burn rates over a long and a short window (Site Reliability Workbook, chapter
+    5). A budget allows for a tick lost now and then; an overdrawn one is reported while it still is overdrawn.
     """
     found = [_judge_loop(name, windows[name], loop) for name, loop in contracts.loops.items() if name in windows]
     found += [_judge_path(name, windows, path, contracts) for name, path in contracts.paths.items()]
@@ -51,7 +52,7 @@ def judge(windows: Mapping[str, Window], contracts: Contracts) -> list[Breach]:
 def spent_s(windows: Mapping[str, Window], contracts: Contracts, of: Iterable[Breach]) -> float:
     """Return what loops in breach have lost of late, in seconds that a loop's budget is for: the largest.
 
-    Of the last minute, or since windows were judged anew.
+    The losses are those of the last minute, or since the windows were cleared.
     """
     most_s = 0.0
     for name in {breach.process for breach in of} & contracts.loops.keys() & windows.keys():
@@ -123,7 +124,7 @@ def _judge_path(
 
 
 def path_limits_us(windows: Mapping[str, Window], contracts: Contracts) -> dict[str, float]:
-    """Return the limit, in us, against which each path is judged now: who draws sets some of them."""
+    """Return the limit, in us, against which each path is judged now: some depend on the pictures asked for."""
     limits = {name: contract.p99_us for name, contract in contracts.paths.items()}
     for process, window in windows.items():
         counted = [name for name in limits if window.path(name, STILL_S) is not None]
@@ -138,7 +139,7 @@ def _limit_us(contract: PathContract, process: str, window: Window, contracts: C
 def _stretch(window: Window, contract: LoopContract | None) -> float:
     """Return how much longer the periods are that a loop was asked for of late than those of its contract, at least 1.
 
-    Whoever asks for 10 pictures a second in place of 30 sees each a fifteenth of a second later: so it chose.
+    A reader that asks for 10 pictures a second in place of 30 sees each a fifteenth of a second later by choice.
     """
     counted = window.loop(STILL_S) if contract is not None and contract.follows_readers else None
     if contract is None or counted is None or counted[0].target_hz <= 0:

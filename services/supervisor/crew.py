@@ -14,23 +14,23 @@ import protocol.bodies as bodies
 from services.runtime import log
 from services.runtime.bus import Bus
 from services.runtime.errors import EndOfRig
-from services.supervisor import watch
+from services.supervisor import hang_detection
+from services.supervisor.exit_messages import how_it_ended, level_of, start_sentence
 from services.supervisor.floods import Floods
-from services.supervisor.last_words import how_it_ended, level_of, start_sentence
 from services.supervisor.launcher import Child, open_sink
+from services.supervisor.loop_progress import LoopProgress
 from services.supervisor.member import Fault, Member, MemberState
 from services.supervisor.nursery import Nursery
-from services.supervisor.pulses import Pulses
 
 #: How long a process may take to end by itself.
 END_S = 5.0
-#: A turn of the supervisor that came later than this was held up: the time does not count against anyone.
+#: A turn of the supervisor that came later than this was held up: the time does not count against any process.
 _HELD_UP_S = 0.05
-#: Within this a lost process is noticed, unless the supervisor itself is held up: then it says so.
+#: A lost process is noticed within this, unless the supervisor itself is held up, which it then reports.
 _NOTICE_S = 0.1
-#: A busy machine holds it up many times a second: the worst of them is told so often.
+#: A busy machine holds it up many times a second: the worst delay is reported this often.
 _SAY_EVERY_S = 10.0
-#: Ends last: it holds the arms, and lets go of them by itself when the others fall silent.
+#: This one ends last: it holds the arms, and lets go of them by itself when the others fall silent.
 _LAST = "gateway"
 #: How long a 1 kHz stream is listened to in one turn: many of its periods, a fraction of the silence that is a hang.
 PATIENCE_NS = 10_000_000
@@ -51,13 +51,13 @@ class Crew:
 
     members: dict[str, Member]
     bus: Bus
-    limits: watch.Limits
+    limits: hang_detection.Limits
     launch: Launch | None
     say: Callable[[str, str], None]
     on_report: Callable[[str, bodies.Health], None] = lambda _name, _health: None
-    pulses: Pulses = field(default_factory=lambda: Pulses(None))
+    loop_progress: LoopProgress = field(default_factory=lambda: LoopProgress(None))
     has_heard_all: Callable[[], bool] = lambda: True
-    fatal: Fault | None = None  # of one that could not even start: nothing is gained by trying again
+    fatal: Fault | None = None  # of a process that could not even start: a retry would gain nothing
     ended_by_person: bool = False
     stopping: bool = False
     _last_step_s: float | None = None
@@ -79,7 +79,7 @@ class Crew:
             flows = member.name in flowing
             self._hear(member, now_s, flows)
             if member.child is not None:
-                self._read_lines(member)
+                self._read_lines(member, now_s)
                 status = member.child.end()
                 if status is not None:
                     self._ended(member, status, now_s)
@@ -114,7 +114,7 @@ class Crew:
         return [m for m in self.members.values() if m.critical or m.state is not MemberState.FAILED]
 
     def troubles(self) -> list[str]:
-        """Return what is wrong with processes that should be up, critical ones first."""
+        """Return what is wrong with each process that should be up, critical ones first."""
         members = sorted(self.members.values(), key=lambda m: not m.critical)
         return [m.reason or f"{m.name}: {m.state}" for m in members if not m.up]
 
@@ -172,15 +172,16 @@ class Crew:
                 member.stream_s += held_up_s
 
     def _flowing(self) -> set[str]:
-        """Return the names of processes whose 1 kHz stream flows: by their rings, the others' streams are listened to.
+        """Return the names of the processes whose 1 kHz stream flows.
 
-        Those are listened to all together, not one by one. Who has not said that it is ready is not asked.
+        Their flight rings tell; the streams of processes without a ring are listened to, all together. Processes that
+        have not reported that they are ready are left out.
         """
         flowing, unknown = set(), {}
         for member in self.members.values():
-            if member.spec.stream is None or not watch.says_living(member):
+            if member.spec.stream is None or not hang_detection.says_living(member):
                 continue
-            ticked = self.pulses.ticked(member.name, member.pid)
+            ticked = self.loop_progress.ticked(member.name, member.pid)
             if ticked is None:
                 unknown[member.spec.stream] = member.name
             elif ticked:
@@ -198,7 +199,7 @@ class Crew:
                 for stall in member.new_stalls():
                     self.say("info", f"{member.name}: stalled for {stall.length_ns * 1e-6:.0f} ms, by its own measure")
                 self._warn(self._floods.told(health, now_s))
-                if member.child is None:  # whose own words nobody reads here
+                if member.child is None:  # its log is not read here
                     self._warn(member.new_detail(now_s))
                 self.on_report(member.name, health)
                 if health.state != "starting":
@@ -210,12 +211,12 @@ class Crew:
         for sentence in sentences:
             self.say("warning", sentence)
 
-    def _read_lines(self, member: Member) -> None:
+    def _read_lines(self, member: Member, now_s: float) -> None:
         assert member.child is not None
         for line in member.child.lines():
             progress = log.parse_progress(line)
             if progress is not None:
-                member.progress = progress
+                member.advance(progress, now_s)
                 continue
             member.last_lines = [*member.last_lines[-19:], line]
             self.say(level_of(line, member.name), line)
@@ -223,9 +224,12 @@ class Crew:
     def _is_hearing(self, now_s: float) -> bool:
         """Return whether silence may be judged; a bus that never rests must not hide it for ever.
 
-        While nobody is silent for half of what is accepted there is nothing to judge in this turn, and nothing to ask.
+        While no process has been silent for half the accepted time there is nothing to judge in this turn.
         """
-        if not any(watch.may_be_silent(m, now_s, self.limits) for m in self.members.values()) or self.has_heard_all():
+        if (
+            not any(hang_detection.may_be_silent(m, now_s, self.limits) for m in self.members.values())
+            or self.has_heard_all()
+        ):
             self._heard_all_s = now_s
             return True
         return now_s - self._heard_all_s >= self.limits.heartbeat_s
@@ -233,7 +237,7 @@ class Crew:
     def _watch(self, member: Member, now_s: float, hearing: bool, flows: bool) -> None:
         stopped = member.child is not None and not flows and member.child.is_stopped()  # who has just ticked is not
         if hearing or stopped:
-            wrong = watch.hang(member, stopped, now_s, self.limits)
+            wrong = hang_detection.hang(member, stopped, now_s, self.limits)
         else:
             wrong = member.reason if member.state is MemberState.HUNG else ""
         match member.state:
@@ -241,19 +245,19 @@ class Crew:
                 member.enter(MemberState.HUNG, now_s, wrong)
                 self.say("warning", wrong)
             case MemberState.HUNG if not wrong:
-                member.stalls_s = [*watch.recent_stalls(member, now_s), now_s]
+                member.stalls_s = [*hang_detection.recent_stalls(member, now_s), now_s]
                 member.enter(MemberState.STARTING, now_s)
             case MemberState.HUNG:
                 member.reason = wrong
-                if not member.killed and watch.beyond_waiting(member, stopped, now_s, self.limits):
+                if not member.killed and hang_detection.beyond_waiting(member, stopped, now_s, self.limits):
                     self._give_up_waiting(member, now_s)
-            case MemberState.STARTING if watch.says_ready(member, now_s, self.limits):
+            case MemberState.STARTING if hang_detection.says_ready(member, now_s, self.limits):
                 member.enter(MemberState.READY, now_s)
                 member.came_up = True
                 self._was_ready.add(member.name)
                 self.say("info", f"{member.name}: ready (process {member.pid})")
-            case MemberState.STARTING if watch.is_overdue(member, now_s, self.limits) and not member.killed:
-                member.reason = f"{member.name}: not ready after {self.limits.ready_s:.0f} s"
+            case MemberState.STARTING if hang_detection.is_overdue(member, now_s, self.limits) and not member.killed:
+                member.reason = f"{member.name}: not ready, and no progress for {self.limits.ready_s:.0f} s"
                 self._give_up_waiting(member, now_s)
 
     def _give_up_waiting(self, member: Member, now_s: float) -> None:
@@ -275,7 +279,7 @@ class Crew:
             self._start(member, now_s, self.launch)
 
     def _predecessors_prepared(self, member: Member) -> bool:
-        """Return whether those it starts after have said that they are; their streams may well wait for this one."""
+        """Return whether the processes that it starts after have prepared; their streams may wait for this one."""
         names = member.spec.starts_after
         return all(name in self._prepared for name in names if name in self.members)
 
@@ -288,7 +292,7 @@ class Crew:
                 member.birth = nursery.ask(member.spec, launch.arguments, sink.fileno())
 
     def _take_newborn(self, now_s: float) -> None:
-        """Take the processes that were asked for and are born."""
+        """Take over the processes that were asked for and have started."""
         if self.launch is None or self.launch.nursery is None:
             return
         self.launch.nursery.hear()
@@ -309,7 +313,7 @@ class Crew:
 
     def _ended(self, member: Member, status: int, now_s: float) -> None:
         assert member.child is not None
-        self._read_lines(member)
+        self._read_lines(member, now_s)
         log_file = member.child.log_file
         member.child.close()
         member.child = None

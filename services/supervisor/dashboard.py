@@ -1,13 +1,15 @@
 """The rig as the dashboard shows it: one snapshot, made from what the supervisor judges and what processes said.
 
-It is sent as JSON five times a second. Percentiles are over the last window.
+It is sent as JSON five times a second. Percentiles are over the last window. A number that is not known is null: NaN
+becomes null in msgspec's JSON.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import msgspec
 
@@ -17,28 +19,127 @@ from services.runtime.histogram import Quantiles
 from services.runtime.rig import Rig
 from services.supervisor.figures import Figures, Latencies, Loop, Path, Traffic
 from services.supervisor.figures import of as figures_of
-from services.supervisor.notes import MemberNote, Notes
-from services.supervisor.rows import (
-    UNKNOWN,
-    EventRow,
-    FactRow,
-    FloorRow,
-    Heat,
-    JudgeRow,
-    LoopRow,
-    PathRow,
-    ProcessRow,
-    QualityRow,
-    Snapshot,
-    Spread,
-    StageRow,
-    TopicRow,
-    UsageRow,
-)
-from services.supervisor.threads import Usage
+from services.supervisor.observers.registry import Report
+from services.supervisor.observers.thread_usage import Usage
+from services.supervisor.page_link import RigStatus
+from services.supervisor.supervisor import Event
 from services.supervisor.window import Window
 
 EVENTS_SHOWN = 50
+UNKNOWN = math.nan
+
+
+class LoopRow(msgspec.Struct, frozen=True):
+    """A loop against its contract."""
+
+    rate_hz: float
+    target_hz: float
+    ticks: int
+    misses: int
+    miss_ratio: float
+    skipped: int
+    lateness_us: Quantiles
+    work_us: Quantiles
+    contract_ok: bool
+
+
+class StageRow(msgspec.Struct, frozen=True):
+    """Cost of one stage of a tick."""
+
+    name: str
+    p50_us: float
+    p99_us: float
+    max_us: float
+
+
+class FloorRow(msgspec.Struct, frozen=True):
+    """The machine on one core: of a thread above everybody, wake-ups over a millisecond late in the last minute."""
+
+    core: int
+    wakeups: int
+    late: int
+    late_ratio: float
+    lateness_us: Quantiles
+
+
+class JudgeRow(msgspec.Struct, frozen=True):
+    """The supervisor's own turns: how late they began lately, and the latest since it began."""
+
+    rate_hz: float
+    lateness_us: Quantiles
+    latest_us: float
+
+
+class ProcessRow(msgspec.Struct, frozen=True):
+    """One process."""
+
+    name: str
+    state: str
+    pid: int
+    restarts: int
+    uptime_s: float
+    reason: str
+    detail: str
+    loop: LoopRow | None
+    realtime: tuple[Mapping[str, object], ...]
+    stages: tuple[StageRow, ...]
+    gauges: Mapping[str, float]
+    quality_level: int
+    usage: Usage | None
+
+
+class TopicRow(msgspec.Struct, frozen=True):
+    """One topic, over all processes that read it."""
+
+    topic: str
+    publisher: str
+    rate_hz: float
+    target_hz: float
+    age_us: Quantiles
+    drops: int
+    superseded: int
+    refused: Mapping[str, int]
+
+
+class PathRow(msgspec.Struct, frozen=True):
+    """One latency path against its contract."""
+
+    name: str
+    p50: float
+    p99: float
+    p99_9: float
+    max: float
+    limit_p99: float | None
+    ok: bool
+
+
+class Heat(msgspec.Struct, frozen=True):
+    """Lateness of a loop in coarse buckets; the last count is of the open bucket."""
+
+    edges_us: list[float]
+    counts: list[int]
+
+
+class Snapshot(msgspec.Struct, frozen=True):
+    """The whole rig at one time."""
+
+    t: float
+    state: str
+    reason: str
+    quality_level: int
+    quality: Mapping[str, object]
+    safe_stop: bool
+    rig: str
+    scene: str
+    processes: tuple[ProcessRow, ...]
+    topics: tuple[TopicRow, ...]
+    paths: tuple[PathRow, ...]
+    answered_next_tick: float
+    heat: Mapping[str, Heat]
+    floor: tuple[FloorRow, ...]
+    judge: JudgeRow | None
+    flight: str
+    events: tuple[Event, ...]
 
 
 @dataclass
@@ -78,53 +179,45 @@ class Heard:
         return self.window.figures(self.window_s) or Figures(0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What the kernel and the machine say beside the rig: floor by core, threads by process, the last flight's file."""
-
-    floor: Mapping[int, Latencies] = field(default_factory=dict)
-    usage: Mapping[str, Usage] = field(default_factory=dict)
-    flight: str = ""
-
-
 def snapshot(
-    notes: Notes, heard: Mapping[str, Heard], rig: Rig, scene: str, around: Surroundings | None = None
+    status: RigStatus, heard: Mapping[str, Heard], rig: Rig, scene: str, observed: Report | None = None
 ) -> Snapshot:
     """Return what the page shows of the rig now: as the supervisor judges it, and as the processes were heard."""
-    around = around or Surroundings()
+    state, observed = status.state, observed or Report()
     windows = {name: one.figures for name, one in heard.items()}
-    broken = set(notes.broken)
+    broken = set(status.broken)
     paths = {name: path for window in windows.values() for name, path in window.paths.items()}
     model = paths.get("device_model")
     nothing = Heard.nothing(rig.supervisor.window_s)
+    usage = {name: row.lately for name, row in observed.threads.items()}
     return Snapshot(
-        t=round(notes.said_s - notes.started_s, 3),
-        state=notes.state,
-        reason=notes.reason,
-        quality_level=notes.quality_level,
-        quality=QualityRow(**msgspec.structs.asdict(notes.quality)),
-        safe_stop=notes.safe_stop,
+        t=round(status.said_s - status.started_s, 3),
+        state=state.state,
+        reason=state.reason,
+        quality_level=state.quality_level,
+        quality=msgspec.structs.asdict(state.quality),
+        safe_stop=state.safe_stop,
         rig=rig.name,
         scene=scene,
         processes=tuple(
-            process_row(member, heard.get(member.name, nothing), broken, around.usage.get(member.name))
-            for member in notes.members
+            process_row(process, heard.get(process.name, nothing), broken, usage.get(process.name))
+            for process in state.processes
         ),
         topics=topic_rows(windows),
-        paths=tuple(_path_row(name, path, notes.path_limits_us.get(name), broken) for name, path in paths.items()),
+        paths=tuple(_path_row(name, path, status.path_limits_us.get(name), broken) for name, path in paths.items()),
         answered_next_tick=model.answered / model.asked if model and model.asked else UNKNOWN,
         heat={name: _heat(window.loop.lateness) for name, window in windows.items() if window.loop},
-        floor=tuple(_floor_row(core, latencies) for core, latencies in sorted(around.floor.items())),
+        floor=tuple(_floor_row(core, row.lately) for core, row in observed.floor.items()),
         judge=_judge_row(heard.get("supervisor", nothing)),
-        flight=around.flight,
-        events=tuple(EventRow(round(e.t, 3), e.level, e.text) for e in notes.events[-EVENTS_SHOWN:]),
+        flight=next((row.lately for row in observed.incidents.values()), ""),
+        events=status.events[-EVENTS_SHOWN:],
     )
 
 
 def _floor_row(core: int, latencies: Latencies) -> FloorRow:
     total = latencies.total
     ratio = latencies.late / total if total else UNKNOWN
-    return FloorRow(core, total, latencies.late, ratio, spread(latencies))
+    return FloorRow(core, total, latencies.late, ratio, latencies.quantiles())
 
 
 def _judge_row(heard: Heard) -> JudgeRow | None:
@@ -132,27 +225,29 @@ def _judge_row(heard: Heard) -> JudgeRow | None:
     if health is None or health.loop is None or window.loop is None:
         return None
     rate_hz = window.loop.ticks / window.seconds if window.seconds > 0 else UNKNOWN
-    return JudgeRow(rate_hz, spread(window.loop.lateness), 1e-3 * health.loop.lateness.max_ns)
+    return JudgeRow(rate_hz, window.loop.lateness.quantiles(), 1e-3 * health.loop.lateness.max_ns)
 
 
-def process_row(member: MemberNote, heard: Heard, broken: set[str], usage: Usage | None = None) -> ProcessRow:
+def process_row(
+    process: bodies.ProcessReport, heard: Heard, broken: set[str], usage: Usage | None = None
+) -> ProcessRow:
     """Return the row of one process."""
     health, window = heard.health, heard.figures
-    kept = f"{member.name} ticks" not in broken
+    kept = f"{process.name} ticks" not in broken
     return ProcessRow(
-        name=member.name,
-        state=member.state,
-        pid=member.pid,
-        restarts=member.restarts,
+        name=process.name,
+        state=process.state,
+        pid=process.pid,
+        restarts=process.restarts,
         uptime_s=round(health.uptime_s, 3) if health else 0.0,
-        reason=member.reason,
+        reason=process.reason,
         detail=health.detail if health else "",
         loop=loop_row(window.loop, window.seconds, kept) if window.loop else None,
-        realtime=tuple(FactRow(f.name, f.asked, f.had, f.ok) for f in health.realtime) if health else (),
+        realtime=tuple(map(msgspec.structs.asdict, health.realtime)) if health else (),
         stages=heard.stage_rows(),
         gauges=health.gauges if health else {},
         quality_level=health.quality_level if health else 0,
-        usage=UsageRow(**asdict(usage)) if usage is not None else None,
+        usage=usage,
     )
 
 
@@ -165,8 +260,8 @@ def loop_row(loop: Loop, seconds: float, kept: bool) -> LoopRow:
         misses=loop.misses,
         miss_ratio=loop.miss_ratio,
         skipped=loop.skipped,
-        lateness_us=spread(loop.lateness.quantiles()),
-        work_us=spread(loop.work.quantiles()),
+        lateness_us=loop.lateness.quantiles(),
+        work_us=loop.work.quantiles(),
         contract_ok=kept,
     )
 
@@ -186,7 +281,7 @@ def topic_rows(windows: Mapping[str, Figures]) -> tuple[TopicRow, ...]:
             publisher=row.publisher,
             rate_hz=rates.get(name, UNKNOWN),
             target_hz=row.rate_hz,
-            age_us=spread(together[name].age),
+            age_us=_quantiles(together[name].age),
             drops=together[name].dropped,
             superseded=together[name].superseded,
             refused=dict(together[name].refused),
@@ -201,12 +296,8 @@ def _path_row(name: str, path: Path, limit_us: float | None, broken: set[str]) -
     return PathRow(name, q.p50, q.p99, q.p99_9, q.max, limit_us, f"path {name}" not in broken)
 
 
-def spread(values: Quantiles | Latencies | None) -> Spread:
-    """Return quantiles as they are shown."""
-    if values is None:
-        return Spread()
-    q = values.quantiles() if isinstance(values, Latencies) else values
-    return Spread(q.p50, q.p99, q.p99_9, q.max)
+def _quantiles(latencies: Latencies | None) -> Quantiles:
+    return Quantiles() if latencies is None else latencies.quantiles()
 
 
 def _heat(latencies: Latencies) -> Heat:

@@ -1,6 +1,6 @@
-"""What is done about a breach that stands: lower the quality, then restart, then stop safely. Pure decisions.
+"""Decides what to do about a breach that stands: lower the quality, then restart, then stop safely. Pure.
 
-Each rung is given time to show its effect, and more than one window: a single stall of the machine fills one window
+Each step is given time to show its effect, and more than one window: a single stall of the machine fills one window
 and climbs nothing. A breach that is only slight stays on the last quality level as DEGRADED with its reason: a restart
 would cost the hand more than it could gain. So does one that is severe for a moment on top of a slight one that stands,
 as on a machine that is too slow and then stalls: for a restart, severity itself has to stand. Which rung of quality is
@@ -13,11 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
+from services.runtime.quality_governor import Hysteresis
 from services.supervisor.contracts import Breach
-from services.supervisor.governor import Governor, Hysteresis, Level
+from services.supervisor.governor import Governor, Level
 
 
-class Rung(Enum):
+class ActionKind(Enum):
     """What to do."""
 
     LOWER = "lower the quality level"
@@ -28,9 +29,9 @@ class Rung(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One step of enforcement, on `process` where it concerns one."""
+    """One step of enforcement, and the process that it concerns, if it does."""
 
-    rung: Rung
+    kind: ActionKind
     process: str
     reason: str
 
@@ -48,6 +49,9 @@ class Ladder:
     sudden_s
         How long one of the fast window stands before quality is lowered, which is cheap and taken back: longer than
         what a single stall leaves in that window.
+    try_s
+        The same while a better rung is tried, where the one to return to is known to hold: longer than a single stall
+        stands.
     may_restart
         False where another keeps the processes alive: judge and command only.
     hysteresis
@@ -58,6 +62,7 @@ class Ladder:
     patience_s: float = 5.0
     sudden_s: float = 2.5
     may_restart: bool = True
+    try_s: float = 1.5
     hysteresis: Hysteresis = field(default_factory=Hysteresis)
 
 
@@ -87,7 +92,7 @@ class Severity:
 
 
 class Enforcement:
-    """The ladder's memory: quality in force, who was restarted already, since when things stand as they do."""
+    """The memory of enforcement: quality in force, processes restarted already, since when the breaches stand."""
 
     def __init__(self, ladder: Ladder) -> None:
         self.ladder = ladder
@@ -110,7 +115,7 @@ class Enforcement:
         if not standing:
             self._standing_since_s = None
             return self._recover(now_s)
-        self.governor.disturbed()
+        self.governor.disturbed(now_s)
         if self._standing_since_s is None:
             self._standing_since_s = now_s
         if now_s - self._standing_since_s < self._patience_s(now_s, standing):
@@ -128,14 +133,14 @@ class Enforcement:
     def _patience_s(self, now_s: float, standing: list[Breach]) -> float:
         if not (self.governor.can_lower and any(breach.sudden for breach in standing)):
             return self.ladder.patience_s
-        sudden_s = self.ladder.hysteresis.try_s if self.governor.is_trying(now_s) else self.ladder.sudden_s
+        sudden_s = self.ladder.try_s if self.governor.is_trying(now_s) else self.ladder.sudden_s
         return min(sudden_s, self.ladder.patience_s)
 
     def _give_up(self, standing: list[Breach]) -> Action:
         worst = next((breach for breach in standing if breach.severe), standing[0])
         before = self.governor.rung
         self.governor.lower(by_far=worst.severe)
-        return Action(Rung.LOWER, worst.process, "; now ".join((worst.text, _told(self.governor.rung, before))))
+        return Action(ActionKind.LOWER, worst.process, "; now ".join((worst.text, _told(self.governor.rung, before))))
 
     def _climb(self, now_s: float, standing: list[Breach]) -> Action | None:
         patience_s = self.ladder.patience_s
@@ -144,8 +149,8 @@ class Enforcement:
             return None
         if self.ladder.may_restart and worst.process not in self._restarted:
             self._restarted.add(worst.process)
-            return Action(Rung.RESTART, worst.process, worst.text)
-        return Action(Rung.SAFE_STOP, worst.process, worst.text)
+            return Action(ActionKind.RESTART, worst.process, worst.text)
+        return Action(ActionKind.SAFE_STOP, worst.process, worst.text)
 
     def _recover(self, now_s: float) -> Action | None:
         if not self.governor.calm(now_s):
@@ -154,7 +159,7 @@ class Enforcement:
         waited_s = self.governor.wait_s
         if not self.governor.come_back(now_s):
             return None
-        return Action(Rung.RAISE, "", f"no contract broken for {waited_s:.0f} s; now {self.governor.rung.name!r}")
+        return Action(ActionKind.RAISE, "", f"no contract broken for {waited_s:.0f} s; now {self.governor.rung.name!r}")
 
 
 def _told(rung: Level, before: Level) -> str:

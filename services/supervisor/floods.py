@@ -1,4 +1,4 @@
-"""Publishers that flood: told by who reads them, said once, and again while it goes on."""
+"""Events about publishers that flood a topic: readers count the excess; one event, repeated while it goes on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SAY_EVERY_S = 10.0
 
 
 class Floods:
-    """Compares what readers count, which only grows, with what they had counted: a number a reader and topic."""
+    """Compares the excess that each reader has counted of each topic with what it had counted before."""
 
     def __init__(self) -> None:
         self._counted: dict[tuple[str, str], tuple[int, float]] = {}

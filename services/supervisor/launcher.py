@@ -1,6 +1,6 @@
-"""Starting a process and keeping hold of it: its end, its being stopped, what it says.
+"""Starts a process and follows it: its end, whether it is stopped, the lines that it writes.
 
-A child writes to a file, never to a pipe: a supervisor that is stopped or dead can then neither block it (a full pipe
+A child writes to a file, never to a pipe. A supervisor that is stopped or dead can then neither block it (a full pipe
 would stall a 1 kHz loop on its next warning) nor break its writes.
 """
 
@@ -62,7 +62,7 @@ class Child:
                 # A Ctrl-C at the terminal is ours alone, children are ended in order; and `services.runtime.autogroup`.
                 start_new_session=True,
             )
-        popen.returncode = 0  # it is waited for here, as those are that are born elsewhere
+        popen.returncode = 0  # `end` waits for it, as for processes that were forked elsewhere
         return cls(spec, popen.pid, log_file)
 
     def end(self) -> int | None:

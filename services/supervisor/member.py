@@ -1,9 +1,10 @@
-"""One process as the supervisor knows it: its state, its child where we own it, what it was heard to say."""
+"""One process as the supervisor knows it: its state, its child, its newest report, when it may be started again."""
 
 from __future__ import annotations
 
 import re
 import signal
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -15,11 +16,44 @@ from services.supervisor.kernel_word import Waits
 from services.supervisor.launcher import Child
 from services.supervisor.nursery import Birth
 from services.supervisor.processes import ProcessSpec
-from services.supervisor.restarts import RestartPolicy
 from services.supervisor.window import Window
 
 #: What a process says is wrong with it is told again so late where nothing but its numbers has changed.
 _AGAIN_S = 10.0
+_MINUTE_S = 60.0
+
+
+class RestartPolicy:
+    """Delays that grow with the restarts of the last minute, and an end to them.
+
+    Parameters
+    ----------
+    backoff_s
+        Delay before the first, second, ... restart within a minute; the last holds for all further ones.
+    max_per_minute
+        Restarts within a minute after which the process is given up.
+    """
+
+    def __init__(self, backoff_s: tuple[float, ...], max_per_minute: int) -> None:
+        self._backoff_s = backoff_s or (0.0,)
+        self._max = max_per_minute
+        self._times_s: deque[float] = deque()
+        self.count = 0
+
+    def delay_s(self, now_s: float) -> float | None:
+        """Count a restart at `now_s` and return how long to wait for it; None when the limit is reached."""
+        while self._times_s and now_s - self._times_s[0] > _MINUTE_S:
+            self._times_s.popleft()
+        if len(self._times_s) >= self._max:
+            return None
+        delay = self._backoff_s[min(len(self._times_s), len(self._backoff_s) - 1)]
+        self._times_s.append(now_s)
+        self.count += 1
+        return delay
+
+    def forgive(self) -> None:
+        """Forget the minute: a person has armed the rig anew."""
+        self._times_s.clear()
 
 
 class MemberState(StrEnum):
@@ -63,6 +97,8 @@ class Member:
     stream_s: float | None = None
     last_lines: list[str] = field(default_factory=list)
     progress: tuple[str, float] | None = None
+    advanced_s: float = 0.0  # when it last said something else of its progress
+    waited_before_s: float = 0.0  # for a processor, up to then
     killed: bool = False
     status: int = 0  # with which it last ended
     fault: Fault | None = None  # the last of all: one that was started again may have left a hole
@@ -134,11 +170,18 @@ class Member:
         """Return for how long our child has waited for a processor since it was last heard, or started."""
         return self.child.waits().since(self.waited) if self.child is not None else Waits()
 
+    def advance(self, progress: tuple[str, float], now_s: float) -> None:
+        """Take what a starting process says of its progress; saying the same again is none."""
+        if progress != self.progress:
+            self.progress, self.advanced_s = progress, now_s
+            self.waited_before_s = self.child.waits().total_s if self.child is not None else 0.0
+
     def forget(self) -> None:
         """Drop what the ended process said: the next one speaks for itself."""
         self.health = None
         self.stream_s = None
         self.progress = None
+        self.advanced_s = self.waited_before_s = 0.0
         self.killed = False
         self.came_up = False
         self._stalls_told = 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import metadata
 
@@ -12,8 +12,10 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 import protocol.bodies as bodies
 from services.runtime import stage_times
 from services.supervisor.figures import Latencies, Stage
+from services.supervisor.observers.observer import Row
+from services.supervisor.observers.registry import Report
+from services.supervisor.observers.thread_usage import Counts, Usage
 from services.supervisor.state_machine import RigState
-from services.supervisor.threads import Counts
 
 #: Gauges ``device_link_up.<device>`` of a process are a metric of their own.
 LINK = "device_link_up"
@@ -22,26 +24,16 @@ _EVERY = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
-    """One process as it is exported."""
-
-    name: str
-    up: bool
-    restarts: int
-    health: bodies.Health | None
-
-
-@dataclass(frozen=True, slots=True)
 class RigSource:
-    """The rig as it is exported."""
+    """The rig as it is exported: as it is judged, the newest report of each process, and what was observed.
 
-    state: RigState
-    quality_level: int
-    safe_stop: bool
-    processes: Sequence[Source]
-    threads: Mapping[str, Counts] = field(default_factory=dict)
-    floor: Mapping[int, Latencies] = field(default_factory=dict)
-    quality: bodies.QualityReport = field(default_factory=bodies.QualityReport)
+    `is_judged` tells whether the supervisor itself is up.
+    """
+
+    state: bodies.SupervisorState
+    heard: Mapping[str, bodies.Health] = field(default_factory=dict)
+    observed: Report = field(default_factory=Report)
+    is_judged: bool = False
 
 
 class RigCollector:
@@ -53,16 +45,16 @@ class RigCollector:
     def collect(self) -> Iterator[Metric]:
         """Yield every metric family."""
         rig = self._source()
-        yield from _rig(rig)
-        yield from _services(rig.processes)
-        heard = [process.health for process in rig.processes if process.health is not None]
+        yield from _rig(rig.state)
+        yield from _services(rig)
+        heard = list(rig.heard.values())
         yield from _loops(heard)
         yield _paths(heard)
         yield from _topics(heard)
         yield from _gauges(heard)
         yield from _stages(heard)
-        yield from _threads(rig.threads)
-        yield from _floor(rig.floor)
+        yield from _threads(rig.observed.threads)
+        yield from _floor(rig.observed.floor)
 
 
 def registry(source: Callable[[], RigSource]) -> prometheus_client.CollectorRegistry:
@@ -72,13 +64,13 @@ def registry(source: Callable[[], RigSource]) -> prometheus_client.CollectorRegi
     return made
 
 
-def _rig(rig: RigSource) -> Iterator[Metric]:
+def _rig(rig: bodies.SupervisorState) -> Iterator[Metric]:
     build = GaugeMetricFamily("trocar_build_info", "Version of the rig", labels=["version"])
     build.add_metric([metadata.version("trocar")], 1)
     yield build
     state = GaugeMetricFamily("trocar_rig_state", "1 for the state that the rig is in", labels=["state"])
     for value in RigState:
-        state.add_metric([str(value)], float(value is rig.state))
+        state.add_metric([str(value)], float(value == rig.state))
     yield state
     yield GaugeMetricFamily("trocar_quality_level", "Quality level asked for, 0 is the best", value=rig.quality_level)
     yield from _quality(rig.quality)
@@ -102,37 +94,43 @@ def _quality(quality: bodies.QualityReport) -> Iterator[Metric]:
     yield switches
 
 
-def _services(processes: Iterable[Source]) -> Iterator[Metric]:
+def _services(rig: RigSource) -> Iterator[Metric]:
     up = GaugeMetricFamily("trocar_service_up", "1 while a process is ready and heard", labels=["service"])
     restarts = CounterMetricFamily("trocar_service_restarts", "Restarts by the supervisor", labels=["service"])
     text = "From the start of a process to its newest report, which every count here is of"
     uptime = GaugeMetricFamily("trocar_service_uptime_seconds", text, labels=["service"])
-    for process in processes:
-        up.add_metric([process.name], float(process.up))
+    for process in rig.state.processes:
+        up.add_metric([process.name], float(process.state == "ready"))
         restarts.add_metric([process.name], process.restarts)
-        if process.health is not None:
-            uptime.add_metric([process.name], process.health.uptime_s)
+    up.add_metric(["supervisor"], float(rig.is_judged))
+    restarts.add_metric(["supervisor"], 0)
+    for name, health in rig.heard.items():
+        uptime.add_metric([name], health.uptime_s)
     yield from (up, restarts, uptime)
 
 
+_LOOP_TIMES = {
+    "lateness": "Start of a tick after its deadline",
+    "period": "Time from tick to tick",
+    "work": "Work of a tick",
+}
+
+
 def _loops(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
-    lateness = _histogram("trocar_loop_lateness_seconds", "Start of a tick after its deadline", "loop")
-    period = _histogram("trocar_loop_period_seconds", "Time from tick to tick", "loop")
-    work = _histogram("trocar_loop_work_seconds", "Work of a tick", "loop")
-    longest = [_longest(f"trocar_loop_{what}", "loop") for what in ("lateness", "period", "work")]
+    times = {name: _histogram(f"trocar_loop_{name}_seconds", text, "loop") for name, text in _LOOP_TIMES.items()}
+    longest = {name: _longest(f"trocar_loop_{name}", "loop") for name in _LOOP_TIMES}
     ticks = CounterMetricFamily("trocar_loop_iterations", "Ticks that ran", labels=["loop"])
     misses = CounterMetricFamily("trocar_deadline_misses", "Ticks that finished late or never ran", labels=["loop"])
     for health in heard:
         if health.loop is None:
             continue
-        _add(lateness, health.process, Latencies.of(health.loop.lateness))
-        _add(period, health.process, Latencies.of(health.loop.period))
-        _add(work, health.process, Latencies.of(health.loop.work))
-        for family, counted in zip(longest, (health.loop.lateness, health.loop.period, health.loop.work), strict=True):
-            family.add_metric([health.process], counted.max_ns / 1e9)
+        for name in _LOOP_TIMES:
+            counted: bodies.Histogram = getattr(health.loop, name)
+            _add(times[name], health.process, Latencies.of(counted))
+            longest[name].add_metric([health.process], counted.max_ns / 1e9)
         ticks.add_metric([health.process], health.loop.ticks)
         misses.add_metric([health.process], health.loop.misses)
-    yield from (lateness, period, work, *longest, ticks, misses)
+    yield from (*times.values(), *longest.values(), ticks, misses)
 
 
 def _paths(heard: Iterable[bodies.Health]) -> Metric:
@@ -187,7 +185,7 @@ def _stages(heard: Iterable[bodies.Health]) -> Iterator[Metric]:
     yield from (family, longest)
 
 
-def _threads(threads: Mapping[str, Counts]) -> Iterator[Metric]:
+def _threads(threads: Mapping[str, Row[Counts, Usage | None]]) -> Iterator[Metric]:
     switches = CounterMetricFamily(
         "trocar_context_switches",
         "By the threads that live now: a wake-up ends in one that was wanted, the rest took the processor away",
@@ -195,7 +193,8 @@ def _threads(threads: Mapping[str, Counts]) -> Iterator[Metric]:
     )
     ran = CounterMetricFamily("trocar_processor_seconds", "Time on a processor", labels=["service"])
     waited = CounterMetricFamily("trocar_waited_seconds", "Time of waiting for a processor", labels=["service"])
-    for name, counts in threads.items():
+    for name, row in threads.items():
+        counts = row.since_start
         switches.add_metric([name, "wanted"], counts.woken)
         switches.add_metric([name, "preempted"], counts.preempted)
         ran.add_metric([name], counts.ran_ns / 1e9)
@@ -203,13 +202,13 @@ def _threads(threads: Mapping[str, Counts]) -> Iterator[Metric]:
     yield from (switches, ran, waited)
 
 
-def _floor(floor: Mapping[int, Latencies]) -> Iterator[Metric]:
-    text = "Wake-ups after their time of a thread above everybody: what the machine costs"
+def _floor(floor: Mapping[int, Row[Latencies, Latencies]]) -> Iterator[Metric]:
+    text = "Wake-ups after their time of a thread above all others: what the machine costs"
     family = _histogram("trocar_machine_lateness_seconds", text, "core")
     longest = _longest("trocar_machine_lateness", "core")
-    for core, latencies in floor.items():
-        _add(family, str(core), latencies)
-        longest.add_metric([str(core)], latencies.max_ns / 1e9)
+    for core, row in floor.items():
+        _add(family, str(core), row.since_start)
+        longest.add_metric([str(core)], row.since_start.max_ns / 1e9)
     yield from (family, longest)
 
 

@@ -1,4 +1,8 @@
-"""The web page of a running supervisor, as the supervisor keeps it; without its packages, an onlooker in its place."""
+"""The page's process, as the supervisor starts it, informs it and starts it again.
+
+It is of the ordinary class and shares no interpreter with the loop that judges, so that it holds up nothing when it is
+busy or not run. It hears the processes for itself; its end of a socket pair is its life.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +14,20 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from services.supervisor.companion import Companion
-from services.supervisor.notes import Opening
+from services.supervisor.launcher import Child
+from services.supervisor.page_link import Command, Link, PageSetup, RigStatus
 from services.supervisor.page_place import page_file, write_page_file
 from services.supervisor.processes import ProcessSpec
 from services.supervisor.supervisor import Supervisor
 
-#: What the page's process needs beyond the rest of the rig.
+#: What the page needs beyond the rest of the rig.
 PACKAGES = ("uvicorn", "starlette", "prometheus_client")
 _PAGE = ProcessSpec("page", "services.supervisor.page_server")
-_ONLOOKER = ProcessSpec("onlooker", "services.supervisor.onlooker")
+_OBSERVERS = ProcessSpec("observers", "services.supervisor.observers")
+_TELL_S = 0.2
+#: One that ended is started again after so long, so often.
+_RETRY_S, _RETRIES = 2.0, 5
+_END_S = 3.0
 
 
 def missing_package() -> str:
@@ -27,34 +35,80 @@ def missing_package() -> str:
     return next((name for name in PACKAGES if importlib.util.find_spec(name) is None), "")
 
 
-def onlooker(supervisor: Supervisor, scene: str, log_directory: Path) -> Companion:
-    """Return who keeps the flights of missed ticks where there is no page."""
-    opening = Opening(supervisor.rig.model_dump_json(), scene, "")
-    return Companion(supervisor, _ONLOOKER, opening, log_directory / "onlooker.log")
+class Page:
+    """Serves while it is open. Without a socket it only runs the observers, which keep incident files."""
 
-
-class Page(Companion):
-    """Serves while it is open."""
-
-    def __init__(self, sock: socket.socket, supervisor: Supervisor, scene: str, log_directory: Path) -> None:
-        opening = Opening(supervisor.rig.model_dump_json(), scene, secrets.token_urlsafe(16))
-        super().__init__(supervisor, _PAGE, opening, log_directory / "page.log", (sock.fileno(),))
+    def __init__(self, sock: socket.socket | None, supervisor: Supervisor, scene: str, log_directory: Path) -> None:
+        self._supervisor = supervisor
         self._socket = sock
-        host, port = sock.getsockname()[:2]
-        host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
-        self.address = f"http://{host}:{port}/"
+        self._spec = _OBSERVERS if sock is None else _PAGE
+        self._setup = PageSetup(supervisor.rig.model_dump_json(), scene, secrets.token_urlsafe(16))
+        self._log_file = log_directory / f"{self._spec.name}.log"
         self._file = page_file(supervisor.rig.transport)
+        self._child: Child | None = None
+        self._link: Link | None = None
+        self._starts = 0
+        self._due_s = self._retry_s = 0.0
 
     def __enter__(self) -> Self:
-        token = self._opening.token
-        write_page_file(self._file, self.address, token)
-        self._supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
-        self._supervisor.page_address = f"{self.address}#token={token}"
-        return super().__enter__()
+        if self._socket is not None:
+            address, token = _address(self._socket), self._setup.token
+            write_page_file(self._file, address, token)
+            self._supervisor.token_sha256 = hashlib.sha256(token.encode()).hexdigest()
+            self._supervisor.page_address = f"{address}#token={token}"
+        self._start()
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        super().__exit__(kind, error, trace)
-        self._socket.close()
-        self._file.unlink(missing_ok=True)
+        if self._link is not None:
+            self._link.close()  # which it sees, and ends
+        if self._child is not None:
+            self._child.wait(_END_S)
+            self._child.kill()
+            self._child.close()
+        if self._socket is not None:
+            self._socket.close()
+            self._file.unlink(missing_ok=True)
+
+    def turn(self, now_s: float) -> None:
+        """Send the status when it is due, carry out commands, start the process again where it ended."""
+        if self._link is None or self._child is None:
+            if now_s >= self._retry_s and self._starts <= _RETRIES:
+                self._start()
+            return
+        try:
+            while (command := self._link.receive(Command)) is not None:
+                act = self._supervisor.arm if command.what == "arm" else self._supervisor.safe_stop
+                act(command.who)
+        except ConnectionError:
+            self._lost(self._link, self._child, now_s)
+            return
+        if now_s >= self._due_s:
+            self._due_s = now_s + _TELL_S
+            self._link.send(RigStatus.of(self._supervisor, now_s))
+
+    def _start(self) -> None:
+        self._starts += 1
+        self._link, other = Link.pair()
+        self._link.send(self._setup)
+        descriptors = (other.fileno(), *((self._socket.fileno(),) if self._socket is not None else ()))
+        self._child = Child.started(self._spec, [str(each) for each in descriptors], self._log_file, descriptors)
+        other.close()
+
+    def _lost(self, link: Link, child: Child, now_s: float) -> None:
+        link.close()
+        status = child.kill()
+        child.close()
+        self._child = self._link = None
+        self._retry_s = now_s + _RETRY_S
+        again = "started again" if self._starts <= _RETRIES else "given up; the rig goes on without"
+        text = f"supervisor: the {self._spec.name}'s process ended with exit code {status}, {again}"
+        self._supervisor.say("warning", f"{text} (see {self._log_file})")
+
+
+def _address(sock: socket.socket) -> str:
+    host, port = sock.getsockname()[:2]
+    host = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else host
+    return f"http://{host}:{port}/"

@@ -18,21 +18,21 @@ from dataclasses import dataclass, field
 import msgspec
 import uvicorn
 
+import protocol.bodies as bodies
 from services.runtime.autogroup import set_group_niceness
 from services.runtime.bus import Bus
 from services.runtime.process import listen_as
 from services.runtime.rig import Rig
 from services.supervisor import dashboard
-from services.supervisor.around import Around
-from services.supervisor.metrics import RigSource, Source, registry
-from services.supervisor.notes import Command, Link, Notes, Opening
+from services.supervisor.metrics import RigSource, registry
+from services.supervisor.observers.registry import Observers
+from services.supervisor.page_link import Command, Link, PageSetup, RigStatus
 from services.supervisor.state_machine import RigState
 from services.supervisor.web import EVENT_PERIOD_S, PageContext, build_app
 
 _HEALTHY = (RigState.READY, RigState.RUNNING, RigState.DEGRADED)
 #: A supervisor that has said nothing for so long does not run: what is shown is old.
 SILENT_S = 2.0
-_OPENING_S = 10.0
 #: It needs a twentieth of a core and answers a person: of the ordinary class, it is served before what computes.
 _NICE = -10
 #: Whose page this is: no member of the crew, but its turns are measured as everybody's.
@@ -42,18 +42,18 @@ _encoder = msgspec.json.Encoder()
 
 @dataclass
 class Knowledge:
-    """What the page's process knows of the rig."""
+    """What the page's process has heard and seen of the rig."""
 
     rig: Rig
-    around: Around
-    notes: Notes | None = None
+    observers: Observers
+    status: RigStatus | None = None
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
 
     def hear(self, bus: Bus) -> None:
         """Take the newest report of every process."""
-        if self.notes is None:
+        if self.status is None:
             return
-        for name in (*(member.name for member in self.notes.members), OURS):
+        for name in (*(process.name for process in self.status.state.processes), OURS):
             heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
             frame = bus.latest(f"{name}.health")
             if frame is not None:
@@ -61,30 +61,24 @@ class Knowledge:
 
     def healthy(self) -> tuple[bool, str]:
         """Return whether the rig does what it is for, and in which words."""
-        if self.notes is None:
+        if self.status is None:
             return False, "the supervisor has said nothing yet"
-        silent_s = time.monotonic() - self.notes.said_s
+        silent_s, state = time.monotonic() - self.status.said_s, self.status.state
         if silent_s > SILENT_S:
             return False, f"the supervisor has said nothing for {silent_s:.1f} s"
-        reason = f": {self.notes.reason}" if self.notes.reason else ""
-        return self.notes.state in _HEALTHY, f"{self.notes.state}{reason}"
+        reason = f": {state.reason}" if state.reason else ""
+        return state.state in _HEALTHY, f"{state.state}{reason}"
 
     def source(self) -> RigSource:
         """Return what is exported to Prometheus."""
-        if self.notes is None:
-            return RigSource(RigState.OFF, 0, False, ())
-        heard = {name: one.health for name, one in self.heard.items()}
-        processes = [Source(m.name, m.up, m.restarts, heard.get(m.name)) for m in self.notes.members]
-        processes.append(Source(OURS, time.monotonic() - self.notes.said_s < SILENT_S, 0, heard.get(OURS)))
-        return RigSource(
-            state=RigState(self.notes.state),
-            quality_level=self.notes.quality_level,
-            quality=self.notes.quality,
-            safe_stop=self.notes.safe_stop,
-            processes=processes,
-            threads=self.around.threads.totals(),
-            floor=self.around.floor(),
-        )
+        if self.status is None:
+            return RigSource(bodies.SupervisorState(state=RigState.OFF))
+        is_judged = time.monotonic() - self.status.said_s < SILENT_S
+        return RigSource(self.status.state, self.reports(), self.observers.report(), is_judged)
+
+    def reports(self) -> dict[str, bodies.Health]:
+        """Return the newest report of every process that was heard."""
+        return {name: one.health for name, one in self.heard.items() if one.health is not None}
 
     def view_port(self) -> int:
         """Return where the picture is served: as its process says, where it was left to choose."""
@@ -100,32 +94,29 @@ def main(link_descriptor: int, socket_descriptor: int) -> int:
         set_group_niceness(_NICE)
     link = Link(socket.socket(fileno=link_descriptor))
     sock = socket.socket(fileno=socket_descriptor)
-    opening = link.wait(Opening, _OPENING_S)
-    if opening is None:
+    setup = link.wait(PageSetup)
+    if setup is None:
         return 1
-    rig = Rig.model_validate_json(opening.rig)
-    with closing(Around(rig)) as around:
-        _run(Knowledge(rig, around), opening, link, sock)
+    rig = Rig.model_validate_json(setup.rig)
+    with closing(Observers(rig)) as observers:
+        _run(Knowledge(rig, observers), setup, link, sock)
     return 0
 
 
-def _run(knowledge: Knowledge, opening: Opening, link: Link, sock: socket.socket) -> None:
+def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket) -> None:
     """Serve until the supervisor goes."""
     context = PageContext(
         rig=knowledge.rig,
-        scene=opening.scene,
+        scene=setup.scene,
         registry=registry(knowledge.source),
         arm=lambda who: _ask(link, Command("arm", who)),
         safe_stop=lambda who: _ask(link, Command("safe_stop", who)),
         healthy=knowledge.healthy,
         view_port=knowledge.view_port,
-        token=opening.token,
+        token=setup.token,
     )
-    bus = listen_as(OURS, knowledge.rig)
-    try:
+    with closing(listen_as(OURS, knowledge.rig)) as bus:
         asyncio.run(_serve(context, knowledge, bus, link, sock))
-    finally:
-        bus.close()
 
 
 def _ask(link: Link, command: Command) -> None:
@@ -148,18 +139,20 @@ async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Li
     """Replace what the page shows, five times a second, until the supervisor is gone."""
     while True:
         try:
-            while (said := link.receive(Notes)) is not None:
-                knowledge.notes = said
+            knowledge.status = link.newest(RigStatus) or knowledge.status
         except ConnectionError:
             context.closing = True
             server.should_exit = True
             return
         knowledge.hear(bus)
-        if knowledge.notes is not None:
-            await knowledge.around.turn(knowledge.notes, {n: h.health for n, h in knowledge.heard.items() if h.health})
-            around = knowledge.around.shown()
-            shown = dashboard.snapshot(knowledge.notes, knowledge.heard, knowledge.rig, context.scene, around)
-            context.latest = _encoder.encode(shown)
+        status = knowledge.status
+        if status is not None:
+            observers = knowledge.observers
+            observers.sample(status, knowledge.reports())
+            report = observers.report()
+            context.latest = _encoder.encode(
+                dashboard.snapshot(status, knowledge.heard, knowledge.rig, context.scene, report)
+            )
         await asyncio.sleep(EVENT_PERIOD_S)
 
 

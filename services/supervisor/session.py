@@ -12,23 +12,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from services.runtime import config, endpoints
+from services.runtime.endpoints import lock_holders
 from services.runtime.errors import BusError, UserError
 from services.runtime.flight import flight_directory, remove_rings
 from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import make_private
 from services.runtime.process import Options, Process, load_process_config, open_process
 from services.runtime.rig import Rig
-from services.supervisor.bus_threads import BusThreads
-from services.supervisor.companion import Companion
 from services.supervisor.crew import Launch
 from services.supervisor.governor import Level
-from services.supervisor.holders import holders
-from services.supervisor.member import MemberState
+from services.supervisor.loop_progress import LoopProgress
+from services.supervisor.member import Fault, MemberState
 from services.supervisor.nursery import Nursery
-from services.supervisor.page import Page, missing_package, onlooker
+from services.supervisor.page import Page, missing_package
 from services.supervisor.page_place import listen
 from services.supervisor.processes import TABLE, ProcessSpec
-from services.supervisor.pulses import Pulses
+from services.supervisor.runqueue_waits import OwnIoThreads
 from services.supervisor.supervisor import Event, Setup, Supervisor
 
 _TURN_S = 0.02
@@ -49,7 +48,7 @@ class GivenUpError(StartError):
 
 @dataclass(slots=True)
 class SessionOptions:
-    """What a session is to do, and whom it tells.
+    """What a session is to do, and its callbacks.
 
     Parameters
     ----------
@@ -62,7 +61,7 @@ class SessionOptions:
     on_turn
         Called after every turn, fifty times a second; True ends the session.
     remarks
-        Warnings that are events from the beginning: for whoever looks at the page, too.
+        Warnings that are events from the beginning, so that the page shows them too.
     nursery
         Where processes are born; without one, each imports for itself.
     """
@@ -85,13 +84,13 @@ def open_session(options: Options) -> Process:
     """
     _refuse_second_rig(options)
     process = open_process(load_process_config("supervisor", options))
-    signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed: nobody is left to end it
+    signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGTERM))  # the terminal was closed
     return process
 
 
 def _refuse_second_rig(options: Options) -> None:
     rig = config.load_rig(options.rig, options.overrides)
-    found = holders(rig.transport)
+    found = lock_holders(rig.transport)
     if rig.supervisor.mode == "launch" and found:
         who = ", ".join(f"{name} (process {pid})" for name, pid in found.items())
         raise BusError(f"a rig is running here already: {who}; `trocar down` ends it")
@@ -112,16 +111,16 @@ def run_session(process: Process, session: SessionOptions) -> None:
     supervisor = Supervisor(setup, process.bus, time.monotonic(), session.on_event)
     for remark in session.remarks:
         supervisor.say("warning", remark)
-    threads = BusThreads()
+    threads = OwnIoThreads()
     supervisor.crew.has_heard_all = threads.are_idle
     rings = _rings(process.rig)
-    pulses = supervisor.crew.pulses = Pulses(rings)
-    with closing(threads), closing(pulses), _companion(sock, supervisor, process.scene_name) as companion:
+    loop_progress = supervisor.crew.loop_progress = LoopProgress(rings)
+    with closing(threads), closing(loop_progress), _page(sock, supervisor, process.scene_name) as page:
         meter = supervisor.meter = LoopMeter(1.0 / _TURN_S, STAGES)
         process.ready(meter, starts_others=True)
         gc.enable()  # what is alive now is frozen; in a session of days a supervisor makes some garbage
         try:
-            _watch(process, supervisor, companion, session, meter)
+            _watch(process, supervisor, page, session, meter)
         finally:
             while not supervisor.stop_step(time.monotonic()):
                 supervisor.crew.wait(_TURN_S)
@@ -129,12 +128,11 @@ def run_session(process: Process, session: SessionOptions) -> None:
         remove_rings(endpoints.run_directory(process.rig.transport))
     if supervisor.crew.fatal is not None:
         raise StartError(supervisor.crew.fatal.sentence, supervisor.crew.fatal.exit_code)
-    for member in supervisor.crew.members.values():
-        if member.state is MemberState.FAILED:
-            raise GivenUpError(member.reason, max(1, member.status))
-    for member in supervisor.crew.members.values():
-        if member.fault is not None:
-            raise GivenUpError(member.fault.sentence, member.fault.exit_code)
+    members = supervisor.crew.members.values()
+    given_up = [Fault(member.reason, max(1, member.status)) for member in members if member.state is MemberState.FAILED]
+    faults = given_up + [member.fault for member in members if member.fault is not None]
+    if faults:
+        raise GivenUpError(faults[0].sentence, faults[0].exit_code)
 
 
 def _rings(rig: Rig) -> Path | None:
@@ -145,19 +143,16 @@ def _rings(rig: Rig) -> Path | None:
         return None
 
 
-def _companion(sock: socket.socket, supervisor: Supervisor, scene: str) -> Companion:
-    """Return the page; where the packages that serve it are not installed, who keeps the flights without it."""
+def _page(sock: socket.socket, supervisor: Supervisor, scene: str) -> Page:
+    """Return the page; where the packages that serve it are not installed, one without a socket."""
     missing, logs = missing_package(), log_directory(supervisor.rig)
     if missing:
         sock.close()
         supervisor.say("warning", f"no web page: {missing} is not installed (pip install 'trocar[web]')")
-        return onlooker(supervisor, scene, logs)
-    return Page(sock, supervisor, scene, logs)
+    return Page(None if missing else sock, supervisor, scene, logs)
 
 
-def _watch(
-    process: Process, supervisor: Supervisor, companion: Companion, session: SessionOptions, meter: LoopMeter
-) -> None:
+def _watch(process: Process, supervisor: Supervisor, page: Page, session: SessionOptions, meter: LoopMeter) -> None:
     due_ns = time.monotonic_ns()
     while not process.stop() and supervisor.crew.fatal is None and not supervisor.crew.ended_by_person:
         began_ns = time.monotonic_ns()
@@ -166,7 +161,7 @@ def _watch(
         judged_ns = time.monotonic_ns()
         process.health.send_if_due()
         sent_ns = time.monotonic_ns()
-        companion.turn(began_ns * 1e-9)
+        page.turn(began_ns * 1e-9)
         ended_ns = time.monotonic_ns()
         meter.stages_ns = (judged_ns - began_ns, sent_ns - judged_ns, ended_ns - sent_ns)
         meter.finish(ended_ns)

@@ -1,4 +1,4 @@
-"""The supervisor: what the rig is in, what is wrong, what is done about it, and telling everyone."""
+"""The supervisor: judges the state of the rig and what is wrong, acts on it, and publishes it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, SimpleQueue
 
 import protocol.bodies as bodies
 from services.runtime.bus import Bus
 from services.runtime.loop import LoopMeter
 from services.runtime.private_directory import open_text
 from services.runtime.rig import Rig
-from services.supervisor import contracts, watch
+from services.supervisor import contracts, hang_detection
 from services.supervisor.crew import Crew, Launch
-from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
+from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
 from services.supervisor.governor import Governor, Level
 from services.supervisor.member import build_members
 from services.supervisor.processes import ProcessSpec
@@ -28,7 +27,6 @@ _JUDGE_S = 0.1
 _TELL_S = 0.1
 #: A breach seen this long stands: two reports of a process.
 _ENTER_S = 0.2
-_ARM, _SAFE_STOP = "arm", "safe_stop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +62,7 @@ class Supervisor:
         self.token_sha256 = ""
         self.meter: LoopMeter | None = None  # of its own turns
         self.events: deque[Event] = deque(maxlen=200)
-        limits = watch.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
+        limits = hang_detection.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)
         self.crew = Crew(build_members(setup.rig, setup.table), bus, limits, setup.launch, self.say)
         patience_s = contracts.STILL_S + 2.0 * SETTLE_S  # what one stall leaves in windows and hysteresis has passed
         ladder = Ladder(levels=setup.levels, patience_s=patience_s, may_restart=setup.launch is not None)
@@ -74,7 +72,6 @@ class Supervisor:
         self._bus = bus
         self._on_event = on_event
         self._standing = contracts.Standing(_ENTER_S, SETTLE_S)
-        self._commands: SimpleQueue[tuple[str, str]] = SimpleQueue()
         self._safe_stop_file = setup.safe_stop_file
         self._safe_stop = self._remembered()
         self._armed = 0
@@ -85,21 +82,26 @@ class Supervisor:
         self._up: set[str] = set()
 
     def arm(self, who: str) -> None:
-        """Ask for the end of a safe stop, and that what is at fault is tried again. Any thread may call this."""
-        self._commands.put((_ARM, who))
+        """End a safe stop, and try again what is at fault; `who` is the person who asked for it."""
+        self.say("info", f"supervisor: armed by {who}")
+        self._armed += 1
+        self._safe_stop = ""
+        if self._safe_stop_file is not None:
+            self._safe_stop_file.unlink(missing_ok=True)
+        self.crew.rearm(self._now_s)
+        self.enforcement.reset()
 
     def safe_stop(self, who: str) -> None:
-        """Ask for a safe stop. Any thread may call this."""
-        self._commands.put((_SAFE_STOP, who))
+        """Stop the rig safely; `who` is the person who asked for it."""
+        self._stop_safely(f"commanded by {who}")
 
     def step(self, now_s: float) -> None:
         """Take one turn at `now_s` of the monotonic clock."""
         self._now_s = now_s
-        self._obey()
         self.crew.step(now_s)
         if self.crew.fatal is not None:
             return
-        self._begin_anew_where_someone_came_up()
+        self._judge_anew_after_a_start()
         if now_s - self._judged_s >= _JUDGE_S:
             self._judged_s = now_s
             self._judge()
@@ -115,14 +117,14 @@ class Supervisor:
 
     def say(self, level: str, text: str) -> None:
         """Note an event; "debug" ones are passed on but not kept."""
-        event = Event(self._now_s - self.started_s, level, text)
+        event = Event(round(self._now_s - self.started_s, 3), level, text)
         if level != "debug":
             self.events.append(event)
         if self._on_event is not None:
             self._on_event(event)
 
     def body(self) -> bodies.SupervisorState:
-        """Return what everyone is told."""
+        """Return the state as it is published."""
         ending = self.state is RigState.OFF and self.crew.stopping and self.crew.launch is not None
         return bodies.SupervisorState(
             state=self.state,
@@ -134,26 +136,6 @@ class Supervisor:
             quality=_quality(self.enforcement.governor),
             armed=self._armed,
         )
-
-    def _obey(self) -> None:
-        while True:
-            try:
-                command, who = self._commands.get_nowait()
-            except Empty:
-                return
-            if command == _ARM:
-                self._arm(who)
-            else:
-                self._stop_safely(f"commanded by {who}")
-
-    def _arm(self, who: str) -> None:
-        self.say("info", f"supervisor: armed by {who}")
-        self._armed += 1
-        self._safe_stop = ""
-        if self._safe_stop_file is not None:
-            self._safe_stop_file.unlink(missing_ok=True)
-        self.crew.rearm(self._now_s)
-        self.enforcement.reset()
 
     def _stop_safely(self, reason: str) -> None:
         if self._safe_stop:
@@ -173,7 +155,7 @@ class Supervisor:
         except FileNotFoundError:
             return ""
 
-    def _begin_anew_where_someone_came_up(self) -> None:
+    def _judge_anew_after_a_start(self) -> None:
         up = {name for name, member in self.crew.members.items() if member.up}
         if up - self._up:  # its start disturbed the others as well
             self._judge_anew()
@@ -185,8 +167,8 @@ class Supervisor:
         self._standing.clear()
 
     def _judge(self) -> None:
-        # Who follows a process that is down cannot keep its rate: not its fault. It counts what it lost when the first
-        # tick comes again, and says so with its next report.
+        # A process that follows one that is down cannot keep its rate, through no fault of its own. It counts what it
+        # lost when the first tick comes again, and reports it after that.
         if not self.crew.all_ready or self._now_s - self._not_ready_s < SETTLE_S:
             self._judge_anew()
         seen = []
@@ -207,8 +189,8 @@ class Supervisor:
         return contracts.path_limits_us(windows, self.rig.contracts)
 
     def _stalls(self) -> list[contracts.Breach]:
-        """Return who keeps falling silent: of itself no reason to stop, but one to ask for less."""
-        said = {name: watch.stalling(member, self._now_s) for name, member in self.crew.members.items()}
+        """Return breaches of processes that keep falling silent: a reason to lower the quality, not to stop."""
+        said = {name: hang_detection.stalling(member, self._now_s) for name, member in self.crew.members.items()}
         return [
             contracts.Breach(name, f"{name} stalls", text, 1.0, severe=False) for name, text in said.items() if text
         ]
@@ -218,11 +200,11 @@ class Supervisor:
         return member is not None and member.critical
 
     def _act(self, action: Action) -> None:
-        level = "info" if action.rung is Rung.RAISE else "warning"
-        self.say(level, f"supervisor: {action.rung.value} {action.process}: {action.reason}".replace(" : ", ": "))
-        if action.rung is Rung.RESTART:
+        level = "info" if action.kind is ActionKind.RAISE else "warning"
+        self.say(level, f"supervisor: {action.kind.value} {action.process}: {action.reason}".replace(" : ", ": "))
+        if action.kind is ActionKind.RESTART:
             self.crew.restart(action.process, action.reason)
-        elif action.rung is Rung.SAFE_STOP:
+        elif action.kind is ActionKind.SAFE_STOP:
             self._stop_safely(action.reason)
         self._judge_anew()
         for member in self.crew.members.values():

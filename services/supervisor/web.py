@@ -7,7 +7,7 @@ import ipaddress
 import json
 import secrets
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,8 +22,6 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from services.runtime.rig import Rig
 from services.supervisor.page_place import DIST
-
-Endpoint = Callable[[Request], Awaitable[Response]]
 
 EVENT_PERIOD_S = 0.2
 #: Where the page says who the rig is; as it is built it does not know.
@@ -108,99 +106,83 @@ class _BuiltFiles(StaticFiles):
 
 def build_app(context: PageContext) -> Starlette:
     """Return the web application."""
+    page = _Endpoints(context)
     routes: list[BaseRoute] = [
-        Route("/events", _events(context)),
-        Route("/api/rig", _rig(context)),
-        Route("/api/state", _state(context)),
-        Route("/api/arm", _command(context, context.arm), methods=["POST"]),
-        Route("/api/safe_stop", _command(context, context.safe_stop), methods=["POST"]),
-        Route("/metrics", _metrics(context)),
-        Route("/healthz", _healthz(context)),
+        Route("/events", page.events),
+        Route("/api/rig", page.rig),
+        Route("/api/state", page.state),
+        Route("/api/arm", page.arm, methods=["POST"]),
+        Route("/api/safe_stop", page.safe_stop, methods=["POST"]),
+        Route("/metrics", page.metrics),
+        Route("/healthz", page.healthz),
+        # Whether the page is built is looked at when it is asked for: it may be built while the rig runs.
+        Route("/", page.index),
+        Route("/index.html", page.index),
+        Mount("/", _BuiltFiles(context.dist)),
     ]
-    # Whether the page is built is looked at when it is asked for: it may be built while the rig runs.
-    routes += [Route("/", _index(context)), Route("/index.html", _index(context))]
-    routes.append(Mount("/", _BuiltFiles(context.dist)))
     return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
 
 
-def _index(context: PageContext) -> Endpoint:
-    async def index(request: Request) -> Response:
+class _Endpoints:
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+
+    async def index(self, request: Request) -> Response:
         """Return the page with the rig in it: what it would ask for first, and wait for before it draws."""
         try:
-            text = (context.dist / "index.html").read_text(encoding="utf-8")
+            text = (self._context.dist / "index.html").read_text(encoding="utf-8")
         except (FileNotFoundError, NotADirectoryError):
             return HTMLResponse(_NOT_BUILT, 503)
-        told = json.dumps(_told(context, request)).replace("<", "\\u003c")  # no name may end the script it stands in
+        told = json.dumps(self._told(request)).replace("<", "\\u003c")  # no name may end the script it stands in
         return HTMLResponse(text.replace(_UNTOLD, f"{_UNTOLD[: -len('null')]}{told}", 1), headers=_NOT_KEPT)
 
-    return index
+    async def state(self, _request: Request) -> Response:
+        return Response(self._context.latest, media_type="application/json")
 
+    async def events(self, _request: Request) -> Response:
+        return StreamingResponse(self._stream(), media_type="text/event-stream", headers=_NOT_KEPT)
 
-def _state(context: PageContext) -> Endpoint:
-    async def state(_request: Request) -> Response:
-        return Response(context.latest, media_type="application/json")
-
-    return state
-
-
-def _events(context: PageContext) -> Endpoint:
-    async def stream() -> AsyncIterator[bytes]:
+    async def _stream(self) -> AsyncIterator[bytes]:
         # A client that reads slowly is awaited here, alone; it then gets the newest state, never a queue of old ones.
         yield b"retry: 1000\n\n"
-        while not context.closing:
-            yield b"event: state\ndata: " + context.latest + b"\n\n"
+        while not self._context.closing:
+            yield b"event: state\ndata: " + self._context.latest + b"\n\n"
             await asyncio.sleep(EVENT_PERIOD_S)
 
-    async def events(_request: Request) -> Response:
-        return StreamingResponse(stream(), media_type="text/event-stream", headers=_NOT_KEPT)
+    async def rig(self, request: Request) -> Response:
+        return JSONResponse(self._told(request))
 
-    return events
+    def _told(self, request: Request) -> dict[str, object]:
+        """Return who the rig is, for whoever sees it under the name that was asked for."""
+        rig, host = self._context.rig, host_of(request.scope)
+        host = f"[{host}]" if ":" in host else host
+        return {
+            "name": rig.name,
+            "scene": self._context.scene,
+            "viewer": rig.visualization.viewer,
+            "view_ws": f"ws://{host}:{self._context.view_port()}/ws",
+            "hands": rig.page_hands(),
+            "token_needed": True,
+            "contracts": rig.contracts.model_dump(mode="json"),
+        }
 
+    async def arm(self, request: Request) -> Response:
+        return self._command(request, self._context.arm)
 
-def _rig(context: PageContext) -> Endpoint:
-    async def rig(request: Request) -> Response:
-        return JSONResponse(_told(context, request))
+    async def safe_stop(self, request: Request) -> Response:
+        return self._command(request, self._context.safe_stop)
 
-    return rig
-
-
-def _told(context: PageContext, request: Request) -> dict[str, object]:
-    """Return who the rig is, for whoever sees it under the name that was asked for."""
-    host = host_of(request.scope)
-    host = f"[{host}]" if ":" in host else host
-    return {
-        "name": context.rig.name,
-        "scene": context.scene,
-        "viewer": context.rig.visualization.viewer,
-        "view_ws": f"ws://{host}:{context.view_port()}/ws",
-        "hands": context.rig.page_hands(),
-        "token_needed": True,
-        "contracts": context.rig.contracts.model_dump(mode="json"),
-    }
-
-
-def _command(context: PageContext, act: Callable[[str], None]) -> Endpoint:
-    async def command(request: Request) -> Response:
+    def _command(self, request: Request, act: Callable[[str], None]) -> Response:
         given = request.headers.get("X-Trocar-Token", "")
-        if not secrets.compare_digest(given.encode(), context.token.encode()):
+        if not secrets.compare_digest(given.encode(), self._context.token.encode()):
             return JSONResponse({"error": "the header X-Trocar-Token must carry the token that the rig printed"}, 403)
         act(f"{request.client.host if request.client else 'somebody'} over the web page")
         return JSONResponse({"ok": True})
 
-    return command
-
-
-def _metrics(context: PageContext) -> Endpoint:
-    async def metrics(_request: Request) -> Response:
-        text = prometheus_client.generate_latest(context.registry)
+    async def metrics(self, _request: Request) -> Response:
+        text = prometheus_client.generate_latest(self._context.registry)
         return Response(text, media_type=prometheus_client.CONTENT_TYPE_LATEST)
 
-    return metrics
-
-
-def _healthz(context: PageContext) -> Endpoint:
-    async def healthz(_request: Request) -> Response:
-        ok, words = context.healthy()
+    async def healthz(self, _request: Request) -> Response:
+        ok, words = self._context.healthy()
         return JSONResponse({"ok": ok, "state": words}, 200 if ok else 503)
-
-    return healthz

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections import deque
 from itertools import chain, islice
 
-import protocol.bodies as bodies
 from services.supervisor.figures import Figures, Loop, Path
-from services.supervisor.figures import of as figures_of
 
 #: How long reports are kept as they came, and how far apart after that.
 _FINE_S, _COARSE_STEP_S = 6.0, 1.0
@@ -22,8 +20,8 @@ def _rate(figures: Figures) -> float | None:
 class Window:
     """The counts of one process over the last `seconds_max`, forgotten when it is restarted, or runs at another rate.
 
-    Reports of the last seconds are kept as they came, older ones a second apart: what is asked of a minute needs no
-    more, and every report holds some ten histograms.
+    Reports of the last seconds are kept as they came, older ones a second apart: figures over a minute need no more,
+    and every report holds some ten histograms.
     """
 
     def __init__(self, seconds_max: float) -> None:
@@ -92,33 +90,3 @@ class Window:
             if newest.seconds - report.seconds >= enough_s:
                 return newest, report
         return newest, oldest
-
-
-class Tally:
-    """What one process has counted since a moment, over its restarts; only its newest report is looked into, if asked.
-
-    Parameters
-    ----------
-    before
-        Its last report before that moment, None where it had made none.
-    """
-
-    def __init__(self, before: bodies.Health | None) -> None:
-        self._first = before
-        self._newest: bodies.Health | None = before
-        self._of_others = Figures(0.0)
-
-    def add(self, health: bodies.Health) -> None:
-        """Take a report."""
-        last = self._newest
-        if last is not None and (health.pid != last.pid or health.uptime_s < last.uptime_s):
-            self._of_others = self.counts()
-            self._first = None
-        self._newest = health
-
-    def counts(self) -> Figures:
-        """Return everything that was counted."""
-        if self._newest is None:
-            return self._of_others
-        counted = figures_of(self._newest)
-        return self._of_others + (counted if self._first is None else counted - figures_of(self._first))

@@ -15,6 +15,7 @@ import os
 import runpy
 import socket
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -25,6 +26,7 @@ IMPORTED = ("services.scenes", "services.runtime.process", "services.kernel_prog
 _ORDER_MAX = 1 << 16
 _OURS = "services.", "protocol."
 READY = b"ready"
+_LOOK_S = 0.5e-3
 
 
 class Order(msgspec.Struct, frozen=True):
@@ -82,12 +84,14 @@ def _bear() -> int:
     between = os.fork()
     if between == 0:
         os.close(told)
+        parent = os.getpid()
         try:
             pid = os.fork()
         except OSError:
             pid = -1
         if pid == 0:
             os.close(tell)
+            _await_end_of(parent)
             return 0
         os.write(tell, str(pid).encode())
         os._exit(0)
@@ -96,6 +100,12 @@ def _bear() -> int:
         said = end.read()
     os.waitpid(between, 0)
     return int(said or -1)
+
+
+def _await_end_of(parent: int) -> None:
+    """Return once this process is no longer the child of `parent`: what it runs then sees the supervisor above it."""
+    while os.getppid() == parent:
+        time.sleep(_LOOK_S)
 
 
 def _stand_alone(sink: int) -> None:

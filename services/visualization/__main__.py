@@ -12,10 +12,10 @@ from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, main
 from services.scenes import load_duct, load_scene
 from services.visualization.composer import TOPICS, Composer
-from services.visualization.hands import TOPIC as HANDS
-from services.visualization.hands import Hands
 from services.visualization.outputs import open_output
-from services.visualization.rig_state import RigState
+from services.visualization.page_hands import TOPIC as HANDS
+from services.visualization.page_hands import PageHands
+from services.visualization.rig_state import RigNotice
 
 #: A picture is judged late against 30 Hz, whatever faster rate the rig file asks for.
 PICTURE_DEADLINE_NS = 33_333_333
@@ -31,10 +31,10 @@ def run(process: Process) -> None:
     painted = health.path("device_pixel", PICTURE_DEADLINE_NS)
     scene = load_scene(process.scene_name, process.scene_overrides)
     duct = load_duct(scene, cache_directory(), progress)
-    topics = filter(process.called_for.speaks, TOPICS)
+    topics = filter(process.requirements.is_published, TOPICS)
     composer = Composer(process.bus, scene, process.scene_name, duct, topics)
-    rig_state = RigState(process.bus)
-    hands = Hands(
+    rig_state = RigNotice(process.bus)
+    hands = PageHands(
         followers=process.rig.page_hands(),
         publish=lambda body: process.bus.publish(HANDS, body, at_once=True),
         instruments=composer.instruments,

@@ -11,7 +11,7 @@ import os
 import sys
 import time
 
-from services.visualization.feed import Message
+from services.visualization.feed import FeedMessage
 from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read_message
 
 _IDLE_S = 20.0
@@ -30,14 +30,14 @@ class CameraFeed:
 
     def __init__(self) -> None:
         self.fault = ""
-        self._newest: Message | None = None
+        self._newest: FeedMessage | None = None
         self._worker: asyncio.subprocess.Process | None = None
         self._epoch = -1
         self._lock = asyncio.Lock()
         self._asked_s = 0.0
         self._rendered_s = 0.0
 
-    def offer(self, message: Message) -> None:
+    def offer(self, message: FeedMessage) -> None:
         """Keep the newest message; end an idle worker."""
         self._newest = message
         worker = self._worker
@@ -65,7 +65,7 @@ class CameraFeed:
         if self._worker is not None:
             self.fault = await self._bury(None)
 
-    async def _render(self, message: Message, kind: str) -> bytes:
+    async def _render(self, message: FeedMessage, kind: str) -> bytes:
         worker = self._worker or await self._start()
         assert worker.stdin is not None
         assert worker.stdout is not None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.visualization.picture import Layout
+from services.visualization.picture import PictureLayout
 
 PRESETS = ("scope", "mouth", "side", "top", "ports")
 VIEW_ANGLE_DEG = 50.0
@@ -15,7 +15,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Viewpoint:
     """Where the lens is and what it looks at, world frame; `size_m` is that of the whole duct."""
 
     position_m: FloatArray
@@ -23,7 +23,7 @@ class Place:
     size_m: float
 
 
-def place(layout: Layout, preset: str) -> Place:
+def place(layout: PictureLayout, preset: str) -> Viewpoint:
     """Return the place of a preset: lengths are those of the duct, directions along it, beside it and up."""
     low, high = layout.rest_m.min(axis=0).astype(float), layout.rest_m.max(axis=0).astype(float)
     s = float(np.linalg.norm(high - low))
@@ -41,10 +41,10 @@ def place(layout: Layout, preset: str) -> Place:
     start = mouth if preset == "mouth" else aim
     position = start + s * (offset[0] * along + offset[1] * side + offset[2] * _UP)
     aim = start + (0.8 * s * _UP if preset == "ports" else 0.0)
-    return Place(position, aim, s)
+    return Viewpoint(position, aim, s)
 
 
-def _mouth(layout: Layout, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _mouth(layout: PictureLayout, high: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the middle of the mouth and the direction from the held end to it; along x where they have no names."""
     if not (layout.mouth and layout.clamped):
         return high, np.array([1.0, 0.0, 0.0])

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from services.mechanics.scene.instruments import DrawnPart
-from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.picture import Picture, PictureLayout, ToolShape
 
 PROTOCOL = "trocar-view/1"
 _HEAD = struct.Struct("<4Q")
 
 
-def encode_hello(layout: Layout) -> str:
+def encode_hello(layout: PictureLayout) -> str:
     """Return the hello of `layout`; arrays are base64 of little-endian bytes."""
     return json.dumps(
         {
@@ -54,7 +54,7 @@ def encode_hello(layout: Layout) -> str:
     )
 
 
-def decode_hello(text: str) -> Layout:
+def decode_hello(text: str) -> PictureLayout:
     """Return the layout in a hello.
 
     Raises
@@ -66,7 +66,7 @@ def decode_hello(text: str) -> Layout:
     if hello.get("protocol") != PROTOCOL:
         raise ValueError(f"view protocol {hello.get('protocol')!r}, this is {PROTOCOL!r}")
     duct, catheter = hello["duct"], hello["catheter"]
-    return Layout(
+    return PictureLayout(
         epoch=hello["epoch"],
         scene=hello["scene"],
         rest_m=_rows(duct["rest_f32"], "<f4"),
@@ -93,7 +93,7 @@ def encode(picture: Picture, sent_ns: int) -> bytes:
     return b"".join((head, *(np.ascontiguousarray(a, "<f4").tobytes() for a in arrays), tail))
 
 
-def decode(data: bytes, layout: Layout) -> tuple[Picture, int]:
+def decode(data: bytes, layout: PictureLayout) -> tuple[Picture, int]:
     """Return the picture in a frame of `layout`, and when it was sent.
 
     Raises

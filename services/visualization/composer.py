@@ -17,7 +17,7 @@ from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from services.runtime.bus import Bus
 from services.visualization import tool_pose
 from services.visualization.drawn_surface import DrawnSurface
-from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.picture import Picture, PictureLayout, ToolShape
 
 #: Longer than the period of what is sampled, far shorter than a picture's.
 PATIENCE_NS = 4_000_000
@@ -31,7 +31,7 @@ class Composer:
 
     Attributes
     ----------
-    layout : Layout
+    layout : PictureLayout
         Of the next picture; a new object with a higher epoch whenever duct, catheter or tools change.
     refused : int
         Frames whose duct is of another basis, or does not fit this one.
@@ -48,7 +48,7 @@ class Composer:
         self._sequence = 0
         self._origin_ns = 0
         self.refused = 0
-        self.layout = Layout(
+        self.layout = PictureLayout(
             epoch=1,
             scene=scene_name,
             rest_m=self._surface.points_m,

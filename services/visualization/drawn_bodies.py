@@ -11,11 +11,11 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.visualization import instruments
-from services.visualization.picture import Layout, ToolShape
+from services.visualization.picture import PictureLayout, ToolShape
 from services.visualization.scenery import Piece
-from services.visualization.tissue import DUCT, Bytes, Look, rgb, tissue_colours
+from services.visualization.thick_wall import ThickWall
+from services.visualization.tissue import DUCT, Bytes, TissueLook, rgb, tissue_colours
 from services.visualization.tube import spline, sweep_tube, tube_triangles
-from services.visualization.wall import Wall
 
 _STEEL, _SLEEVE, _CANNULA = "#b4bbc2", "#2a2e33", "#8ea4b8"
 _METAL = {"sleeve": _SLEEVE, "steel": _STEEL}
@@ -71,15 +71,15 @@ def add_piece(plotter: pv.Plotter, piece: Piece, *, per_pixel: bool) -> None:
     surface.changed()
 
 
-def _shine(look: Look) -> float:
+def _shine(look: TissueLook) -> float:
     return 0.85 * max(0.0, look.wet - 0.15)
 
 
-class Duct:
+class DrawnDuct:
     """The duct's wall."""
 
-    def __init__(self, plotter: pv.Plotter, layout: Layout, *, fine: bool, per_pixel: bool) -> None:
-        self._wall = Wall(layout.rest_m, layout.triangles, layout.thickness_m, fine=fine)
+    def __init__(self, plotter: pv.Plotter, layout: PictureLayout, *, fine: bool, per_pixel: bool) -> None:
+        self._wall = ThickWall(layout.rest_m, layout.triangles, layout.thickness_m, fine=fine)
         self._surface = _Surface(
             plotter, self._wall.n_points, self._wall.triangles, wet=_shine(DUCT), per_pixel=per_pixel
         )
@@ -93,10 +93,10 @@ class Duct:
         self._surface.changed()
 
 
-class Catheter:
+class DrawnCatheter:
     """The catheter, with a ring every centimetre from its tip, as surgeons count the depth."""
 
-    def __init__(self, plotter: pv.Plotter, layout: Layout, *, per_pixel: bool) -> None:
+    def __init__(self, plotter: pv.Plotter, layout: PictureLayout, *, per_pixel: bool) -> None:
         self._radius_m = layout.catheter_radius_m
         self._along = (layout.n_particles - 1) * _PER_SEGMENT + 1
         rings = self._along + len(_TIP)

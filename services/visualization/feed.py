@@ -14,7 +14,7 @@ IN_FLIGHT = 6
 
 
 @dataclass(slots=True)
-class Message:
+class FeedMessage:
     """A frame, and the hello that a client needs to read it."""
 
     epoch: int
@@ -29,7 +29,7 @@ class Feed:
     """One client: a slot for the newest message, and what it acknowledged."""
 
     painted: LatencyPath
-    newest: Message | None = None
+    newest: FeedMessage | None = None
     notice: str | None = None
     epoch: int = -1
     in_flight: int = IN_FLIGHT
@@ -39,7 +39,7 @@ class Feed:
     due_ns: int = 0
     wake: asyncio.Event = field(default_factory=asyncio.Event)
 
-    def offer(self, message: Message) -> None:
+    def offer(self, message: FeedMessage) -> None:
         """Put `message` in the slot; what still was there is lost. What comes more often than is wanted is left out."""
         if self.wanted_hz is not None and message.epoch == self.epoch:
             now_ns, period_ns = time.monotonic_ns(), round(1e9 / self.wanted_hz)
@@ -133,7 +133,7 @@ class Feeds:
         """Forget a client that is gone."""
         self.open.discard(feed)
 
-    def offer(self, message: Message) -> None:
+    def offer(self, message: FeedMessage) -> None:
         """Give every client the newest frame."""
         for feed in self.open:
             feed.offer(message)

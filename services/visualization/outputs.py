@@ -13,9 +13,9 @@ from services.runtime.rig import ViewSettings
 from services.visualization import codec
 from services.visualization.camera_feed import CameraFeed
 from services.visualization.display import display_name, record
-from services.visualization.feed import Feeds, Message
-from services.visualization.hands import Hands
-from services.visualization.picture import Layout, Picture
+from services.visualization.feed import FeedMessage, Feeds
+from services.visualization.page_hands import PageHands
+from services.visualization.picture import Picture, PictureLayout
 
 
 class Output(Protocol):
@@ -23,7 +23,7 @@ class Output(Protocol):
 
     closed: bool
 
-    def show(self, layout: Layout, picture: Picture, notice: str) -> None:
+    def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
         """Show the newest picture; `notice` is the text message that tells the state of the rig."""
         ...
 
@@ -51,7 +51,7 @@ class NoOutput:
         self.closed = False
         self._painted = painted
 
-    def show(self, layout: Layout, picture: Picture, notice: str) -> None:
+    def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
         """Count the picture as seen."""
         record(self._painted, picture)
 
@@ -80,7 +80,7 @@ class WebOutput:
         if the view's port is taken, or the web packages are not installed.
     """
 
-    def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: Hands) -> None:
+    def __init__(self, settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> None:
         self.closed = False
         self._painted = painted
         self._hands = hands
@@ -91,19 +91,19 @@ class WebOutput:
         except ImportError as error:
             raise UserError(f"visualization.viewer: web needs starlette (pip install trocar[web]): {error}") from None
         self._server = ViewServer(settings, self._feeds, self._camera, hands)
-        self._layout: Layout | None = None
+        self._layout: PictureLayout | None = None
         self._hello = ""
         self._bytes = 0
         log.info("view on ws://%s:%d/ws", settings.host, self._server.port)
 
-    def show(self, layout: Layout, picture: Picture, notice: str) -> None:
+    def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
         """Hand the picture to every client; without one, sending is where the path ends."""
         self._feeds.tell(notice)
         if layout is not self._layout:
             self._layout, self._hello = layout, codec.encode_hello(layout)
         data = codec.encode(picture, time.monotonic_ns())
         self._bytes = len(data)
-        message = Message(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data)
+        message = FeedMessage(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data)
         self._camera.offer(message)
         if len(self._feeds):
             self._feeds.offer(message)
@@ -132,7 +132,7 @@ class WebOutput:
         self._server.close()
 
 
-def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: Hands) -> Output:
+def open_output(settings: ViewSettings, painted: LatencyPath, log: logging.Logger, hands: PageHands) -> Output:
     """Return the output that the rig file's ``visualization.viewer`` asks for.
 
     Raises

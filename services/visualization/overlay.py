@@ -9,7 +9,7 @@ import pyvista as pv
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
 
-from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.picture import Picture, PictureLayout, ToolShape
 
 HELP = "1 scope 2 mouth 3 side 4 top 5 ports   M mirror F forces L lens   drag turns, wheel zooms   H help  Q ends"
 _LENS = ((0.56, 0), (0.61, 140), (0.66, 255), (4.0, 255))  # radius over the shorter side, opacity
@@ -49,7 +49,7 @@ class Overlay:
             self._texts[name].SetPosition(x, y)
             self._texts[name].GetTextProperty().SetFontSize(max(9, min(15, width // 68)))
 
-    def tell(self, layout: Layout, picture: Picture, rate_hz: float) -> None:
+    def tell(self, layout: PictureLayout, picture: Picture, rate_hz: float) -> None:
         """Write the figures of a picture."""
         sizes = np.linalg.norm(picture.force_n, axis=1)
         rows = zip(layout.tools, sizes, picture.jaw_rad, strict=True)

@@ -28,7 +28,7 @@ class ToolShape:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class PictureLayout:
     """Everything that a renderer must know before the first picture.
 
     Attributes

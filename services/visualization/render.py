@@ -17,8 +17,8 @@ from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkCommonTransforms import vtkTransform
 
 from services.visualization import cameras
-from services.visualization.drawn_bodies import Catheter, Duct, ForceArrow, Tool, add_piece
-from services.visualization.picture import Layout, Picture
+from services.visualization.drawn_bodies import DrawnCatheter, DrawnDuct, ForceArrow, Tool, add_piece
+from services.visualization.picture import Picture, PictureLayout
 from services.visualization.scenery import scenery
 
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
@@ -55,12 +55,12 @@ class Renderer:
         self._mirrored = False
         self.effects = effects or Effects()
         self.plotter.render_window.SetMultiSamples(self.effects.samples)
-        self._layout: Layout | None = None
-        self._built: Layout | None = None
+        self._layout: PictureLayout | None = None
+        self._built: PictureLayout | None = None
         self._picture: Picture | None = None
         self._pixels = vtkUnsignedCharArray()
 
-    def update(self, layout: Layout, picture: Picture) -> None:
+    def update(self, layout: PictureLayout, picture: Picture) -> None:
         """Put `picture` on the stage; draws nothing yet."""
         first, self._layout, self._picture = self._layout is None, layout, picture
         if layout is not self._built:
@@ -126,13 +126,13 @@ class Renderer:
         catheter = [] if self._catheter is None else [("catheter", [self._catheter.actor])]
         return dict([("duct", [self._duct.actor]), *catheter, *tools])
 
-    def _build(self, layout: Layout) -> None:
+    def _build(self, layout: PictureLayout) -> None:
         effects, plotter = self.effects, self.plotter
         plotter.clear_actors()
         self._built, self._shapes = layout, layout.tools
         for piece in scenery(layout, cells=90 if effects.fine else 45):
             add_piece(plotter, piece, per_pixel=effects.per_pixel)
-        self._duct = Duct(plotter, layout, fine=effects.fine, per_pixel=effects.per_pixel)
-        self._catheter = Catheter(plotter, layout, per_pixel=effects.per_pixel) if layout.n_particles > 1 else None
+        self._duct = DrawnDuct(plotter, layout, fine=effects.fine, per_pixel=effects.per_pixel)
+        self._catheter = DrawnCatheter(plotter, layout, per_pixel=effects.per_pixel) if layout.n_particles > 1 else None
         self._tools = [Tool(plotter, shape) for shape in layout.tools]
         self._arrows = [ForceArrow(plotter) for _ in layout.tools]

@@ -9,7 +9,7 @@ import sys
 from PIL import Image
 
 from services.visualization import codec
-from services.visualization.picture import Layout
+from services.visualization.picture import PictureLayout
 from services.visualization.render import Renderer
 from services.visualization.render_pipe import FRAME, HELLO, IMAGE, RENDER, pack, read
 
@@ -20,7 +20,7 @@ def main() -> int:
     """Serve until stdin ends."""
     os.nice(max(0, 19 - os.nice(0)))
     renderer = Renderer(off_screen=True)
-    layout: Layout | None = None
+    layout: PictureLayout | None = None
     while (message := read(sys.stdin.buffer)) is not None:
         kind, data = message
         if kind == HELLO:

@@ -10,7 +10,7 @@ from services.runtime.bus import Bus
 _TOPIC = "supervisor.state"
 
 
-class RigState:
+class RigNotice:
     """Follows the supervisor; a rig without one, or with a silent one, says so."""
 
     def __init__(self, bus: Bus) -> None:

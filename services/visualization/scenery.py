@@ -8,8 +8,8 @@ import numpy as np
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.visualization.normals import vertex_normals
-from services.visualization.picture import Layout
-from services.visualization.tissue import COMMON_DUCT, LIVER, Bytes, Look, tissue_colours
+from services.visualization.picture import PictureLayout
+from services.visualization.tissue import COMMON_DUCT, LIVER, Bytes, TissueLook, tissue_colours
 from services.visualization.tube import spline, sweep_tube, tube_triangles
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -27,10 +27,10 @@ class Piece:
     normals: Float32Array
     triangles: IntArray
     colours: Bytes
-    look: Look
+    look: TissueLook
 
 
-def scenery(layout: Layout, *, cells: int) -> list[Piece]:
+def scenery(layout: PictureLayout, *, cells: int) -> list[Piece]:
     """Return what lies behind the duct of `layout`; the bed has `cells` squares a side."""
     pieces = [_bed(layout.rest_m, cells)]
     if len(layout.mouth) and len(layout.clamped):
@@ -58,7 +58,7 @@ def _wave(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray(long + 0.5 * np.sin(0.13 * x - 0.09 * y) + 0.3 * np.sin(0.21 * y + 2.0))
 
 
-def _common_duct(layout: Layout) -> Piece:
+def _common_duct(layout: PictureLayout) -> Piece:
     """Return a wider tube across the held end, sinking into the bed on both sides."""
     held, mouth = (layout.rest_m[list(nodes)].mean(axis=0, dtype=float) for nodes in (layout.clamped, layout.mouth))
     away = (held - mouth) / np.linalg.norm(held - mouth)
@@ -76,7 +76,7 @@ def _common_duct(layout: Layout) -> Piece:
     return _piece(points_m, tube_triangles(len(line), 40), tissue_colours(points_m, COMMON_DUCT), COMMON_DUCT)
 
 
-def _piece(points_m: Float32Array, triangles: IntArray, colours: Bytes, look: Look) -> Piece:
+def _piece(points_m: Float32Array, triangles: IntArray, colours: Bytes, look: TissueLook) -> Piece:
     normals = np.zeros_like(points_m)
     vertex_normals(points_m, triangles, normals)
     return Piece(points_m, normals, triangles, colours, look)

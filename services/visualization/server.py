@@ -25,7 +25,7 @@ from services.runtime.loop import sleep_until
 from services.runtime.rig import ViewSettings
 from services.visualization.camera_feed import CameraFeed
 from services.visualization.feed import Feed, Feeds
-from services.visualization.hands import Hands
+from services.visualization.page_hands import PageHands
 
 MAX_CLIENTS = 16
 #: What a client may ask for at least: a picture that stands still is told from one that is slow.
@@ -51,7 +51,7 @@ class ViewServer:
         if the port is taken.
     """
 
-    def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed, hands: Hands) -> None:
+    def __init__(self, settings: ViewSettings, feeds: Feeds, camera: CameraFeed, hands: PageHands) -> None:
         self._feeds = feeds
         self._hands = hands
         self._camera = camera

@@ -13,7 +13,7 @@ Bytes = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class TissueLook:
     """Flesh, its paler clouds and its veins as hexadecimal colours; grains a millimetre; how wet it shines, 0 to 1."""
 
     flesh: str
@@ -23,9 +23,9 @@ class Look:
     wet: float = 0.7
 
 
-DUCT = Look("#b9594f", "#d99a83", "#86283a", 0.7)
-COMMON_DUCT = Look("#8f4238", "#b4785c", "#631c26", 0.7)
-LIVER = Look("#4d1c17", "#6b2f23", "#33100f", 0.3, 0.3)
+DUCT = TissueLook("#b9594f", "#d99a83", "#86283a", 0.7)
+COMMON_DUCT = TissueLook("#8f4238", "#b4785c", "#631c26", 0.7)
+LIVER = TissueLook("#4d1c17", "#6b2f23", "#33100f", 0.3, 0.3)
 
 
 def rgb(colour: str) -> FloatArray:
@@ -33,7 +33,7 @@ def rgb(colour: str) -> FloatArray:
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], float)
 
 
-def tissue_colours(rest_m: Float32Array, look: Look) -> Bytes:
+def tissue_colours(rest_m: Float32Array, look: TissueLook) -> Bytes:
     """Return a colour (n, 3) for each place of the undeformed body."""
     grain = rest_m.astype(float) * 1e3 * look.grain
     cloud = 0.7 * np.clip((_layers(0.35 * grain) - 0.3) / 0.5, 0.0, 1.0)[:, None]

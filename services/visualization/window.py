@@ -16,9 +16,9 @@ from services.runtime.health import LatencyPath
 from services.runtime.loop import sleep_until
 from services.visualization import codec
 from services.visualization.display import display_name
-from services.visualization.feed import Feed, Message
-from services.visualization.pace import Demand
-from services.visualization.picture import Layout, Picture
+from services.visualization.feed import Feed, FeedMessage
+from services.visualization.picture import Picture, PictureLayout
+from services.visualization.render_governor import Demand
 from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, pack, read_message
 
 #: Pictures that the window has not yet drawn: the one that it draws. Of what comes meanwhile it gets the newest.
@@ -54,7 +54,7 @@ class WindowOutput:
         self._log = log
         self._loop = asyncio.new_event_loop()
         self._feed = Feed(painted, in_flight=_IN_FLIGHT)
-        self._layout: Layout | None = None
+        self._layout: PictureLayout | None = None
         self._hello = self._notice = ""
         self._open = False
         self._painted = 0
@@ -66,7 +66,7 @@ class WindowOutput:
             self.close()
             raise
 
-    def show(self, layout: Layout, picture: Picture, notice: str) -> None:
+    def show(self, layout: PictureLayout, picture: Picture, notice: str) -> None:
         """Hand the picture to the window, which takes the newest when it has drawn the last."""
         if notice != self._notice:
             self._notice = notice
@@ -74,7 +74,7 @@ class WindowOutput:
         if layout is not self._layout:
             self._layout, self._hello = layout, codec.encode_hello(layout)
         data = codec.encode(picture, time.monotonic_ns())
-        self._feed.offer(Message(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data))
+        self._feed.offer(FeedMessage(picture.epoch, self._hello, picture.sequence, picture.origin_ns, data))
 
     def wait_until(self, deadline_ns: int) -> None:
         """Talk with the window."""

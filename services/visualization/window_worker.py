@@ -19,9 +19,9 @@ from services.runtime.scheduling import own_threads
 from services.visualization import cameras, codec
 from services.visualization.display import display_name
 from services.visualization.overlay import Overlay
-from services.visualization.pace import RUNGS, Pace
-from services.visualization.picture import Layout, Picture
+from services.visualization.picture import Picture, PictureLayout
 from services.visualization.render import Renderer
+from services.visualization.render_governor import RUNGS, RenderGovernor
 from services.visualization.render_pipe import CLOSED, FRAME, HELLO, NOTICE, OPEN, PAINTED, Splitter, pack
 
 _SIZE, _SOFTWARE_SIZE = (1280, 800), (960, 600)
@@ -43,12 +43,12 @@ class Window:
         plotter.suppress_rendering = True  # pyvista draws for every actor that comes: half a scene, thirty times
         software = self._renderer.is_software()
         self._size = _SOFTWARE_SIZE if software else _SIZE
-        self._pace = Pace(software=software)
+        self._governor = RenderGovernor(software=software)
         self._overlay = Overlay(plotter)
         self._interactor = plotter.iren.interactor
         self.closed = False
         self._own_size = _SOFTWARE_SIZE
-        self._layout: Layout | None = None
+        self._layout: PictureLayout | None = None
         self._shown: Picture | None = None
         self._told_s = 0.0
         self._bind()
@@ -73,11 +73,11 @@ class Window:
             self._renderer.update(self._layout, self._shown)
             if began_s - self._told_s > _TELL_EVERY_S:
                 self._told_s = began_s
-                self._overlay.tell(self._layout, self._shown, self._pace.rate_hz)
+                self._overlay.tell(self._layout, self._shown, self._governor.rate_hz)
         self._overlay.follow_size()
         self._renderer.draw()
         now_s = time.monotonic()
-        if self._pace.drawn(now_s, now_s - began_s):
+        if self._governor.drawn(now_s, now_s - began_s):
             self._take_rung()
             self._overlay.follow_size()
             self._renderer.draw()  # with its size a window loses what it shows, and the next picture may be long
@@ -92,7 +92,7 @@ class Window:
         self._renderer.close()
 
     def _take_rung(self) -> None:
-        rung = RUNGS[self._pace.rung]
+        rung = RUNGS[self._governor.rung]
         self._renderer.take(rung.effects)
         window = self._renderer.plotter.render_window
         size = (round(rung.scale * self._size[0]), round(rung.scale * self._size[1]))

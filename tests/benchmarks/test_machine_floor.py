@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from services.runtime.private_directory import make_private
-from services.supervisor.floor import PERIOD_NS, PHASES, Phases
+from services.supervisor.observers.core_sleepers import PERIOD_NS, PHASES, Phases
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from services.cli import host_checks, probes
-from services.cli.host_checks import Finding, Verdict
+from services.cli.host_checks import CheckResult, Verdict
 from tests.cli.conftest import Trocar
 
 
 @pytest.fixture
 def no_probes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(probes, "graphics", lambda: [Finding("picture", Verdict.WARN, "it is black", "[advice]")])
+    monkeypatch.setattr(probes, "graphics", lambda: [CheckResult("picture", Verdict.WARN, "it is black", "[advice]")])
 
 
 @pytest.mark.usefixtures("no_probes")
@@ -62,7 +62,7 @@ def test_the_devices_of_the_rig_are_looked_for(trocar: Trocar, rig_file: Path) -
     assert "TouchDriver" in checks["OpenHaptics"]["advice"]
 
 
-def _probe(script: str, patience_s: float = 120.0) -> Finding:
+def _probe(script: str, patience_s: float = 120.0) -> CheckResult:
     return probes.probe("picture", script, patience_s, {}, "advice")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from services.mechanics.effects import EFFECTS, EffectEntry
-from services.studies import effect_costs
+from studies import effect_costs
 from tests.cli.conftest import Trocar
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"

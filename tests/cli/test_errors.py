@@ -98,7 +98,7 @@ def test_a_time_without_an_end_is_a_usage_error(trocar: Trocar, rig_file: Path, 
 def test_no_minutes_are_not_any_number_of_minutes(trocar: Trocar, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nought was taken for nothing said, and all cases were run."""
     given: list[float] = []
-    monkeypatch.setattr("services.cli.stability.run_suite", lambda *arguments: given.append(arguments[-1]) or [])
+    monkeypatch.setattr("studies.commands.stability.run_suite", lambda *arguments: given.append(arguments[-1]) or [])
     assert trocar("stability", "--minutes", "0").code == 0
     assert trocar("stability").code == 0
     assert given == [0.0, math.inf]
@@ -177,7 +177,6 @@ def test_down_of_nothing_is_no_error(trocar: Trocar, rig_file: Path) -> None:
     assert (ran.code, ran.err.strip()) == (0, "no rig is running")
 
 
-@pytest.mark.rig
 def test_missing_mesh(rig_file: Path) -> None:
     """The sentence comes from physics, through the supervisor, and nothing else of the rig stays."""
     scene = rig_file.parent / "scene.yaml"
@@ -191,7 +190,6 @@ def test_missing_mesh(rig_file: Path) -> None:
     assert ran.stderr.strip().count("\n") == 0, ran.stderr
 
 
-@pytest.mark.rig
 def test_missing_vendor_library(rig_file: Path) -> None:
     """The sentence comes from the gateway, which loads what drives its arms when it opens them."""
     arm = "{driver: phantom_hdapi, device: touch, settings: {library: libHD-that-nobody-has.so}}"

@@ -6,7 +6,7 @@ import pytest
 
 import protocol
 from protocol import Frame, bodies
-from services.cli.sniff import Tally
+from services.cli.sniff import TopicTally
 
 MS = 1_000_000
 
@@ -17,7 +17,7 @@ def _frame(sequence: int, incarnation: int = 1, start_ns: int = 0) -> bytes:
 
 
 def test_a_reader_that_gets_one_frame_in_nineteen_sees_the_rate_of_all() -> None:
-    tally = Tally()
+    tally = TopicTally()
     for sequence in range(0, 1901, 19):
         tally.add(_frame(sequence))
     row = tally.row("gateway.state")
@@ -27,7 +27,7 @@ def test_a_reader_that_gets_one_frame_in_nineteen_sees_the_rate_of_all() -> None
 
 
 def test_a_publisher_that_starts_anew_counts_from_its_own_first_frame() -> None:
-    tally = Tally()
+    tally = TopicTally()
     for sequence in range(100):
         tally.add(_frame(sequence))
     for sequence in range(50):
@@ -37,7 +37,7 @@ def test_a_publisher_that_starts_anew_counts_from_its_own_first_frame() -> None:
 
 
 def test_one_frame_has_no_rate() -> None:
-    tally = Tally()
+    tally = TopicTally()
     tally.add(_frame(7))
     tally.add(b"no frame")
     assert (tally.row("gateway.state")["rate_hz"], tally.frames) == (None, 2)

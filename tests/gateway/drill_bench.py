@@ -17,11 +17,11 @@ from protocol.bodies import ContactModel, InstrumentState, LocalModel
 from services.gateway import instrument
 from services.gateway.drivers.grasp_odrive_can import OdriveGrasp
 from services.gateway.drivers.phantom_simulated import Driver as SimulatedArm
-from services.gateway.feel.hands import Books
 from services.gateway.scene_hands import SceneHands
 from services.gateway.virtual_node import VirtualNode
 from services.runtime import bus, config
 from services.runtime.loop import Tick
+from studies.feel.hands import Books
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.memory_process import MemoryProcess, in_time_of
 
@@ -60,7 +60,7 @@ class RigClock:
 
 
 class Haptics:
-    """Answers every device frame for a wall and a thing between the jaws, as `local_model` would."""
+    """ModelIntake every device frame for a wall and a thing between the jaws, as `local_model` would."""
 
     def __init__(self, hub: MemoryHub) -> None:
         self.hub = hub

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from services.gateway import layout
+from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K
+from services.gateway import servo_arrays
 from services.gateway.driver import Place
 from services.gateway.drivers.phantom_hdapi import Driver
-from services.gateway.hdapi.standin import StandIn
+from services.gateway.hdapi.standin import HdapiStandIn
 from services.runtime.rig import DriverSettings, Mount
 
 RATE_N_S = 200.0
@@ -29,15 +30,15 @@ class HdapiBench:
     What they are told is a force, or with `by_law` a model whose force it is.
     """
 
-    def __init__(self, standin: StandIn, device: str = "touch") -> None:
+    def __init__(self, standin: HdapiStandIn, device: str = "touch") -> None:
         self.by_law = False
         self.damping_n_s_m = 0.0  # that the passivity controller may use
         self.standin = standin
         self.c = standin.c
         self.device = device
         self.left, self.right = self.driver("left"), self.driver("right")
-        self.readings = {driver: np.zeros(layout.READ_SIZE) for driver in (self.left, self.right)}
-        self.memories = {driver: np.zeros(layout.MEMORY_SIZE) for driver in self.readings}
+        self.readings = {driver: np.zeros(servo_arrays.READ_SIZE) for driver in (self.left, self.right)}
+        self.memories = {driver: np.zeros(servo_arrays.MEMORY_SIZE) for driver in self.readings}
         self.forces: list[np.ndarray] = []  # of both arms, (2, 3), in the frame of the arms
 
     def driver(self, side: str, mount: Mount = Mount()) -> Driver:  # noqa: B008 - never changes
@@ -77,15 +78,18 @@ class HdapiBench:
         if not self.by_law:
             driver.write(force)
             return
-        model, limits, now = np.zeros(layout.MODEL_SIZE), np.zeros(layout.LIMIT_SIZE), np.zeros(layout.NOW_SIZE)
-        model[layout.MODEL_F0 : layout.MODEL_F0 + 3] = force
-        model[[layout.MODEL_K, layout.MODEL_K + 4, layout.MODEL_K + 8]] = stiffness_n_m
-        model[layout.MODEL_CONTACT] = 1.0
-        limits[layout.LIMIT_FORCE] = limits[layout.LIMIT_CONTINUOUS_FORCE] = 20.0
-        limits[layout.LIMIT_RATE] = RATE_N_S
-        limits[layout.LIMIT_DAMPING] = self.damping_n_s_m
-        limits[layout.LIMIT_COUNT], limits[layout.LIMIT_FRICTION] = driver.limits.count_m, driver.limits.friction_n
-        now[layout.NOW_TTL], now[layout.NOW_GAIN] = ttl_s, 1.0
+        model, limits, now = np.zeros(MODEL_COLUMNS), np.zeros(servo_arrays.LIMIT_SIZE), np.zeros(servo_arrays.NOW_SIZE)
+        model[MODEL_F0 : MODEL_F0 + 3] = force
+        model[[MODEL_K, MODEL_K + 4, MODEL_K + 8]] = stiffness_n_m
+        model[MODEL_CONTACT] = 1.0
+        limits[servo_arrays.LIMIT_FORCE] = limits[servo_arrays.LIMIT_CONTINUOUS_FORCE] = 20.0
+        limits[servo_arrays.LIMIT_RATE] = RATE_N_S
+        limits[servo_arrays.LIMIT_DAMPING] = self.damping_n_s_m
+        limits[servo_arrays.LIMIT_COUNT], limits[servo_arrays.LIMIT_FRICTION] = (
+            driver.limits.count_m,
+            driver.limits.friction_n,
+        )
+        now[servo_arrays.NOW_TTL], now[servo_arrays.NOW_GAIN] = ttl_s, 1.0
         driver.evaluate(model, np.zeros(6), limits, now, self.memories[driver])
 
     def wait(self, ticks: int) -> None:
@@ -110,6 +114,6 @@ class HdapiBench:
 @contextmanager
 def two_arms(folder: Path, device: str = "touch") -> Iterator[HdapiBench]:
     with ExitStack() as stack:
-        bench = HdapiBench(stack.enter_context(StandIn.compiled(folder)), device)
+        bench = HdapiBench(stack.enter_context(HdapiStandIn.compiled(folder)), device)
         stack.callback(bench.close)
         yield bench

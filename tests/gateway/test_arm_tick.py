@@ -4,8 +4,8 @@ import numpy as np
 
 from services.gateway import premium_model, simulated_arm
 from services.gateway.arm_tick import ArmTick, tick_arm
-from services.gateway.layout import READ_ROLL, READ_SIZE
 from services.gateway.script import ROLL, Breakpoint, Motion, Player
+from services.gateway.servo_arrays import READ_ROLL, READ_SIZE
 from services.gateway.simulated_arm import ArmState
 
 PORT = (0.075, -0.06, 0.12)

@@ -15,7 +15,7 @@ import can
 import numpy as np
 import pytest
 
-from services.gateway import canbus, driver, layout
+from services.gateway import canbus, driver, servo_arrays
 from services.gateway.bench import SteppedClock
 from services.gateway.bus_load import BusLoad, frame_bits
 from services.gateway.cansimple import AxisState
@@ -98,12 +98,12 @@ def slcan(tmp_path: Path) -> Iterator[OnSlcan]:
 def test_a_drive_behind_an_slcan_adapter_is_measured_and_loaded(slcan: OnSlcan) -> None:
     slcan.run(50, 0.0)
     assert slcan.adapter.commands[:2] == ["C", "S"]  # closed, told the bit rate, then opened
-    assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(0.5, abs=1e-3)
+    assert slcan.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(0.5, abs=1e-3)
     slcan.grasp.enable()
     slcan.run(300, TORQUE_NM)
     assert slcan.grasp.ready
     assert slcan.node.drive.applied_nm == pytest.approx(TORQUE_NM)
-    assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(0.55, abs=0.01)
+    assert slcan.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(0.55, abs=0.01)
 
 
 def test_what_the_adapter_answers_to_frames_does_not_hide_estimates(slcan: OnSlcan) -> None:
@@ -112,7 +112,7 @@ def test_what_the_adapter_answers_to_frames_does_not_hide_estimates(slcan: OnSlc
     for wanted_rad in np.linspace(0.5, 0.8, 100):
         slcan.node.wanted_rad = float(wanted_rad)
         slcan.run(1, 0.0)
-        assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(slcan.node.drive.handle.angle_rad, abs=1e-3)
+        assert slcan.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(slcan.node.drive.handle.angle_rad, abs=1e-3)
 
 
 def test_noise_on_the_serial_line_is_passed_over(slcan: OnSlcan) -> None:
@@ -120,7 +120,7 @@ def test_noise_on_the_serial_line_is_passed_over(slcan: OnSlcan) -> None:
         slcan.adapter.say(line)
         slcan.run(1, 0.0)
     slcan.run(5, 0.0)
-    assert slcan.handle[layout.HANDLE_ANGLE] == pytest.approx(0.5, abs=1e-3)
+    assert slcan.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_line_without_end_is_not_kept() -> None:
@@ -243,7 +243,7 @@ def test_two_handles_share_one_adapter(two_on_slcan: TwoOnSlcan) -> None:
     right.wanted_rad = 0.8
     two_on_slcan.run(200, 0.0, 0.0)
     angles = [node.drive.handle.angle_rad for node in two_on_slcan.nodes]
-    np.testing.assert_allclose(two_on_slcan.handles[:, layout.HANDLE_ANGLE], angles, atol=2e-3)
+    np.testing.assert_allclose(two_on_slcan.handles[:, servo_arrays.HANDLE_ANGLE], angles, atol=2e-3)
     assert angles[1] > angles[0] + 0.1
     for grasp in two_on_slcan.grasps:
         grasp.enable()
@@ -293,7 +293,7 @@ def test_a_drive_on_udp_multicast_is_measured_and_loaded() -> None:
         grasp.read(0, handle)
         grasp.write(TORQUE_NM)
         holds = grasp.ready and node.drive.state is AxisState.CLOSED_LOOP
-        if holds and handle[layout.HANDLE_ANGLE] == pytest.approx(0.55, abs=0.005):
+        if holds and handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(0.55, abs=0.005):
             break
     else:
         pytest.fail("the torque never moved the handle")

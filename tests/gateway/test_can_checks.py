@@ -155,7 +155,7 @@ class Speaking:
 
 @pytest.fixture
 def serial_port(tmp_path: Path) -> Iterator[Path]:
-    """The port of drives that live in a process of their own, as docs/gateway.md has them."""
+    """The port of drives that live in a process of their own, as docs/how-to/hardware.md has them."""
     port = tmp_path / "adapter"
     drives = subprocess.Popen([sys.executable, "-m", "tests.gateway.drives_to_try", str(port)])
     until_s = time.monotonic() + 60.0

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import driver, drives, layout
+from services.gateway import driver, drives, servo_arrays
 from services.gateway.driver import Place
 from services.runtime.rig import DriverSettings, Mount
 
@@ -66,7 +66,7 @@ def _slow_places(folder: Path, prepare: str, monkeypatch: pytest.MonkeyPatch) ->
     settings = {"recording": "none", "core": 0, "priority": 5}
     chosen = DriverSettings(driver="grasp_simulated", device="grasp_odrive", settings=settings)
     handle = driver.load_grasp(chosen, Place("left", Mount()))
-    read = np.zeros(layout.HANDLE_SIZE)
+    read = np.zeros(servo_arrays.HANDLE_SIZE)
     try:
         handle.open()
         deadline_s = time.monotonic() + 200.0

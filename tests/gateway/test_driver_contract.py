@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import driver, layout
+from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
+from services.gateway import driver, servo_arrays
 from services.gateway.bench import TICK_S, Bench, BenchUnavailable
 from services.gateway.driver import Arm, GraspHandle, Place
 from services.runtime.errors import ConfigError, DeviceError
@@ -41,12 +42,12 @@ class Subject:
         """Do what the gateway does with it in a tick; return what was read."""
         device, now_ns = self.device, self.bench.clock.monotonic_ns()
         if isinstance(device, Arm):
-            read = np.zeros(layout.READ_SIZE)
-            read[: layout.READ_TEMPERATURE] = np.nan  # position and velocity must be written
+            read = np.zeros(servo_arrays.READ_SIZE)
+            read[: servo_arrays.READ_TEMPERATURE] = np.nan  # position and velocity must be written
             device.read(now_ns, read)
             device.write(np.array([0.0, 0.0, written]))
         else:
-            read = np.full(layout.HANDLE_SIZE, np.nan)
+            read = np.full(servo_arrays.HANDLE_SIZE, np.nan)
             device.read(now_ns, read)
             device.write(written)
         return read
@@ -92,10 +93,10 @@ def test_what_is_read_is_a_pose_in_si_units(opened: Subject) -> None:
     for read in [opened.exchange(0.0) for _ in range(200)]:
         assert np.isfinite(read).all()
         if isinstance(device, Arm):
-            assert np.abs(read[layout.READ_POSITION :][:3]).max() < WITHIN_M
-            assert np.linalg.norm(read[layout.READ_VELOCITY :][:3]) < device.limits.max_velocity_m_s
+            assert np.abs(read[servo_arrays.READ_POSITION :][:3]).max() < WITHIN_M
+            assert np.linalg.norm(read[servo_arrays.READ_VELOCITY :][:3]) < device.limits.max_velocity_m_s
         else:
-            assert abs(read[layout.HANDLE_ANGLE]) < WITHIN_RAD
+            assert abs(read[servo_arrays.HANDLE_ANGLE]) < WITHIN_RAD
 
 
 def test_force_is_off_until_enabled_then_as_written_and_gone_after_close(opened: Subject) -> None:
@@ -118,16 +119,16 @@ def test_an_arm_evaluates_the_law_and_one_with_a_servo_of_its_own_applies_it(ope
     arm = opened.device
     if not isinstance(arm, Arm):
         return
-    model, limits = np.zeros(layout.MODEL_SIZE), np.ones(layout.LIMIT_SIZE)
-    model[layout.MODEL_F0 + 2], limits[layout.LIMIT_RATE] = WRITTEN, 200.0
-    now, memory = np.zeros(layout.NOW_SIZE), np.zeros(layout.MEMORY_SIZE)
-    now[layout.NOW_TTL], now[layout.NOW_GAIN], now[layout.NOW_DT] = 0.02, 1.0, TICK_S
+    model, limits = np.zeros(MODEL_COLUMNS), np.ones(servo_arrays.LIMIT_SIZE)
+    model[MODEL_F0 + 2], limits[servo_arrays.LIMIT_RATE] = WRITTEN, 200.0
+    now, memory = np.zeros(servo_arrays.NOW_SIZE), np.zeros(servo_arrays.MEMORY_SIZE)
+    now[servo_arrays.NOW_TTL], now[servo_arrays.NOW_GAIN], now[servo_arrays.NOW_DT] = 0.02, 1.0, TICK_S
     arm.enable()
     for _ in range(round(SOON_S / TICK_S)):
-        arm.read(opened.bench.clock.monotonic_ns(), np.zeros(layout.READ_SIZE))
+        arm.read(opened.bench.clock.monotonic_ns(), np.zeros(servo_arrays.READ_SIZE))
         arm.evaluate(model, np.zeros(6), limits, now, memory)
         opened.bench.clock.sleep(TICK_S)
-    np.testing.assert_allclose(memory[layout.MEMORY_FORCE :][:3], [0.0, 0.0, WRITTEN])
+    np.testing.assert_allclose(memory[servo_arrays.MEMORY_FORCE :][:3], [0.0, 0.0, WRITTEN])
     assert opened.output() == pytest.approx(WRITTEN if arm.own_servo else 0.0)
 
 

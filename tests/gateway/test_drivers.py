@@ -15,7 +15,7 @@ import can
 import numpy as np
 import pytest
 
-from services.gateway import canbus, cansimple, driver, layout
+from services.gateway import canbus, cansimple, driver, servo_arrays
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import Arm, Place
@@ -62,7 +62,7 @@ def test_a_device_file_is_asked_for() -> None:
 
 
 def test_a_stall_of_the_gateway_is_not_a_fast_hand() -> None:
-    reading = np.zeros(layout.READ_SIZE)
+    reading = np.zeros(servo_arrays.READ_SIZE)
     arm = _arm()
     arm.open()
     arm.enable()
@@ -72,20 +72,20 @@ def test_a_stall_of_the_gateway_is_not_a_fast_hand() -> None:
     for k in range(2000):
         time_ns += TICK_NS * (15 if k % 200 == 0 else 1)
         arm.read(time_ns, reading)
-        speeds.append(float(np.linalg.norm(reading[layout.READ_VELOCITY : layout.READ_VELOCITY + 3])))
+        speeds.append(float(np.linalg.norm(reading[servo_arrays.READ_VELOCITY : servo_arrays.READ_VELOCITY + 3])))
     assert 0.01 < max(speeds) < 0.06
 
 
 @pytest.mark.parametrize("begin", ["enable", "go_on"])
 def test_a_simulated_hand_begins_with_the_force_or_without_it(begin: str) -> None:
-    arm, readings = _arm(), np.zeros((2, layout.READ_SIZE))
+    arm, readings = _arm(), np.zeros((2, servo_arrays.READ_SIZE))
     arm.open()
     for k in range(1000):
         arm.read(1 + k * TICK_NS, readings[0])
     getattr(arm, begin)()
     for k in range(1000, 2000):
         arm.read(1 + k * TICK_NS, readings[1])
-    first, last = readings[:, layout.READ_POSITION : layout.READ_POSITION + 3]
+    first, last = readings[:, servo_arrays.READ_POSITION : servo_arrays.READ_POSITION + 3]
     assert np.linalg.norm(last - first) > 1e-3
 
 
@@ -106,7 +106,7 @@ class Odrive:
             self.grasp.read(0, handle)
             if write:
                 self.grasp.write(torque_nm)
-        return float(handle[layout.HANDLE_ANGLE])
+        return float(handle[servo_arrays.HANDLE_ANGLE])
 
     def estop(self) -> None:
         frame = can.Message(arbitration_id=cansimple.identifier(1, cansimple.ESTOP), is_extended_id=False)
@@ -219,7 +219,7 @@ def test_gear_direction_and_zero_of_the_device_file_count(tmp_path: Path) -> Non
     assert node.drive.torque_nm == pytest.approx(-0.1 / 4.0)
     turns = node.drive.handle.angle_rad / (2 * math.pi)
     half_a_count = math.pi / ENCODER_COUNTS / 4.0 + 1e-6
-    assert handle[layout.HANDLE_ANGLE] == pytest.approx(-(turns - 0.2) * 2 * math.pi / 4.0, abs=half_a_count)
+    assert handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(-(turns - 0.2) * 2 * math.pi / 4.0, abs=half_a_count)
     grasp.close()
     node.close()
 

@@ -12,8 +12,6 @@ import pytest
 
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, assert_never_a_kick, forces
 
-pytestmark = pytest.mark.rig
-
 FORCE_N = 2.0
 TTL_S = 0.02
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import driver, drives, layout
+from services.gateway import driver, drives, servo_arrays
 from services.gateway.driver import Place
 from services.gateway.drivers import grasp_simulated
 from services.runtime.errors import DeviceError
@@ -40,10 +40,10 @@ def _opened(*handles: grasp_simulated.Driver) -> Iterator[None]:
 
 
 def _angles(handle: grasp_simulated.Driver, seconds: float) -> list[float]:
-    read, angles = np.zeros(layout.HANDLE_SIZE), []
+    read, angles = np.zeros(servo_arrays.HANDLE_SIZE), []
     for _ in range(round(seconds / 2e-3)):
         handle.read(time.monotonic_ns(), read)
-        angles.append(float(read[layout.HANDLE_ANGLE]))
+        angles.append(float(read[servo_arrays.HANDLE_ANGLE]))
         time.sleep(2e-3)
     return angles
 
@@ -92,7 +92,7 @@ def test_each_drive_has_its_own_torque() -> None:
         while not (handles[1].ready and handles[1].applied_nm() == pytest.approx(0.05)):
             assert time.monotonic() < deadline_s
             for handle in handles:
-                handle.read(time.monotonic_ns(), np.zeros(layout.HANDLE_SIZE))
+                handle.read(time.monotonic_ns(), np.zeros(servo_arrays.HANDLE_SIZE))
                 handle.write(0.05)
             time.sleep(2e-3)
         assert handles[0].applied_nm() == 0.0, "its loop is open"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gateway import layout
+from services.gateway import servo_arrays
 from services.gateway.engagement import SMALL_FORCE_N
 from services.gateway.hdapi.constants import ERRORS, Style
 from services.gateway.hdapi.library import Library
@@ -153,21 +153,21 @@ def test_the_law_goes_on_from_the_force_that_was_applied(arms: HdapiBench) -> No
     arms.begin(LEFT, RIGHT)
     arms.c.standin_inject(1, REFUSALS[0])
     arms.run(5, LEFT, RIGHT)
-    np.testing.assert_allclose(arms.memories[arms.left][layout.MEMORY_FORCE :][:3], arms.forces[-2][0])
+    np.testing.assert_allclose(arms.memories[arms.left][servo_arrays.MEMORY_FORCE :][:3], arms.forces[-2][0])
     arms.run(20, LEFT, RIGHT)
-    np.testing.assert_array_equal(arms.memories[arms.left][layout.MEMORY_FORCE :][:3], FREE)
+    np.testing.assert_array_equal(arms.memories[arms.left][servo_arrays.MEMORY_FORCE :][:3], FREE)
 
 
 def test_what_the_law_refuses_is_counted_with_what_the_torque_refuses(arms: HdapiBench) -> None:
     arms.by_law = True
     arms.open()
     memory = arms.memories[arms.left]
-    memory[layout.MEMORY_REFUSED] += 5.0  # by the torque's law, in the gateway
-    memory[layout.MEMORY_TORQUE] = 0.1
+    memory[servo_arrays.MEMORY_REFUSED] += 5.0  # by the torque's law, in the gateway
+    memory[servo_arrays.MEMORY_TORQUE] = 0.1
     arms.run(10, (0.0, np.nan, 0.0), RIGHT)
     arms.run(3, LEFT, RIGHT)
-    assert memory[layout.MEMORY_REFUSED] == 15.0
-    assert memory[layout.MEMORY_TORQUE] == 0.1
+    assert memory[servo_arrays.MEMORY_REFUSED] == 15.0
+    assert memory[servo_arrays.MEMORY_TORQUE] == 0.1
 
 
 @pytest.mark.parametrize("nonsense", [np.nan, np.inf])

@@ -9,7 +9,7 @@ import pytest
 
 from services.gateway.bench import BenchUnavailable
 from services.gateway.hdapi import host_checks
-from services.gateway.hdapi.standin import StandIn
+from services.gateway.hdapi.standin import HdapiStandIn
 from services.gateway.host_check import HostCheck
 
 NO_LIBRARY = "libHD-that-nobody-has.so"
@@ -112,7 +112,7 @@ def test_a_library_that_lacks_another_says_which_package(missing: str, monkeypat
 
 def test_doctor_opens_the_arms_of_the_rig_unless_it_runs(tmp_path: Path) -> None:
     try:
-        with StandIn.compiled(tmp_path) as standin:
+        with HdapiStandIn.compiled(tmp_path) as standin:
             library = str(standin.path)
     except BenchUnavailable as reason:
         pytest.skip(str(reason))

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from services.gateway import layout
+from services.gateway import servo_arrays
 from services.gateway.drivers.phantom_hdapi import Driver
 from services.gateway.hdapi.constants import TIMER_ERROR, Style
 from tests.gateway.hdapi_bench import FREE, LEFT, RIGHT, STEP_N, TTL_MS, HdapiBench
@@ -40,7 +40,7 @@ def test_an_arm_that_is_pulled_out_leaves_the_other_alone(pushing: HdapiBench) -
     assert pushing.right.fault == ""
     np.testing.assert_array_equal([right for _, right in pushing.forces[n:]], [RIGHT] * 300)
     np.testing.assert_array_equal(pushing.forces[-1][0], FREE)
-    assert not pushing.memories[pushing.left][layout.MEMORY_FORCE :][:3].any(), "the law goes on from no force"
+    assert not pushing.memories[pushing.left][servo_arrays.MEMORY_FORCE :][:3].any(), "the law goes on from no force"
 
 
 def test_an_arm_that_was_pulled_out_is_opened_anew_once_it_is_there_and_armed(pushing: HdapiBench) -> None:

@@ -16,7 +16,7 @@ import yaml
 
 from services.gateway.bench import BenchUnavailable
 from services.gateway.drivers import phantom_hdapi
-from services.gateway.hdapi.standin import StandIn
+from services.gateway.hdapi.standin import HdapiStandIn
 from tests.gateway.hdapi_bench import HdapiBench
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
 
@@ -25,16 +25,16 @@ FORCE_N = 2.0
 
 
 @pytest.fixture
-def standin(tmp_path: Path) -> Iterator[StandIn]:
+def standin(tmp_path: Path) -> Iterator[HdapiStandIn]:
     try:
-        with StandIn.compiled(tmp_path, threaded=True) as library:
+        with HdapiStandIn.compiled(tmp_path, threaded=True) as library:
             yield library
     except BenchUnavailable as reason:
         pytest.skip(str(reason))
 
 
 @pytest.fixture
-def bench(standin: StandIn, monkeypatch: pytest.MonkeyPatch) -> Iterator[HdapiBench]:
+def bench(standin: HdapiStandIn, monkeypatch: pytest.MonkeyPatch) -> Iterator[HdapiBench]:
     # Two ordinary threads: either may be kept from running for longer than a rig's are. What silence comes to is
     # tested where time passes tick by tick.
     monkeypatch.setattr(phantom_hdapi, "_START_S", PATIENCE_S)
@@ -128,8 +128,7 @@ def _assert_never_a_kick(rig: Bench) -> None:
     assert (steps_n <= RATE_LIMIT_N_S * (np.diff(sampled_s) + 0.003)).all()
 
 
-@pytest.mark.rig
-def test_a_gateway_process_pushes_through_the_library_and_lets_go(standin: StandIn, tmp_path: Path) -> None:
+def test_a_gateway_process_pushes_through_the_library_and_lets_go(standin: HdapiStandIn, tmp_path: Path) -> None:
     rig = Bench(tmp_path)
     try:
         text = yaml.safe_load(rig.rig_file.read_text())

@@ -10,8 +10,8 @@ from protocol.bodies import GatewayState, LocalModel
 from services.gateway import instrument
 from services.gateway.driver import Arm, ArmLimits, GraspHandle
 from services.gateway.instrument import Instrument
-from services.gateway.layout import HANDLE_ANGLE, READ_POSITION, READ_ROLL
 from services.gateway.servo import Servo, ServoLimits
+from services.gateway.servo_arrays import HANDLE_ANGLE, READ_POSITION, READ_ROLL
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings, InstrumentSettings, Mount
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gateway import layout
+from protocol.bodies.haptics import MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
 from services.gateway.device_files import ArmFile
 from services.gateway.velocity_filter import butterworth, low_pass
 from services.runtime import config
@@ -96,9 +96,9 @@ class Rubbing:
         self.answers.append((max(0.0, -read) * self.stiffness, read))
         if len(self.answers) > self.delay:
             force, at = self.answers[-1 - self.delay]
-            law.model[layout.MODEL_F0], law.model[layout.MODEL_X0] = force, at
-            law.model[layout.MODEL_CONTACT] = float(force > 0.0)
-            law.model[layout.MODEL_K] = self.stiffness if force > 0.0 else 0.0
+            law.model[MODEL_F0], law.model[MODEL_X0] = force, at
+            law.model[MODEL_CONTACT] = float(force > 0.0)
+            law.model[MODEL_K] = self.stiffness if force > 0.0 else 0.0
         return float(law.force(self.delay * DT_S)[0])
 
 

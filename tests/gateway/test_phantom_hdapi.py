@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.gateway import layout
+from services.gateway import servo_arrays
 from services.gateway.driver import Place, load_arm
 from services.gateway.hdapi.constants import ERRORS, WARM_MOTORS, Style
 from services.runtime.errors import DeviceError
@@ -40,7 +40,7 @@ def test_velocity_is_that_of_the_hand(arms: HdapiBench) -> None:
     for k in range(200):
         arms.standin.put("hand", 1, np.array([0.0, 2e-4 * k, 0.0]))  # 0.2 m/s upward
         arms.run(1, FREE, FREE)
-    assert arms.readings[arms.left][layout.READ_VELOCITY + 2] == pytest.approx(0.2, rel=0.02)
+    assert arms.readings[arms.left][servo_arrays.READ_VELOCITY + 2] == pytest.approx(0.2, rel=0.02)
     np.testing.assert_allclose(arms.readings[arms.left][[3, 4]], 0.0, atol=1e-9)
 
 
@@ -81,8 +81,8 @@ def test_a_law_is_evaluated_in_the_world_at_the_present_pose(tmp_path: Path) -> 
     with two_arms(tmp_path) as bench:
         bench.by_law = True
         bench.left = bench.driver("left", Mount(centre_m=(0.1, 0.2, 0.3), yaw_rad=np.pi / 2))
-        bench.readings = {bench.left: np.zeros(layout.READ_SIZE)}
-        bench.memories = {bench.left: np.zeros(layout.MEMORY_SIZE)}
+        bench.readings = {bench.left: np.zeros(servo_arrays.READ_SIZE)}
+        bench.memories = {bench.left: np.zeros(servo_arrays.MEMORY_SIZE)}
         bench.open()
         for _ in range(300):
             bench.standin.put("place", 1, np.array([0.0, 0.0, 0.01]))  # of HDAPI: toward the user
@@ -90,7 +90,7 @@ def test_a_law_is_evaluated_in_the_world_at_the_present_pose(tmp_path: Path) -> 
             bench.order(bench.left, np.zeros(3), stiffness_n_m=0.5)
             bench.wait(1)
         memory = bench.memories[bench.left]
-        world_m, force_n = memory[layout.MEMORY_POSITION :][:3], memory[layout.MEMORY_FORCE :][:3]
+        world_m, force_n = memory[servo_arrays.MEMORY_POSITION :][:3], memory[servo_arrays.MEMORY_FORCE :][:3]
         np.testing.assert_allclose(world_m, [0.1, 0.21, 0.3], atol=1e-4)  # the force moves it within the tick
         np.testing.assert_allclose(force_n, -0.5 * world_m)
         np.testing.assert_allclose(bench.forces[-1][0], [-0.105, 0.05, -0.15], atol=1e-4)
@@ -99,10 +99,10 @@ def test_a_law_is_evaluated_in_the_world_at_the_present_pose(tmp_path: Path) -> 
 def test_motor_temperature_is_that_of_the_warmest_motor(pushing: HdapiBench) -> None:
     pushing.c.standin_heat(1, c_double(0.8))
     pushing.run(2, LEFT, RIGHT)
-    assert pushing.readings[pushing.left][layout.READ_TEMPERATURE] == pytest.approx(0.8, rel=1e-3)
+    assert pushing.readings[pushing.left][servo_arrays.READ_TEMPERATURE] == pytest.approx(0.8, rel=1e-3)
     pushing.c.standin_inject_every(1, WARM_MOTORS)
     pushing.run(3, LEFT, RIGHT)
-    assert pushing.readings[pushing.left][layout.READ_TEMPERATURE] == 1.0
+    assert pushing.readings[pushing.left][servo_arrays.READ_TEMPERATURE] == 1.0
     assert pushing.left.fault == ""
 
 
@@ -110,10 +110,10 @@ def test_roll_counts_as_the_rigs_does_where_the_arm_measures_it(arms: HdapiBench
     arms.c.standin_lack(2, 0x2150)
     arms.open()
     for reading in arms.readings.values():
-        reading[layout.READ_ROLL] = 0.7
+        reading[servo_arrays.READ_ROLL] = 0.7
     arms.run(2, FREE, FREE)
-    assert arms.readings[arms.left][layout.READ_ROLL] == -0.25  # clockwise is against the rig's roll
-    assert arms.readings[arms.right][layout.READ_ROLL] == 0.7
+    assert arms.readings[arms.left][servo_arrays.READ_ROLL] == -0.25  # clockwise is against the rig's roll
+    assert arms.readings[arms.right][servo_arrays.READ_ROLL] == 0.7
 
 
 def test_an_arm_that_knows_no_temperature_works(arms: HdapiBench) -> None:

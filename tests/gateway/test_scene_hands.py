@@ -19,8 +19,9 @@ from services.scenes.hands import STROKE_M, hands_of
 PACE = 0.25
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def kept_here(monkeypatch, tmp_path):
+    """An empty cache; other tests share what was found, in the cache of all tests."""
     monkeypatch.setenv("TROCAR_CACHE_DIR", str(tmp_path))
 
 
@@ -53,7 +54,7 @@ def test_then_the_catheter_is_moved_to_and_fro_for_a_minute_and_the_other_hand_h
     assert right.motion.breakpoints[-1].time_s < 1.0
 
 
-def test_what_the_hands_of_a_scene_do_is_found_once_and_anew_when_the_scene_is_another(monkeypatch):
+def test_what_the_hands_of_a_scene_do_is_found_once_and_anew_when_the_scene_is_another(kept_here, monkeypatch):
     found = find_scene_hands("default")
     monkeypatch.setattr(scene_hands.subprocess, "run", None)
     assert find_scene_hands("default") == found
@@ -67,12 +68,12 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch, tmp_path):
     assert len(find_scene_hands("default").hands) == 2
 
 
-@pytest.mark.parametrize("left", ["", '[{"port_m": [0.0, 0.0, 0.0]}]'])
-def test_what_a_crash_left_of_a_kept_file_is_found_anew(monkeypatch, tmp_path, left):
+def test_what_a_crash_left_of_a_kept_file_is_found_anew(kept_here, monkeypatch, tmp_path):
     found = find_scene_hands("default")
     (file,) = (tmp_path / "hands").iterdir()
-    file.write_text(left)
-    assert find_scene_hands("default") == found
+    for left in ("", '[{"port_m": [0.0, 0.0, 0.0]}]'):
+        file.write_text(left)
+        assert find_scene_hands("default") == found
     monkeypatch.setattr(scene_hands.subprocess, "run", None)
     assert find_scene_hands("default") == found
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.signal
 
 from services.gateway import premium_model, simulated_arm, velocity_filter
-from services.gateway.layout import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
+from services.gateway.servo_arrays import READ_POSITION, READ_SIZE, READ_TEMPERATURE, READ_VELOCITY
 from services.gateway.simulated_arm import ArmState
 from services.mechanics.arrays import FloatArray
 

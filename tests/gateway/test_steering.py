@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from services.gateway import driver, input_events, input_stand_in, layout, pose, steering
+from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
+from services.gateway import driver, input_events, input_stand_in, pose, servo_arrays, steering
 from services.gateway.driver import Place
-from services.gateway.input_stand_in import StandIn
+from services.gateway.input_stand_in import InputStandIn
 from services.gateway.instrument import build_instruments
 from services.runtime import config
 from services.runtime.errors import ConfigError, DeviceError
@@ -31,15 +32,15 @@ class Hand:
         self.arm.open()
         self.grasp.open()
         self.now_ns = TICK_NS
-        self.reading, self.handle = np.zeros(layout.READ_SIZE), np.zeros(layout.HANDLE_SIZE)
+        self.reading, self.handle = np.zeros(servo_arrays.READ_SIZE), np.zeros(servo_arrays.HANDLE_SIZE)
         self.motion = np.zeros(6)
 
     def run(self, ticks: int, force_n: float = 0.0) -> np.ndarray:
         """Return where the junction is in the world after `ticks`, under a force along z."""
-        model, limits = np.zeros(layout.MODEL_SIZE), np.ones(layout.LIMIT_SIZE) * 1e3
-        model[layout.MODEL_F0 + 2] = force_n
-        now, memory = np.zeros(layout.NOW_SIZE), np.zeros(layout.MEMORY_SIZE)
-        now[layout.NOW_TTL], now[layout.NOW_GAIN], now[layout.NOW_DT] = 0.02, 1.0, 1e-3
+        model, limits = np.zeros(MODEL_COLUMNS), np.ones(servo_arrays.LIMIT_SIZE) * 1e3
+        model[MODEL_F0 + 2] = force_n
+        now, memory = np.zeros(servo_arrays.NOW_SIZE), np.zeros(servo_arrays.MEMORY_SIZE)
+        now[servo_arrays.NOW_TTL], now[servo_arrays.NOW_GAIN], now[servo_arrays.NOW_DT] = 0.02, 1.0, 1e-3
         for _ in range(ticks):
             self.arm.read(self.now_ns, self.reading)
             self.grasp.read(self.now_ns, self.handle)
@@ -54,7 +55,7 @@ class Hand:
 
 
 @pytest.fixture
-def pad() -> Iterator[StandIn]:
+def pad() -> Iterator[InputStandIn]:
     source = input_stand_in.gamepad()
     with input_events.stand_in(source):
         yield source
@@ -85,7 +86,7 @@ def test_a_held_axis_moves_its_own_tool_on_at_the_speed_of_the_rig_file(pad, ind
     hand.close()
 
 
-def test_what_is_let_go_stays_and_what_hardly_moves_is_nothing(pad: StandIn) -> None:
+def test_what_is_let_go_stays_and_what_hardly_moves_is_nothing(pad: InputStandIn) -> None:
     hand = Hand("gamepad")
     pad.say("ABS_X", 32767)
     hand.run(200)
@@ -95,27 +96,27 @@ def test_what_is_let_go_stays_and_what_hardly_moves_is_nothing(pad: StandIn) -> 
     hand.close()
 
 
-def test_it_never_leaves_reach(pad: StandIn) -> None:
+def test_it_never_leaves_reach(pad: InputStandIn) -> None:
     hand = Hand("gamepad", reach_m=0.03, speed_m_s=0.5)
     pad.say("ABS_X", 32767)
     assert np.linalg.norm(hand.run(3000) - np.array(MOUNT.centre_m)) < 0.0301
     hand.close()
 
 
-def test_jaws_close_as_far_as_the_trigger_is_pressed_and_wait_until_it_is_touched(pad: StandIn) -> None:
+def test_jaws_close_as_far_as_the_trigger_is_pressed_and_wait_until_it_is_touched(pad: InputStandIn) -> None:
     hand = Hand("gamepad")
     hand.run(100)
-    assert hand.handle[layout.HANDLE_ANGLE] == 1.0
+    assert hand.handle[servo_arrays.HANDLE_ANGLE] == 1.0
     pad.say("ABS_Z", 255)
     hand.run(1500)
-    assert hand.handle[layout.HANDLE_ANGLE] == pytest.approx(0.0)
+    assert hand.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(0.0)
     pad.say("ABS_Z", 0)
     hand.run(1500)
-    assert hand.handle[layout.HANDLE_ANGLE] == pytest.approx(1.2)
+    assert hand.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(1.2)
     hand.close()
 
 
-def test_what_a_hand_would_feel_shakes_the_gamepad(pad: StandIn) -> None:
+def test_what_a_hand_would_feel_shakes_the_gamepad(pad: InputStandIn) -> None:
     hand = Hand("gamepad")
     hand.run(300)
     assert pad.shaken == []
@@ -125,7 +126,7 @@ def test_what_a_hand_would_feel_shakes_the_gamepad(pad: StandIn) -> None:
     hand.close()
 
 
-def test_an_unplugged_input_is_a_fault_the_tool_stays_and_arming_finds_it_again(pad: StandIn) -> None:
+def test_an_unplugged_input_is_a_fault_the_tool_stays_and_arming_finds_it_again(pad: InputStandIn) -> None:
     hand = Hand("gamepad")
     pad.say("ABS_X", 32767)
     hand.run(200)
@@ -179,11 +180,11 @@ def test_a_spacemouse_moves_the_tool_as_its_cap_is_pushed(absolute: bool) -> Non
         np.testing.assert_allclose(hand.run(200), place, atol=1e-6)
         source.say("BTN_0", 1)
         hand.run(1500)
-        assert hand.handle[layout.HANDLE_ANGLE] == pytest.approx(0.0)
+        assert hand.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(0.0)
         hand.close()
 
 
-def test_a_second_hand_needs_a_spacemouse_of_its_own_and_shares_a_gamepad(pad: StandIn) -> None:
+def test_a_second_hand_needs_a_spacemouse_of_its_own_and_shares_a_gamepad(pad: InputStandIn) -> None:
     Hand("gamepad", index=1).close()
     with (
         input_events.stand_in(input_stand_in.spacemouse()),
@@ -192,7 +193,7 @@ def test_a_second_hand_needs_a_spacemouse_of_its_own_and_shares_a_gamepad(pad: S
         Hand("spacemouse", index=1)
 
 
-def test_without_any_input_it_is_one_sentence_and_so_is_an_axis_that_no_kernel_knows(pad: StandIn) -> None:
+def test_without_any_input_it_is_one_sentence_and_so_is_an_axis_that_no_kernel_knows(pad: InputStandIn) -> None:
     with pytest.raises(DeviceError, match=r"instrument 'left': there is no SpaceMouse in /dev/input .*trocar doctor"):
         Hand("spacemouse")
     with pytest.raises(ConfigError, match=r"axes: 'ABS_COFFEE' is no axis or button"):
@@ -201,7 +202,7 @@ def test_without_any_input_it_is_one_sentence_and_so_is_an_axis_that_no_kernel_k
         Hand("gamepad", axes={"left": {"ABS_X": 1.0}})
 
 
-def test_axes_of_the_rig_file_replace_those_of_the_layout(pad: StandIn) -> None:
+def test_axes_of_the_rig_file_replace_those_of_the_layout(pad: InputStandIn) -> None:
     hand = Hand("gamepad", axes={"right": {"ABS_RX": -1.0}})
     pad.say("ABS_RX", 32767)
     pad.say("ABS_X", 32767)

@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 
 from services.gateway.bench import BenchUnavailable
-from services.gateway.hdapi.standin import StandIn
+from services.gateway.hdapi.standin import HdapiStandIn
 from tests.gateway.rig_bench import RATE_LIMIT_N_S, Bench, forces
-
-pytestmark = pytest.mark.rig
 
 LEFT, RIGHT = 0, 1
 #: A contact that pushes to and fro gives energy to a hand: so little here that the servo need not take it back.
@@ -61,7 +59,7 @@ class Unplugged:
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Unplugged]:
     try:
-        with StandIn.compiled(tmp_path, threaded=True) as standin:
+        with HdapiStandIn.compiled(tmp_path, threaded=True) as standin:
             library = standin.path
     except BenchUnavailable as reason:
         pytest.skip(str(reason))

@@ -10,7 +10,8 @@ import pytest
 import protocol
 from protocol import Frame
 from protocol.bodies import Hands, HandTarget
-from services.gateway import driver, layout, pose, virtual_hand
+from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_F0
+from services.gateway import driver, pose, servo_arrays, virtual_hand
 from services.gateway.driver import Place
 from services.gateway.hand_arm import LOOK_EVERY
 from services.runtime.errors import ConfigError
@@ -46,16 +47,16 @@ class Bench:
         self.grasp = driver.load_grasp(DriverSettings(driver="grasp_web"), place)
         self.arm.open()
         self.now_ns = TICK_NS
-        self.reading, self.handle = np.zeros(layout.READ_SIZE), np.zeros(layout.HANDLE_SIZE)
+        self.reading, self.handle = np.zeros(servo_arrays.READ_SIZE), np.zeros(servo_arrays.HANDLE_SIZE)
         self.motion, self.orientation = np.zeros(6), np.zeros(4)
 
     def run(self, ticks: int, force_n: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
         """Return where the junction was in the world after each tick, (ticks, 3), under a force in the world."""
         path = np.zeros((ticks, 3))
-        model, limits = np.zeros(layout.MODEL_SIZE), np.ones(layout.LIMIT_SIZE) * 1e3
-        model[layout.MODEL_F0 : layout.MODEL_F0 + 3] = force_n
-        now, memory = np.zeros(layout.NOW_SIZE), np.zeros(layout.MEMORY_SIZE)
-        now[layout.NOW_TTL], now[layout.NOW_GAIN], now[layout.NOW_DT] = 0.02, 1.0, 1e-3
+        model, limits = np.zeros(MODEL_COLUMNS), np.ones(servo_arrays.LIMIT_SIZE) * 1e3
+        model[MODEL_F0 : MODEL_F0 + 3] = force_n
+        now, memory = np.zeros(servo_arrays.NOW_SIZE), np.zeros(servo_arrays.MEMORY_SIZE)
+        now[servo_arrays.NOW_TTL], now[servo_arrays.NOW_GAIN], now[servo_arrays.NOW_DT] = 0.02, 1.0, 1e-3
         for k in range(ticks):
             self.arm.read(self.now_ns, self.reading)
             self.grasp.read(self.now_ns, self.handle)
@@ -73,7 +74,7 @@ def target(*position_m: float, **rest: float) -> HandTarget:
 def test_the_tool_waits_where_the_rig_file_says_until_somebody_takes_it() -> None:
     bench = Bench(start_hip_m=(0.06, 0.0, 0.03), start_roll_rad=1.2)
     np.testing.assert_allclose(bench.run(300), np.tile([0.06, 0.0, 0.03], (300, 1)), atol=1e-12)
-    assert bench.reading[layout.READ_ROLL] == pytest.approx(1.2)
+    assert bench.reading[servo_arrays.READ_ROLL] == pytest.approx(1.2)
 
 
 def test_it_follows_smoothly_and_velocity_is_the_rate_of_position() -> None:
@@ -85,9 +86,9 @@ def test_it_follows_smoothly_and_velocity_is_the_rate_of_position() -> None:
     fastest = virtual_hand.GRIP_N / virtual_hand.DAMPING_N_S_M
     assert np.linalg.norm(steps, axis=1).max() / 1e-3 <= fastest * 1.001
     assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() / 1e-6 <= 1.05 * virtual_hand.GRIP_N / 0.1
-    assert bench.reading[layout.READ_ROLL] == pytest.approx(0.5)
-    assert bench.handle[layout.HANDLE_ANGLE] == pytest.approx(0.401)  # of 1 rad, 599 ms at 1 rad/s
-    assert bench.handle[layout.HANDLE_RATE] == pytest.approx(-1.0)
+    assert bench.reading[servo_arrays.READ_ROLL] == pytest.approx(0.5)
+    assert bench.handle[servo_arrays.HANDLE_ANGLE] == pytest.approx(0.401)  # of 1 rad, 599 ms at 1 rad/s
+    assert bench.handle[servo_arrays.HANDLE_RATE] == pytest.approx(-1.0)
 
 
 def test_it_yields_to_a_force_as_the_spring_of_the_hand_says() -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from protocol.bodies import GatewayState, InstrumentState, ToolReaction, ToolState
-from protocol.bodies.physics import reaction_table
+from protocol.bodies.physics import REACTION_CONTACTS, reaction_table
 from services.haptics.instruments import InstrumentTable
-from services.haptics.reactions import CONTACTS, Reactions
+from services.haptics.reactions import Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.mechanics.scene import ForcepsScene, SceneModel
 
@@ -161,7 +161,7 @@ def test_nothing_is_known_of_a_tool_that_physics_no_longer_tells_of(tracker: Tra
     """Its hand may have gone far since: a force about where it was would be none of the tissue's."""
     tracker.take_reactions([HELD_BACK, HELD_BACK])
     tracker.take_reactions([HELD_BACK])
-    assert tracker.reactions.rows[0, CONTACTS] == 1.0
+    assert tracker.reactions.rows[0, REACTION_CONTACTS] == 1.0
     np.testing.assert_array_equal(tracker.reactions.rows[1], ToolReaction().row())
     tracker.take_reactions([])
     np.testing.assert_array_equal(tracker.reactions.rows[0], ToolReaction().row())

@@ -12,8 +12,8 @@ SMALL_DUCT = DuctScene(n_around=12, n_along=14, n_modes=30, thickness_m=1e-3, yo
 
 
 @pytest.fixture(scope="session")
-def cache_dir(tmp_path_factory):
-    return tmp_path_factory.mktemp("bases")
+def cache_dir(own_cache):
+    return own_cache / "bases"
 
 
 @pytest.fixture(scope="session")

@@ -10,8 +10,9 @@ from services.mechanics.contact.laws import number_of
 from services.mechanics.effects.mucus_drag import MucusDragSettings
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from studies.energy_book import EnergyBook
+from studies.paper_scene import paper_scene
 
 
 class Course:
@@ -139,7 +140,7 @@ def test_scripted_hands_move_without_jumps(name):
 
 
 def test_the_papers_scene_runs(cache_dir):
-    scene = scenarios.paper_scene()
+    scene = paper_scene()
     hands = scenarios.insertion()
     duct = build_scene_duct(scene, cache_dir)
     simulation, tools = Simulation(scene, duct), ToolInputs()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes, point_load
+from services.mechanics.fem import ShellModel, ShellSection, clamp, compute_modes
 from services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,
@@ -24,6 +24,7 @@ from services.meshes.openings import enclosed_volume_m3, find_openings, lumen_di
 from services.meshes.reading import read_surface
 from services.meshes.remeshing import remesh
 from services.meshes.repairing import repair_surface
+from studies.fem.loads import point_load
 
 trimesh = pytest.importorskip("trimesh", reason="the mesh extra is not installed")
 

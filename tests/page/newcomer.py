@@ -38,13 +38,13 @@ FINER = """
 const {governor} = trocar.view;
 trocar.view.kept = [governor.steps, governor.at];
 governor.steps = [{ratio: 1, look: "plain", shadows: false, hz: 2}];
-governor.coarser = () => false;
+governor.descend = () => false;
 trocar.view.takeStep(0);
 """
 AS_BEFORE = """
 const {governor} = trocar.view;
 [governor.steps, governor.at] = trocar.view.kept;
-delete governor.coarser;
+delete governor.descend;
 trocar.view.takeStep();
 """
 

@@ -141,8 +141,11 @@ _AS_BEFORE = """(() => {
 })()"""
 
 
+@pytest.mark.long
 def test_the_resolution_falls_under_load_and_comes_back(page: Page) -> None:
-    """The load is drawing that takes long, whoever causes it: no more of what a machine does is seen by a page."""
+    """The governor's rules are tried by day, without a browser (`web/test/governor.test.js`).
+
+    The load is drawing that takes long, whoever causes it: no more of what a machine does is seen by a page."""
     browser = page.browser
 
     def drawn() -> Any:
@@ -322,7 +325,9 @@ _CALM = 8
 _LENGTH = re.compile(r"physics: stalled for (\d+) ms")
 
 
-@pytest.mark.parametrize("length_ms", [20, 100, 400])
+@pytest.mark.parametrize(
+    "length_ms", [pytest.param(20, marks=pytest.mark.long), 100, pytest.param(400, marks=pytest.mark.long)]
+)
 def test_the_history_shows_a_stall_once_with_its_length(page: Page, length_ms: int) -> None:
     """Of the one that the test makes, and of all that this machine makes beside it: as the loop has measured them."""
     stalls = Stalls(page.rig)

@@ -13,7 +13,7 @@ from protocol.bodies.haptics import tool_table
 from services.cache_directory import cache_directory
 from services.mechanics.collision.pairs import CATHETER_SEGMENT
 from services.mechanics.contact.lasting_compliance import LASTING_S
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import ForcepsScene, SceneModel
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation

@@ -17,7 +17,7 @@ from services.gateway.scene_hands import SceneHands
 from services.gateway.servo_law import MOST_OWED_J
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.kinematics import jaw_angle_from_handle
-from services.mechanics.fem.factors import factorise
+from services.mechanics.fem.factorisation import factorise
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.scenarios import insertion
 from services.mechanics.scene.tools import ToolInputs
@@ -25,7 +25,7 @@ from services.mechanics.simulation import Simulation
 from services.runtime import config
 from services.scenes import load_scene
 from services.scenes.hand_motions import hand_motions
-from services.studies.accuracy.pinches import full_model
+from studies.accuracy.pinches import full_model
 from tests.physics.conftest import SMALL
 from tests.whole_rig import WholeRig
 

@@ -1,4 +1,4 @@
-"""docs/wire.md says what the code does."""
+"""docs/reference/wire.md says what the code does."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from protocol.document import document
 
-WIRE = Path(__file__).parents[2] / "docs" / "wire.md"
+WIRE = Path(__file__).parents[2] / "docs" / "reference" / "wire.md"
 
 
 def test_the_page_is_the_code() -> None:

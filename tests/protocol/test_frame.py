@@ -32,7 +32,7 @@ def test_every_body_arrives_as_it_was_sent(name: str, data: st.DataObject) -> No
 
 @pytest.mark.parametrize("name", TOPICS)
 def test_any_msgpack_reads_the_same_positions(name: str) -> None:
-    """The wire is plain msgpack: another language's library sees the fields where docs/wire.md says."""
+    """The wire is plain msgpack: another language's library sees the fields where docs/reference/wire.md says."""
     frame = samples.frame(name)
     plain = msgpack.unpackb(encode(frame), strict_map_key=False)
     assert plain[:8] == [1, name, TOPICS[name].version, samples.INCARNATION, 7, 2_000, 1_000, True]

@@ -1,15 +1,27 @@
-"""A copy of the tree for each test that follows a recipe."""
+"""One copy of the tree for all of a worker's tests that follow a recipe: each begins with it as new."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import pytest
 
 from tests.recipes.tree_copy import TreeCopy
 
 
+@pytest.fixture(scope="session")
+def only_copy(tmp_path_factory: pytest.TempPathFactory) -> TreeCopy:
+    """Return the copy as whoever had it last has left it."""
+    return TreeCopy(tmp_path_factory.mktemp("recipes") / "tree")
+
+
 @pytest.fixture
-def tree(tmp_path: Path) -> TreeCopy:
-    """Return a fresh copy: what a recipe does there, nobody else sees."""
-    return TreeCopy(tmp_path / "tree")
+def tree(only_copy: TreeCopy) -> TreeCopy:
+    """Return the copy as new, for one test."""
+    only_copy.restore()
+    return only_copy
+
+
+@pytest.fixture(scope="module")
+def tree_of_module(only_copy: TreeCopy) -> TreeCopy:
+    """Return the copy as new, for all tests of a module, none of which asks for `tree`."""
+    only_copy.restore()
+    return only_copy

@@ -1,4 +1,4 @@
-"""docs/recipes.md: a scene, a device file and an observer of the bus, followed to the letter."""
+"""docs/how-to/recipes.md: a scene, a device file and an observer of the bus, followed to the letter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/recipes.md, "Adding a contact law": one module, one row, and an effect that puts rows under it."""
+"""docs/how-to/recipes.md, "Adding a contact law": one module, one row, and an effect that puts rows under it."""
 
 from __future__ import annotations
 
@@ -33,11 +33,16 @@ for strategy in ("implicit", "penalty"):
 """
 
 
-def test_one_module_and_one_row_make_a_law(tree: TreeCopy) -> None:
+@pytest.fixture(scope="module")
+def followed(tree_of_module: TreeCopy) -> TreeCopy:
+    tree_of_module.follow("Adding a contact law")
+    return tree_of_module
+
+
+def test_one_module_and_one_row_make_a_law(followed: TreeCopy) -> None:
     """It carries the catheter's weight under both strategies, where without it the catheter falls."""
-    tree.follow("Adding a contact law")
     height_m, overlap_m = {}, {}
-    for line in tree.python(HANGING).splitlines():
+    for line in followed.python(HANGING).splitlines():
         strategy, n_effects, height, overlap = line.split()
         height_m[strategy, n_effects], overlap_m[strategy, n_effects] = float(height), float(overlap)
     for strategy in ("implicit", "penalty"):
@@ -49,24 +54,27 @@ def test_one_module_and_one_row_make_a_law(tree: TreeCopy) -> None:
 
 
 @pytest.mark.parametrize(
-    ("edit", "sentence"),
+    ("file", "left_out", "sentence"),
     [
-        (("    penalty=penalty,\n", ""), "missing 1 required keyword-only argument: 'penalty'"),
+        ("sticky.py", "    penalty=penalty,\n", "missing 1 required keyword-only argument: 'penalty'"),
         (
-            ('    "sticky": sticky.LAW,\n', ""),
+            "__init__.py",
+            '    "sticky": sticky.LAW,\n',
             "contact law 'sticky' is not in the table; known: unilateral, hold, film, seal",
         ),
     ],
 )
-def test_what_was_left_out_is_named(tree: TreeCopy, edit: tuple[str, str], sentence: str) -> None:
+def test_what_was_left_out_is_named(followed: TreeCopy, file: str, left_out: str, sentence: str) -> None:
     code = """
 try:
     import services.mechanics.effects
 except (TypeError, ValueError) as error:
     print(error)
 """
-    tree.follow("Adding a contact law")
-    for path in (tree.root / "services/mechanics/contact/laws").glob("*.py"):
-        if path.name in ("sticky.py", "__init__.py"):
-            path.write_text(path.read_text().replace(*edit))
-    assert sentence in tree.python(code)
+    path = followed.root / "services/mechanics/contact/laws" / file
+    good = path.read_text()
+    path.write_text(good.replace(left_out, ""))
+    try:
+        assert sentence in followed.python(code)
+    finally:
+        path.write_text(good)

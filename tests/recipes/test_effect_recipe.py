@@ -1,4 +1,4 @@
-"""docs/recipes.md, "Adding an effect": one file, one row, its name in a scene."""
+"""docs/how-to/recipes.md, "Adding an effect": one file, one row, its name in a scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import hashlib
 import sys
 import numpy as np
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
+from studies.energy_book import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.scene.tools import ToolInputs
 from services.scenes import load_scene
@@ -54,10 +54,15 @@ print(*simulation.effects, state.hexdigest())
 )
 
 
-@pytest.fixture
-def followed(tree: TreeCopy) -> TreeCopy:
-    tree.follow("Adding an effect")
-    return tree
+@pytest.fixture(scope="module")
+def without_it(tree_of_module: TreeCopy) -> str:
+    return tree_of_module.python(WITHOUT)
+
+
+@pytest.fixture(scope="module")
+def followed(tree_of_module: TreeCopy, without_it: str) -> TreeCopy:
+    tree_of_module.follow("Adding an effect")
+    return tree_of_module
 
 
 def test_one_file_and_one_row_make_an_effect(followed: TreeCopy) -> None:
@@ -71,16 +76,12 @@ def test_one_file_and_one_row_make_an_effect(followed: TreeCopy) -> None:
     assert mine["in_scene"]
     assert mine["stages"] == ["prepare", "add_loads"]
     assert mine["settings"] == {"force_n": [0.0, 1e-4, 0.0]}
-    followed.pytest(
-        "tests/scenes", "tests/mechanics/effects/test_effects.py", "-k", "scene or table or absent or refused"
-    )
+    followed.pytest("tests/scenes/test_load.py", "tests/mechanics/effects/test_effects.py")
 
 
-def test_without_its_name_in_the_scene_not_a_bit_changes(tree: TreeCopy) -> None:
-    before = tree.python(WITHOUT)
-    tree.follow("Adding an effect")
-    assert "current" not in before
-    assert tree.python(WITHOUT) == before
+def test_without_its_name_in_the_scene_not_a_bit_changes(followed: TreeCopy, without_it: str) -> None:
+    assert "current" not in without_it
+    assert followed.python(WITHOUT) == without_it
 
 
 def test_its_settings_are_checked_with_the_path_of_the_key(followed: TreeCopy) -> None:
@@ -97,5 +98,5 @@ for option in {options}:
     assert [line.partition("stream.yaml: ")[2] for line in told] == [
         "effects.current.force_n.2: this key is missing",
         "effects.current.force_n: input should be a valid array",
-        "effects.current.force: unknown key 'force'; known: force_n",
+        "effects.current.force: unknown key 'force'; known: force_n; did you mean 'force_n'?",
     ]

@@ -41,10 +41,9 @@ print(scene.duct.membrane, *load_duct(scene, Path("cache"), lambda stage, fracti
 
 
 @pytest.fixture(scope="module")
-def followed(tmp_path_factory: pytest.TempPathFactory) -> TreeCopy:
-    tree = TreeCopy(tmp_path_factory.mktemp("element") / "tree")
-    tree.follow("Adding an element")
-    return tree
+def followed(tree_of_module: TreeCopy) -> TreeCopy:
+    tree_of_module.follow("Adding an element")
+    return tree_of_module
 
 
 def test_an_element_is_one_file_and_one_row(followed: TreeCopy) -> None:

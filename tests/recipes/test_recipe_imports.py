@@ -7,9 +7,9 @@ import re
 
 import pytest
 
-from tests.recipes.tree_copy import ROOT
+from tests.recipes.tree_copy import RECIPES, ROOT
 
-FILES = re.findall(r"```python\n *# (\S+\.py)\n(.*?)```", (ROOT / "docs/recipes.md").read_text(encoding="utf-8"), re.S)
+FILES = re.findall(r"```python\n *# (\S+\.py)\n(.*?)```", (ROOT / RECIPES).read_text(encoding="utf-8"), re.S)
 
 
 def exported(module: str) -> set[str]:

@@ -1,15 +1,13 @@
-"""docs/recipes.md, "Adding a study", followed to the letter: its file is found and its points are on the page."""
+"""The recipe "Adding a study", followed to the letter: its file is found and its points are on the page."""
 
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 
 from tests.recipes.tree_copy import TreeCopy
 
 
-def test_a_study_of_ones_own_is_one_file(tmp_path: Path) -> None:
-    tree = TreeCopy(tmp_path / "tree")
+def test_a_study_of_ones_own_is_one_file(tree: TreeCopy) -> None:
     tree.follow("Adding a study")
     with (tree.root / "study" / "table.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

@@ -1,4 +1,4 @@
-"""docs/recipes.md, "Adding a tool": one file and one row, and everybody knows it."""
+"""docs/how-to/recipes.md, "Adding a tool": one file and one row, and everybody knows it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.runtime import config
-from services.runtime.called_for import called_for
+from services.runtime.scene_requirements import scene_requirements
 from services.scenes import load_scene
 from services.scenes.hands import hands_of
 from services.visualization.codec import decode_hello, encode_hello
@@ -29,7 +29,7 @@ for tick in range(700):
 layout = Composer(MemoryBus(MemoryHub()), scene, "", duct, ())
 shape = layout._shape(1, InstrumentState(name="right", position_m=(0, 0, 0)))
 layout = decode_hello(encode_hello(replace(layout.layout, tools=(shape,))))
-rig = called_for("palpation").fitted(config.load_rig("stub"))
+rig = scene_requirements("palpation").fitted(config.load_rig("stub"))
 print([row.grasp is not None for row in rig.gateway.instruments])
 print(len(simulation.grasps), float(simulation.tool_results.force_n[1] @ simulation.tool_results.force_n[1]) > 1e-6)
 print(layout.tools[0] == shape, layout.tools[0].has_jaws, len(layout.tools[0].parts))

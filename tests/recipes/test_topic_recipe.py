@@ -1,9 +1,8 @@
-"""docs/recipes.md, "Adding a topic" and "Changing a body", followed to the letter: a frame goes where the row says."""
+"""The recipes "Adding a topic" and "Changing a body", followed to the letter: a frame goes where the row says."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -70,11 +69,11 @@ assert recorded >= 10, recorded
 
 
 @pytest.fixture(scope="module")
-def recipe(tmp_path_factory: pytest.TempPathFactory) -> TreeCopy:
-    tree = TreeCopy(tmp_path_factory.mktemp("recipe") / "tree")
-    (tree.root / "rig.yaml").write_text("{name: r, transport: {directory: bus}, recorder: {directory: recordings}}\n")
-    tree.follow("Adding a topic")
-    return tree
+def recipe(tree_of_module: TreeCopy) -> TreeCopy:
+    rig = "{name: r, transport: {directory: bus}, recorder: {directory: recordings}}\n"
+    (tree_of_module.root / "rig.yaml").write_text(rig)
+    tree_of_module.follow("Adding a topic")
+    return tree_of_module
 
 
 def test_a_frame_goes_from_the_publisher_to_everybody_whom_the_row_names(recipe: TreeCopy) -> None:
@@ -91,13 +90,13 @@ def test_it_is_recorded_sniffed_and_written_down(recipe: TreeCopy) -> None:
     count, tick, temperature_k = recipe.python(READ).split()
     assert int(count) > 0
     assert (tick, temperature_k) == ("7", "[311.0]")
-    assert "| `physics.temperature` | haptics |" in (recipe.root / "docs" / "wire.md").read_text()
+    assert "| `physics.temperature` | haptics |" in (recipe.root / "docs" / "reference" / "wire.md").read_text()
 
 
-def test_its_body_changes_and_old_bytes_are_still_understood(recipe: TreeCopy, tmp_path: Path) -> None:
-    tree = TreeCopy(tmp_path / "tree", recipe.root)
-    tree.follow("Changing a body")
-    lifted = tree.python(
+def test_its_body_changes_and_old_bytes_are_still_understood(recipe: TreeCopy) -> None:
+    """Last of all, as the topic's body is another from then on."""
+    recipe.follow("Changing a body")
+    lifted = recipe.python(
         "from pathlib import Path; import protocol;"
         "old = Path('tests/protocol/golden/physics.temperature.v1.msgpack').read_bytes();"
         "print(protocol.decode(old).body.rise_k.view() + 310.15)"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import socket
 from pathlib import Path
 
 import pytest
 
-from tests.recipes.tree_copy import ROOT, TreeCopy
+from tests.recipes.tree_copy import RECIPES, ROOT, TreeCopy
 
 RECIPE = """
 # Recipes
@@ -57,7 +59,7 @@ def anchor() -> str:
 
 
 def _told(tree: TreeCopy, anchor: str) -> None:
-    (tree.root / "docs" / "recipes.md").write_text(RECIPE.format(anchor=anchor))
+    (tree.root / RECIPES).write_text(RECIPE.format(anchor=anchor))
 
 
 def test_blocks_are_done_from_top_to_bottom(tree: TreeCopy, anchor: str) -> None:
@@ -77,7 +79,7 @@ def test_a_place_that_is_not_there_once_is_no_place(tree: TreeCopy, stale: str) 
 
 def test_what_lint_refuses_fails_the_recipe(tree: TreeCopy, anchor: str) -> None:
     _told(tree, anchor)
-    recipe = tree.root / "docs" / "recipes.md"
+    recipe = tree.root / RECIPES
     recipe.write_text(recipe.read_text().replace('WORD = "trocar"', 'import os\n\n   WORD = "trocar"'))
     with pytest.raises(AssertionError, match="F401"):
         tree.follow("Adding a word")
@@ -92,3 +94,24 @@ def test_a_command_that_fails_fails_the_recipe(tree: TreeCopy, anchor: str) -> N
 def test_a_section_that_is_not_there_is_named(tree: TreeCopy, tmp_path: Path) -> None:
     with pytest.raises(AssertionError, match="no section 'Adding a unicorn'"):
         tree.follow("Adding a unicorn")
+
+
+def test_a_restored_copy_is_as_new(tree: TreeCopy, anchor: str) -> None:
+    """Files made, changed and removed, folders and sockets among them."""
+
+    def content() -> dict[str, bytes]:
+        files = (path for path in tree.root.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+        return {str(path.relative_to(tree.root)): path.read_bytes() for path in files}
+
+    as_new = content()
+    _told(tree, anchor)
+    tree.follow("Adding a word")
+    (tree.root / "protocol" / "topics.py").unlink()
+    (tree.root / "bus" / "deep").mkdir(parents=True)
+    (tree.root / "bus" / "deep" / "file").touch()
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(os.path.relpath(tree.root / "bus" / "socket"))
+    assert content() != as_new
+    tree.restore()
+    assert content() == as_new
+    assert not (tree.root / "bus").exists()

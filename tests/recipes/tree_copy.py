@@ -1,4 +1,4 @@
-"""A copy of the tree in which a section of docs/recipes.md is done to the letter: its blocks are the steps.
+"""A copy of the tree in which a section of docs/how-to/recipes.md is done to the letter: its blocks are the steps.
 
 In a section a block whose first line is ``# path/of/file`` (YAML, Python) is a new file; a ``diff`` block, whose first
 line is ``--- path/of/file``, changes one: its unchanged and removed lines stand together in the file exactly once, and
@@ -15,7 +15,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from markdown_it import MarkdownIt
@@ -23,28 +23,56 @@ from markdown_it import MarkdownIt
 from tests.with_us import with_us
 
 ROOT = Path(__file__).resolve().parents[2]
-_COPIED = ("services", "protocol", "configs", "docs", "tests", "pyproject.toml")
+RECIPES = Path("docs", "how-to", "recipes.md")
+_COPIED = ("services", "studies", "protocol", "configs", "docs", "tests", "pyproject.toml")
 _LEFT_OUT = shutil.ignore_patterns("__pycache__", "node_modules", ".*", "*.mcap", "*.png")
 
 
 class TreeCopy:
     """The sources, tests, configuration and documents in a folder of their own."""
 
-    def __init__(self, root: Path, source: Path = ROOT) -> None:
+    def __init__(self, root: Path) -> None:
         self.root = root
         for name in _COPIED:
-            if (source / name).is_dir():
-                shutil.copytree(source / name, root / name, ignore=_LEFT_OUT)
+            if (ROOT / name).is_dir():
+                shutil.copytree(ROOT / name, root / name, ignore=_LEFT_OUT)
             else:
-                shutil.copy2(source / name, root / name)
+                shutil.copy2(ROOT / name, root / name)
+        self._pristine = self._stamps()
+
+    def restore(self) -> None:
+        """Undo all that was written, changed or removed since the copy was made; compiled bytecode stays."""
+        stamps = self._stamps()
+        for path in stamps.keys() - self._pristine.keys():
+            path.unlink()
+        for path, stamp in self._pristine.items():
+            if stamps.get(path) != stamp:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / path.relative_to(self.root), path)
+        for folder, _, _ in os.walk(self.root, topdown=False):
+            with suppress(OSError):  # what is not empty stays
+                Path(folder).rmdir()
+
+    def _stamps(self) -> dict[Path, tuple[int, int]]:
+        """Return time and size of every file, but for bytecode."""
+        stamps = {}
+        for folder, folders, files in os.walk(self.root):
+            folders[:] = [name for name in folders if name != "__pycache__"]
+            for path in (Path(folder) / name for name in files):
+                if path.is_symlink() or not path.is_socket():
+                    stat = path.lstat()
+                    stamps[path] = stat.st_mtime_ns, stat.st_size
+                else:
+                    path.unlink()
+        return stamps
 
     def follow(self, section: str) -> None:
-        """Do every step of the section ``## section`` of this copy's docs/recipes.md, from top to bottom.
+        """Do every step of the section ``## section`` of this copy's docs/how-to/recipes.md, from top to bottom.
 
         What it has written and changed passes the lint that the whole tree has to pass.
         """
         touched: set[str] = set()
-        for language, text in _blocks((self.root / "docs" / "recipes.md").read_text(encoding="utf-8"), section):
+        for language, text in _blocks((self.root / RECIPES).read_text(encoding="utf-8"), section):
             if language == "sh":
                 self.run("bash", "-ec", text)
             elif language == "diff":
@@ -90,7 +118,8 @@ class TreeCopy:
     @property
     def _environment(self) -> dict[str, str]:
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        return {**os.environ, "PATH": path, "PYTHONPATH": str(self.root)}
+        # Bytecode lies in the copy, as it goes with it.
+        return {**os.environ, "PATH": path, "PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": ""}
 
     def pytest(self, *arguments: str, **options: float) -> str:
         """Run tests of the copy, and return what pytest prints."""
@@ -139,4 +168,4 @@ def _blocks(document: str, section: str) -> list[tuple[str, str]]:
     for begin, end in zip(headings, [*headings[1:], len(tokens)], strict=True):
         if tokens[begin + 1].content == section:
             return [(t.info.strip(), t.content) for t in tokens[begin:end] if t.type == "fence"]
-    raise AssertionError(f"docs/recipes.md has no section {section!r}")
+    raise AssertionError(f"docs/how-to/recipes.md has no section {section!r}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,16 @@ def test_half_a_minute_at_once_is_no_flood_for_who_wants_every_frame() -> None:
     assert 0 < keeper.accept_all(frames).__len__() + keeper.refused["flood"] <= len(frames)
 
 
+@dataclass
+class BatchOf:
+    """A batch of one frame, which is the name of its topic."""
+
+    topic: str
+
+    def frames(self) -> list[str]:
+        return [self.topic]
+
+
 def test_who_catches_up_is_heard_meanwhile() -> None:
     """Half a minute of backlog takes seconds: with its heartbeat silent for so long it would be ended as hung."""
     told: list[str] = []
@@ -47,14 +58,13 @@ def test_who_catches_up_is_heard_meanwhile() -> None:
     class Backlog:
         left = 3
 
-        def batch(self, topic: str) -> str | None:
+        def batch(self, topic: str) -> BatchOf | None:
             self.left -= 1
-            return topic if self.left >= 0 else None
+            return BatchOf(topic) if self.left >= 0 else None
 
     class Kept:
-        def take_batch(self, topic: str, batch: str) -> None:
-            assert topic == batch
-            told.append(batch)
+        def take(self, frames: list[str]) -> None:
+            told.extend(frames)
 
     assert not take(Backlog(), [STATE], Kept(), lambda: told.append("beat"))  # type: ignore[arg-type]
     assert told == [STATE, "beat"] * 3
@@ -64,12 +74,12 @@ def test_a_publisher_that_floods_without_end_leaves_time_for_the_others_and_the_
     taken: list[str] = []
 
     class Endless:
-        def batch(self, topic: str) -> str | None:
-            return topic if topic == STATE or topic not in taken else None
+        def batch(self, topic: str) -> BatchOf | None:
+            return BatchOf(topic) if topic == STATE or topic not in taken else None
 
     class Kept:
-        def take_batch(self, topic: str, batch: str) -> None:
-            taken.append(batch)
+        def take(self, frames: list[str]) -> None:
+            taken.extend(frames)
 
     assert take(Endless(), [STATE, "physics.state"], Kept(), lambda: None)  # type: ignore[arg-type]
     assert taken.count("physics.state") == 1

@@ -9,6 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pool, message_factory
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from protocol import TOPICS, bodies
@@ -16,7 +18,7 @@ from protocol.arrays import Array, pack
 from services.recorder.recording import RecordingWriter, read
 from services.recorder.schema import PACKAGE, file_descriptor
 from services.recorder.transcode import to_protobuf
-from tests.protocol import samples
+from tests.protocol import samples, strategies
 from tests.recorder.made_up import long_recording, settle
 
 
@@ -86,6 +88,24 @@ def test_negative_and_large_integers_survive() -> None:
     message = message_class(bodies.GatewayState)()
     message.ParseFromString(to_protobuf(msgspec.structs.replace(samples.frame("gateway.state"), body=body)))
     _assert_same(message, body)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+@pytest.mark.parametrize("name", TOPICS)
+def test_any_body_comes_back(name: str, data: st.DataObject) -> None:
+    body = data.draw(strategies.bodies(TOPICS[name].body))
+    message = message_class(type(body))()
+    message.ParseFromString(to_protobuf(msgspec.structs.replace(samples.frame(name), body=body)))
+    _assert_same(message, body)
+
+
+def test_unsigned_numbers_of_64_bits_are_their_twos_complement() -> None:
+    """The wire's integers may be unsigned: a sender of such a number must not end the recording."""
+    frame = msgspec.structs.replace(samples.frame("gateway.state"), incarnation=(1 << 64) - 1, origin_ns=1 << 63)
+    message = message_class(bodies.GatewayState)()
+    message.ParseFromString(to_protobuf(frame))
+    assert (message.envelope.incarnation, message.envelope.origin_ns) == (-1, -(1 << 63))
 
 
 def test_negative_numbers_of_one_byte_survive() -> None:

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 from protocol.bodies import GatewayState, PhysicsState, SupervisorState
+from services.runtime.endpoints import lock_holders
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
-from services.supervisor.holders import holders
 from tests.with_us import with_us
 
 HERE = Path(__file__).parent
@@ -144,7 +144,7 @@ def running_rig(
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-        for pid in holders(Transport(directory=bus)).values():  # left over where a test ended the supervisor
+        for pid in lock_holders(Transport(directory=bus)).values():  # left over where a test ended the supervisor
             os.kill(pid, signal.SIGKILL)
         observer.bus.close()
         log.close()

@@ -1,15 +1,26 @@
-"""What the tests of faults share: a hand that feels something, and how its force changes."""
+"""What the tests of faults share: a hand that feels something, how its force changes, and a fault that is mended."""
 
 from __future__ import annotations
 
 import itertools
 import math
+import os
+import signal
+import time
 
 from services.gateway.servo_law import MAX_STEP_S
 from services.runtime.config import load_rig
 from tests.rig.conftest import Rig, Sample
 
 MENDED_S = 60.0
+#: Of the gateway, each of a millisecond or more, in which force is gone: the ttl of models, and to let go. Counted in
+#: these, as a machine that stands still runs none; figures in time are in benchmarks/.
+TICKS = 120
+FAULTS = [
+    (name, number)
+    for name in ("haptics", "physics", "gateway", "visualization", "recorder")
+    for number in (signal.SIGKILL, signal.SIGSTOP)
+]
 
 
 def force_n(sample: Sample) -> float:
@@ -41,3 +52,57 @@ def force_rates_n_s(samples: list[Sample]) -> list[float]:
         for a, b in itertools.pairwise(samples)
         if b.incarnation == a.incarnation and b.tick == a.tick + 1
     ]
+
+
+def strike(rig: Rig, name: str, number: signal.Signals) -> None:
+    """Send the signal to a process while the hand presses; all that has to be so until the rig is as before is so."""
+    observer = rig.observer
+    engage(rig)
+    before, incarnation = observer.pids(), observer.samples[-1].incarnation
+    observer.samples.clear()
+    noticed = len(observer.states)
+    os.kill(before[name], number)
+    struck_ns = time.monotonic_ns()
+
+    observer.until(lambda: any(_is_lost(s, name, before) for _, s in observer.states[noticed:]), MENDED_S, "noticed")
+
+    observer.until(
+        lambda: observer.report(name) == "ready" and observer.pids()[name] not in (0, before[name]),
+        MENDED_S, f"{name} back",
+    )  # fmt: skip
+    observer.until(lambda: observer.rig_state in ("running", "degraded"), MENDED_S, "running again")
+    after = observer.pids()
+    assert {k: v for k, v in after.items() if k != name} == {k: v for k, v in before.items() if k != name}
+    if name in ("haptics", "physics"):
+        _assert_fades_and_returns(rig, struck_ns)
+    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, MENDED_S, "a force at the left hand")
+    rates_n_s = force_rates_n_s(observer.samples)
+    assert len(rates_n_s) > 50
+    assert max(rates_n_s) <= rate_limit_n_s()
+    if name == "gateway":
+        new = [s for s in observer.samples if s.incarnation != incarnation]
+        assert new
+        assert force_n(new[0]) == 0.0, "a gateway that starts anew begins limp"
+
+
+def _is_lost(state: object, name: str, before: dict[str, int]) -> bool:
+    report = next(p for p in state.processes if p.name == name)  # type: ignore[attr-defined]
+    return report.state != "ready" or report.pid != before[name]
+
+
+def _first(samples: list[Sample], begin: int, *, felt: bool) -> int | None:
+    """Return the number of the first sample from one on that has a force, or none."""
+    return next((k for k in range(begin, len(samples)) if (force_n(samples[k]) > 1e-9) is felt), None)
+
+
+def _assert_fades_and_returns(rig: Rig, struck_ns: int) -> None:
+    """After the ttl the hand feels nothing, until the force returns through re-engagement."""
+    samples = rig.observer.samples
+    struck = next(k for k, sample in enumerate(samples) if sample.sent_ns > struck_ns)
+    limp = _first(samples, struck, felt=False)
+    assert limp is not None
+    assert limp - struck <= TICKS
+    rig.observer.until(lambda: _first(samples, limp, felt=True) is not None, MENDED_S, "force back")
+    returned = _first(samples, limp, felt=True)
+    assert returned is not None
+    assert samples[returned].state in ("engaging", "active")

@@ -13,9 +13,9 @@ import pytest
 
 from protocol.bodies import Catheter, PhysicsState
 from services.cache_directory import cache_directory
-from services.gateway.feel.tracking import WITHIN, compare, find_pinch
 from services.mechanics.scenarios import insertion
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from studies.feel.tracking import WITHIN, compare, find_pinch
 from tests.rig.conftest import Observer, running_rig
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
@@ -83,6 +83,7 @@ def test_the_catheter_is_slid_20_mm_into_the_duct(course: Course) -> None:
     assert pinch.applied < 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("course", ["miss"], indirect=True)
 def test_aimed_beside_the_mouth_it_buckles_outside(course: Course) -> None:
     course.observer.until(lambda: course.is_bowed(1e-3), LASTS_S, "the catheter bows out")

@@ -20,8 +20,8 @@ from protocol import TOPICS, Frame, bodies
 from services.runtime import bus as bus_module
 from services.runtime.endpoints import endpoint
 from services.runtime.errors import BusError
+from services.runtime.frame_batches import SENDS_PER_S, batch_endpoint
 from services.runtime.rig import Transport
-from services.runtime.whole import SENDS_PER_S, whole
 from services.runtime.zmq_bus import ZmqBus
 from tests.memory_bus import MemoryBus, MemoryHub
 
@@ -396,7 +396,7 @@ def test_a_socket_path_that_is_too_long_is_one_sentence(transport: Transport) ->
 def test_garbage_on_the_socket_is_counted_and_survived(transport: Transport, eventually: Eventually) -> None:
     context = zmq.Context()
     peer = context.socket(zmq.XPUB)
-    peer.bind(endpoint(transport, whole(STATE)))
+    peer.bind(endpoint(transport, batch_endpoint(STATE)))
     reader = ZmqBus(transport, reads_every=[STATE])
     try:
         eventually(lambda: bool(peer.poll(10)))

@@ -54,3 +54,18 @@ def test_negative_and_endless_durations_stay_in_the_table() -> None:
         histogram.record(duration)
     assert histogram.counts[0] == 2
     assert histogram.counts[-1] == 1
+
+
+durations = st.lists(st.integers(-1000, 10**11), max_size=60)
+
+
+@given(durations, durations, st.integers(10_000, 10**9))
+def test_the_sum_of_two_is_that_of_all_their_durations(first: list[int], second: list[int], deadline_ns: int) -> None:
+    one, other, both = (LatencyHistogram(deadline_ns) for _ in range(3))
+    for histogram, values in ((one, first), (other, second), (both, first + second)):
+        for value in values:
+            histogram.record(value)
+    assert (one.counts + other.counts == both.counts).all()
+    assert one.sum_ns + other.sum_ns == both.sum_ns
+    assert max(one.max_ns, other.max_ns) == both.max_ns
+    assert late(both.counts) == sum(value > deadline_ns for value in first + second)

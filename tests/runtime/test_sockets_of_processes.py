@@ -19,7 +19,7 @@ from services.supervisor.processes import TABLE
 OPEN = """
 import json, runpy, sys
 from services.runtime import endpoints, process
-from services.runtime.whole import whole
+from services.runtime.frame_batches import batch_endpoint
 from services.supervisor import session
 
 rig, scene = sys.argv[1:]
@@ -34,7 +34,7 @@ def sockets(bus, transport, names, which, direct):
     there = {socket.getsockopt(zmq.LAST_ENDPOINT).rstrip(b"\\0").decode() for socket in which.values()}
     there |= {f"ipc://{end.path}" for end in direct.values()}
     fast = {name for name in names if endpoints.endpoint(transport, name) in there}
-    batched = {name for name in names if endpoints.endpoint(transport, whole(name)) in there} - fast
+    batched = {name for name in names if endpoints.endpoint(transport, batch_endpoint(name)) in there} - fast
     return sorted(fast | batched), len(there), sorted(batched)
 
 process.main = entry

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mechanics.scene.cells import MOST_NODES_ALL_PAIRS, accurate_cells
+from services.mechanics.scene.mesh_cells import MOST_NODES_ALL_PAIRS, accurate_cells
 from services.runtime.errors import ConfigError
 from services.scenes import load_scene, scene_origins
 

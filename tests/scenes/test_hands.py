@@ -66,34 +66,34 @@ def test_jaws_close_across_what_they_shall_hold():
         assert frame[0] @ along == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_catheter_is_inserted_wherever_the_mouth_looks(tmp_path):
+def test_the_catheter_is_inserted_wherever_the_mouth_looks(own_cache):
     scene = insertion_scene()
     bent = replace(scene.duct, curvature_1_m=12.0, n_modes=30, n_around=16, n_along=20)
     catheter = replace(scene.catheter, before_mouth_m=6e-3, introducer_length_m=20e-3)
-    simulation, largest_n = played(replace(scene, duct=bent, catheter=catheter), tmp_path)
+    simulation, largest_n = played(replace(scene, duct=bent, catheter=catheter), own_cache)
     assert simulation.inserted_length_m > 15e-3
     assert largest_n < 0.3
 
 
-def test_a_pinch_presses_the_duct_together_and_touches_nothing_else(tmp_path):
+def test_a_pinch_presses_the_duct_together_and_touches_nothing_else(own_cache):
     scene = replace(insertion_scene(), hands="pinch")
-    simulation, largest_n = played(replace(scene, duct=replace(scene.duct, n_modes=30)), tmp_path)
+    simulation, largest_n = played(replace(scene, duct=replace(scene.duct, n_modes=30)), own_cache)
     assert 0.01 < largest_n < 1.0
     assert displaced_m(simulation) > 1e-3
     assert not simulation.tools.present[0]
 
 
 @pytest.mark.parametrize("tools", [slice(0, 2), slice(1, 2)], ids=["beside a forceps", "alone"])
-def test_a_probe_presses_the_duct_from_outside(tmp_path, tools):
+def test_a_probe_presses_the_duct_from_outside(own_cache, tools):
     scene = load_scene("probe", SMALLER)
-    simulation, largest_n = played(replace(scene, forceps=scene.forceps[tools]), tmp_path)
+    simulation, largest_n = played(replace(scene, forceps=scene.forceps[tools]), own_cache)
     assert 3e-3 < largest_n < 0.1
     assert displaced_m(simulation) > 1e-3
 
 
-def test_shut_jaws_press_as_a_probe_does(tmp_path):
+def test_shut_jaws_press_as_a_probe_does(own_cache):
     scene = load_scene("probe", [*SMALLER, "forceps=[{port_position_m: [0.01, 0.07, 0.11]}]"])
-    assert played(scene, tmp_path)[1] > 3e-3
+    assert played(scene, own_cache)[1] > 3e-3
 
 
 def test_a_hand_that_has_no_jaws_to_steady_the_duct_stays_away(tmp_path):
@@ -110,11 +110,11 @@ def test_no_hands_are_there_where_none_are_wanted(tmp_path):
     assert not tools.present.any()
 
 
-def test_in_a_scanned_vessel_the_catheter_finds_the_mouth_and_goes_in(tmp_path):
+def test_in_a_scanned_vessel_the_catheter_finds_the_mouth_and_goes_in(own_cache):
     if not ANATOMY.exists():
         pytest.skip(f"needs the scan {ANATOMY.name}, which is not part of the repository")
     scene = load_scene("anatomy", [f"duct.mesh_file={ANATOMY}"])
-    simulation, largest_n = played(scene, tmp_path)
+    simulation, largest_n = played(scene, own_cache)
     assert simulation.inserted_length_m > 15e-3
     assert largest_n < 0.3
 
@@ -146,16 +146,16 @@ SMALLER = ["duct.n_around=16", "duct.n_along=20", "duct.n_modes=30"]
 
 
 @pytest.mark.parametrize("name", ["default", "insertion", "narrow", "stone", "stiff-wall", "everything", "paper"])
-def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, tmp_path):
-    simulation, largest_n = played(load_scene(name, SMALLER), tmp_path)
+def test_scenes_for_an_insertion_end_with_the_catheter_in_the_duct(name, own_cache):
+    simulation, largest_n = played(load_scene(name, SMALLER), own_cache)
     assert simulation.inserted_length_m > 15e-3
     assert largest_n < (0.3 if name != "paper" else 2.0)
 
 
-def test_a_rung_of_fewer_particles_that_touch_kicks_no_hand_and_inserts_as_far(tmp_path):
+def test_a_rung_of_fewer_particles_that_touch_kicks_no_hand_and_inserts_as_far(own_cache):
     levels = QualityLevel(), QualityLevel(name="half", touch_every=2)
     scene = replace(load_scene("narrow", SMALLER), quality=levels)
-    duct = load_duct(scene, tmp_path, lambda *_: None)
+    duct = load_duct(scene, own_cache, lambda *_: None)
     simulation, tools, steps_n = Simulation(scene, duct), ToolInputs(), []
     hands, before_n = hands_of(simulation.scene, duct.mesh), np.zeros((2, 3))
     for tick in range(round(1000 * hands.duration_s)):
@@ -189,25 +189,25 @@ def test_jaws_that_are_too_short_take_the_duct_near_their_tips():
     assert hands_of(place_catheter(scene, mesh), mesh).motions[1].grip_offset_m == pytest.approx(15e-3)
 
 
-def test_the_duct_that_is_steadied_is_not_pushed_out_of_the_jaws(tmp_path):
+def test_the_duct_that_is_steadied_is_not_pushed_out_of_the_jaws(own_cache):
     """With jaws of 15 mm it slipped: the hand then felt 9.7 mN of the 20 that its jaws were pressed apart with."""
     scene = load_scene("default", SMALLER)
-    simulation, _ = played(scene, tmp_path)
+    simulation, _ = played(scene, own_cache)
     pressed_n = simulation.tool_results.grasp_torque_nm[1] / scene.forceps[1].jaw_length_m
     assert pressed_n > 30e-3
     assert np.linalg.norm(simulation.tool_results.force_n[1]) < 0.1 * pressed_n
 
 
-def test_the_stone_is_pushed_further_in(tmp_path):
+def test_the_stone_is_pushed_further_in(own_cache):
     scene = load_scene("stone", SMALLER)
-    simulation, _ = played(scene, tmp_path)
+    simulation, _ = played(scene, own_cache)
     (start,) = scene.effects["gallstones"].position_m
     assert simulation.effects["gallstones"].position_m[0, 0] < start[0] - 3e-3
 
 
-def test_the_catheter_is_drawn_back_and_pushed_in_again(tmp_path):
+def test_the_catheter_is_drawn_back_and_pushed_in_again(own_cache):
     scene = load_scene("insertion", SMALLER)
-    duct = load_duct(scene, tmp_path, lambda *_: None)
+    duct = load_duct(scene, own_cache, lambda *_: None)
     simulation, tools, depths_m = Simulation(scene, duct), ToolInputs(), []
     hands = with_strokes(hands_of(simulation.scene, duct.mesh), 1)
     for tick in range(round(1000 * hands.duration_s)):

@@ -9,11 +9,12 @@ import pytest
 
 from services.mechanics.effects import EFFECTS
 from services.mechanics.effects.mucus_drag import MucusDragSettings
-from services.mechanics.scenarios import insertion_scene, miss, paper_scene
+from services.mechanics.scenarios import insertion_scene, miss
 from services.mechanics.scene import SceneModel
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.scenes import check_duct, load_duct, load_scene, scene_file_type, scene_origins
+from studies.paper_scene import paper_scene
 
 SMALL = Path(__file__).parent / "small.yaml"
 SCENES = sorted((config.config_directory() / "scenes").glob("*.yaml"))

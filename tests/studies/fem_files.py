@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from services.cli.fem import fem_command
 from services.mechanics.surface.mesh import TriangleMesh
-from services.studies.shell_problems import mapped_patch
+from studies.commands.fem import fem_command
+from studies.published.shells import mapped_patch
 
 DUCT = {
     "mesh": {"parametric": {"radius_m": 0.004, "length_m": 0.04, "n_around": 12, "n_along": 12}},

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import yaml
 
-from services.cli.fem import fem_command
 from services.mechanics.surface.mesh import TriangleMesh
 from services.runtime import config
 from services.runtime.errors import ConfigError
-from services.studies import fem_run
-from services.studies.fem_case import FemCase
-from services.studies.fem_output import to_json
-from services.studies.fem_run import build_load, build_mesh, build_model, solve_case
-from services.studies.fem_select import select
-from services.studies.shell_problems import DUCT_RITZ_HZ, mapped_patch
+from studies.commands.fem import fem_command
+from studies.fem import run as fem_run
+from studies.fem.case import FemCase
+from studies.fem.output import to_json
+from studies.fem.run import build_load, build_mesh, build_model, solve_case
+from studies.fem.select import select
+from studies.published.shells import DUCT_RITZ_HZ, mapped_patch
 from tests.studies.fem_files import DUCT, changed, clamped, held, run, square, surface_case, write
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "configs" / "fem"
@@ -34,7 +34,7 @@ def test_every_example_runs(path, tmp_path, capsys):
 
 @pytest.mark.parametrize("path", sorted((EXAMPLES / "published").glob("*.yaml")), ids=lambda p: p.stem)
 def test_every_published_shell_can_be_built(path):
-    """What each comes to is in docs/published-shells.md."""
+    """What each comes to is in docs/results/published-shells.md."""
     case, _ = config.load(FemCase, path)
     mesh, _ = build_mesh(case, path.parent)
     model, imposed, _ = build_model(case, mesh)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import ArpackNoConvergence
 
-from services.cli.fem import fem_command
 from services.runtime.errors import ConfigError
-from services.studies import fem_run
+from studies.commands.fem import fem_command
+from studies.fem import run as fem_run
 from tests.studies.fem_files import DUCT, changed, clamped, held, run, square, surface_case, write
 
 

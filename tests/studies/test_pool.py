@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from services.studies.pool import open_pool
+from studies.pool import open_pool
 
 WORK = """
 import os, signal, sys, time
 from pathlib import Path
-from services.studies.pool import open_pool
+from studies.pool import open_pool
 
 def work(folder, much):
     (Path(folder) / str(os.getpid())).touch()

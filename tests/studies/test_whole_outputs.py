@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from services.cli.study import write_results
+from services.atomic_file import atomic_file, complete_lines
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
 from services.meshes.writing import write_vtu
-from services.studies.accuracy.facts import Facts
-from services.studies.accuracy.log import Log
-from services.studies.accuracy.report import write_report
-from services.studies.accuracy.study import Cost, Draw, Error, Row, Size
-from services.studies.accuracy.sweeps import modes
-from services.studies.stability import suite
-from services.studies.stability.family import Reach
-from services.whole_file import whole_file, whole_lines
+from studies.accuracy.facts import Facts
+from studies.accuracy.log import StudyLog
+from studies.accuracy.report import write_report
+from studies.accuracy.study import Cost, Draw, Error, Row, Size
+from studies.accuracy.sweeps import modes
+from studies.commands.study import write_results
+from studies.stability import suite
+from studies.stability.family import Reach
 
 DRAW = Draw(Size.SMALLEST, 0)
 ROWS = [Row("modes", "20 modes", "residual", "force", 1.0, "%", cost=Cost(1.0, 2.0, 0.1), choices={})]
@@ -64,7 +64,7 @@ def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None
     file.write_text("as it was")
 
     def write() -> None:
-        with whole_file(file) as half:
+        with atomic_file(file) as half:
             half.write_text("ha")
             raise RuntimeError
 
@@ -75,18 +75,18 @@ def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None
 
 
 def test_a_run_that_was_ended_within_a_line_goes_on_before_it(tmp_path: Path) -> None:
-    log = Log(tmp_path, DRAW, "code")
+    log = StudyLog(tmp_path, DRAW, "code")
     log.keep_errors("modes", "20", {"force": Error(1.0, "%")})
     with (tmp_path / "results.jsonl").open("a") as file:
         file.write('{"study": "mod')
-    again = Log(tmp_path, DRAW, "code")
+    again = StudyLog(tmp_path, DRAW, "code")
     assert list(again.errors) == [("modes", "20")]
     again.keep_errors("modes", "40", {"force": Error(2.0, "%")})
-    assert list(Log(tmp_path, DRAW, "code").errors) == [("modes", "20"), ("modes", "40")]
+    assert list(StudyLog(tmp_path, DRAW, "code").errors) == [("modes", "20"), ("modes", "40")]
 
 
 def test_a_log_that_is_not_there_has_no_lines(tmp_path: Path) -> None:
-    assert whole_lines(tmp_path / "results.jsonl") == []
+    assert complete_lines(tmp_path / "results.jsonl") == []
 
 
 @pytest.mark.parametrize("name", ["order.json", "results.jsonl"])
@@ -94,7 +94,7 @@ def test_a_log_that_is_not_there_has_no_lines(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "open_log",
     [
-        lambda folder: Log(folder, DRAW, "code"),
+        lambda folder: StudyLog(folder, DRAW, "code"),
         lambda folder: suite.Log(folder, suite.Order(Reach.QUICK, 1, ("theory",)), "code"),
     ],
     ids=["study", "stability"],

@@ -9,11 +9,10 @@ from pathlib import Path
 import protocol.bodies as bodies
 from services.runtime.histogram import LatencyHistogram
 from services.runtime.rig import Rig
-from services.supervisor.dashboard import Heard, snapshot
+from services.supervisor.dashboard import Heard, Snapshot, snapshot
 from services.supervisor.governor import Level
-from services.supervisor.notes import notes
+from services.supervisor.page_link import RigStatus
 from services.supervisor.processes import TABLE, ProcessSpec
-from services.supervisor.rows import Snapshot
 from services.supervisor.supervisor import Setup, Supervisor
 from tests.memory_bus import MemoryBus, MemoryHub
 from tests.protocol import samples
@@ -178,4 +177,4 @@ def rig(**settings: object) -> Rig:
 def shown(bench: Bench) -> Snapshot:
     """Return what the page would show."""
     supervisor = bench.supervisor
-    return snapshot(notes(supervisor, bench.now_s), bench.heard, supervisor.rig, "default")
+    return snapshot(RigStatus.of(supervisor, bench.now_s), bench.heard, supervisor.rig, "default")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from services.runtime.quality_governor import Hysteresis
 from services.supervisor.contracts import Breach
-from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
-from services.supervisor.governor import Hysteresis, Level
+from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
+from services.supervisor.governor import Level
 
 LEVELS = tuple(Level(name) for name in ("full", "fewer", "fewest"))
 
@@ -26,8 +27,8 @@ def _climb(enforcement: Enforcement, standing: list[Breach], seconds: float, sta
 def test_severe_breach_climbs_every_rung_in_order() -> None:
     enforcement = Enforcement(Ladder(levels=LEVELS[:3], patience_s=1.0))
     actions = _climb(enforcement, [SEVERE], 6.0)
-    assert [action.rung for action in actions] == [
-        Rung.LOWER, Rung.LOWER, Rung.RESTART, Rung.SAFE_STOP, Rung.SAFE_STOP,
+    assert [action.kind for action in actions] == [
+        ActionKind.LOWER, ActionKind.LOWER, ActionKind.RESTART, ActionKind.SAFE_STOP, ActionKind.SAFE_STOP,
     ]  # fmt: skip
     assert actions[2].process == "physics"
     assert enforcement.level == 2
@@ -35,7 +36,7 @@ def test_severe_breach_climbs_every_rung_in_order() -> None:
 
 def test_slight_breach_stays_on_the_last_level() -> None:
     enforcement = Enforcement(Ladder(levels=LEVELS[:2], patience_s=1.0))
-    assert [action.rung for action in _climb(enforcement, [SLIGHT], 30.0)] == [Rung.LOWER]
+    assert [action.kind for action in _climb(enforcement, [SLIGHT], 30.0)] == [ActionKind.LOWER]
 
 
 def test_each_rung_waits_its_patience() -> None:
@@ -48,7 +49,7 @@ def test_each_rung_waits_its_patience() -> None:
 
 def test_where_nobody_may_restart_the_rung_is_skipped() -> None:
     enforcement = Enforcement(Ladder(levels=LEVELS[:1], patience_s=1.0, may_restart=False))
-    assert _climb(enforcement, [SEVERE], 1.2)[0].rung is Rung.SAFE_STOP
+    assert _climb(enforcement, [SEVERE], 1.2)[0].kind is ActionKind.SAFE_STOP
 
 
 def test_the_severe_one_is_acted_on_even_if_another_is_further_over_its_limit() -> None:
@@ -61,18 +62,18 @@ def test_quality_returns_after_calm_and_later_after_a_failed_try() -> None:
     enforcement = Enforcement(Ladder(levels=LEVELS[:2], patience_s=1.0, hysteresis=Hysteresis(calm_s=5.0)))
     _climb(enforcement, [SLIGHT], 1.5)
     (up,) = _climb(enforcement, [], 5.5, 2.0)
-    assert (up.rung, enforcement.level) == (Rung.RAISE, 0)
+    assert (up.kind, enforcement.level) == (ActionKind.RAISE, 0)
     _climb(enforcement, [SLIGHT], 1.5, 8.0)
     assert enforcement.level == 1
     assert _climb(enforcement, [], 9.5, 10.0) == []
-    assert [action.rung for action in _climb(enforcement, [], 1.0, 19.6)] == [Rung.RAISE]
+    assert [action.kind for action in _climb(enforcement, [], 1.0, 19.6)] == [ActionKind.RAISE]
 
 
 def test_arming_allows_a_restart_again() -> None:
     enforcement = Enforcement(Ladder(levels=LEVELS[:1], patience_s=1.0))
-    assert [action.rung for action in _climb(enforcement, [SEVERE], 2.2)] == [Rung.RESTART, Rung.SAFE_STOP]
+    assert [action.kind for action in _climb(enforcement, [SEVERE], 2.2)] == [ActionKind.RESTART, ActionKind.SAFE_STOP]
     enforcement.reset()
-    assert _climb(enforcement, [SEVERE], 1.2, 10.0)[0].rung is Rung.RESTART
+    assert _climb(enforcement, [SEVERE], 1.2, 10.0)[0].kind is ActionKind.RESTART
 
 
 def _both(
@@ -99,4 +100,4 @@ def test_severity_that_stands_restarts_though_a_window_now_and_then_is_not_sever
     enforcement = Enforcement(Ladder(levels=LEVELS[:1], patience_s=1.0))
     slight = replace(SEVERE, severe=False)
     actions = [enforcement.decide(0.1 * step, [slight if step % 5 == 3 else SEVERE]) for step in range(40)]
-    assert Rung.RESTART in [action.rung for action in actions if action is not None]
+    assert ActionKind.RESTART in [action.kind for action in actions if action is not None]

@@ -10,7 +10,8 @@ import pytest
 import protocol.bodies as bodies
 from services.runtime.histogram import LatencyHistogram
 from services.supervisor import figures
-from services.supervisor.window import Tally, Window
+from services.supervisor.run_counts import Tally
+from services.supervisor.window import Window
 from tests.supervisor.made_up import MS, health, histogram, loop_report
 
 

@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import pytest
 
+from services.runtime.quality_governor import Hysteresis
 from services.supervisor.contracts import Breach
-from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
-from services.supervisor.governor import Governor, Hysteresis, Level
+from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
+from services.supervisor.governor import Governor, Level
 
 LEVELS = (
     Level("full", 400.0, 0.5, 0.5),
@@ -35,7 +36,7 @@ def play(slowness: Callable[[float], float], seconds: float, levels: tuple[Level
         action = enforcement.decide(now_s, [breach] if burning else [])
         if action is not None:
             burnt_s = -math.inf  # windows are judged anew
-            steps.append((now_s, action.rung, enforcement.level))
+            steps.append((now_s, action.kind, enforcement.level))
     return steps
 
 
@@ -65,16 +66,20 @@ def test_time_for_an_error_within_rounding_is_free() -> None:
 
 def test_it_acts_within_seconds_and_comes_back_the_way_it_came() -> None:
     steps = play(lambda t: 2.6 if 10.0 <= t < 100.0 else 1.0, 600.0)
-    assert [(rung, level) for _, rung, level in steps[:3]] == [(Rung.LOWER, 2), (Rung.LOWER, 3), (Rung.RAISE, 2)]
+    assert [(rung, level) for _, rung, level in steps[:3]] == [
+        (ActionKind.LOWER, 2),
+        (ActionKind.LOWER, 3),
+        (ActionKind.RAISE, 2),
+    ]
     assert steps[1][0] < 20.0
-    assert [(rung, level) for t, rung, level in steps if t > 100.0] == [(Rung.RAISE, 2), (Rung.RAISE, 0)]
+    assert [(rung, level) for t, rung, level in steps if t > 100.0] == [(ActionKind.RAISE, 2), (ActionKind.RAISE, 0)]
 
 
 @pytest.mark.parametrize("slowness", [1.6, 2.0, 2.3, 2.5, 2.9])
 def test_under_a_load_that_stays_it_tries_ever_more_rarely(slowness: float) -> None:
     hour_s = 3600.0
     steps = play(lambda t: slowness, hour_s)
-    tries = [t for t, rung, _ in steps if rung is Rung.RAISE]
+    tries = [t for t, rung, _ in steps if rung is ActionKind.RAISE]
     assert len(tries) <= math.log2(hour_s / Hysteresis().calm_s)
     waits = [b - a for a, b in pairwise(tries)]
     assert all(later > 1.8 * earlier for earlier, later in pairwise(waits))
@@ -83,7 +88,7 @@ def test_under_a_load_that_stays_it_tries_ever_more_rarely(slowness: float) -> N
 @pytest.mark.parametrize("period_s", [0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 100.0, 200.0])
 def test_a_load_that_comes_and_goes_does_not_drive_it(period_s: float) -> None:
     steps = play(lambda t: 2.0 if t % period_s < 0.5 * period_s else 1.0, 7200.0)
-    tries = [t for t, rung, _ in steps if rung is Rung.RAISE]
+    tries = [t for t, rung, _ in steps if rung is ActionKind.RAISE]
     assert len(tries) <= math.log2(7200.0 / Hysteresis().calm_s) + 1
 
 
@@ -93,7 +98,7 @@ def test_any_load_moves_it_less_often_than_once_in_a_calm(seed: int) -> None:
     drawn = random.Random(seed)
     plan = [drawn.uniform(0.8, 3.5) for _ in range(4000)]
     steps = play(lambda t: plan[int(t / 7.0)], 7200.0)
-    tries = [t for t, rung, _ in steps if rung is Rung.RAISE]
+    tries = [t for t, rung, _ in steps if rung is ActionKind.RAISE]
     assert all(b - a >= Hysteresis().calm_s - STEP_S for a, b in pairwise(tries))
     levels = [0, *(level for *_, level in steps)]
     assert all(0 <= level < len(LEVELS) for level in levels)
@@ -101,7 +106,7 @@ def test_any_load_moves_it_less_often_than_once_in_a_calm(seed: int) -> None:
 
 
 def test_a_try_that_has_held_makes_the_next_sooner_again() -> None:
-    governor = Governor(LEVELS, Hysteresis(calm_s=10.0, probation_s=30.0))
+    governor = Governor(LEVELS, Hysteresis(calm_s=10.0, trial_s=30.0))
     governor.lower()
     governor.calm(0.0)
     assert governor.calm(10.0)
@@ -146,7 +151,7 @@ def test_what_is_told_names_time_and_error() -> None:
     actions = [action for k in range(40) if (action := enforcement.decide(0.1 * k, [breach])) is not None]
     assert actions == [
         Action(
-            Rung.LOWER,
+            ActionKind.LOWER,
             "physics",
             "physics: 60 ticks lost; now 'dry', 150 us less a tick, force off by 1 %, motion by 2 %",
         )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from services.supervisor.contracts import BREAKDOWN_RATE, BUDGET_S, STILL_S, Breach, Standing
-from services.supervisor.enforcement import Action, Enforcement, Ladder, Rung
+from services.supervisor.enforcement import Action, ActionKind, Enforcement, Ladder
 from services.supervisor.governor import TRY_SHARE, Level
 
 TURN_S, RATE_HZ, BUDGET = 0.1, 1000.0, 1e-3
@@ -90,7 +90,7 @@ class Rig:
         return None
 
     def tries(self):
-        return [at_s for at_s, action in self.acts if action.rung is Rung.RAISE]
+        return [at_s for at_s, action in self.acts if action.kind is ActionKind.RAISE]
 
 
 def parts(*physics, others=1e-5):
@@ -149,10 +149,10 @@ def test_the_way_back_from_there_leads_by_all_rungs():
 def test_a_try_that_fails_ends_within_seconds_on_the_rung_that_held():
     rig = Rig(LOADS["as the default scene"][0]).go_on(600.0)
     raised = next(
-        k for k, (_, action) in enumerate(rig.acts) if action.rung is Rung.RAISE and "'full'" in action.reason
+        k for k, (_, action) in enumerate(rig.acts) if action.kind is ActionKind.RAISE and "'full'" in action.reason
     )
     (tried_s, _), (left_s, left) = rig.acts[raised : raised + 2]
-    assert left.rung is Rung.LOWER
+    assert left.kind is ActionKind.LOWER
     assert left_s - tried_s < 3.5
     assert "'long steps'" in left.reason
 

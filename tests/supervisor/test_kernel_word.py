@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from services.supervisor import thread_waits
+from services.supervisor import runqueue_waits
 from services.supervisor.kernel_word import KernelWord
-from services.supervisor.thread_waits import BusWaits, ThreadWait
+from services.supervisor.runqueue_waits import BusWaits, ThreadWait
 from tests.real_time import fifo_is_granted
 
 SPIN = "print(1, flush=True)\nwhile True: pass"
@@ -182,7 +182,7 @@ def test_a_thread_of_the_bus_that_ended_keeps_what_it_waited_and_one_not_yet_nam
     comm = Path(f"/proc/self/task/{thread.native_id}/comm")
     comm.write_text("ZMQbg/IO/0")
     tasks = os.open("/proc/self/task", os.O_RDONLY)
-    monkeypatch.setattr(thread_waits, "_NAMED_AFTER_NS", 10**18)  # as if nobody had run for long enough
+    monkeypatch.setattr(runqueue_waits, "_NAMED_AFTER_NS", 10**18)  # as if nobody had run for long enough
     waits = BusWaits(tasks)
     waits.waited_s()
     assert list(waits._threads) == [thread.native_id]

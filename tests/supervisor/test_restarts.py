@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from services.supervisor.restarts import RestartPolicy
+from services.supervisor.member import RestartPolicy
 
 
 def test_the_delay_grows_and_the_last_holds() -> None:

@@ -18,8 +18,6 @@ from services.supervisor.supervisor import Supervisor
 from tests.real_time import fifo_is_granted
 from tests.supervisor.fakes import HERE, Fakes, Scenario, children, gone, page_servers, until, until_running
 
-pytestmark = pytest.mark.rig
-
 
 def test_who_looks_at_processes_that_others_start_keeps_no_zygote(fakes: Fakes) -> None:
     fakes.options = replace(fakes.options, overrides=("supervisor.mode=attach",))

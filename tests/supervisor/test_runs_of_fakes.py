@@ -23,8 +23,6 @@ from services.supervisor.supervisor import Supervisor
 from tests.supervisor.fakes import HERE, PATIENCE_S, Fakes, Scenario, children, gone, page_servers, until, until_running
 from tests.with_us import with_us
 
-pytestmark = pytest.mark.rig
-
 
 def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> None:
     report: list[run_report.RunReport] = []
@@ -208,8 +206,8 @@ def test_without_the_web_packages_there_is_no_page_and_flights_are_kept_all_the_
 
     def scenario(supervisor: Supervisor) -> Scenario:
         yield from until_running(supervisor)
-        pids.extend(children("onlooker"))
-        yield from until(flights.is_dir)  # whoever keeps them looks on
+        pids.extend(children("services.supervisor.observers"))
+        yield from until(flights.is_dir)  # the observers keep them
         os.kill(supervisor.crew.members["haptics"].pid, signal.SIGKILL)
         yield from until(lambda: any(flights.iterdir()))
 

@@ -16,7 +16,7 @@ from protocol.arrays import pack
 from services.runtime.histogram import BUCKETS
 from services.supervisor.governor import Level
 from services.supervisor.member import MemberState
-from services.supervisor.metrics import RigSource, Source, registry
+from services.supervisor.metrics import RigSource, registry
 from services.supervisor.state_machine import RigState
 from tests.supervisor.made_up import MS, Bench, rig, shown
 
@@ -337,7 +337,7 @@ def test_nothing_a_process_says_of_itself_breaks_the_supervisor() -> None:
         bench.run(0.01)
         if turn % 10 == 0:
             assert b"NaN" not in msgspec.json.encode(shown(bench))
-            source = RigSource(bench.supervisor.state, 0, False, [Source("physics", True, 0, body)])
+            source = RigSource(bench.supervisor.body(), {"physics": body})
             assert b"trocar_loop" in generate_latest(registry(lambda source=source: source))
 
 
@@ -375,7 +375,7 @@ def test_what_the_rung_in_force_costs_in_accuracy_is_told_to_all_and_exported() 
     assert told.quality == dry
     assert any("now 'dry', 150 us less a tick, force off by 1.5 %" in event.text for event in bench.supervisor.events)
     assert msgspec.to_builtins(shown(bench).quality)["force_error_percent"] == 1.5
-    text = generate_latest(registry(lambda: RigSource(RigState.DEGRADED, 1, False, (), quality=dry))).decode()
+    text = generate_latest(registry(lambda: RigSource(told))).decode()
     assert "trocar_quality_cost_seconds 0.00025" in text
     assert 'trocar_quality_error_ratio{of="motion"} 0.02' in text
     assert 'trocar_quality_switches_total{direction="down"} 1.0' in text

@@ -15,7 +15,7 @@ from starlette.applications import Starlette
 from starlette.types import Message, Receive, Scope, Send
 
 import protocol.bodies as bodies
-from services.supervisor.metrics import RigSource, Source, registry
+from services.supervisor.metrics import RigSource, registry
 from services.supervisor.state_machine import RigState
 from services.supervisor.web import PageContext, build_app
 from tests.supervisor.made_up import health, histogram, loop_report, rig
@@ -39,8 +39,12 @@ def _source() -> RigSource:
         topics=(topic,),
         gauges={"dropped_contacts": 3.0},
     )
-    processes = (Source("haptics", True, 2, heard), Source("physics", False, 0, None))
-    return RigSource(RigState.DEGRADED, 1, False, processes)
+    processes = (
+        bodies.ProcessReport(name="haptics", state="ready", restarts=2),
+        bodies.ProcessReport(name="physics", state="lost"),
+    )
+    state = bodies.SupervisorState(state=RigState.DEGRADED, quality_level=1, processes=processes)
+    return RigSource(state, {"haptics": heard})
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 
 from services.mechanics.scene import ForcepsScene
 from services.visualization import codec
-from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.picture import Picture, PictureLayout, ToolShape
 from services.visualization.render_pipe import FRAME, HELLO, RENDER, pack, read
 from tests.visualization.small_duct import make_duct
 
@@ -22,11 +22,11 @@ pytestmark = [
 ]
 
 
-def a_scene() -> tuple[Layout, Picture]:
+def a_scene() -> tuple[PictureLayout, Picture]:
     mesh = make_duct().mesh
     rest = mesh.vertices_m.astype(np.float32)
     tool = ToolShape("left", (0.02, 0.0, 0.15), 2.5e-3, ForcepsScene().drawn(), 15e-3, 1e-3)
-    layout = Layout(1, "test", rest, mesh.triangles, 5e-4, (), (), 10, 8e-4, (tool,))
+    layout = PictureLayout(1, "test", rest, mesh.triangles, 5e-4, (), (), 10, 8e-4, (tool,))
     line = np.linspace([0.06, 0.0, 0.0], [0.03, 0.0, 0.0], 10, dtype=np.float32)
     pose = np.array([[0.02, 0.0, 0.02, 0.7071, 0.0, 0.7071, 0.0]], np.float32)  # shaft straight down
     picture = Picture(1, 1, 0, 0, rest, line, pose, np.array([0.4], np.float32), np.zeros((1, 3), np.float32))

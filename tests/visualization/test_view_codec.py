@@ -10,17 +10,17 @@ import pytest
 
 from services.mechanics.scene import ForcepsScene, ProbeScene
 from services.visualization import codec
-from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.picture import Picture, PictureLayout, ToolShape
 from services.visualization.web import build
 
 _MILLIMETRES = 1000.0
 
 
-def a_layout(n: int = 6, m: int = 4) -> Layout:
+def a_layout(n: int = 6, m: int = 4) -> PictureLayout:
     random = np.random.default_rng(1)
     left = ToolShape("left", (0.1, 0.0, 0.3), 2.5e-3, ForcepsScene().drawn(), 15e-3, 1e-3)
     tools = (left, ToolShape("right", (0.1, 0.2, 0.3), 2.5e-3, ProbeScene().drawn()))
-    return Layout(
+    return PictureLayout(
         epoch=3,
         scene="test",
         rest_m=random.normal(size=(n, 3)).astype(np.float32),
@@ -34,7 +34,7 @@ def a_layout(n: int = 6, m: int = 4) -> Layout:
     )
 
 
-def a_picture(layout: Layout) -> Picture:
+def a_picture(layout: PictureLayout) -> Picture:
     random = np.random.default_rng(2)
 
     def numbers(*shape: int) -> np.ndarray:

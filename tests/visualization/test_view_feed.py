@@ -10,7 +10,7 @@ import pytest
 import services.visualization.feed as feed_module
 from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
-from services.visualization.feed import IN_FLIGHT, Feed, Feeds, Message
+from services.visualization.feed import IN_FLIGHT, Feed, FeedMessage, Feeds
 
 
 def on_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
@@ -23,8 +23,8 @@ def on_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
     return run
 
 
-def message(sequence: int, epoch: int = 1, origin_ns: int = 0) -> Message:
-    return Message(epoch, f"hello {epoch}", sequence, origin_ns, f"frame {sequence}".encode())
+def message(sequence: int, epoch: int = 1, origin_ns: int = 0) -> FeedMessage:
+    return FeedMessage(epoch, f"hello {epoch}", sequence, origin_ns, f"frame {sequence}".encode())
 
 
 def a_path() -> LatencyPath:

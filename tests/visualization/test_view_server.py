@@ -21,8 +21,8 @@ from services.runtime.histogram import LatencyHistogram
 from services.runtime.rig import ViewSettings
 from services.visualization import codec
 from services.visualization.feed import IN_FLIGHT
-from services.visualization.hands import Hands
 from services.visualization.outputs import WebOutput
+from services.visualization.page_hands import PageHands
 from services.visualization.picture import Picture
 from services.visualization.server import may_look
 from tests.visualization.test_view_codec import a_layout, a_picture
@@ -33,9 +33,9 @@ PERIOD_NS = 4_000_000
 PATIENCE_S = 60.0
 
 
-def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) -> Hands:
+def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) -> PageHands:
     token = hashlib.sha256(TOKEN.encode()).hexdigest()
-    return Hands(followers, ([] if published is None else published).append, lambda: (), lambda: token)
+    return PageHands(followers, ([] if published is None else published).append, lambda: (), lambda: token)
 
 
 class Show:

@@ -23,7 +23,7 @@ from services.runtime.errors import DeviceError
 from services.runtime.health import LatencyPath
 from services.runtime.histogram import LatencyHistogram
 from services.visualization import cameras, tool_pose
-from services.visualization.picture import Layout, Picture, ToolShape
+from services.visualization.picture import Picture, PictureLayout, ToolShape
 from services.visualization.window import WindowOutput
 from tests.autogroups import may_be_set
 
@@ -108,14 +108,14 @@ def open_window() -> WindowOutput:
     return WindowOutput(LatencyPath(LatencyHistogram(33_000_000)), logging.getLogger("trocar.window"))
 
 
-def a_scene() -> tuple[Layout, Picture]:
+def a_scene() -> tuple[PictureLayout, Picture]:
     """A duct with the catheter on its way in, a forceps at each of them."""
     mesh = parametric_duct(DuctGeometry(radius_m=4e-3, length_m=40e-3, n_around=16, n_along=20))
     rest = mesh.vertices_m.astype(np.float32)
     parts = ForcepsScene(jaw_radius_m=1.2e-3).drawn()
     tools = tuple(ToolShape(name, port, 2.5e-3, parts, 18e-3, 1.2e-3) for name, port in PORTS.items())
     mouth, held = (tuple(int(i) for i in mesh.vertex_sets[name]) for name in ("mouth", "clamped"))
-    layout = Layout(1, "test", rest, mesh.triangles, 6e-4, mouth, held, 40, 1e-3, tools)
+    layout = PictureLayout(1, "test", rest, mesh.triangles, 6e-4, mouth, held, 40, 1e-3, tools)
     line = np.linspace(CATHETER_END_M, [0.03, 0.0, 0.0], 40).astype(np.float32)
     poses = [[*at, *tool_pose.orientation(np.array(at), PORTS[name], 0.3)] for name, at in JUNCTIONS.items()]
     force_n = np.array([[0.0, 0.0, 0.4], [0.1, 0.0, 0.2]], np.float32)
@@ -129,7 +129,7 @@ JUNCTIONS = {"left": (0.058, -0.004, 0.014), "right": (0.026, 0.008, 0.012)}
 CATHETER_END_M = [0.11, 0.0, 0.01]
 
 
-def until(output: WindowOutput, condition: Callable[[], bool], picture: Picture, layout: Layout) -> int:
+def until(output: WindowOutput, condition: Callable[[], bool], picture: Picture, layout: PictureLayout) -> int:
     """Show pictures until something holds; return how many were."""
     deadline_s, shown = time.monotonic() + PATIENCE_S, 0
     while not condition():
@@ -140,7 +140,7 @@ def until(output: WindowOutput, condition: Callable[[], bool], picture: Picture,
     return shown
 
 
-def seen_at(point_m: object, layout: Layout, size: tuple[int, int]) -> tuple[int, int]:
+def seen_at(point_m: object, layout: PictureLayout, size: tuple[int, int]) -> tuple[int, int]:
     """Return the pixel (row, column) in which a camera at the page's first place sees a point: pinhole, 50 degrees."""
     place = cameras.place(layout, "scope")
     ahead = place.aim_m - place.position_m
@@ -155,14 +155,14 @@ def seen_at(point_m: object, layout: Layout, size: tuple[int, int]) -> tuple[int
     return round(row), round(column)
 
 
-def colour_at(point_m: object, layout: Layout, picture: np.ndarray) -> np.ndarray:
+def colour_at(point_m: object, layout: PictureLayout, picture: np.ndarray) -> np.ndarray:
     """Return the median colour of the 3 by 3 pixels where a point is seen."""
     height, width = picture.shape[:2]
     row, column = seen_at(point_m, layout, (width, height))
     return np.median(picture[row - 1 : row + 2, column - 1 : column + 2].reshape(-1, 3), axis=0)
 
 
-def missing(layout: Layout, seen: np.ndarray) -> str:
+def missing(layout: PictureLayout, seen: np.ndarray) -> str:
     """Return what is not in a picture where it should be, empty where all is."""
     red, green, blue = colour_at([0.017, -0.002, 3.6e-3], layout, seen)
     if not (red > 90 and green < 0.75 * red and abs(green - blue) < 0.3 * red):

@@ -19,8 +19,9 @@ __all__ = ["display", "pytestmark", "window"]
 
 _DRAW = """
 import json
+from types import SimpleNamespace
 from services.visualization import codec
-from services.visualization.pace import RUNGS
+from services.visualization.render_governor import RUNGS
 from services.visualization.render_pipe import FRAME, HELLO
 from services.visualization.window_worker import Window
 from tests.visualization.test_window import a_scene
@@ -29,17 +30,17 @@ window, drawn, seen = Window(), [], {}
 size = window._renderer.plotter.render_window.GetSize
 window._renderer.plotter.render_window.AddObserver("EndEvent", lambda *_: drawn.append(size()))
 layout, picture = a_scene()
-window._pace.drawn = lambda *_: False
+window._governor.drawn = lambda *_: False
 window.take(HELLO, codec.encode_hello(layout).encode())
-for rung in (window._pace.rung, window._pace.rung, len(RUNGS) - 1, 0):
+began = window._governor.rung
+for rung in (began, began, len(RUNGS) - 1, 0):
     drawn.clear()
-    window._pace.rung = rung
+    window._governor = SimpleNamespace(rung=rung, rate_hz=0.0, drawn=lambda *_: False)
     window._take_rung()
     window.take(FRAME, codec.encode(picture, 0))
     window.draw()
     seen[f"{len(seen)}: rung {rung}"] = len(drawn)
-window._pace.rung = len(RUNGS) - 1
-window._pace.drawn = lambda *_: True
+window._governor = SimpleNamespace(rung=len(RUNGS) - 1, rate_hz=0.0, drawn=lambda *_: True)
 before = size()
 window.draw()
 print(json.dumps({"drawn": seen, "before": before, "after": size(), "last": drawn[-1]}))

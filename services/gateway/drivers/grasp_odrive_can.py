@@ -15,14 +15,14 @@ import can
 from pydantic import Field, field_validator
 
 from services.gateway import can_checks, canbus, cansimple, driver
+from services.gateway.background_open import BackgroundOpen
 from services.gateway.bench import Bench
 from services.gateway.cansimple import AxisError, AxisState
 from services.gateway.device_files import GraspFile
 from services.gateway.driver import GraspHandle, Place
 from services.gateway.host_check import HostCheck
-from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE
 from services.gateway.odrive_link import OdriveLink
-from services.gateway.opening import Opening
+from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import DeviceError
@@ -71,7 +71,7 @@ class OdriveGrasp(GraspHandle, ABC):
         self._rad_per_turn = sign * 2 * math.pi / file.motor_turns_per_handle_turn
         self._arming_until_ns = 0
         self._wanted = False
-        self._opening: Opening[can.BusABC] | None = None
+        self._opening: BackgroundOpen[can.BusABC] | None = None
         self._not_opened = ""
 
     @abstractmethod
@@ -143,7 +143,7 @@ class OdriveGrasp(GraspHandle, ABC):
         if link is None or self._opening is not None:
             return
         if self.reopens and self._is_silent(link, self._clock.monotonic_ns()):
-            self._opening = Opening(partial(self._open_anew, link.bus))
+            self._opening = BackgroundOpen(partial(self._open_anew, link.bus))
         elif self._wanted:
             self._arm(link)
 
@@ -152,7 +152,7 @@ class OdriveGrasp(GraspHandle, ABC):
             old.shutdown()
         return self.open_bus()
 
-    def _go_on(self, opening: Opening[can.BusABC]) -> OdriveLink | None:
+    def _go_on(self, opening: BackgroundOpen[can.BusABC]) -> OdriveLink | None:
         """Return a link by the bus that was opened anew, if there is one; the handle is where it was till it speaks."""
         self._opening = None
         bus, problem = opening.take()

@@ -13,8 +13,8 @@ from services.gateway import driver
 from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import GraspHandle, Place
 from services.gateway.drivers.replay import ReplaySettings
-from services.gateway.layout import HANDLE_ANGLE, HANDLE_RATE
 from services.gateway.recording import read_table
+from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings
 

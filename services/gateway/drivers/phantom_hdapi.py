@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
+from protocol.bodies.haptics import MODEL_COLUMNS
 from services.gateway import driver
 from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
@@ -20,7 +21,7 @@ from services.gateway.hdapi.library import DEFAULT
 from services.gateway.hdapi.open_arm import OpenArm, Terms
 from services.gateway.hdapi.reopening import Reopening
 from services.gateway.host_check import HostCheck
-from services.gateway.layout import LIMIT_SIZE, MEMORY_SIZE, MODEL_SIZE, NOW_SIZE, NOW_TTL, READ_SIZE, READ_TEMPERATURE
+from services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, NOW_SIZE, NOW_TTL, READ_SIZE, READ_TEMPERATURE
 from services.mechanics.arrays import FloatArray
 from services.runtime import config
 from services.runtime.errors import DeviceError
@@ -171,7 +172,7 @@ class Driver(Arm):
         """Compile what a tick calls; the orders allow no force."""
         now = np.zeros(NOW_SIZE)
         now[NOW_TTL] = 1.0
-        self.evaluate(np.zeros(MODEL_SIZE), np.zeros(6), np.ones(LIMIT_SIZE), now, np.zeros(MEMORY_SIZE))
+        self.evaluate(np.zeros(MODEL_COLUMNS), np.zeros(6), np.ones(LIMIT_SIZE), now, np.zeros(MEMORY_SIZE))
         self.write(self._no_force)
         unreachable(0)
 
@@ -265,9 +266,9 @@ def check_host(settings: Sequence[DriverSettings], in_use: bool) -> Iterator[Hos
 @contextmanager
 def bench(folder: Path) -> Iterator[Bench]:
     """Load the stand-in of the library, whose time passes when the driver's does."""
-    from services.gateway.hdapi.standin import StandIn  # only here: a real library needs no stand-in
+    from services.gateway.hdapi.standin import HdapiStandIn  # only here: a real library needs no stand-in
 
-    with StandIn.compiled(folder) as standin:
+    with HdapiStandIn.compiled(folder) as standin:
         settings = DriverSettings(
             driver="phantom_hdapi", device="phantom_premium_1_5", settings={"library": str(standin.path)}
         )

@@ -15,8 +15,8 @@ from services.gateway.arm_tick import ArmTick, tick_arm
 from services.gateway.bench import Bench
 from services.gateway.device_files import ArmFile
 from services.gateway.driver import Arm, Place
-from services.gateway.layout import READ_ROLL, READ_SIZE
 from services.gateway.script import ROLL, SCENE, Player, read_player
+from services.gateway.servo_arrays import READ_ROLL, READ_SIZE
 from services.gateway.simulated_arm import HAND_DAMPING, HAND_GRIP, HAND_STIFFNESS, HAND_TARGET
 from services.mechanics.arrays import FloatArray
 from services.runtime.errors import ConfigError

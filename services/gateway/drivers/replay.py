@@ -12,8 +12,8 @@ import numpy as np
 from services.gateway import driver, premium_model
 from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import Arm, ArmLimits, Place
-from services.gateway.layout import READ_POSITION, READ_ROLL, READ_VELOCITY
 from services.gateway.recording import read_table
+from services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings, Settings
 

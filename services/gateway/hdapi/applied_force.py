@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from protocol.bodies.haptics import MODEL_COLUMNS
 from services.gateway.engagement import SMALL_FORCE_N
 from services.gateway.hdapi import native
 from services.gateway.hdapi.cells import (
@@ -28,22 +29,22 @@ from services.gateway.hdapi.cells import (
     SEEN_VELOCITY,
     ArmCell,
     Functions,
-    Servo,
+    ServoCell,
 )
 from services.gateway.hdapi.constants import FORCE_OUTPUT, Calibration, Parameter
-from services.gateway.layout import (
+from services.gateway.pose import force_to_arm, to_world
+from services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_DEMAND,
     MEMORY_FORCE,
-    MODEL_SIZE,
     NOW_AGE,
     NOW_DT,
     NOW_GAIN,
     NOW_TEMPERATURE,
     NOW_TTL,
 )
-from services.gateway.pose import force_to_arm, to_world
 from services.gateway.servo_law import servo_force
+from services.gateway.slew import slew_vector
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 
@@ -55,7 +56,7 @@ _FORCE, _CALIBRATED = int(Parameter.CURRENT_FORCE), int(Calibration.OK)
 
 
 @kernel
-def apply_order(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
+def apply_order(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     """Apply, within a frame, what the newest order wants; switch the motors as it says, off only without force."""
     young = _want(arm, now_ns, dt_s)
     sound = arm.calibration == _CALIBRATED and arm.error == 0 and servo.stopped_by == 0 and not servo.pausing
@@ -106,7 +107,7 @@ def _evaluate(arm: ArmCell, now_ns: int, dt_s: float) -> bool:
     order, now, report, motion, mount = arm.order, arm.now, arm.report, arm.motion, arm.mount
     for k in range(LIMIT_SIZE):
         arm.limits[k] = order[ORDER_LIMITS + k]
-    for k in range(MODEL_SIZE):
+    for k in range(MODEL_COLUMNS):
         arm.model[k] = order[ORDER_MODEL + k]
     now[NOW_DT] = dt_s
     now[NOW_AGE] = order[ORDER_AGE] + 1e-9 * (now_ns - order[ORDER_TIME])
@@ -140,14 +141,7 @@ def _approach(arm: ArmCell, step_n: float) -> None:
             share *= arm.max_force_n / norm
         target = (share * wanted[0], share * wanted[1], share * wanted[2])
     force = arm.force_n
-    dx, dy, dz = target[0] - force[0], target[1] - force[1], target[2] - force[2]
-    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-    if distance <= step_n:
-        force[0], force[1], force[2] = target[0], target[1], target[2]
-        return
-    force[0] += step_n / distance * dx
-    force[1] += step_n / distance * dy
-    force[2] += step_n / distance * dz
+    force[0], force[1], force[2] = slew_vector((force[0], force[1], force[2]), target, step_n)
 
 
 @kernel

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from protocol.bodies.haptics import MODEL_COLUMNS
 from services.gateway.hdapi.handover import Box
-from services.gateway.layout import LIMIT_SIZE, MEMORY_SIZE, MODEL_SIZE, NOW_SIZE
+from services.gateway.servo_arrays import LIMIT_SIZE, MEMORY_SIZE, NOW_SIZE
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
 from services.mechanics.compiled.struct import Struct, reader
 
 # From the gateway: when it was written, whether motors may be on, how often a person has armed the rig; then a force in
-# the frame of the arm or, with ORDER_LAW, what the force law needs (`layout`): age, life, gain, limits, model.
+# the frame of the arm or, with ORDER_LAW, what the force law needs (`servo_arrays`): age, life, gain, limits, model.
 ORDER_TIME, ORDER_ENABLED, ORDER_ARMED, ORDER_LAW, ORDER_FORCE = range(5)
 ORDER_AGE, ORDER_TTL, ORDER_GAIN, ORDER_LIMITS = 7, 8, 9, 10
 ORDER_MODEL = ORDER_LIMITS + LIMIT_SIZE
-ORDER_SIZE = ORDER_MODEL + MODEL_SIZE
+ORDER_SIZE = ORDER_MODEL + MODEL_COLUMNS
 
 # To the gateway: time of the newest reading, calibration, buttons, error that ended the arm's or everybody's work, the
 # newest refusal of force and how many frames in a row had one, frames that came late, the newest ORDER_ARMED, how far
@@ -68,7 +69,7 @@ class ArmCell(Struct):
     wanted_n: Annotated[FloatArray, 3]
     mount: Annotated[FloatArray, 5]  # as `pose.pack_mount`
     motion: Annotated[FloatArray, 6]  # in the world
-    model: Annotated[FloatArray, MODEL_SIZE]
+    model: Annotated[FloatArray, MODEL_COLUMNS]
     limits: Annotated[FloatArray, LIMIT_SIZE]
     now: Annotated[FloatArray, NOW_SIZE]
     memory: Annotated[FloatArray, MEMORY_SIZE]
@@ -99,7 +100,7 @@ class ArmCell(Struct):
     late: int = 0
 
 
-class Servo(Struct):
+class ServoCell(Struct):
     """All arms of one scheduler."""
 
     functions: Functions
@@ -122,4 +123,4 @@ class Port(Struct):
     refused: float = 0.0  # forces that were not finite, as last heard
 
 
-arm_at, servo_at, port_at = reader(ArmCell), reader(Servo), reader(Port)
+arm_at, servo_at, port_at = reader(ArmCell), reader(ServoCell), reader(Port)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from services.gateway.hdapi import native
-from services.gateway.hdapi.cells import ArmCell, Servo, arm_at
+from services.gateway.hdapi.cells import ArmCell, ServoCell, arm_at
 from services.gateway.hdapi.constants import (
     BAD_HANDLE,
     FIRST_LINK_ERROR,
@@ -22,7 +22,7 @@ _ERRORS_A_DRAIN = 32
 
 
 @kernel
-def drain(servo: Servo, arm: ArmCell) -> None:
+def drain(servo: ServoCell, arm: ArmCell) -> None:
     """Empty the error stack. An error may belong to another arm than the one whose turn it is."""
     for _ in range(_ERRORS_A_DRAIN):
         code, handle = native.take_error(servo.functions.get_error)
@@ -39,7 +39,7 @@ def drain(servo: Servo, arm: ArmCell) -> None:
 
 
 @kernel
-def _note(servo: Servo, arm: ArmCell, code: int) -> None:
+def _note(servo: ServoCell, arm: ArmCell, code: int) -> None:
     if code == WARM_MOTORS:
         arm.warm = True
     elif FIRST_REFUSAL <= code <= LAST_REFUSAL:

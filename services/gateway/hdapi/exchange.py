@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from protocol.bodies.haptics import MODEL_COLUMNS
 from services.gateway.hdapi.cells import (
     ORDER_AGE,
     ORDER_ARMED,
@@ -28,11 +29,10 @@ from services.gateway.hdapi.cells import (
     port_at,
 )
 from services.gateway.hdapi.handover import put, take
-from services.gateway.layout import (
+from services.gateway.servo_arrays import (
     LIMIT_SIZE,
     MEMORY_REFUSED,
     MEMORY_TORQUE,
-    MODEL_SIZE,
     NOW_AGE,
     NOW_GAIN,
     NOW_TTL,
@@ -81,7 +81,7 @@ def give_law(
     order[ORDER_GAIN] = now[NOW_GAIN]
     for k in range(LIMIT_SIZE):
         order[ORDER_LIMITS + k] = limits[k]
-    for k in range(MODEL_SIZE):
+    for k in range(MODEL_COLUMNS):
         order[ORDER_MODEL + k] = model[k]
     put(port.orders, order)
     refused = memory[MEMORY_REFUSED] + newest[SEEN_MEMORY + MEMORY_REFUSED] - port.refused
@@ -100,7 +100,7 @@ def _begin(order: FloatArray, time_ns: int, enabled: bool, armed: int) -> None:
 
 @kernel
 def look(address: Address[Port], has_roll: bool, reading: FloatArray) -> int:
-    """Take the newest message into `newest` of the port and write `reading`, see `layout`.
+    """Take the newest message into `newest` of the port and write `reading`, see `servo_arrays`.
 
     Returns
     -------

@@ -20,7 +20,7 @@ _NODES = ("ttyACM*", "hidraw*", "fw*")
 _RULES = "deploy/70-trocar-phantom.rules"
 _PATIENCE_S = 20.0
 
-_INSTALL = "install the vendor's OpenHaptics 3.4 and TouchDriver (docs/gateway.md), then `sudo ldconfig`"
+_INSTALL = "install the vendor's OpenHaptics 3.4 and TouchDriver (docs/how-to/hardware.md), then `sudo ldconfig`"
 _MISSING = {
     "libncurses": "apt install libncurses5 libtinfo5 (newer systems: link libncurses.so.6 and libtinfo.so.6 as .so.5)",
     "libtinfo": "apt install libncurses5 libtinfo5 (newer systems: link libncurses.so.6 and libtinfo.so.6 as .so.5)",

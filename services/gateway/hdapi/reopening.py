@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from services.gateway.background_open import BackgroundOpen
 from services.gateway.bench import Clock
-from services.gateway.hdapi.cells import ArmCell, Servo
+from services.gateway.hdapi.cells import ArmCell, ServoCell
 from services.gateway.hdapi.open_arm import OpenArm
-from services.gateway.opening import Opening
 
 #: Hands are let go within so long, at the rig's rate limit; a library that takes longer than this hangs.
 _LET_GO_NS, _PATIENCE_NS = 200_000_000, 20_000_000_000
@@ -24,10 +24,12 @@ class Reopening:
         Stops the scheduler, opens the arm, starts the scheduler, with all other arms in any case.
     """
 
-    def __init__(self, servo: Servo | None, cells: list[ArmCell], open_it: Callable[[], OpenArm], clock: Clock) -> None:
+    def __init__(
+        self, servo: ServoCell | None, cells: list[ArmCell], open_it: Callable[[], OpenArm], clock: Clock
+    ) -> None:
         self._servo, self._cells, self._open_it, self._clock = servo, cells, open_it, clock
         self._began_ns = clock.monotonic_ns()
-        self._opening: Opening[OpenArm] | None = None
+        self._opening: BackgroundOpen[OpenArm] | None = None
         self._arm: OpenArm | None = None
         self._problem = ""
         self.ended = False
@@ -42,7 +44,7 @@ class Reopening:
             if self._opening.done:
                 self._end(*self._opening.take())
         elif not any(cell.motors_on for cell in self._cells):
-            self._opening = Opening(self._open_it)
+            self._opening = BackgroundOpen(self._open_it)
         elif self._lasts_ns() > _LET_GO_NS:
             self._end(None, "the scheduler of OpenHaptics does not run")
 

@@ -47,22 +47,21 @@ from services.gateway.hdapi.cells import (
     TEMPERATURE,
     ArmCell,
     Functions,
-    Servo,
+    ServoCell,
     arm_at,
     servo_at,
 )
 from services.gateway.hdapi.constants import CALLBACK_CONTINUE, CALLBACK_DONE, Calibration, Parameter, Style
 from services.gateway.hdapi.error_stack import drain, unreachable
 from services.gateway.hdapi.handover import put, take
-from services.gateway.layout import MEMORY_SIZE
+from services.gateway.servo_arrays import MEMORY_SIZE
+from services.gateway.servo_law import MAX_STEP_S
 from services.gateway.velocity_filter import low_pass
 from services.mechanics import compiled
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 
 TICK_S, TICK_NS = 1e-3, 1_000_000
-#: A tick that comes late does not earn a larger step, as in `servo_law`.
-MAX_STEP_S = 0.003
 LATE_NS = 2_000_000
 #: After so many frames in a row in which the library did not know the handle there is nothing left to let go.
 _FORGOTTEN_FRAMES = 3
@@ -76,7 +75,7 @@ _ENCODER_RESET = int(Style.ENCODER_RESET)
 
 
 @kernel
-def servo_tick(address: Address[Servo]) -> int:
+def servo_tick(address: Address[ServoCell]) -> int:
     """Serve every arm once; return what the scheduler is to do with the callback."""
     servo = servo_at(address)
     native.call_unsigned_pointer(servo.functions.clock_gettime, 1, servo.time_at)  # CLOCK_MONOTONIC
@@ -91,7 +90,7 @@ def servo_tick(address: Address[Servo]) -> int:
 
 
 @kernel
-def _serve(servo: Servo, arm: ArmCell, now_ns: int) -> None:
+def _serve(servo: ServoCell, arm: ArmCell, now_ns: int) -> None:
     _take_order(arm)
     dt_ns = now_ns - arm.last_ns if arm.last_ns != 0 else TICK_NS
     arm.last_ns = now_ns
@@ -103,7 +102,7 @@ def _serve(servo: Servo, arm: ArmCell, now_ns: int) -> None:
 
 
 @kernel
-def _frame(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
+def _frame(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     functions = servo.functions
     native.call_unsigned(functions.make_current, arm.handle)
     drain(servo, arm)
@@ -118,7 +117,7 @@ def _frame(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
 
 
 @kernel
-def _exchange(servo: Servo, arm: ArmCell, now_ns: int, dt_s: float) -> None:
+def _exchange(servo: ServoCell, arm: ArmCell, now_ns: int, dt_s: float) -> None:
     functions = servo.functions
     native.call_unsigned(functions.begin_frame, arm.handle)
     _ask(functions, arm)
@@ -198,7 +197,7 @@ def _calibrate(functions: Functions, arm: ArmCell) -> None:
 
 
 @kernel
-def _report(servo: Servo, arm: ArmCell) -> None:
+def _report(servo: ServoCell, arm: ArmCell) -> None:
     report = arm.report
     report[SEEN_TIME] = arm.read_ns
     report[SEEN_CALIBRATION] = arm.calibration
@@ -216,11 +215,11 @@ def _report(servo: Servo, arm: ArmCell) -> None:
     put(arm.seen, report)
 
 
-def _callback(address: Address[Servo]) -> int:
+def _callback(address: Address[ServoCell]) -> int:
     return servo_tick(address)
 
 
 @functools.cache
 def callback() -> Any:
-    """Return ``HDCallbackCode f(void *)``, compiled at the first call; its user data is the address of a `Servo`."""
+    """Return ``HDCallbackCode f(void *)``, compiled at the first call; user data: address of a `ServoCell`."""
     return compiled.callback(types.uint32(types.int64), _callback)

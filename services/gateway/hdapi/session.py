@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from services.gateway.bench import Clock
-from services.gateway.hdapi.cells import ArmCell, Functions, Servo
+from services.gateway.hdapi.cells import ArmCell, Functions, ServoCell
 from services.gateway.hdapi.constants import MAX_SCHEDULER_PRIORITY, describe
 from services.gateway.hdapi.error_stack import unreachable
 from services.gateway.hdapi.library import Library
@@ -35,7 +35,7 @@ class Session:
         self._functions = find_functions(library, clock)
         self._arms: dict[str | None, OpenArm] = {}
         self._users: set[str | None] = set()
-        self._servo: Servo | None = None
+        self._servo: ServoCell | None = None
         self._scheduled = 0
         self._threads: list[int] = []
         self._is_raised = False
@@ -186,9 +186,9 @@ def find_session(path: str, clock: Clock, where: str) -> Session:
     return _sessions[path]
 
 
-def _servo(functions: Functions, arms: list[ArmCell]) -> Servo:
+def _servo(functions: Functions, arms: list[ArmCell]) -> ServoCell:
     time = np.zeros(2, np.int64)
-    return Servo(
+    return ServoCell(
         functions=functions,
         arms=np.array([arm.address for arm in arms], np.int64),
         time=time,

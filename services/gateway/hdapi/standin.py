@@ -50,7 +50,7 @@ class Look:
     dropped: int
 
 
-class StandIn:
+class HdapiStandIn:
     """A loaded stand-in. What it can be told is in ``scheduler.c``; `c` calls it.
 
     Attributes
@@ -68,7 +68,7 @@ class StandIn:
 
     @classmethod
     @contextmanager
-    def compiled(cls, folder: Path, threaded: bool = False) -> Iterator[StandIn]:
+    def compiled(cls, folder: Path, threaded: bool = False) -> Iterator[HdapiStandIn]:
         """Put a stand-in of its own, which shares nothing with others, into `folder` and load it.
 
         Raises

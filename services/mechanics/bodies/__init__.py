@@ -1,1 +1,1 @@
-"""What moves and touches: duct, catheter and forceps, with the duct's wall and its mouth."""
+"""Bodies of a simulation: duct, catheter and forceps, with the duct's wall and its mouth."""

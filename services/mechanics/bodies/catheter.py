@@ -58,7 +58,7 @@ class CatheterBody:
     slept : bool
         Whether this step left it where it was.
     n_own_rows : int
-        Contact rows of this step in which nobody else has a part: its introducer's friction. They do not wake it.
+        Contact rows of this step that touch no other body: the introducer's friction. They do not wake it.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class CatheterBody:
         np.subtract(state.position_m, self.start_m, out=self.motion_m)
 
     def strays(self, nodes: IntArray, weights: FloatArray, forces: FloatArray) -> float:
-        """How far contact forces (k, 3), see `correct`, take it beyond what its plan is good for, in J; or 0.0.
+        """Energy [J] by which contact forces (k, 3) exceed what the linear plan of the step covers, 0.0 if they do not.
 
         They are added linearly to a plan that was made with those of the last step. Where a force is let go that had
         bent it, or a jaw catches it in full swing, that throws it along straight lines and stretches it.
@@ -129,7 +129,7 @@ class CatheterBody:
         return rod.strays(self.step_address, is_touched=self._was_touched)
 
     def keep_plan(self) -> None:
-        """Go on from the plan that `strays` was asked about last."""
+        """Take the plan that `strays` judged last as the base of further plans."""
         self._step.base[:] = self._step.contact if self._was_touched else 0.0
         self._step.led_to[:] = self._step.solved
 
@@ -179,12 +179,12 @@ class CatheterBody:
         self._was_touched, self._was_woken, self._step.owed_j = state
 
     def go_back(self) -> None:
-        """Be where the last step began, as fast as then."""
+        """Restore position and velocity of the start of the last step."""
         self.state.position_m[:] = self.start_m
         self.state.velocity_m_s[:] = self._step.start_velocity
 
     def halt(self) -> None:
-        """Stop where it is."""
+        """Stop all motion at the present position."""
         self.state.velocity_m_s[:] = 0.0
         self.state.slow_velocity_m_s = None
         if self.state.frame is not None:

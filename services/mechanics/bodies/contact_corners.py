@@ -1,4 +1,4 @@
-"""Corners of the triangles that contacts touch, each once, and what residual displacements make of contact points."""
+"""Corners of the triangles in contact, each once, and the residual displacement of contact points from theirs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
-from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
+from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
 
 
 class ContactCorners(Struct):

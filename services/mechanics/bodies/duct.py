@@ -11,9 +11,9 @@ from services.mechanics.bodies.duct_loads import DuctLoads, DuctMotion, correct,
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.modal_state import ModalIntegrator, ModalState
 from services.mechanics.reduction.newmark import Newmark, newmark_step
-from services.mechanics.reduction.state import ModalIntegrator, ModalState
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 
 
 class DuctBody:
@@ -38,14 +38,14 @@ class DuctBody:
     motion_address : Address[DuctMotion], loads_address : Address[DuctLoads]
         Where kernels find what drives the modes, and what contacts do.
     kept_address : Address[NodeArrays] or None
-        Where they find the compliance that is kept between nodes, if any is.
+        Where they find the compliance cached between nodes, if there is a cache.
     modal_force : (r,) float64
         Loads that effects put on the modes in this step, the constant ones included.
     constant_modal_force : (r,) float64
     modal_kick : (r,) float64
         Force that effects applied as an impulse at the start of this step, as contacts do.
     given_back : (r,) float64
-        Rates that were taken back at the start of this step, see `end_forces`.
+        Rates that `end_forces` took back at the start of this step.
     taken : (r,) float64
         Change of the rates at the end of the last step, see `pay_for_impulses`.
     """
@@ -112,7 +112,7 @@ class DuctBody:
         self._motion.gather((nodes, weights), (self.q_start, self.dq_free), loads, out)
 
     def displace(self, nodes: IntArray, weights: FloatArray) -> None:
-        """Do what `gather_kept` has left where it returned False."""
+        """Add the residual displacements that `gather_kept` left out where it returned False."""
         n, count = len(nodes), self.n_loads
         loads = self.load_nodes[:count], self.load_force_n[:count]
         self._motion.displace((nodes, weights), loads, (self.displacement_m[:n], self.motion_m[:n]))
@@ -127,15 +127,15 @@ class DuctBody:
         self._motion.add_residual((nodes, weights), loads, (out, self._let_go[: len(nodes)]))
 
     def replace_loads(self, count: int) -> None:
-        """Take on that the first ``count`` of ``load_nodes`` and ``load_force_n`` were written anew."""
+        """Set the number of loads after a caller has rewritten ``load_nodes`` and ``load_force_n``."""
         self._n_loads[0] = count
 
     def compliance(self, nodes: IntArray, weights: FloatArray, out: FloatArray, *, anew: bool = False) -> None:
         """Write the compliance between the points of the last `gather` into the lower blocks of ``out`` (3 k, 3 k).
 
-        In m/N at the end of the step, along world axes: with all modes, as forces act on all of them. With fewer, the
-        wall would give way more than the solve knows, and every tick would put energy in. ``anew`` is without what is
-        kept between nodes.
+        In m/N at the end of the step, along world axes. It includes all modes, because forces act on all of them: with
+        fewer the wall would yield more than the solve knows, and every tick would add energy. ``anew`` bypasses the
+        cache between nodes.
         """
         rows = self.modes[: 3 * len(nodes)]
         compliance = self._motion.compliance_anew if anew else self._motion.compliance
@@ -148,8 +148,8 @@ class DuctBody:
     def end_forces(self, forces: FloatArray) -> None:
         """Take back the half impulses with which contact forces (k, 3) of the last step have left the rates.
 
-        The next step's impulse would have made up for them. Where what pressed is gone at once, they are motion that
-        nobody has put in. To be called between `predict` and `gather`, with the forces in the order of the last rows.
+        The impulse of the next step would have balanced them. Where a contact ends at once they would remain as motion
+        without a cause. Call this between `predict` and `gather`, with the forces in the order of the last rows.
         """
         ended = -0.5 * self.modes[: forces.size].T @ forces.ravel()
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):
@@ -158,13 +158,13 @@ class DuctBody:
         self.given_back += self.dt_s * ended
 
     def change_kick(self, change: FloatArray) -> None:
-        """Let the step end as if the kick at its start had been another by ``change`` (r,), contact forces the same."""
+        """Change the end of the step as if its kick had been larger by ``change`` (r,), contact forces unchanged."""
         for end, gain in zip((self.state.q, self.state.qdot, self.state.qddot), self._gains, strict=True):
             end += gain * change
         self.modal_kick += change
 
     def take_out(self, energy_j: float) -> float:
-        """Take energy out of the rates at the end of the step, in J, and return how much of it they held."""
+        """Take ``energy_j`` out of the rates at the end of the step and return how much of it they held, in J."""
         rate = self.rate()
         kinetic_j = 0.5 * float(rate @ rate)
         paid = min(energy_j / kinetic_j, 1.0) if kinetic_j > 0.0 else 0.0
@@ -211,14 +211,14 @@ class DuctBody:
         return *modal, self.load_nodes, self.load_force_n, self._n_loads
 
     def go_back(self) -> None:
-        """Be where the last step began, as fast as then, but without loads."""
+        """Restore position and rates of the start of the last step, without loads."""
         self.state.q[:] = self.q_start
         self.state.qdot[:] = self._free.before
         self.contact_impulse[:] = self._loads.last
         self._n_loads[:] = 0
 
     def halt(self) -> None:
-        """Stop where it is."""
+        """Stop all motion at the present position."""
         self._debt[:] = 0.0
         self.state.qdot[:] = -self._half_impulse()
         self.state.qddot[:] = self.constant_modal_force - self.reduced.basis.omega_rad_s**2 * self.state.q
@@ -226,17 +226,17 @@ class DuctBody:
 
     @property
     def owed_j(self) -> float:
-        """What contacts have put in beyond their work, and the rates did not hold, see `pay_for_impulses`."""
+        """Energy that contacts have added beyond their work and that the rates did not hold; see `pay_for_impulses`."""
         return float(self._debt[0])
 
     @property
     def n_loads(self) -> int:
-        """Nodes that contacts load."""
+        """Number of loaded nodes."""
         return int(self._n_loads[0])
 
     @property
     def n_contact_loads(self) -> int:
-        """Nodes, the first of them, that contacts have loaded in this step; others may bear what an effect left."""
+        """How many of the loads, the first ones, are contact forces of this step; an effect may have left others."""
         return int(self._n_loads[1])
 
     def rate(self) -> FloatArray:
@@ -269,8 +269,8 @@ class DuctBody:
         """Prepare for a step of this length, if it is another than the last one's.
 
         With a lasting force f of contacts and kicks the rates swing from -f dt / 2 at the end of a step to +f dt / 2
-        after the impulse at the start of the next one. What of that belongs to the old length is motion that nobody has
-        put in.
+        after the impulse at the start of the next one. The part that belongs to the old length would remain as motion
+        without a cause, so it is taken out.
         """
         if dt_s == self.dt_s:
             return

@@ -1,4 +1,4 @@
-"""What contacts do to the duct in a step, in kernels: its points gathered, and forces given to its modes and nodes."""
+"""Contact loads of the duct in kernels: contact points are gathered, forces applied to its modes and nodes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray, LongArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.node_compliance import NodeArrays, gather_and_displace
-from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
+from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
 
 
 class DuctMotion(Struct):
@@ -52,7 +52,7 @@ class DuctLoads(Struct):
 loads_at = reader(DuctLoads)
 
 
-@kernel
+@inlined_kernel
 def gather_kept(duct: DuctLoads, kept: Address[NodeArrays], nodes: IntArray, weights: FloatArray) -> bool:
     """Do as `DuctBody.gather` for points (k, 3); False, with residuals left out, where a node has no place."""
     n, count, free = nodes.shape[0], duct.count[0], duct.free

@@ -1,4 +1,4 @@
-"""The wall as collision detection meets it: modes, residual displacement round the loads, turned sections if any."""
+"""Surface of the duct's wall for collision detection: modes, residual displacement near loads, turned sections."""
 
 from __future__ import annotations
 
@@ -14,11 +14,16 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.field import FieldArrays, ResidualField, displace_round_loads, field_at
+from services.mechanics.reduction.residual.residual_field import (
+    FieldArrays,
+    ResidualField,
+    displace_round_loads,
+    field_at,
+)
 
 
-class Wall:
-    """Surface of a reduced duct, moved by what a duct frame holds. Physics and haptics see the same one.
+class WallSurface:
+    """Surface of a reduced duct, placed by its modal coordinates and contact loads; one for physics and haptics.
 
     Attributes
     ----------
@@ -42,7 +47,7 @@ class Wall:
             raise ValueError("the duct's coordinates or contact loads are not finite")
 
 
-class TurnedWall(Wall):
+class RotatedWallSurface(WallSurface):
     """Wall whose sections turn: the loads are turned back into the undeformed axes, where the residual is known."""
 
     def __init__(self, duct: ReducedDuct, half_thickness_m: float) -> None:
@@ -80,7 +85,7 @@ def move_wall(
     return bool(start_tick(shell, q, arrays.node[:count], arrays.displacement[:count]))
 
 
-def make_wall(duct: ReducedDuct, half_thickness_m: float) -> Wall:
+def make_wall(duct: ReducedDuct, half_thickness_m: float) -> WallSurface:
     """Return the wall of a duct, turned where the duct has a warp."""
-    kind = Wall if duct.warp is None else TurnedWall
+    kind = WallSurface if duct.warp is None else RotatedWallSurface
     return kind(duct, half_thickness_m)

@@ -1,6 +1,6 @@
-"""How points of the wall move with the modes: along straight lines, or with turning cross-sections.
+"""Motion of wall points with the modes: along straight lines, or with turning cross-sections.
 
-The duct's body asks one of two objects, chosen once: no step looks whether large rotations are on.
+The duct's body holds one of two objects, chosen once, so that no step tests whether large rotations are on.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.contact_corners import ContactCorners, list_corners, take_corners, weigh_corners
 from services.mechanics.compiled import summing_kernel
 from services.mechanics.compiled.struct import Address
-from services.mechanics.reduction.doubles import copy_doubles, find_sources
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.coincident_points import copy_coincident, find_sources
 from services.mechanics.reduction.large_rotations.warping import SectionFrame, TubeWarp
 from services.mechanics.reduction.modal_compliance import add_modal_compliance
 from services.mechanics.reduction.node_compliance import Loads, NodeArrays, NodeCompliance, PointRows, Points
-from services.mechanics.reduction.residual.turned import TurnedResidual
+from services.mechanics.reduction.reduced_duct import ReducedDuct
+from services.mechanics.reduction.residual.rotated_residual import RotatedResidual
 
 
 class PointCompliance:
-    """Compliance and residual displacement of up to ``n_points`` contact points, gathered anew in every tick.
+    """Compliance and residual displacement of up to ``n_points`` contact points, without a cache.
 
     Attributes
     ----------
     reduced : ReducedDuct
         Its residual compliance acts along world axes.
     kept_address : Address[NodeArrays] or None
-        Where kernels find what is kept from tick to tick, if anything is.
+        Where kernels find the compliance cached between nodes, if there is a cache.
     """
 
     kept_address: Address[NodeArrays] | None = None
@@ -57,16 +57,16 @@ class PointCompliance:
         self.compliance_anew(points, rows, gain, out)
 
     def compliance_anew(self, points: Points, rows: FloatArray, gain: FloatArray, out: FloatArray) -> None:
-        """Do as `compliance`, of nothing that is kept."""
+        """Do as `compliance`, without the cache."""
         source = self._source[: len(points[0])]
         find_sources(points, source)
         self.reduced.residual.gather_points(points[0], points[1], out, source)
         add_modal_compliance(rows, gain, self._scaled_modes, out, source)
-        copy_doubles(source, out)
+        copy_coincident(source, out)
 
 
 class StraightMotion(PointCompliance):
-    """x = X + Phi q: between nodes the compliance is always the same, so that of touched nodes is kept."""
+    """x = X + Phi q: between nodes the compliance is always the same, so that of touched nodes is cached."""
 
     def __init__(self, reduced: ReducedDuct, n_points: int) -> None:
         super().__init__(reduced, n_points)
@@ -101,11 +101,11 @@ class StraightMotion(PointCompliance):
 
 
 class TurnedMotion(PointCompliance):
-    """x of `reduction.warping`; ``reduced`` has its residual compliance turned along."""
+    """x of `reduction.large_rotations.warping`; ``reduced`` has its residual compliance turned along."""
 
     def __init__(self, reduced: ReducedDuct, warp: TubeWarp, n_points: int) -> None:
         self._frame = SectionFrame(warp)
-        turned = TurnedResidual.of(reduced.residual, self._frame, n_points)
+        turned = RotatedResidual.of(reduced.residual, self._frame, n_points)
         super().__init__(replace(reduced, residual=turned), n_points)
         self._corners_m = np.zeros((3 * n_points, 3))
         self._no_residual_m = np.zeros((3 * n_points, 3))

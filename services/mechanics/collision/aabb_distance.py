@@ -35,7 +35,7 @@ from services.mechanics.collision.boxes import (
 from services.mechanics.collision.nodes import corner_positions, node_position
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.shell import Body, Patch
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import (
     Vector,
     along,
@@ -123,7 +123,7 @@ def _motion_since(body: Body, patch: Patch, node: int) -> tuple[Vector, float]:
     return subtract(now, vector_at(boxes, node, SEEN_AT)), tight
 
 
-@kernel
+@inlined_kernel
 def _look_at_leaf(body: Body, patch: Patch, node: int) -> None:
     """Note the box of a leaf and the slab about its mean normal, which is thin where the wall is tilted."""
     low, high, normal = (math.inf, math.inf, math.inf), (-math.inf, -math.inf, -math.inf), _STILL

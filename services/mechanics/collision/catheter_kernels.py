@@ -28,7 +28,7 @@ from services.mechanics.collision.search import NOT_FOUND, closest, walk
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.sides import INSIDE, OUTSIDE, UNKNOWN, contact_of
 from services.mechanics.collision.writer import is_due, write_pair
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, along, dot, put_row, put_row_of, row, row_of, scaled, subtract
 
@@ -102,7 +102,7 @@ def enters_by_openings(address: Address[CatheterDetection]) -> bool:
     return True
 
 
-@kernel
+@inlined_kernel
 def _detect_particle(detection: CatheterDetection, i: int, p: Vector, motion: Vector, pairs: ContactPairs) -> None:
     thickness, margin, start = detection.thickness_m, detection.margin_m, pairs.count
     moved = math.sqrt(dot(motion, motion))
@@ -130,7 +130,7 @@ def _write_minimum(detection: CatheterDetection, i: int, k: int, motion: Vector,
     return True
 
 
-@kernel
+@inlined_kernel
 def _write_flanks(
     detection: CatheterDetection,
     minimum: tuple[int, int],
@@ -158,7 +158,7 @@ def _write_flanks(
                 write_pair(pairs, (NO_TOOL, 0, i, DUCT_TRIANGLE, touch[0], 0.0, touch[3]), gap, away)
 
 
-@kernel
+@inlined_kernel
 def _write_ahead(
     detection: CatheterDetection,
     minimum: tuple[int, int],
@@ -187,7 +187,7 @@ def _write_ahead(
             write_pair(pairs, pair, gap - dot(way, away), away)
 
 
-@kernel
+@inlined_kernel
 def _follow_particle(detection: CatheterDetection, i: int, p: Vector, reaches: tuple[float, float]) -> None:
     """Update flag and minima of one particle; each vouches for the other where it alone can know.
 

@@ -22,7 +22,7 @@ from services.mechanics.collision.probes import JUMP_M
 from services.mechanics.collision.search import NOT_FOUND, Touch, closest, offset
 from services.mechanics.collision.shell import Body, Patch, Shell
 from services.mechanics.collision.sides import surface_normal, triangle_normal
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import (
     Vector,
@@ -77,7 +77,7 @@ def cap_clearance(body: Body, lumen: Lumen, i: int, p: Vector) -> float:
     return left
 
 
-@kernel
+@inlined_kernel
 def follow_caps(shell: Shell, lumen: Lumen, i: int, start: Vector, end: Vector, guess: int) -> None:
     """Update the flag of particle i, which has moved from start to end; ``guess`` is a wall triangle near it."""
     body = shell.body
@@ -96,7 +96,7 @@ def follow_caps(shell: Shell, lumen: Lumen, i: int, start: Vector, end: Vector, 
             begun = here
 
 
-@kernel
+@inlined_kernel
 def _look(shell: Shell, lumen: Lumen, i: int, ends: tuple[Vector, Vector], guess: int) -> None:
     """Look at the caps from the end of a straight piece of the way since the last look."""
     body, wall, caps, (begun, p) = shell.body, shell.wall, shell.caps, ends
@@ -136,7 +136,7 @@ def _part_of_sphere(body: Body, patch: Patch, p: Vector) -> float:
     return total / (4.0 * math.pi)
 
 
-@kernel
+@inlined_kernel
 def _look_everywhere(shell: Shell, lumen: Lumen, i: int, p: Vector) -> None:
     """Find the flag from nothing, by the closest point of the closed surface."""
     body, wall, caps = shell.body, shell.wall, shell.caps

@@ -31,7 +31,7 @@ from services.mechanics.collision.search import (
 )
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.sides import UNKNOWN, Contact, Past, contact_followed
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import (
     Vector,
@@ -204,7 +204,7 @@ def _follow(body: Body, wall: Patch, triangle: int, ends: tuple[Vector, Vector],
     return walk(body, wall, index(triangle), ends[0], ends[1], reach)
 
 
-@kernel
+@inlined_kernel
 def _is_search_due(body: Body, probes: Probes, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
     enough = probes.due * min(probes.seen[i] - reach, probes.leeway_m)
     if _used(body, probes, i, ends) < enough:
@@ -224,7 +224,7 @@ def _is_opposite(body: Body, wall: Patch, first: Touch, second: Touch, ends: tup
     return dot(u, v) < STILL_OPPOSITE
 
 
-@kernel
+@inlined_kernel
 def _search(
     body: Body,
     wall: Patch,
@@ -269,7 +269,7 @@ def _search(
         _store(body, wall, probes, i, 1, contact)
 
 
-@kernel
+@inlined_kernel
 def _note_seen(
     body: Body, wall: Patch, probes: Probes, i: int, ends: tuple[Vector, Vector], first: Touch, reach: float
 ) -> None:

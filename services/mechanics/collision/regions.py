@@ -29,7 +29,7 @@ from services.mechanics.collision.motion_bounds import largest_gain
 from services.mechanics.collision.primitives import index
 from services.mechanics.collision.shell import REGION_WIDTH, Body, Patch, Regions
 from services.mechanics.collision.tick import motion_between
-from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import (
     Vector,
@@ -44,7 +44,7 @@ from services.mechanics.compiled.vectors import (
 #: Triangles of a region, at most: what its vertices do against its middle is a fifth of what the wall does.
 TRIANGLES = 160
 #: Regions further than this beyond what a search has seen are bounded by the motion of any node.
-FAR_M = 3e-3
+SEARCH_MARGIN_M = 3e-3
 #: Regions that a probe can have near it, and loaded nodes of a wall; with more there is no second opinion.
 MOST = 48
 MOST_LOADED = 256
@@ -139,7 +139,7 @@ def _leading(modes: FloatArray) -> tuple[FloatArray, float]:
     return rows, float(largest_gain(modes - (modes @ V) @ V.T).max())
 
 
-@kernel
+@inlined_kernel
 def note_near(body: Body, patch: Patch, near: Near, i: int, ends: tuple[Vector, Vector], seen: float) -> None:
     """Note where the wall near probe i is when a search there has seen all of it that is nearer than ``seen``."""
     regions = body.regions
@@ -157,10 +157,10 @@ def note_near(body: Body, patch: Patch, near: Near, i: int, ends: tuple[Vector, 
     near.count[i] = _find_near(body, patch, near, i, ends, seen)
 
 
-@kernel
+@inlined_kernel
 def _find_near(body: Body, patch: Patch, near: Near, i: int, ends: tuple[Vector, Vector], seen: float) -> int:
-    """Note regions nearer than ``seen`` and `FAR_M`, the closest first; return how many, `_NONE` for too many."""
-    boxes, stack, bound, limit2, count = patch.boxes, patch.stack, patch.bound, (seen + FAR_M) ** 2, 0
+    """Note regions nearer than ``seen + SEARCH_MARGIN_M``, closest first; return how many, `_NONE` for too many."""
+    boxes, stack, bound, limit2, count = patch.boxes, patch.stack, patch.bound, (seen + SEARCH_MARGIN_M) ** 2, 0
     stack[0], top = 0, 1
     bound[0] = distance2_below(body, patch, index(0), ends[0], ends[1], limit2, (0.0, 0.0, 0.0))
     while top > 0:
@@ -204,7 +204,7 @@ def used_since(body: Body, near: Near, i: int, ends: tuple[Vector, Vector], sear
     changed = _look_for_changes(body, near, i)
     _remember(body, near, i)
     moved, away = motion_between(body, body.q, near.q[i])
-    used: float = _own(near, i, ends, (0.0, 0.0, 0.0)) + moved + changed - FAR_M
+    used: float = _own(near, i, ends, (0.0, 0.0, 0.0)) + moved + changed - SEARCH_MARGIN_M
     if count == 0:
         return used
     carried = subtract(_middle(body, near.region[i, 0]), row_of(near.before, i, 0))

@@ -17,7 +17,7 @@ from services.mechanics.collision.probes import SKIN_M
 from services.mechanics.collision.search import NOT_FOUND, Touch, closest, distance_to_all, offset, walk
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.writer import is_due, write_pair
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.compiled.vectors import (
     Vector,
@@ -59,7 +59,7 @@ class RimMemory(Struct):
         self.slack.fill(-1.0)
 
 
-@kernel
+@inlined_kernel
 def detect_rims(
     shell: Shell,
     memory: RimMemory,
@@ -78,7 +78,7 @@ def detect_rims(
         _detect_segment(shell, memory, i, ends, (row(motions, i), row(motions, i + 1)), sizes, pairs)
 
 
-@kernel
+@inlined_kernel
 def _detect_segment(
     shell: Shell,
     memory: RimMemory,
@@ -106,7 +106,7 @@ def _detect_segment(
         _write_ahead(shell, i, (touch, normal, distance), ends, motions, sizes, pairs, start)
 
 
-@kernel
+@inlined_kernel
 def _write_ahead(
     shell: Shell,
     i: int,
@@ -149,7 +149,7 @@ def _between(motions: tuple[Vector, Vector], s: float) -> Vector:
     return along(scaled(motions[0], 1.0 - s), motions[1], s)
 
 
-@kernel
+@inlined_kernel
 def _write_flanks(
     shell: Shell,
     i: int,
@@ -186,7 +186,7 @@ def _is_still_far(shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, V
     return is_far
 
 
-@kernel
+@inlined_kernel
 def _note_far(
     shell: Shell, memory: RimMemory, i: int, ends: tuple[Vector, Vector], distance: float, reach: float
 ) -> None:

@@ -14,7 +14,7 @@ from services.mechanics.collision.nodes import corner_positions
 from services.mechanics.collision.primitives import closest_on_triangle, closest_segment_triangle, index
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, dot, scaled, squared_distance, subtract
 
 Touch = tuple[int, float, float, Vector]
@@ -65,7 +65,7 @@ def _best_round(body: Body, patch: Patch, vertex: int, best: Touch, a: Vector, b
     return best
 
 
-@kernel
+@inlined_kernel
 def _best_touching(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector) -> Touch:
     """Return the closest touch on the triangles that share a corner with the touched one; none is looked at twice."""
     best, corner, start, ring = touch, patch.triangles, patch.ring_start, patch.ring
@@ -122,7 +122,7 @@ def closest(body: Body, patch: Patch, a: Vector, b: Vector, radius: float, guess
     return _descend(body, patch, a, b, best, (0.0, 0.0, 0.0))
 
 
-@kernel
+@inlined_kernel
 def closest_opposite(body: Body, patch: Patch, a: Vector, b: Vector, radius: float, direction: Vector) -> Touch:
     """Return the closest local minimum within ``radius`` that lies opposite to ``direction``.
 
@@ -137,11 +137,11 @@ def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direct
     """Depth-first search, nearer child first; a zero ``direction`` asks for the closest touch of all."""
     boxes, stack, bound = patch.boxes, patch.stack, patch.bound
     stack[0] = 0
-    bound[0] = distance2_below(body, patch, stack[0], a, b, best[1], direction)
+    bound[0] = distance2_below(body, patch, index(0), a, b, best[1], direction)
     top = 1
     while top > 0:
         top -= 1
-        node = stack[top]
+        node = index(stack[top])
         if bound[top] >= best[1]:
             continue
         if is_leaf(boxes, node):
@@ -165,11 +165,10 @@ def _descend(body: Body, patch: Patch, a: Vector, b: Vector, best: Touch, direct
 @kernel
 def distance_to_all(body: Body, patch: Patch, a: Vector, b: Vector) -> float:
     """Return a cheap lower bound of the distance from the probe to the whole patch."""
-    patch.stack[0] = 0
-    return math.sqrt(distance2_below(body, patch, patch.stack[0], a, b, math.inf, (0.0, 0.0, 0.0)))
+    return math.sqrt(distance2_below(body, patch, index(0), a, b, math.inf, (0.0, 0.0, 0.0)))
 
 
-@kernel
+@inlined_kernel
 def _search_leaf(body: Body, patch: Patch, node: int, a: Vector, b: Vector, best: Touch, direction: Vector) -> Touch:
     wants_opposite = dot(direction, direction) > 0.0
     span, order = patch.span, patch.order

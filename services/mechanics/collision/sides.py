@@ -21,7 +21,7 @@ from services.mechanics.collision.primitives import index
 from services.mechanics.collision.search import NOT_FOUND, Touch, offset, walk
 from services.mechanics.collision.shell import Body, Patch
 from services.mechanics.collision.topology import NO_NEIGHBOUR
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, along, combine, cross, dot, scaled, subtract, unit
 
 INSIDE, UNKNOWN, OUTSIDE = -1, 0, 1
@@ -131,7 +131,7 @@ def contact_followed(
         return contact
     away, apart = offset(body, patch, touch, ends[0], ends[1]), math.sqrt(touch[1])
     if dot(away, normal) > STILL * apart or distance + apart > reach:
-        return contact_of(body, patch, touch, ends[0], ends[1], UNKNOWN)
+        return contact_of(body, patch, touch, ends[0], ends[1], index(UNKNOWN))
     return contact
 
 
@@ -153,7 +153,7 @@ def _contact_on_side(touch: Touch, away: Vector, distance: float, normal: Vector
     return (touch, scaled(away, sign / distance), sign * distance, side)
 
 
-@kernel
+@inlined_kernel
 def _contact_at_deepest_end(body: Body, patch: Patch, touch: Touch, a: Vector, b: Vector, side: int) -> Contact:
     """Measure an axis that has crossed the wall at whichever end is deeper beyond it."""
     normal = surface_normal(body, patch, touch)

@@ -32,7 +32,7 @@ from services.mechanics.collision.search import NOT_FOUND, touch_triangle
 from services.mechanics.collision.shell import Shell
 from services.mechanics.collision.sides import TOUCHING_M, UNKNOWN
 from services.mechanics.collision.writer import write_pair
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.compiled.vectors import Vector, along, combine, dot, row_of, scaled, squared_distance, subtract
 
@@ -73,7 +73,7 @@ def detect_tools(
     detect_capsules(detection.capsules, tools, particles, (detection.catheter_radius_m, detection.margin_m), pairs)
 
 
-@kernel
+@inlined_kernel
 def _detect_wall(detection: ToolDetection, tools: Tools, pairs: ContactPairs) -> None:
     detection.probes.due, detection.probes.is_aside = EARLY, detection.beside.close_m > 0.0
     for tool in range(tools[0].shape[0]):
@@ -118,7 +118,7 @@ def forget_far(address: Address[ToolDetection], tools: Tools) -> None:
             first += count
 
 
-@kernel
+@inlined_kernel
 def _advance_piece(
     detection: ToolDetection, i: int, ends: tuple[Vector, Vector], reach: float, is_inside: bool
 ) -> None:
@@ -148,7 +148,7 @@ def _rests(detection: ToolDetection, i: int, reach: float) -> bool:
     return bool(probes.triangle[i, 0] != NOT_FOUND and is_touching and hardly_slides(detection.beside, i))
 
 
-@kernel
+@inlined_kernel
 def _may_touch_more(detection: ToolDetection, i: int, ends: tuple[Vector, Vector], reach: float) -> bool:
     """Return whether a piece that touches the wall may touch it elsewhere, more than that is to be known.
 
@@ -173,7 +173,7 @@ def _piece(segment: int, k: int, ends: tuple[Vector, Vector]) -> tuple[Vector, V
     return (along(p, axis, start), along(p, axis, max(1.0 - k * piece, 0.0)))
 
 
-@kernel
+@inlined_kernel
 def _write_segment(
     detection: ToolDetection,
     who: tuple[int, int],
@@ -224,7 +224,7 @@ def _write_minimum(
     write_pair(pairs, pair, distance - thickness, normal)
 
 
-@kernel
+@inlined_kernel
 def _write_beside(
     detection: ToolDetection,
     who: tuple[int, int],

@@ -8,7 +8,6 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 
@@ -26,7 +25,7 @@ def one_of(kernels: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
         packed = types.Tuple(arguments)
 
         def generate(context: Any, builder: Any, _signature: Any, given: Any) -> Any:
-            values = cgutils.unpack_tuple(builder, given[1], len(arguments))
+            values = [builder.extract_value(given[1], k) for k in range(len(arguments))]
             calls = [
                 partial(_call, context, builder, callee, wanted, values, arguments, returned)
                 for callee, wanted in zip(callees, signatures, strict=True)

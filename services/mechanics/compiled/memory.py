@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 from services.mechanics.arrays import AnyArray, LongArray
@@ -47,7 +46,8 @@ def _copy_bytes(_context: Any, target: Any, source: Any, count: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         byte = ir.IntType(8).as_pointer()
         to, of = builder.inttoptr(arguments[0], byte), builder.inttoptr(arguments[1], byte)
-        cgutils.raw_memcpy(builder, to, of, arguments[2], 1)
+        copy = builder.module.declare_intrinsic("llvm.memcpy", [byte, byte, arguments[2].type])
+        builder.call(copy, [to, of, arguments[2], ir.Constant(ir.IntType(1), 0)])
         return ir.Constant(ir.IntType(1), 1)
 
     return types.boolean(target, source, count), generate

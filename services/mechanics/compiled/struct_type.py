@@ -1,7 +1,8 @@
 """Structs as numba's compiler sees them: a pointer whose attributes are typed by the layout.
 
-Only what numba documents for extensions is used: a type with a data model, attributes by `lower_getattr_generic` and
-`lower_setattr_generic`, and a struct proxy to make an array of its address and extents. Such an array owns nothing.
+Only what numba documents is used: a type with a data model, the types of attributes by `structref.define_attributes`,
+their code by `lower_getattr_generic` and `lower_setattr_generic`. An array that is made of its address and its extents
+owns nothing.
 
 Addresses and extents do not change while a kernel runs, and the compiler is told so (``invariant.load``): otherwise it
 would load them again after every store to an array.
@@ -9,26 +10,34 @@ would load them again after every store to an array.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from llvmlite import ir
 from numba import from_dtype, types
-from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, lower_getattr_generic, lower_setattr_generic, models, register_model
+from numba.experimental import structref
+from numba.extending import lower_getattr_generic, lower_setattr_generic, models, register_model
 from numpy import dtype
 
-from services.mechanics.compiled.aggregate import new_array, product
 from services.mechanics.compiled.layout import ArrayField, Field, Layout, ScalarField, StructField
 
 _INT = ir.IntType(64)
 _SCALARS = {"float": types.float64, "int": types.int64, "bool": types.boolean}
 
 
-class StructType(types.Type):  # type: ignore[misc]  # numba has no types
+class _HasFields(types.Type):  # type: ignore[misc]  # numba has no types
+    """What numba takes the types of attributes from: ``field_dict``."""
+
+
+structref.define_attributes(_HasFields)
+
+
+class StructType(_HasFields):
     """Pointer to a struct of one layout; two classes of the same name and layout are one type."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
+        self.field_dict = {name: self.type_of(field) for name, field in layout.fields}
         super().__init__(f"{layout.name}-{layout.digest}")
 
     def type_of(self, field: Field) -> types.Type:
@@ -44,15 +53,6 @@ class StructType(types.Type):  # type: ignore[misc]  # numba has no types
 class _StructModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: StructType) -> None:
         super().__init__(manager, kind, _INT.as_pointer())
-
-
-@infer_getattr
-class _Attributes(AttributeTemplate):  # type: ignore[misc]
-    key = StructType
-
-    def generic_resolve(self, kind: StructType, name: str) -> types.Type | None:
-        field = dict(kind.layout.fields).get(name)
-        return None if field is None else kind.type_of(field)
 
 
 @lower_getattr_generic(StructType)
@@ -99,7 +99,32 @@ def _array(context: Any, builder: Any, kind: StructType, struct: Any, field: Arr
     ]
     array_type = kind.type_of(field)
     item = _INT(dtype(field.dtype).itemsize)
-    strides = [product(builder, [*shape[axis + 1 :][::-1], item]) for axis in range(len(shape))]
+    strides = [_product(builder, [*shape[axis + 1 :][::-1], item]) for axis in range(len(shape))]
     pointer = context.get_data_type(array_type.dtype).as_pointer()
-    data = load_word(builder, struct, field.word, pointer, is_constant=True)
-    return new_array(context, builder, array_type, data, shape, strides, itemsize=item)
+    model = context.data_model_manager[array_type]
+    made = ir.Constant(model.get_value_type(), None)  # all zeros: nothing owns the memory
+
+    def put(name: str, value: Any, *axis: int) -> None:
+        nonlocal made
+        made = builder.insert_value(made, value, [model.get_field_position(name), *axis])
+
+    put("nitems", _product(builder, shape))
+    put("itemsize", item)
+    put("data", load_word(builder, struct, field.word, pointer, is_constant=True))
+    for axis, (extent, stride) in enumerate(zip(shape, strides, strict=True)):
+        put("shape", extent, axis)
+        put("strides", stride, axis)
+    return made
+
+
+def _product(builder: Any, factors: Sequence[Any]) -> Any:
+    """Return the product of integers; constant factors are multiplied now."""
+    known, made = 1, None
+    for each in factors:
+        if isinstance(each, ir.Constant):
+            known *= each.constant
+        else:
+            made = each if made is None else builder.mul(made, each)
+    if made is None:
+        return _INT(known)
+    return made if known == 1 else builder.mul(made, _INT(known))

@@ -12,7 +12,7 @@ from services.mechanics.compiled.struct import Address
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.tool_loads import load_tools
 from services.mechanics.rod import contact_response
-from services.mechanics.rod.contact_gain import pay_for_change
+from services.mechanics.rod.contact_energy_gain import pay_for_change
 from services.mechanics.rod.free_step import FreeStep, step_at
 from services.mechanics.rod.implicit_kernels import Addresses, Motion
 from services.mechanics.rod.model import model_at, work_at
@@ -30,7 +30,7 @@ def give_forces(
 ) -> bool:
     """Correct the end of the step of all bodies; ``tool_force`` (2, 4) takes the generalised forces on the tools.
 
-    ``pays`` is whether all that the catheter stores is known here, as it is without twist, see `contact_gain`.
+    ``pays`` is whether all that the catheter stores is known here, as it is without twist, see `contact_energy_gain`.
     ``motion`` and ``step`` are those of `contact_response.correct`; False, and nothing corrected, where that is False.
     """
     state, catheter = state_at(addresses[0]), step_at(addresses[2])

@@ -16,7 +16,7 @@ import numpy as np
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.catheter import CatheterTouch, number_marked, touch_at
 from services.mechanics.bodies.duct_loads import DuctLoads, loads_at
-from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.rod.contact_response import compliance, factor_for_contacts
@@ -87,7 +87,7 @@ def _product(first: FloatArray, gain: FloatArray, second: FloatArray) -> float:
     return total
 
 
-@kernel
+@inlined_kernel
 def add_of_catheter(
     rows: ContactRows, closed: IntArray, rod: RodPlaces, lasting: LastingArrays, is_factored: bool, out: FloatArray
 ) -> bool:

@@ -21,7 +21,7 @@ from typing import Annotated
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.bodies.forceps.tool_body import ToolArrays
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Struct
 from services.mechanics.contact.laws import ELASTIC_AXES, HAS_GAP
 from services.mechanics.contact.laws.law import ContactProblem
@@ -60,7 +60,7 @@ class Ledger(Struct):
     solves: int = 0
 
 
-@kernel
+@inlined_kernel
 def solve_passively(
     problem: ContactProblem,
     W: FloatArray,

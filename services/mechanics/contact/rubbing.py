@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.contact.laws.law import ON_THE_LIMIT, ContactProblem
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step
@@ -39,7 +39,7 @@ MOST_SWEEPS_A_TURN = 20
 MOST_BLOCKS = 25_000_000
 
 
-@kernel
+@inlined_kernel
 def solve_in_turns(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> int:
     """Solve the contact problem from its present forces, in place, and return what it cost, in sweeps.
 
@@ -90,7 +90,7 @@ def _press(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: 
     return cost
 
 
-@kernel
+@inlined_kernel
 def _rub(problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch) -> tuple[int, bool]:
     """Try a Newton step on Coulomb's law; return what it cost, and whether it solved it. If not, forces are as before.
 

@@ -16,9 +16,9 @@ from services.mechanics.contact.laws.seal import SEAL_SOFTNESS_M_N
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.system import ContactSystem
 from services.mechanics.contact.writer import FIRST_SIDE, NO_ROOM, append_row, put_on_rod
+from services.mechanics.rod.introducer_normal_force import introducer_normal_force
 from services.mechanics.rod.introducer_passage import closest_on_segment, end_point, find_passage
 from services.mechanics.rod.model import RodModel, model_at
-from services.mechanics.rod.wall_push import wall_push
 
 _SEAL = number_of("seal")
 _NO_ROW = -1
@@ -102,7 +102,7 @@ def append_seal(
     introducer, rod, rows = model.introducer, state.geometry.rod, state.rows
     x = rod.position
     passage = find_passage(introducer, x)
-    limit = introducer.friction * wall_push(model, x, passage) if introducer.friction > 0.0 else 0.0
+    limit = introducer.friction * introducer_normal_force(model, x, passage) if introducer.friction > 0.0 else 0.0
     i, s, end = passage.last, 0.0, end_point(introducer, introducer.length)
     if passage.has_exit:
         limit += introducer.seal

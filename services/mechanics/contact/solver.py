@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.contact.laws.law import ContactProblem
 from services.mechanics.contact.newton import add_step, list_unknowns, newton_step, room_for_step
 from services.mechanics.contact.rubbing import solve_in_turns
@@ -18,7 +18,7 @@ CONTACTS_A_SWEEP = 4
 # A solve that may take no more sweeps goes on while one has moved a surface by more than this along its normal, as far
 # as that sweep knows: contacts that come first in a sweep know nothing of those after them, and bodies would overlap by
 # so much and more. One of fifty ticks of a hard case needs more than thirty; broken off, they gain energy, too.
-FAR_M = 1e-6
+MOTION_TOLERANCE_M = 1e-6
 # One that has taken so many is slow: from then on Newton steps lead from one contact that opens or slips to the next.
 SLOW_SWEEPS = 30
 # One that has not ended after so many runs in circles: friction and pressure are found in turns then.
@@ -52,7 +52,8 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     W : (3 k, 3 k) float64
         Delassus operator.
     effort : (iterations, tolerance_n)
-        Most sweeps where bodies are apart (`FAR_M`), and the change of any force component in a sweep at which to stop.
+        Most sweeps where bodies are apart (`MOTION_TOLERANCE_M`), and the change of any force component in a sweep at
+        which to stop.
     scratch : SolverScratch
     """
     iterations, tolerance_n = effort
@@ -65,7 +66,7 @@ def solve_contacts(problem: ContactProblem, W: FloatArray, effort: tuple[int, fl
     while True:
         change_n, change_m = sweep(problem, W)
         sweeps += 1
-        if change_n <= tolerance_n or (sweeps >= iterations and change_m <= FAR_M):
+        if change_n <= tolerance_n or (sweeps >= iterations and change_m <= MOTION_TOLERANCE_M):
             return sweeps
         if sweeps >= max(MOST_SWEEPS, iterations):
             return sweeps + solve_in_turns(problem, W, tolerance_n, scratch)
@@ -96,7 +97,7 @@ def _potential(problem: ContactProblem, free: FloatArray) -> float:
     return total
 
 
-@kernel
+@inlined_kernel
 def _try_newton_step(
     problem: ContactProblem, W: FloatArray, tolerance_n: float, scratch: SolverScratch
 ) -> tuple[int, int]:

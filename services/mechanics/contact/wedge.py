@@ -12,7 +12,7 @@ motion that nobody has put in.
 from __future__ import annotations
 
 from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, SHAFT
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import (
     Vector,
     along,
@@ -60,7 +60,7 @@ def append_wedges(rows: ContactRows, holds: HoldArrays, geometry: ContactGeometr
             _append_wedge(rows, holds, slot, geometry)
 
 
-@kernel
+@inlined_kernel
 def _append_wedge(rows: ContactRows, holds: HoldArrays, slot: int, geometry: ContactGeometry) -> None:
     tools, rod, tool = geometry.tools, geometry.rod, holds.tool[slot]
     first, weights, slope = point_on_curve(rod.position, holds.target[slot] + holds.weights[slot, 1])

@@ -7,7 +7,7 @@ import math
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.bodies.forceps.kinematics import contact_lever
 from services.mechanics.collision.pairs import NO_TOOL
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector
 from services.mechanics.contact import laws
 from services.mechanics.contact.geometry import ToolGeometry
@@ -43,7 +43,7 @@ def append_row(rows: ContactRows, law: int, identity: int) -> int:
     return row
 
 
-@kernel
+@inlined_kernel
 def put_under_law(rows: ContactRows, row: int, law: int) -> None:
     """Put a row under a law, with the softness and the limits that are particular to it."""
     rows.law[row] = law

@@ -23,6 +23,7 @@ from services.mechanics.effects.softening import Softening
 from services.mechanics.effects.twist import Twist
 from services.mechanics.effects.viscoelasticity import Viscoelasticity
 from services.mechanics.scene import SceneModel
+from services.nearest_word import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +122,7 @@ def check_ladder(scene: SceneModel) -> None:
 
 def _cannot_rest(name: str, scene: SceneModel) -> str:
     if name not in scene.effects:
-        return f"the scene has no effect {name!r}"
+        return f"the scene has no effect {name!r}{did_you_mean(name, scene.effects)}"
     if name in scene.essential:
         return f"{name} is essential"
     if not EFFECTS[name].kind.can_rest:

@@ -1,4 +1,4 @@
-"""What an effect is: settings, and the stages of building and stepping a simulation in which it acts."""
+"""Base of all effects: settings, and the stages of building and stepping a simulation."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Effect:
     An effect that a scene does not name is never constructed. The stages that it does not override are never
     called: there is one list per stage of the effects that act in it.
 
-    Every stage before the bodies exist gets what is being built there and returns what takes its place. Every stage of
-    a step gets the world and the length of the step.
+    Every stage before the bodies exist receives the object that is being built and returns its replacement. Every
+    stage of a step gets the world and the length of the step.
     """
 
     Settings: ClassVar[type[Any]] = NoSettings
@@ -65,8 +65,8 @@ class Effect:
     n_local_modes: ClassVar[int] = 0
     """Modes beside supports that it needs at most, see `reduction.local_modes`."""
     can_rest: ClassVar[bool] = False
-    """Whether a rung of the quality ladder may leave it out for a while, and nothing jumps: what it does in a step
-    leaves nothing behind that the next one without it would miss, or it fades (`rest`, `wake`)."""
+    """Whether a rung of the quality ladder may leave it out for a while without a jump: a step without it needs nothing
+    that an earlier step with it left behind, or it fades (`rest`, `wake`)."""
 
     def __init__(self, settings: Any, scene: SceneModel) -> None:
         self.settings = settings
@@ -75,22 +75,22 @@ class Effect:
         """Energy that the effect itself has taken out so far, beyond what contact rows do."""
 
     def state_arrays(self) -> tuple[FloatArray, ...]:
-        """Return the live arrays of what the effect remembers from step to step; they are only changed in place."""
+        """Return the live arrays of the effect's state; they are only changed in place."""
         return ()
 
     def potential_energy_j(self, world: World) -> float:
-        """What the effect and its bodies store now, for the energy balance: nothing, unless it says so."""
+        """Return the energy that the effect and its bodies store now, for the energy balance; zero by default."""
         return 0.0
 
     def rest(self) -> None:
-        """Begin to rest, as a rung of the quality ladder wants: its stages are called until it `rests`."""
+        """Begin to rest on a rung of the quality ladder; the stages are called until the effect `rests`."""
 
     def wake(self) -> None:
-        """Act again after a rung of the quality ladder on which the effect rested: what it remembers is old."""
+        """Act again after a rung of the quality ladder on which the effect rested; its state is out of date."""
 
     @property
     def rests(self) -> bool:
-        """Whether one that was told to rest does nothing any more, so that no stage need be called."""
+        """Whether an effect that was told to rest has no influence any more, so that no stage need be called."""
         return True
 
     def check_mesh(self, mesh: TriangleMesh) -> None:
@@ -145,11 +145,11 @@ class Effect:
         raise NotImplementedError
 
     def add_compliance(self, world: World, dt_s: float) -> None:
-        """Add what the effect's own bodies give way to the lower blocks of W, along world axes."""
+        """Add the compliance of the effect's own bodies to the lower blocks of W, along world axes."""
         raise NotImplementedError
 
     def settle(self, world: World, dt_s: float) -> None:
-        """Mend where the step has led, when contact forces are known, before effects act on it."""
+        """Correct the end of the step when contact forces are known, before other effects act on it."""
         raise NotImplementedError
 
     def after_solve(self, world: World, dt_s: float) -> None:

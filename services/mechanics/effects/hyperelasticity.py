@@ -9,12 +9,17 @@ import numpy as np
 from services.mechanics.arrays import AnyArray
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.duct import ReducedDuct
-from services.mechanics.reduction.nonlinear.polynomial import apply_impulse
-from services.mechanics.reduction.state import ModalState
-from services.mechanics.reduction.stretching.samples import StretchSamples, fetch_samples
-from services.mechanics.reduction.stretching.settle import settle_step
-from services.mechanics.reduction.stretching.wall import ENERGY, StretchedWall, stretch_energy, stretch_force
+from services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples, fetch_samples
+from services.mechanics.reduction.hyperelastic.energy_tank import settle_step
+from services.mechanics.reduction.hyperelastic.hyperelastic_wall import (
+    ENERGY,
+    HyperelasticWall,
+    stretch_energy,
+    stretch_force,
+)
+from services.mechanics.reduction.modal_state import ModalState
+from services.mechanics.reduction.nonlinear.cubic_force import apply_impulse
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.world import World
 
 
@@ -52,7 +57,7 @@ class Hyperelasticity(Effect):
     def prepare(self, world: World) -> None:
         """Take the wall on, at rest."""
         duct = world.duct.reduced
-        self._wall = StretchedWall.of(self._fetch(duct))
+        self._wall = HyperelasticWall.of(self._fetch(duct))
         self._damping = 2.0 * duct.basis.omega_rad_s * duct.damping_ratio
         self._ahead = ModalState.at_rest(duct.basis.n_modes)
         self._force = np.zeros(duct.basis.n_modes)
@@ -61,7 +66,7 @@ class Hyperelasticity(Effect):
         self._to_fade = 0.0
 
     def add_loads(self, world: World, dt_s: float) -> None:
-        """Kick the modes by the force that is wanted at the end of the step."""
+        """Kick the modes by the force at the end of the step."""
         duct, ahead = world.duct, self._ahead
         if dt_s != self._dt_s:
             self._wall.take_gain(duct.position_gain)
@@ -73,18 +78,18 @@ class Hyperelasticity(Effect):
         duct.modal_kick += self._force
 
     def settle(self, world: World, dt_s: float) -> None:
-        """Take back what the wall gave out because contacts did other than in the last step."""
+        """Take back energy that the step gained because its contact forces differed from those of the last step."""
         settle_step(self._wall, self._force, world.duct)
         if self._wall.faded[0] != self._to_fade:
             self._wall.fade(self._to_fade, dt_s)
             self._wall.books[ENERGY] = self.potential_energy_j(world)
 
     def rest(self) -> None:
-        """Stiffen less and less."""
+        """Begin to fade the stiffening out."""
         self._to_fade = 1.0
 
     def wake(self) -> None:
-        """Stiffen more and more."""
+        """Begin to fade the stiffening in."""
         self._to_fade = 0.0
 
     @property
@@ -97,7 +102,7 @@ class Hyperelasticity(Effect):
         return self._wall.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
-        """Return what the wall stores more than a linear one."""
+        """Return the energy stored beyond that of a linear wall."""
         return stretch_energy(self._wall.address, world.duct.state.q)
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> StretchSamples:

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from services.mechanics.effects.base import Effect
-from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.large_rotations.sections import cut_sections, refuse_unless_tube
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.world import World
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
-from services.mechanics.reduction.nonlinear.manifold import fetch_membrane_force
+from services.mechanics.reduction.nonlinear.quadratic_manifold import fetch_membrane_force
 from services.mechanics.scene import SceneModel
 from services.mechanics.world import World
 

@@ -1,7 +1,7 @@
 """Softening: a wall that gives way where it is squeezed, as a thin wall does whose section folds.
 
-What it needs is imported when a scene has it: the shell of large displacements, with scipy's trees and rotations,
-is a tenth of what a process of the rig imports.
+Its modules are imported when a scene has the effect: the shell of large displacements, with scipy's trees and
+rotations, is a tenth of all that a process of the rig imports.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from services.mechanics.arrays import AnyArray
 from services.mechanics.effects.base import Effect, recipe_of, require_positive
 from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.viscoelastic import PronySeries
 from services.mechanics.world import World
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from services.mechanics.reduction.softening.training import WallSoftening
 
 N_LOCAL_MODES = 16
-"""Beside supports: without them, what a force there moves the wall by is linear but for a quarter."""
+"""Modes beside supports: without them three quarters of the response to a force there would stay linear."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class SofteningSettings:
 class Softening(Effect):
     """What large displacements add to the linear response of the wall to contact forces.
 
-    A force on the modes that follows their displacement and has a potential, so that it gives out nothing that it was
-    not given; none at first order, so small loads meet the linear wall. Weight and gas pressure are not among the loads
-    that soften. It takes the place of `nonlinear_membrane`, whose energy it counts as well.
+    A force on the modes with a potential of their displacement, so that it never returns more energy than it received.
+    It vanishes at first order: small loads meet the linear wall. Weight and gas pressure do not soften the wall. It
+    includes the energy of `nonlinear_membrane` and takes its place.
     """
 
     Settings = SofteningSettings
@@ -48,7 +48,7 @@ class Softening(Effect):
     can_rest = True
 
     def train(self, duct: ReducedDuct, progress: Progress) -> None:
-        """Compute what is learned of the wall, unless it is in the cache.
+        """Train the softening of the wall, unless it is in the cache.
 
         Raises
         ------
@@ -58,22 +58,22 @@ class Softening(Effect):
         self._fetch(duct, progress)
 
     def prepare(self, world: World) -> None:
-        """Take the wall's softening on."""
-        from services.mechanics.reduction.softened_wall.followed_wall import FollowedWall
+        """Build the softening wall."""
+        from services.mechanics.reduction.softened_wall.softening_step import SofteningStep
 
         duct = world.duct
         # Read by name: no effect needs another's file.
         viscous = self.scene.effects.get("viscoelasticity")
         series = PronySeries(getattr(viscous, "g", ()), getattr(viscous, "tau_s", ()))
         softening, load = self._fetch(duct.reduced), duct.constant_modal_force
-        self._wall = FollowedWall(duct.reduced, softening, load, duct.integrator, series)
+        self._wall = SofteningStep(duct.reduced, softening, load, duct.integrator, series)
 
     def add_loads(self, world: World, dt_s: float) -> None:
-        """Push the modes."""
+        """Apply the softening force to the modes."""
         world.duct.modal_force += self._wall.force
 
     def after_solve(self, world: World, dt_s: float) -> None:
-        """Follow the contact forces, and the wall."""
+        """Update the softening force from contact forces and modes."""
         duct, n = world.duct, world.duct.n_loads
         loads = duct.load_nodes[:n], duct.load_force_n[:n]
         motion = duct.state.q, duct.q_start, duct.state.qdot, duct.state.qddot
@@ -82,11 +82,11 @@ class Softening(Effect):
         self.dissipated_j = self._wall.dissipated_j
 
     def rest(self) -> None:
-        """Give way less and less."""
+        """Begin to fade the softening out."""
         self._wall.fade(1.0)
 
     def wake(self) -> None:
-        """Give way more and more."""
+        """Begin to fade the softening in."""
         self._wall.fade(0.0)
 
     @property
@@ -99,7 +99,7 @@ class Softening(Effect):
         return self._wall.state_arrays()
 
     def potential_energy_j(self, world: World) -> float:
-        """Return what the wall stores less than a linear one that is displaced as far."""
+        """Return the stored energy relative to a linear wall that is displaced as far."""
         return self._wall.stored_j
 
     def _fetch(self, duct: ReducedDuct, progress: Progress = ignore_progress) -> WallSoftening:

@@ -1,14 +1,12 @@
 """Thin-shell finite elements: flat triangles, six degrees of freedom a node, linear and sparse."""
 
-from services.mechanics.fem.buckling import BucklingModes, compute_buckling
-from services.mechanics.fem.loads import point_load, pressure_load, surface_load
-from services.mechanics.fem.model import ElementChoice, ShellModel, StaticSolution
+from services.mechanics.fem.boundary_conditions import Support, clamp
+from services.mechanics.fem.loads import pressure_load
 from services.mechanics.fem.modes import EigenModes, compute_modes
 from services.mechanics.fem.section import Orthotropy, ShellSection
-from services.mechanics.fem.supports import Support, clamp
+from services.mechanics.fem.shell_model import ElementChoice, ShellModel, StaticSolution
 
 __all__ = [
-    "BucklingModes",
     "EigenModes",
     "ElementChoice",
     "Orthotropy",
@@ -17,9 +15,6 @@ __all__ = [
     "StaticSolution",
     "Support",
     "clamp",
-    "compute_buckling",
     "compute_modes",
-    "point_load",
     "pressure_load",
-    "surface_load",
 ]

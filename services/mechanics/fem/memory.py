@@ -1,4 +1,4 @@
-"""How much memory a model takes, and how much there is: asked before anything is allocated."""
+"""Memory that a model takes and memory that is free, checked before anything is allocated."""
 
 from __future__ import annotations
 

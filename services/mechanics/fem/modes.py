@@ -1,4 +1,4 @@
-"""Natural modes: sparse shift-invert with massless rotations, and the paper's dense condensation."""
+"""Natural modes by Lanczos iteration on the sparse factors, with massless rotations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.model import ShellModel
+from services.mechanics.fem.shell_model import ShellModel
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the shell is made of: thickness, elastic moduli and density, uniform or given per triangle."""
+"""Section of the shell: thickness, elastic moduli and density, uniform or given per triangle."""
 
 from __future__ import annotations
 

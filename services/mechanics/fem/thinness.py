@@ -8,11 +8,6 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.section import ShellSection
 from services.mechanics.surface.mesh import TriangleMesh, vertex_components
 
-THINNEST_RATIO = 2e-4
-"""A fifth of what the thinnest walls compared with theory have; millimetres read as metres lie below."""
-DOUBTFUL_RATIO = 0.2
-"""Thickness over width beyond which the transverse shear that a Kirchhoff shell lacks is no longer small."""
-
 
 def thickness_over_width(mesh: TriangleMesh, section: ShellSection) -> tuple[float, FloatArray]:
     """Largest ratio of thickness to width of all connected pieces, and the (3,) centre of that piece in m.

@@ -2,13 +2,13 @@
 
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.cache import CacheError
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.modal_state import ModalGains, ModalIntegrator, ModalState
 from services.mechanics.reduction.newmark import Newmark
 from services.mechanics.reduction.oscillator import ExactOscillator
 from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice
 from services.mechanics.reduction.reduce import reduce_duct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import Residual
-from services.mechanics.reduction.state import ModalGains, ModalIntegrator, ModalState, correct
 
 __all__ = [
     "CacheError",
@@ -22,6 +22,5 @@ __all__ = [
     "ReducedDuct",
     "Residual",
     "ResidualChoice",
-    "correct",
     "reduce_duct",
 ]

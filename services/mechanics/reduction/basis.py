@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled import summing_kernel
 from services.mechanics.reduction.content_hash import hash_content
 
 
@@ -54,23 +54,6 @@ class ModalBasis:
         """Return the displacement of every node (n, 3) in m: eq. 22."""
         field: FloatArray = self.Phi @ q
         return field
-
-
-@kernel
-def node_displacement(node: int, Phi: FloatArray, q: FloatArray, out: FloatArray) -> None:
-    """Write the modal displacement of one node into ``out`` (3,), in m."""
-    for axis in range(3):
-        total = 0.0
-        for mode in range(q.shape[0]):
-            total += Phi[node, axis, mode] * q[mode]
-        out[axis] = total
-
-
-@kernel
-def node_displacements(nodes: IntArray, Phi: FloatArray, q: FloatArray, out: FloatArray) -> None:
-    """Write the modal displacements of ``nodes`` (k,) into ``out`` (k, 3), in m."""
-    for k in range(nodes.shape[0]):
-        node_displacement(nodes[k], Phi, q, out[k])
 
 
 @summing_kernel

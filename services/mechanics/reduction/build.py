@@ -26,7 +26,7 @@ BATCH = 16
 
 
 def ignore_progress(stage: str, fraction: float) -> None:
-    """Report to nobody."""
+    """Discard the progress."""
 
 
 def build_basis(model: ShellModel, n_modes: int, progress: Progress = ignore_progress) -> ModalBasis:

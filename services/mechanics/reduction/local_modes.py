@@ -1,4 +1,4 @@
-"""Modes beside supports: what the lowest modes leave out of the response to forces there, as modes of their own.
+"""Residual vectors beside supports: extra modes for the part of the local response that the lowest modes leave out.
 
 On the first row of nodes beside a clamp the lowest 80 modes hold a quarter of what a force moves the wall by. The
 residual compliance holds the rest, exactly, but of a linear wall only: no force on the modes can soften or stiffen it.
@@ -16,7 +16,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.fem import ShellModel
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.reduction.softening.sites import lumen_width_m
+from services.mechanics.reduction.softening.load_sites import lumen_width_m
 from services.mechanics.surface.mesh import vertex_normals
 
 REACH_WIDTHS = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.reduction.doubles import is_copied
+from services.mechanics.reduction.coincident_points import is_copied
 
 Row = tuple[float, float, float]
 Block = tuple[Row, Row, Row]
@@ -17,7 +17,7 @@ def add_modal_compliance(
     """Add modes diag(gain) modes^T to the lower blocks of ``out`` (m, m), with the first modes of ``modes`` (m, r).
 
     As many modes as ``gain`` (s,) has count; ``scratch`` holds at least m s items; blocks that ``source`` (m / 3,) says
-    are copies are left out, see `doubles`. Twice as fast as a product of the
+    are copies are left out, see `coincident_points`. Twice as fast as a product of the
     BLAS, because only the lower half is formed and nine sums at a time stay in registers.
     """
     n_modes, n_rows = gain.shape[0], out.shape[0]

@@ -2,45 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.state import ModalGains, ModalState, PreparedIntegrator
-
-if TYPE_CHECKING:
-    from typing import Any
-
-
-@dataclass(frozen=True, slots=True)
-class NewmarkConstants:
-    """The paper's a0 ... a10 for one step length; a0, a1 and a2 follow the damping alpha and may be arrays.
-
-    ``alpha`` is the damping over mass in 1/s: a scalar for B = alpha M, or 2 omega zeta per mode.
-    """
-
-    a0: Any
-    a1: Any
-    a2: Any
-    a3: float
-    a4: float
-    a5: float
-    a6: float
-    a7: float
-    a8: float
-    a9: float
-    a10: float
-
-    @classmethod
-    def from_step(cls, dt_s: float, alpha_1_s: Any) -> NewmarkConstants:
-        """Evaluate the constants of Appendix B.A for the step ``dt_s`` in s (eta = 1/4, delta = 1/2)."""
-        a0 = (4.0 + 2.0 * alpha_1_s * dt_s) / dt_s**2
-        a4 = 4.0 / dt_s**2
-        a9 = dt_s**2 / 4.0
-        return cls(a0, a0, 4.0 / dt_s + alpha_1_s, 1.0, a4, -a4, -a4 * dt_s, -1.0, dt_s / 2.0, a9, a9)
+from services.mechanics.reduction.modal_state import ModalGains, ModalState, PreparedIntegrator
 
 
 class Newmark(PreparedIntegrator):
@@ -76,11 +42,12 @@ class Newmark(PreparedIntegrator):
         return self._kernel_constants
 
     def _evaluate(self, dt_s: float) -> ModalGains:
-        """Return 1/K_hat, a8 a4/K_hat and a4/K_hat, and keep the constants of the kernel."""
-        a = NewmarkConstants.from_step(dt_s, self._alpha)
-        position = 1.0 / (self._stiffness + a.a0)
-        self._kernel_constants = np.ascontiguousarray(np.stack([a.a1, a.a2, position]))
-        return ModalGains(position, a.a8 * a.a4 * position, a.a4 * position)
+        """Return 1/K_hat, a8 a4/K_hat and a4/K_hat, and keep the kernel's a1 (equal to a0), a2 and 1/K_hat."""
+        a0 = (4.0 + 2.0 * self._alpha * dt_s) / dt_s**2
+        a4, a8 = 4.0 / dt_s**2, dt_s / 2.0
+        position = 1.0 / (self._stiffness + a0)
+        self._kernel_constants = np.ascontiguousarray(np.stack([a0, 4.0 / dt_s + self._alpha, position]))
+        return ModalGains(position, a8 * a4 * position, a4 * position)
 
 
 @kernel

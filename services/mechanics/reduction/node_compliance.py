@@ -1,15 +1,16 @@
-"""Compliance between the nodes of a duct that contacts touch, kept from tick to tick.
+"""Compliance between the nodes of a duct that contacts touch, cached from tick to tick.
 
-Contact points move over their triangles in every tick, but between nodes neither modes nor residual ever change, so
-W between contact points is a weighing of blocks between nodes that are mostly known: B C B^T with the barycentric
-weights B. A new node costs its row of residual blocks, scattered over 36 n^2 bytes, and r products a block.
+Contact points move over their triangles in every tick, but the compliance C between nodes never changes. So W between
+contact points is B C B^T with the barycentric weights B, and most blocks of C are known already. A new node costs its
+row of residual blocks, scattered over 36 n^2 bytes, and r products a block.
 
-What is kept is what the duct says of each pair of nodes, whatever came before: C of the same nodes is the same to the
-last bit, however long it has been kept. It holds as long as the modes are those of the undeformed wall; sections that
-turn carry them along, and nothing is kept then (`bodies.wall_motion`).
+The cache depends on the pair of nodes only, not on its own history: C of the same nodes is the same to the last bit.
+That holds while the modes are those of the undeformed wall. Sections that turn carry the modes along, so a wall with
+large rotations has no cache (`bodies.wall_motion`).
 
-Sums are double, what is kept is single precision, as the residual is anyway: it is read from the outer caches in every
-tick, at half the cost. W is within 6e-8 of the largest block that it is weighed from, forces within 1e-6.
+Sums are in double precision and the cache is in single precision, as the residual is anyway: the cache is read from the
+outer caches of the processor in every tick, and this halves the cost. W is within 6e-8 of the largest block that enters
+it, forces within 1e-6.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from services.mechanics.arrays import BoolArray, Float32Array, FloatArray, IntAr
 from services.mechanics.compiled import kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.basis import gather_modes
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import BlockStore, block_between
 from services.mechanics.reduction.touched_nodes import (
     N_PLACES,
@@ -175,7 +176,7 @@ def _move_nodes(kept: NodeArrays, loads: Loads) -> None:
 
 @kernel
 def admit_nodes(address: Address[NodeArrays], store: BlockStore, points: Points, loads: Loads) -> bool:
-    """Give a place to every node of points and loads; False where there is not room for all."""
+    """Give every node of points and loads a place; return False where there are too few places."""
     kept, (nodes, weights), has_all = arrays_at(address), points, True
     for point in range(nodes.shape[0]):
         for corner in range(3):
@@ -255,7 +256,7 @@ def _weigh_rows(kept: NodeArrays, point: int, weights: FloatArray) -> None:
 
 @kernel
 def _take_gain(kept: NodeArrays, gain: FloatArray) -> None:
-    """Forget what was made with another gain, that of another step length."""
+    """Invalidate the blocks if the gain has changed, as it does with the step length."""
     is_same = True
     for mode in range(gain.shape[0]):
         is_same = is_same and kept.gain[mode] == gain[mode]

@@ -6,7 +6,7 @@ import numpy as np
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.state import ModalGains, ModalState, PreparedIntegrator
+from services.mechanics.reduction.modal_state import ModalGains, ModalState, PreparedIntegrator
 
 
 class ExactOscillator(PreparedIntegrator):

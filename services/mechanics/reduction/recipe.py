@@ -1,4 +1,4 @@
-"""What a reduced duct is made of."""
+"""Inputs of a reduced duct: mesh, section, supports, elements, and the kind of residual compliance."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SMALL_BYTES = 96 * MIB
 FORMAT = 1
 """Raised when what is stored, or how it is computed from a model, changes; the elements' code is hashed itself."""
 
-LOCAL_SOURCES = (Path(__file__).parent / "local_modes.py", Path(__file__).parent / "softening" / "sites.py")
+LOCAL_SOURCES = (Path(__file__).parent / "local_modes.py", Path(__file__).parent / "softening" / "load_sites.py")
 """What local modes follow from beside the model."""
 
 

@@ -14,13 +14,13 @@ from services.mechanics.reduction import cache
 from services.mechanics.reduction.basis import ModalBasis
 from services.mechanics.reduction.build import Progress, build_basis, fill_full_residual, ignore_progress
 from services.mechanics.reduction.content_hash import hash_content
-from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.recipe import DuctRecipe
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.reduction.residual.blocks import Residual
-from services.mechanics.reduction.residual.cyclic import build_cyclic
+from services.mechanics.reduction.residual.cyclic_residual import build_cyclic
 from services.mechanics.reduction.residual.patch_error import PatchError, measure_patches
 from services.mechanics.reduction.residual.patches import build_patches, largest_radius_m
-from services.mechanics.surface.cyclic import CyclicSymmetry, find_cyclic_symmetry
+from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry, find_cyclic_symmetry
 
 CYCLIC_FORMAT = 1
 """Raised when the blocks of a sector change."""

@@ -1,7 +1,7 @@
-"""Which nodes of a duct contacts touch now or have touched lately, each at a place of its own in what is kept of them.
+"""Nodes of a duct that contacts touch now or touched lately, each with a place in the compliance cache.
 
-A catheter at rest trembles over the edges of the mesh, so that the triangles it touches change in every tick while
-their nodes hardly do: a node keeps its place for `KEPT_TICKS` after it was touched last.
+A catheter at rest trembles over the edges of the mesh: the triangles it touches change in every tick, their nodes
+hardly do. So a node keeps its place for `KEPT_TICKS` ticks after its last contact.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What a viscoelastic wall keeps of a dent: the residual displacement under contact loads relaxes as the modes do.
+"""Relaxation of the residual displacement of a viscoelastic wall: a dent grows under a lasting force and lingers.
 
-The residual is elastic at once: u = R p. In a wall whose stiffnesses all relax as one Prony series it is the force
-p - sum_k g_k h_k that acts, with h_k' = (p - h_k) / tau_k: u is that of the loads f and of what lags behind them,
-p = f + sum_k g_k h_k, node by node. A dent under a force that lasts grows to R f / (1 - sum g).
+The residual responds elastically and at once, u = R p. All stiffnesses of the wall relax by one Prony series, so the
+contact loads f balance p - sum_k g_k h_k with h_k' = (p - h_k) / tau_k. Node by node that is p = f + sum_k g_k h_k,
+where the sum is called the lagging load. A dent under a lasting force grows to R f / (1 - sum g).
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from services.mechanics.arrays import AnyArray, FloatArray, IntArray, LongArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 from services.mechanics.reduction.residual.blocks import BlockStore, block_between
-from services.mechanics.reduction.residual.numbering import forget_numbers, number_node
+from services.mechanics.reduction.residual.node_numbering import forget_numbers, number_node
 from services.mechanics.reduction.viscoelastic import PronySeries
 
 LEAST_N = 1e-6
-"""What lags by less is forgotten where nothing presses."""
+"""A lagging load below this is dropped where nothing presses."""
 MOST_LEFT = 32
-"""Nodes that nothing presses any more and that still lag; of more, those that lag least are forgotten."""
+"""At most so many nodes keep a lagging load after their contact has ended; beyond it the smallest are dropped."""
 BOOKED_EVERY = 0.08
-"""Of the shortest relaxation time: what is dissipated is a sum over all pairs of nodes, and changes slowly."""
+"""Interval between sums of the dissipated energy, over the shortest relaxation time. The energy changes slowly, and a
+sum runs over all pairs of nodes."""
 
 
 class LaggingLoads(Struct):
@@ -46,8 +47,8 @@ lagging_at = reader(LaggingLoads)
 class ViscousLoads:
     """Lagging loads of up to ``capacity`` nodes of a wall of ``n_nodes``.
 
-    After each step `relax` takes the loads of the step and leaves in their place what acts through the residual, p.
-    A step that follows asks where the wall is without its contacts: R times ``lasting``.
+    After each step `relax` replaces the contact loads f by the loads p that act through the residual. Without its
+    contacts the wall is displaced by R times ``lasting``.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class ViscousLoads:
 
     @property
     def lasting(self) -> tuple[IntArray, FloatArray]:
-        """Nodes (c,) and the loads (c, 3) in N that lag behind what pressed there."""
+        """Nodes (c,) and their lagging loads (c, 3) in N."""
         count = int(self._arrays.count[0])
         return self._arrays.node[:count], self._arrays.total[:count]
 
@@ -148,7 +149,7 @@ def _take_loads(lagging: LaggingLoads, nodes: IntArray, forces: FloatArray, n_lo
 
 @kernel
 def _list_loads(lagging: LaggingLoads, count: int, nodes: IntArray, forces: FloatArray) -> int:
-    """Write p over the loads, of what is pressed before all else where there is no room for all; return how many."""
+    """Overwrite the loads with p and return how many; where there is no room for all, pressed nodes come first."""
     room, listed = nodes.shape[0], 0
     fits = count <= room
     for pressed in (1, 0):

@@ -1,4 +1,4 @@
-"""What contact forces do to an implicit step: kernels on the factorised matrix of implicit Euler."""
+"""Response of an implicit step to contact forces: kernels on the factorised matrix of implicit Euler."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.banded import HALF_BANDWIDTH, RHS_BLOCK, factor_ldl, solve_ldl, solve_ldl_block
+from services.mechanics.rod.generalized_alpha import implicit_euler
 from services.mechanics.rod.implicit_kernels import Addresses, Motion, assemble_again, remove_held
 from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
-from services.mechanics.rod.step_form import implicit_euler
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""The energies of a rod, for books that must balance."""
+"""Kinetic and elastic energies of a rod."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from services.mechanics.arrays import FloatArray
 from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.elasticity import bending_angle, bending_energy, segment_geometry, stretch_energy
-from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.introducer_forces import introducer_energy
 from services.mechanics.rod.model import RodModel, RodWork, allocate_work, model_at, work_at
 from services.mechanics.rod.state import RodState
@@ -60,7 +58,7 @@ def rod_energy(
     state
         Where the particles are, and how fast.
     work
-        Scratch to use again, for who asks in every tick.
+        Scratch to use again, for calls in every tick.
     """
     work = work or allocate_work(len(state.position_m))
     np.copyto(work.position, state.position_m)
@@ -81,31 +79,6 @@ def _energies(model_address: Address[RodModel], work_address: Address[RodWork]) 
     segment_geometry(model, work)
     support_j = introducer_energy(model, work.position) if model.introducer.is_there else 0.0
     return stretch_energy(model, work), bending_energy(model, work), support_j
-
-
-def internal_forces(model: RodModel, state: RodState, work: RodWork | None = None) -> FloatArray:
-    """Return the rod's own forces (n, 3) in N: elastic, damping, of clamps and introducer; not drag, not the frame's.
-
-    With a state at rest they are the elastic ones. Allocates, so not for the 1 kHz step.
-
-    Parameters
-    ----------
-    model, state
-        The rod, and where its particles are.
-    work
-        Scratch to use again, for who asks in every tick.
-    """
-    work = work or allocate_work(len(state.position_m))
-    work.force[:] = 0.0
-    work.position[:] = state.position_m
-    work.lead[0] = model.beta * state.velocity_m_s
-    _add_forces(model.address, work.address)
-    return work.force.copy()
-
-
-@kernel
-def _add_forces(model_address: Address[RodModel], work_address: Address[RodWork]) -> None:
-    add_internal_forces(model_at(model_address), work_at(work_address), (0.0, 0.0))
 
 
 def _wall_energy(model: RodModel, work: RodWork) -> float:

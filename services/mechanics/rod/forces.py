@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.rod.clamp_forces import add_wall_joints
 from services.mechanics.rod.elasticity import (
     Scale,
@@ -32,11 +32,11 @@ def add_internal_forces(model: RodModel, work: RodWork, scale: Scale) -> None:
     _add_supports(model, work, scale)
 
 
-@kernel
+@inlined_kernel
 def add_internal_tangent(model: RodModel, work: RodWork, scale: Scale) -> None:
     """Add to ``work.band`` the tangent of the forces that were added last, which are nowhere dearer than in bending.
 
-    Those of the supports, few, are added again: the force is then nobody's.
+    The few forces of the supports are added a second time: the force in ``work`` is not valid afterwards.
     """
     _add_tangent(model, work, scale)
     _add_supports(model, work, scale)

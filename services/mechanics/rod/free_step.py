@@ -1,4 +1,4 @@
-"""A rod's step without contact forces, from its loads to its motion, in one kernel; and whether it is taken at all."""
+"""Step of a rod without contact forces in one kernel, and the test whether a rod at rest can skip it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from services.mechanics.rod.implicit_kernels import Addresses
 from services.mechanics.rod.model import model_at, work_at
 from services.mechanics.rod.step_energy import energy_beside
 
-# A tenth of a micrometre in a second and a half: far below what is seen or felt.
+# A tenth of a micrometre a second: far below what is seen or felt.
 SLEEP_SPEED_M_S = 1e-7
-# A hundredth of a millimetre: what moves less than that does not turn.
+# A hundredth of a millimetre: a smaller motion turns no segment noticeably.
 UNSEEN_M = 1e-5
 # What `step_freely` returns besides the number of iterations.
 SLEPT, NOT_DEFINITE = -1, -2
 
 
 class FreeStep(Struct):
-    """What a step of a rod without contact forces begins with; n particles."""
+    """State at the start of a step without contact forces, and the loads of the step; n particles."""
 
     start: Annotated[FloatArray, "n", 3]
     motion: Annotated[FloatArray, "n", 3]
@@ -33,12 +33,12 @@ class FreeStep(Struct):
     load: Annotated[FloatArray, "n", 3]  # both loads
     relief: Annotated[FloatArray, "n", 3]  # what takes the contact forces out again
     start_velocity: Annotated[FloatArray, "n", 3]
-    start_slow: Annotated[FloatArray, "n", 3]  # see `step_form`
+    start_slow: Annotated[FloatArray, "n", 3]  # see `generalized_alpha`
     planned: Annotated[FloatArray, "n", 3]  # where it ends with the contact forces that it was planned with
     solved: Annotated[FloatArray, "n", 3]  # contact forces of this step, before they are given
     base: Annotated[FloatArray, "n", 3]  # those that the best plan was made with
     led_to: Annotated[FloatArray, "n", 3]  # those that it led to
-    owed_j: float = 0.0  # see `contact_gain`
+    owed_j: float = 0.0  # see `contact_energy_gain`
 
 
 step_at = reader(FreeStep)

@@ -8,7 +8,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod import contact_response, implicit_kernels
 from services.mechanics.rod.banded import empty_columns
-from services.mechanics.rod.contact_gain import pay_for_change_with_twist
+from services.mechanics.rod.contact_energy_gain import pay_for_change_with_twist
 from services.mechanics.rod.free_step import NOT_DEFINITE, SLEPT, FreeStep, plan_again, step_freely, strays
 from services.mechanics.rod.model import RodModel, allocate_work, build_model
 from services.mechanics.rod.properties import RodProperties
@@ -183,7 +183,7 @@ class ImplicitIntegrator:
             self.note_factors(contact_response.factor_for_contacts(self.addresses, self._dt_s))
 
     def pay_for_change(self, state: RodState, address: Address[FreeStep]) -> None:
-        """Take out of the velocities of a rod with twist what a corrected step has gained, see `contact_gain`."""
+        """Take out of the velocities of a rod with twist what a corrected step gained (`contact_energy_gain`)."""
         frame = state.frame
         assert self.twist is not None
         assert frame is not None

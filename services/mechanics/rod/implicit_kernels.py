@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.rod.banded import HALF_BANDWIDTH, factor_ldl, solve_ldl
 from services.mechanics.rod.forces import add_internal_forces, add_internal_tangent
-from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
-from services.mechanics.rod.newton_guard import correct_stretch, line_search, put_held, start_guarded, turns_little
-from services.mechanics.rod.step_energy import gains
-from services.mechanics.rod.step_form import (
+from services.mechanics.rod.generalized_alpha import (
     StepForm,
     damping_scale,
     generalized_alpha,
     implicit_euler,
     stiffness_scale,
 )
+from services.mechanics.rod.model import RodModel, RodWork, model_at, work_at
+from services.mechanics.rod.newton_safeguards import correct_stretch, line_search, put_held, start_guarded, turns_little
+from services.mechanics.rod.step_energy import gains
 
 Motion = tuple[FloatArray, FloatArray]
 Moving = tuple[FloatArray, FloatArray, FloatArray]
 Addresses = tuple[Address[RodModel], Address[RodWork]]
 
 _TOLERANCE = 1e-3  # unasked stretch energy left by a step, over the energy in motion
-_PATIENCE = 2  # iterations of the second-order step before implicit Euler takes it
+_PATIENCE: int = np.int64(2)  # type: ignore[assignment]  # steps of second order before implicit Euler takes it
 
 
 @kernel
@@ -172,7 +174,7 @@ def _newton_direction(model: RodModel, work: RodWork) -> float:
     return product
 
 
-@kernel
+@inlined_kernel
 def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepForm) -> None:
     """Residual dt f - M dv into the right-hand side, and A, both at the current iterate."""
     n = external.shape[0]
@@ -186,13 +188,13 @@ def _assemble(model: RodModel, work: RodWork, external: FloatArray, form: StepFo
     work.rhs[3 * n :] = 0.0
 
 
-@kernel
+@inlined_kernel
 def assemble_matrix(model: RodModel, work: RodWork, form: StepForm) -> None:
     """Write the step's matrix and add the rod's own forces, at the configuration in ``work``."""
     add_internal_forces(model, work, _begin_matrix(model, work, form))
 
 
-@kernel
+@inlined_kernel
 def assemble_again(model: RodModel, work: RodWork, form: StepForm) -> None:
     """Write the matrix of another form of the step, at the configuration of the last `assemble_matrix`."""
     add_internal_tangent(model, work, _begin_matrix(model, work, form))

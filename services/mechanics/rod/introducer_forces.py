@@ -3,14 +3,14 @@
 Held are the points of the rod's curve nearest to the ends of the axis, to these, and every particle between to the
 axis; a particle's spring grows from nothing at a plane to its full stiffness one segment inside, so that sliding in or
 out changes no force by a jump. Stops keep both ends of the rod from leaving; a step that runs into one is taken by
-implicit Euler, for felt half a step late it would push with energy that nobody had. All springs are the gradient of an
-energy: they take no work. Friction is none of theirs: it is solved with the contacts.
+implicit Euler, because a stop that acts half a step late would add energy. All springs are the gradient of an
+energy, so they dissipate nothing; friction is solved with the contacts.
 """
 
 from __future__ import annotations
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, along, dot, scaled
 from services.mechanics.rod.curve import CurvePoint, closest_on_curve
 from services.mechanics.rod.introducer_passage import (
@@ -25,7 +25,7 @@ from services.mechanics.rod.introducer_passage import (
 from services.mechanics.rod.model import RodModel, RodWork
 
 
-@kernel
+@inlined_kernel
 def add_introducer(model: RodModel, work: RodWork, scale: float) -> None:
     """Add the forces that keep the rod on the axis of the introducer and in it.
 
@@ -77,7 +77,7 @@ def introducer_excess(model: RodModel, work: RodWork, x: FloatArray, scale: floa
     return introducer_energy(model, moved) - introducer_energy(model, x) - _quadratic_change(model, work, x, scale)
 
 
-@kernel
+@inlined_kernel
 def _quadratic_change(model: RodModel, work: RodWork, x: FloatArray, scale: float) -> float:
     introducer = model.introducer
     axis = (introducer.axis[0], introducer.axis[1], introducer.axis[2])

@@ -97,7 +97,7 @@ def roll(frame: MaterialFrame, segment: int, angle_rad: float) -> None:
 
 @kernel
 def expect_middle(x: FloatArray, path: FloatArray) -> None:
-    """Write into path[2] where particles x (n, 3) will be in the middle of the next step; to be asked once a step.
+    """Write into path[2] where particles x (n, 3) will be in the middle of the next step; call it once a step.
 
     From the middle of the last step with what particles have moved in a step, over the last few: what a step cannot
     resolve must not come back magnified, or a twisted rod flutters.

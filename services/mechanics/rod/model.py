@@ -1,4 +1,4 @@
-"""A rod's properties and supports as the kernels read them, and what they write."""
+"""Arrays of a rod for the kernels: its properties and supports, and the work space of a step."""
 
 from __future__ import annotations
 

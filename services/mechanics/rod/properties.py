@@ -1,4 +1,4 @@
-"""What a catheter is made of: stiffnesses, mass and damping per segment, from a material or given directly."""
+"""Properties of a catheter: stiffnesses, mass and damping per segment, from a material or given directly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a step has gained energy, or its contacts have moved it further than straight lines reach."""
+"""Energy checks of a step: whether it has gained energy, and what the linear contact correction leaves out."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import math
 import numpy as np
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.compiled import kernel
+from services.mechanics.compiled import inlined_kernel, kernel
 from services.mechanics.compiled.vectors import Vector, dot, subtract
 from services.mechanics.rod.elasticity import bending_angle
 from services.mechanics.rod.introducer_forces import introducer_energy, introducer_excess
 from services.mechanics.rod.model import RodModel, RodWork
 
-# Of a segment length (or a radian) in a step: what turns by less, and slides by less through an introducer, gains
-# nothing worth a look.
+# Of a segment length (or a radian) in a step: a rod that turns less and slides less through an introducer is not
+# checked.
 _SLOW = 0.02
 _SLIDES = 0.05
-# What a step may gain, over the energy in motion: the second-order step swings by some of that about what it keeps.
+# Allowed gain of a step over its kinetic energy: the energy of a second-order step oscillates by some of that.
 _GAIN = 0.01
-# Energy that contacts have left beside straight lines: over that of their motion, and as a strain of a segment.
+# Tolerated error of the linear contact correction: energy over that of the motion, and as a strain of a segment.
 _STRETCH = 1e-3
 _STRAIN = 1e-4
 
@@ -46,7 +46,7 @@ def elastic_energy(model: RodModel, x: FloatArray) -> float:
     return total
 
 
-@kernel
+@inlined_kernel
 def gains(model: RodModel, x: FloatArray, v: FloatArray, work: RodWork, load: FloatArray) -> bool:
     """Whether the step from (x, v) to the end in ``work`` gains more than ``load`` (n, 3), held over it, puts in.
 
@@ -112,7 +112,7 @@ def _slides_back(model: RodModel, v: FloatArray, dv: FloatArray) -> bool:
     return bool(before * (before + change) < 0.0)
 
 
-@kernel
+@inlined_kernel
 def energy_beside(model: RodModel, x: FloatArray, work: RodWork, dt_s: float) -> float:
     """Energy [J] that the solution in ``work`` moves a rod at ``x`` (n, 3) to, beside what its linear step reckons.
 

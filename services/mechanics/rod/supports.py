@@ -1,4 +1,4 @@
-"""What holds a rod: prescribed particles, clamped ends, and the introducer that it slides through."""
+"""Supports of a rod: prescribed particles, clamped ends, and the introducer that it slides through."""
 
 from __future__ import annotations
 

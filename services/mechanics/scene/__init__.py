@@ -1,7 +1,7 @@
-"""Scenes as plain data, how hands move, what they send in and get back, and what a scene says about its duct.
+"""Scenes as plain data, motions of hands, inputs and results of the tools, and the recipe of a scene's duct.
 
-What a scene is made of is imported when it is asked for: it names elements, which bring sparse solvers; a gateway that
-only wants to know how a hand moves is up half a second earlier without.
+`SceneModel` and its parts are imported at first use: they name elements, which import sparse solvers, and a gateway
+that only needs the motion of a hand starts half a second earlier without these.
 """
 
 from importlib import import_module
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from services.mechanics.scene.instruments import ForcepsScene, ProbeScene, ToolScene
 
 if TYPE_CHECKING:
-    from services.mechanics.scene.model import (
+    from services.mechanics.scene.scene_model import (
         CatheterScene,
         ContactSettings,
         DuctScene,
@@ -22,7 +22,7 @@ else:
     def __getattr__(name: str) -> object:
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module("services.mechanics.scene.model"), name)
+        return getattr(import_module("services.mechanics.scene.scene_model"), name)
 
 
 __all__ = [

@@ -1,10 +1,10 @@
-"""What a scene says of its duct, as what decides the modes."""
+"""Recipe of a scene's duct: everything that its modes depend on."""
 
 from __future__ import annotations
 
 from services.mechanics.fem import ElementChoice, ShellSection, clamp
 from services.mechanics.reduction.recipe import DuctRecipe, ResidualChoice
-from services.mechanics.scene.model import DuctScene
+from services.mechanics.scene.scene_model import DuctScene
 from services.mechanics.surface.mesh import TriangleMesh
 
 

@@ -1,4 +1,4 @@
-"""Tissue of bile ducts: values with their sources and ranges; what nobody measured is called an assumption.
+"""Tissue of bile ducts: values with their sources and ranges; a value without a measurement is called an assumption.
 
 No modulus, relaxation time or friction of the human cystic duct was found in print. The presets therefore say of
 every number where it comes from, and over which range a study should vary it.
@@ -63,7 +63,7 @@ class Tissue:
         """Return the shell section; ``axis`` (3,) or (m, 3) is the duct's axis, direction 1 of the material.
 
         The shear modulus of an orthotropic wall follows Huber's estimate
-        sqrt(E1 E2) / (2 (1 + sqrt(nu12 nu21))), as nobody measured it.
+        sqrt(E1 E2) / (2 (1 + sqrt(nu12 nu21))), for want of a measurement.
         """
         E1, ratio, nu12 = self.axial_modulus_pa.value, self.modulus_ratio, self.axial_poisson_ratio
         orthotropy = Orthotropy(axis, ratio, self.shear_modulus_ratio) if self.is_orthotropic else None
@@ -105,10 +105,6 @@ class Tissue:
             else:
                 named[name] = entry
         return named
-
-    def assumptions(self) -> dict[str, Quantity]:
-        """Return the quantities that are assumptions, by name."""
-        return {name: quantity for name, quantity in self.quantities().items() if quantity.assumed}
 
 
 _WALL = Quantity(0.8e-3, 0.5e-3, 1.2e-3, "assumption; walls of about 1 mm are quoted without measurement")

@@ -1,4 +1,4 @@
-"""Orientation of a forceps from what its hand and its port leave open: junction, port and roll."""
+"""Orientation of a forceps from its junction, its port and its roll."""
 
 from __future__ import annotations
 

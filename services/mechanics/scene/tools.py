@@ -1,4 +1,4 @@
-"""What the hands send into a step, and what the mechanics sends back to each of them."""
+"""Inputs of the hands to a step, and its results for each of them."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ from services.mechanics.arrays import FloatArray
 from services.mechanics.effects import Effect, build_effects, by_stage
 from services.mechanics.fem.modes import check_n_modes
 from services.mechanics.reduction.build import Progress, ignore_progress
-from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.recipe import DuctRecipe
 from services.mechanics.reduction.reduce import fetch_residual_displacement, reduce_duct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import DuctScene, SceneModel
 from services.mechanics.scene.duct_recipe import duct_recipe, wall_section
 from services.mechanics.surface.mesh import TriangleMesh

@@ -3,7 +3,7 @@
 Rows come from detection at the start of a step, which looks ahead as far as things move. The solve then moves them
 elsewhere: a wall that snaps beside a row, a catheter that springs off at right angles to where it would have gone
 alone, reach each other at points that no row was for. Where surfaces of the step that was solved move by more than
-`FAR_M` against each other, or the wall by more than `SNAP_M`, detection looks at the bodies as the forces leave them,
+`SECOND_LOOK_M` against each other, or the wall by more than `SNAP_M`, detection looks at bodies as forces leave them,
 and pairs that have come deeper into each other than a tolerance get a row at the start of the step: the forces are
 taken back, and found once more.
 """
@@ -22,13 +22,13 @@ from services.mechanics.contact import laws
 from services.mechanics.contact.met import keep_approaching, list_corners
 from services.mechanics.contact.rows import ContactRows
 from services.mechanics.contact.state import ContactState, state_at
-from services.mechanics.reduction.residual.field import THIN_M
+from services.mechanics.reduction.residual.residual_field import THIN_M
 from services.mechanics.simulation.pace import furthest_at, sampled_modes
 from services.mechanics.world import World
 
 # Surfaces that move no further against each other in a step meet nothing that the first look did not see, unless the
 # wall snaps beside them: no hand moves it so far in a step.
-FAR_M, SNAP_M = 50e-6, 200e-6
+SECOND_LOOK_M, SNAP_M = 50e-6, 200e-6
 FAR_OF_WALL, SNAP_OF_WALL = 0.25, 1.0
 # Overlaps that are left alone: no deeper than this, nor than this part of the wall.
 TOLERANCE_M = 30e-6
@@ -60,7 +60,7 @@ class SecondLook:
         self._pairs = ContactPairs.allocate(capacity)
         self._nodes, self._corners = np.zeros(3 * capacity, np.int32), np.zeros((3 * capacity, 3))
         self._tolerance_m = min(TOLERANCE_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
-        self._far_m = min(FAR_M, FAR_OF_WALL * world.scene.duct.thickness_m)
+        self._far_m = min(SECOND_LOOK_M, FAR_OF_WALL * world.scene.duct.thickness_m)
         self._snap_m = min(SNAP_M, SNAP_OF_WALL * world.scene.duct.thickness_m)
         self.most = MOST_LOOKS_AT_THIN if world.scene.duct.thickness_m < THIN_M else MOST_LOOKS
         self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None

@@ -1,4 +1,4 @@
-"""An open end of a duct: where it is, which way it looks, and how wide it is."""
+"""An open end of a duct: its place, direction and width."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.surface.mesh import TriangleMesh
 
 MOST_TRIANGLES = 2_000_000
-"""No mesh has more; one that is smaller may still take more memory than there is, which is asked when it is solved."""
+"""Limit of a mesh; a smaller mesh may still need more memory than there is, which is checked when it is solved."""
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,17 @@ def distances_to_triangles(point: np.ndarray, vertices: np.ndarray, triangles: n
     return np.where(is_inside, np.minimum(best, np.abs(height)), best)
 
 
+def nearest_candidates(segment: np.ndarray, vertices: np.ndarray, triangles: np.ndarray, parts: int = 16) -> np.ndarray:
+    """Return which triangles (m,) may be the nearest of a segment (2, 3).
+
+    No point of a segment is further from one of its marks than half the way between two of them.
+    """
+    marks = segment[0] + np.linspace(0.0, 1.0, parts + 1)[:, None] * (segment[1] - segment[0])
+    half_m = 0.5 * np.linalg.norm(segment[1] - segment[0]) / parts
+    nearest = np.min([distances_to_triangles(mark, vertices, triangles) for mark in marks], axis=0)
+    return nearest - half_m <= nearest.min()
+
+
 def distance_of_hulls(first: np.ndarray, second: np.ndarray) -> float:
     """Distance of two convex hulls given by points (a, 3) and (b, 3), by enumerating active sets.
 

@@ -72,7 +72,7 @@ def test_nothing_that_was_not_seen_has_come_nearer_than_what_is_left(surface, wh
         q, p = random_coordinates(rng, 0.5e-3), rng.uniform([0.0, -4e-3, -4e-3], [40e-3, 4e-3, 4e-3])
         surface.update(q)
         before = distances_to_triangles(p, deformed(surface), triangles)
-        beyond = SEEN_M + (regions.FAR_M if what == "far modes" else 0.0)
+        beyond = SEEN_M + (regions.SEARCH_MARGIN_M if what == "far modes" else 0.0)
         vertex = triangles[np.where(before > beyond, before, np.inf).argmin()][0]
         way = p - deformed(surface)[vertex]
         motion_m, direction = 0.9 * np.linalg.norm(way), way / np.linalg.norm(way)

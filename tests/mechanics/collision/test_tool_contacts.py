@@ -12,8 +12,8 @@ from collision_cases import (
     carried_surface,
     deformed,
     distance_of_hulls,
-    distances_to_triangles,
     duct_mesh,
+    nearest_candidates,
     random_coordinates,
     rigid_surface,
     rows,
@@ -80,7 +80,7 @@ def test_pairs_agree_with_brute_force_while_everything_moves():
         start = np.array([14e-3 + tick * 0.05e-3, top + 0.4e-3 - tick * 0.01e-3, 1e-3])
         jaw = np.array([start, start + np.array([12e-3, -0.3e-3, 2e-3])])
         found = detect(detector, one_jaw(*jaw))
-        near = distances_to_triangles(jaw.mean(0), vertices, surface.mesh.triangles) < 9e-3
+        near = nearest_candidates(jaw, vertices, surface.mesh.triangles)
         corners = vertices[surface.mesh.triangles[near]]
         expected = min(distance_of_hulls(jaw, corner) for corner in corners) - JAW_M - HALF_M
         if expected >= MARGIN_M:

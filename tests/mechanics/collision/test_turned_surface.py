@@ -9,6 +9,7 @@ from services.mechanics.collision.motion_bounds import TurnedBounds
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.large_rotations.warping import TubeWarp
+from tests.mechanics.reduction.large_rotations.warped import warped_positions
 
 MODES = 24
 
@@ -42,7 +43,7 @@ def test_nodes_are_placed_where_the_warp_puts_them(duct, surface):
     extra[loaded] = residual
     for q in (np.zeros(MODES), 1e-6 * bent_far(rng, basis, warp), bent_far(rng, basis, warp)):
         surface.update(q, loaded, residual)
-        assert deformed(surface) == pytest.approx(warp.positions(q, extra), abs=1e-15)
+        assert deformed(surface) == pytest.approx(warped_positions(warp, q, extra), abs=1e-15)
 
 
 def test_closest_point_equals_brute_force_on_a_wall_that_bends_far(duct, surface):
@@ -75,7 +76,7 @@ def test_no_vertex_moves_farther_than_its_bounds_say(duct, surface):
         for start, end in ((0.0 * q, q), (q, q + 0.02 * step)):
             norm = max(np.linalg.norm(basis.omega_rad_s * at) for at in (start, end))
             moved = np.linalg.norm(basis.omega_rad_s * (end - start)) * (1.0 + bounds.growth * norm) ** 2
-            shift = warp.positions(end) - warp.positions(start)
+            shift = warped_positions(warp, end) - warped_positions(warp, start)
             relative = np.linalg.norm(shift[vertex] - shift[other], axis=1)
             assert (relative <= spread * moved + 1e-15).all()
             surface.update(start)
@@ -84,7 +85,7 @@ def test_no_vertex_moves_farther_than_its_bounds_say(duct, surface):
             carried = float(body.turned_travel) - before
             alone = np.linalg.norm(shift, axis=1)
             assert (alone <= reach * moved + carried + 1e-15).all()
-            from_rest = np.linalg.norm(warp.positions(end) - mesh.vertices_m, axis=1)
+            from_rest = np.linalg.norm(warped_positions(warp, end) - mesh.vertices_m, axis=1)
             assert (from_rest <= reach * moved + body.turned_shift + 1e-15).all() or start.any()
             nearest = max(nearest, alone.max() / (reach.max() * moved + carried))
     assert nearest > 0.3, "bounds this loose would find nothing"

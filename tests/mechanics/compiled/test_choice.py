@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from numba.core import event
 
 from services.mechanics.arrays import ByteArray, FloatArray
 from services.mechanics.compiled import kernel
@@ -79,25 +76,3 @@ def test_what_is_known_before_and_what_changes() -> None:
 def test_an_error_in_one_is_an_error_of_the_caller() -> None:
     with pytest.raises(ValueError, match="below zero"):
         call(np.array([2], np.int8), 0, np.zeros(3), -1.0)
-
-
-def test_only_the_kernels_are_compiled_not_the_choice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))  # where nothing is found that was compiled before
-
-    @kernel
-    def one_more(x: float) -> float:
-        return x + 1.0
-
-    @kernel
-    def twice(x: float) -> float:
-        return 2.0 * x
-
-    chosen = one_of([one_more, twice])
-
-    @kernel
-    def caller(k: int, x: float) -> float:
-        return chosen(k, x) + chosen(1 - k, x)
-
-    with event.install_recorder("numba:compile") as compiled:
-        assert caller(0, 3.0) == 4.0 + 6.0
-    assert sum(each.is_start for _, each in compiled.buffer) == 3

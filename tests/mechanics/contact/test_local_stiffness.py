@@ -10,8 +10,8 @@ from services.mechanics.contact.lasting_compliance import LASTING_S
 from services.mechanics.contact.laws import LAWS
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
+from services.mechanics.rod.generalized_alpha import implicit_euler
 from services.mechanics.rod.implicit_kernels import assemble_again, remove_held
-from services.mechanics.rod.step_form import implicit_euler
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
 

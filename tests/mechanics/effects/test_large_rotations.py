@@ -10,14 +10,15 @@ from protocol.arrays import pack
 from services.mechanics.bodies.wall import make_wall
 from services.mechanics.effects.large_rotations import LargeRotationsSettings
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.field import RINGS, neighbourhoods
+from services.mechanics.reduction.residual.residual_field import RINGS, neighbourhoods
 from services.mechanics.scene import CatheterScene, DuctScene, ForcepsScene, SceneModel
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import TriangleMesh
 from services.visualization.drawn_surface import DrawnSurface
+from studies.energy_book import EnergyBook
+from tests.mechanics.reduction.large_rotations.warped import warped_positions
 
 # The first test of a fresh checkout compiles the kernels.
 pytestmark = pytest.mark.timeout(600)
@@ -65,8 +66,8 @@ def enclosed_volume_m3(mesh, at):
 
 
 @pytest.fixture(scope="module")
-def duct(tmp_path_factory):
-    return build_scene_duct(soft_scene(), tmp_path_factory.mktemp("bases"))
+def duct(cache_dir):
+    return build_scene_duct(soft_scene(), cache_dir)
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +186,7 @@ def test_picture_and_detection_show_the_same_wall(duct, bent):
     starts, ring = neighbourhoods(duct.mesh, RINGS)
     near = ring[starts[300] : starts[301]]
     off = np.linalg.norm(drawn.points_m - at, axis=1)
-    dent = np.linalg.norm(at - duct.warp.positions(q), axis=1).max()
+    dent = np.linalg.norm(at - warped_positions(duct.warp, q), axis=1).max()
     assert dent > 0.1e-3
     assert off[near].max() < 1e-8, "float32 of positions of centimetres"
     assert off.max() < 0.25 * dent

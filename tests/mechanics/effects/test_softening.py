@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from effect_runs import pressing_tools
 
-from services.mechanics.reduction.softened_wall.follow import CREDIT_J
-from services.mechanics.reduction.softened_wall.pattern import GAIN
+from services.mechanics.reduction.softened_wall.load_pattern import GAIN
+from services.mechanics.reduction.softened_wall.softening_force import CREDIT_J
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from studies.energy_book import EnergyBook
 
 pytestmark = pytest.mark.timeout(600)
 

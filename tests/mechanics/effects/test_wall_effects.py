@@ -8,9 +8,9 @@ from effect_runs import pressing_tools, run
 
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import vertex_areas_m2
+from studies.energy_book import EnergyBook
 
 
 def test_insufflation_moves_the_wall_by_the_static_solution(with_effects, small_scene, cache_dir):

@@ -4,7 +4,7 @@ import numpy as np
 
 from services.mechanics.fem import ShellModel, ShellSection, Support
 from services.mechanics.surface.mesh import TriangleMesh
-from services.studies.shell_problems import mapped_patch
+from studies.published.shells import mapped_patch
 
 NU = 0.3
 SECTION = ShellSection(0.02, 2e5, NU, 1000.0)

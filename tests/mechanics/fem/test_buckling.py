@@ -9,13 +9,13 @@ from services.mechanics.fem import (
     ShellSection,
     Support,
     clamp,
-    compute_buckling,
     pressure_load,
 )
-from services.mechanics.fem.geometric import geometric_stiffness, membrane_forces, pressure_stiffness
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.studies.buckling_problems import (
+from studies.fem.buckling import compute_buckling
+from studies.fem.geometric import geometric_stiffness, membrane_forces, pressure_stiffness
+from studies.published.buckling import (
     PLATE_COEFFICIENT,
     column_buckling,
     cylinder_buckling,

@@ -11,12 +11,12 @@ import pytest
 
 from services.mechanics.fem import ElementChoice, ShellModel, Support
 from services.mechanics.fem.assembly import assemble_stiffness
+from services.mechanics.fem.boundary_conditions import rigid_body_modes
 from services.mechanics.fem.elements import BENDING_ELEMENTS, MEMBRANE_ELEMENTS
 from services.mechanics.fem.elements.element import Element
-from services.mechanics.fem.supports import rigid_body_modes
 from services.mechanics.fem.triangle import signed_areas
 from services.mechanics.surface.mesh import TriangleMesh
-from services.studies.shell_problems import mapped_patch
+from studies.published.shells import mapped_patch
 from tests.mechanics.fem.patches import (
     CURVATURE,
     SECTION,

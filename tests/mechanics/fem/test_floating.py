@@ -5,12 +5,12 @@ import pytest
 from scipy.linalg import eigh
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support, clamp
-from services.mechanics.fem.floating import compute_floating_modes, find_floating
-from services.mechanics.fem.supports import DOF_NAMES, held_dofs
+from services.mechanics.fem.boundary_conditions import DOF_NAMES, held_dofs
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.studies.dense_modes import condensed_stiffness
-from services.studies.shell_problems import mapped_patch
+from studies.fem.floating import compute_floating_modes, find_floating
+from studies.published.shells import mapped_patch
+from tests.mechanics.reduction.dense_modes import condensed_stiffness
 
 ANDES = ElementChoice("andes", "dkt")
 YOUNG, NU, THICKNESS = 2e9, 0.3, 0.01

@@ -5,9 +5,9 @@ import pytest
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, Support
 from services.mechanics.fem.elements.andes import ALPHA_B
-from services.mechanics.fem.facets import rim_eccentricity
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.studies.shell_problems import mapped_patch
+from studies.fem.facets import rim_eccentricity
+from studies.published.shells import mapped_patch
 
 RADIUS, LENGTH, YOUNG, NU = 1.0, 1.0, 1e6, 0.3
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")

@@ -7,7 +7,7 @@ from services.mechanics.fem import ElementChoice, Orthotropy, ShellModel, ShellS
 from services.mechanics.fem.assembly import assemble_stiffness
 from services.mechanics.fem.elements import tocher
 from services.mechanics.surface.mesh import TriangleMesh
-from services.studies.shell_problems import mapped_patch, plate_deflection
+from studies.published.shells import mapped_patch, plate_deflection
 from tests.mechanics.fem.patches import NU, SECTION, distorted_square
 
 GOOD = [ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")]

@@ -9,13 +9,12 @@ from services.mechanics.fem import (
     ShellSection,
     Support,
     clamp,
-    point_load,
     pressure_load,
-    surface_load,
 )
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.studies.shell_problems import REFERENCE_SECTION, mapped_patch
+from studies.fem.loads import point_load, surface_load
+from studies.published.shells import REFERENCE_SECTION, mapped_patch
 
 DUCT = parametric_duct(DuctGeometry(4e-3, 40e-3, 12, 16))
 

@@ -7,14 +7,14 @@ import pytest
 
 from services.mechanics.fem import ElementChoice, ShellModel, ShellSection, clamp, compute_modes
 from services.mechanics.fem.elements import cst
-from services.studies import opensees_check
-from services.studies.dense_modes import compute_modes_dense, condensed_stiffness
-from services.studies.shell_problems import (
+from studies.published import opensees as opensees_check
+from studies.published.shells import (
     DUCT_RITZ_HZ,
     plate_frequencies,
     reference_duct,
     sorted_duct_frequencies_hz,
 )
+from tests.mechanics.reduction.dense_modes import compute_modes_dense, condensed_stiffness
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 

@@ -3,7 +3,7 @@
 import pytest
 
 from services.mechanics.fem import ElementChoice
-from services.studies import shell_problems as problems
+from studies.published import shells as problems
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 

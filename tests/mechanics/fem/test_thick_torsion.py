@@ -3,11 +3,11 @@
 import pytest
 
 from services.mechanics.fem import ElementChoice, ShellSection
-from services.mechanics.fem.facets import drilling_excess
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.studies.shell_problems import mapped_patch
-from services.studies.torsion_problem import tube_torsion
+from studies.fem.facets import drilling_excess
+from studies.published.shells import mapped_patch
+from studies.published.torsion import tube_torsion
 
 CST, ANDES = ElementChoice("cst", "dkt"), ElementChoice("andes", "dkt")
 CELLS = [(24, 8), (24, 24), (24, 48), (24, 96)]

@@ -23,8 +23,8 @@ def recipe_of(n_local, around=16, along=16, kind="auto"):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("bases")
+def folder(cache_dir):
+    return cache_dir
 
 
 @pytest.fixture(scope="module")

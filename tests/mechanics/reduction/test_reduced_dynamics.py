@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, diags_array
 
-from services.mechanics.fem.factors import factorise
+from services.mechanics.fem.factorisation import factorise
 from services.mechanics.reduction import (
     ExactOscillator,
     ModalState,
     Newmark,
 )
-from services.studies.full_model import (
+from studies.full_model import (
     CentralDifference,
     CondensedStiffness,
     DirectNewmark,
@@ -52,7 +52,7 @@ def histories(model, duct, load, observed, beta_s):
         reduced.predict(state, on * modal, DT_S)
         out[0, step] = full.displacements()[observed]
         out[1, step] = duct.basis.Phi[observed] @ state.q
-        duct.node_displacements(state, load_nodes, on * forces, observed, out[2, step])
+        out[2, step] = duct.displacements(state, load_nodes, on * forces)[observed]
     return out
 
 

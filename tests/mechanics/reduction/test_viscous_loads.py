@@ -6,6 +6,7 @@ import pytest
 from services.mechanics.reduction.residual.blocks import Residual
 from services.mechanics.reduction.viscoelastic import PronySeries
 from services.mechanics.reduction.viscous_loads import MOST_LEFT, ViscousLoads
+from tests.mechanics.reduction.residual.node_blocks import between_nodes
 
 DT_S, N_NODES = 1e-3, 50
 SERIES = PronySeries((0.2, 0.15, 0.1), (0.1, 1.0, 10.0))
@@ -105,8 +106,7 @@ def test_few_contacts_that_wander_find_room_beside_all_that_lag(residual):
 def test_work_is_stored_dissipated_or_lost_by_the_step(residual, dt_s):
     """Loads at random: a force at the end of a step does the work of what is stored and half of the change in it."""
     random, pressed = np.random.default_rng(4), Pressed(SERIES, residual)
-    R = np.zeros((3 * N_NODES, 3 * N_NODES))
-    residual.gather(np.arange(N_NODES, dtype=np.int32), R)
+    R = between_nodes(residual, np.arange(N_NODES, dtype=np.int32))
     work, lost, before = 0.0, 0.0, np.zeros(3 * N_NODES)
     force = np.zeros((4, 3))
     for tick in range(1280):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from services.studies import rod_problems as problems
+from studies.published import rods as problems
 
 
 def test_a_column_stays_straight_below_the_euler_load_and_not_above():

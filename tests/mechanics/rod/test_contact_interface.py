@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.rod import ImplicitIntegrator, Supports, build_integrator, clamped, rod_energy, straight_rod
-from services.studies.rod_problems import example_rod
+from studies.published.rods import example_rod
 
 DT_S = 1e-3
 

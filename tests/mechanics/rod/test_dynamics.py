@@ -5,8 +5,8 @@ import pytest
 
 from services.mechanics.rod import ImplicitIntegrator, SemiImplicitIntegrator, clamped, rod_energy, straight_rod
 from services.mechanics.rod.implicit import SPECTRAL_RADIUS
-from services.studies.rod_dynamics import spin, tip_errors_m
-from services.studies.rod_problems import (
+from studies.published.rod_dynamics import spin, tip_errors_m
+from studies.published.rods import (
     EI,
     LENGTH_M,
     X,

@@ -7,7 +7,7 @@ from services.mechanics.rod import Introducer, RodState, Supports, initial_frame
 from services.mechanics.rod.forces import add_internal_forces
 from services.mechanics.rod.model import allocate_work, build_model
 from services.mechanics.rod.twist import add_frame_forces, build_twist_model, twist_energy
-from services.studies.rod_problems import example_rod
+from studies.published.rods import example_rod
 
 N = 10
 

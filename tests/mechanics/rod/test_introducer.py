@@ -11,9 +11,9 @@ from services.mechanics.rod import (
     rod_energy,
     straight_rod,
 )
-from services.mechanics.rod.energy import internal_forces
 from services.mechanics.rod.model import build_model
-from services.studies.rod_problems import EI, example_rod
+from studies.published.rods import EI, example_rod
+from studies.rod_forces import internal_forces
 
 X = (1.0, 0.0, 0.0)
 INTRODUCER = ((0.0, 0.0, 0.0), (0.03, 0.0, 0.0))

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from services.mechanics.rod import Supports, build_integrator, initial_frame, straight_rod
-from services.studies.rod_problems import example_rod
+from studies.published.rods import example_rod
 
 STEPS = 100
 

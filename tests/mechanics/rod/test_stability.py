@@ -12,7 +12,7 @@ from services.mechanics.rod import (
     straight_rod,
 )
 from services.mechanics.rod.semi_implicit import _predict
-from services.studies.rod_problems import example_rod
+from studies.published.rods import example_rod
 
 X = (1.0, 0.0, 0.0)
 NO_LOAD = np.zeros((51, 3))

@@ -14,7 +14,7 @@ from services.mechanics.rod import (
     roll,
     straight_rod,
 )
-from services.studies.rod_problems import (
+from studies.published.rods import (
     EI,
     GJ,
     LENGTH_M,

@@ -7,9 +7,9 @@ import pytest
 
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook, stored_energies_j
 from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
+from studies.energy_book import EnergyBook, stored_energies_j
 
 pytestmark = pytest.mark.timeout(600)
 

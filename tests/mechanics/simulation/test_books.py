@@ -13,8 +13,8 @@ from services.mechanics.effects.mucus_drag import MucusDragSettings
 from services.mechanics.effects.viscoelasticity import ViscoelasticitySettings
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from studies.energy_book import EnergyBook
 
 ON_TOP = {
     "viscoelasticity": ViscoelasticitySettings(),

@@ -7,8 +7,8 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.copies import FIRST as FIRST_PLACE
 from services.mechanics.simulation.copies import PLACES, Copies
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.healing import CALM_STEPS, FASTEST_M_S, FIRST, RESTING
+from studies.energy_book import EnergyBook
 
 PRESSING_M = (20e-3, 0.0, 15e-3 + 1.5e-3)
 AWAY_M = (60e-3, 0.0, 60e-3)

@@ -13,8 +13,8 @@ from services.mechanics.scenarios import Scenario, ToolMotion
 from services.mechanics.scene import CatheterScene
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
+from studies.energy_book import EnergyBook
 
 # Where the middle of the jaws is, in mm, at times in s: the catheter is grasped and carried to the mouth.
 PICK = ((0.0, (72, 1.5, 12)), (0.25, (72, 1.5, 0)), (0.5, (72, 1.5, 0)), (0.8, (68, 0, 0)), (1.0, (66, 0, 0)))
@@ -104,7 +104,7 @@ def largest_force_n(course):
     return np.linalg.norm(course.force_n, axis=2).max()
 
 
-@pytest.mark.parametrize("speed_m_s", [0.1, 0.3])
+@pytest.mark.parametrize("speed_m_s", [pytest.param(0.1, marks=pytest.mark.long), 0.3])
 def test_strokes_of_11_mm_stay_in_the_lumen_and_in_the_books(duct, speed_m_s):
     course = run(hands((*INSERT, *strokes(11.0, speed_m_s, 3)), "strokes"), duct, books=True)
     assert max(course.penetration_m) < 0.1e-3

@@ -9,9 +9,9 @@ from services.mechanics.collision.pairs import CATHETER_SEGMENT, DUCT_TRIANGLE, 
 from services.mechanics.scenarios import Scenario, ToolMotion, insertion_scene
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.studies.stability.criteria import CRITERIA
+from studies.energy_book import EnergyBook
+from studies.stability.criteria import CRITERIA
 from tests.mechanics.trajectories.cases import CASES
 
 PINCHED = 1000

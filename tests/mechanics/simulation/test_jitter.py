@@ -1,4 +1,12 @@
-"""How much of the insertion depends on when its ticks and samples came: nothing, and little."""
+"""How much of the insertion depends on when its ticks and samples came: nothing, and little.
+
+Where surfaces stick, friction decides within a tick, and a hair's breadth of time moves the catheter's end by some tens
+of micrometres, by how many is chance: 10 to 60 were seen. So of single runs with friction only what a trainee has of
+them is judged, depth and force; where the catheter ends is judged without friction, and with it over many runs.
+"""
+
+import secrets
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,21 +16,23 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.runtime.loop import LoopMeter, TickClock
+from studies.stability.situations import without_friction
 
 TICKS = 2100  # the hand has come to rest 200 ms before
-# Half of what a particle may be deep in the wall. Friction decides within a tick where the steadying jaws stick, which
-# moves the wall between them by up to 20 um; the catheter ends within 20 um too.
-TOLERANCE_M = 50e-6
+TOLERANCE_M = 10e-6  # without friction, where 0.4 um were seen
+STICKING_M = 50e-6  # half of what a particle may be deep in the wall
+DEPTH_M = 0.2e-3  # a hundredth of the insertion
 TOLERANCE_N = 1e-3
+MANY = 12
 ON_TIME = np.arange(TICKS)
 
 
-def run(duct, indices, early_s=None):
+def run(duct, indices, early_s=None, scenario=None):
     """Step as physics does: on each index that arrives, as many steps as the clock asks for, with that frame's tools.
 
     Returns the simulation and the number of steps. Frame k holds the hands as they were ``early_s[k]`` before k ms.
     """
-    scenario = scenarios.insertion()
+    scenario = scenario or scenarios.insertion()
     early_s = np.zeros(TICKS) if early_s is None else early_s
     simulation, tools, clock = Simulation(scenario.scene, duct), ToolInputs(), TickClock(LoopMeter(1000.0))
     taken = 0
@@ -67,9 +77,17 @@ def difference(simulation, reference):
     return np.abs(moved).max(), np.abs(wall).max(), np.abs(force).max()
 
 
-def test_the_same_frames_give_the_same_insertion_bit_for_bit_in_whatever_bursts_they_are_answered(duct):
-    indices = bursts(1)
-    first, taken = run(duct, indices)
+@pytest.fixture(scope="module")
+def in_bursts(duct):
+    return run(duct, bursts(1))
+
+
+def early(seed):
+    return np.random.default_rng(seed).uniform(-0.2e-3, 0.2e-3, TICKS)
+
+
+def test_the_same_frames_give_the_same_insertion_bit_for_bit_in_whatever_bursts_they_are_answered(duct, in_bursts):
+    indices, (first, taken) = bursts(1), in_bursts
     assert taken == TICKS - indices[0]
     assert len(np.unique(np.diff(indices))) == 4
     repeated = np.repeat(indices, np.random.default_rng(2).integers(1, 4, len(indices)))
@@ -79,18 +97,30 @@ def test_the_same_frames_give_the_same_insertion_bit_for_bit_in_whatever_bursts_
     assert first.inserted_length_m > 20e-3
 
 
-def assert_within_tolerance(simulation, reference):
-    rod_m, wall_m, force_n = difference(simulation, reference)
-    assert 0.0 < rod_m < TOLERANCE_M
-    assert 0.0 < wall_m < TOLERANCE_M
-    assert force_n < TOLERANCE_N
-
-
-def test_frames_that_were_missed_and_caught_up_change_the_end_by_little(duct, on_time):
+def test_frames_that_were_missed_and_caught_up_lead_as_deep_and_are_felt_alike(in_bursts, on_time):
     """One step in six has the tools of a frame up to 2 ms later."""
-    assert_within_tolerance(run(duct, bursts(3))[0], on_time)
+    assert in_bursts[0].inserted_length_m == pytest.approx(on_time.inserted_length_m, abs=DEPTH_M)
+    assert difference(in_bursts[0], on_time)[2] < TOLERANCE_N
 
 
-def test_samples_taken_200_us_early_or_late_change_the_end_by_little(duct, on_time):
-    early_s = np.random.default_rng(4).uniform(-0.2e-3, 0.2e-3, TICKS)
-    assert_within_tolerance(run(duct, ON_TIME, early_s)[0], on_time)
+def test_without_friction_missed_frames_and_samples_200_us_early_or_late_change_the_end_by_little(duct):
+    scenario = scenarios.insertion()
+    smooth = replace(scenario, scene=without_friction(scenario.scene))
+    reference = run(duct, ON_TIME, scenario=smooth)[0]
+    assert reference.contacts.n_contacts > 0, "jaws press the duct"
+    for indices, early_s in ((bursts(3), None), (ON_TIME, early(4))):
+        rod_m, wall_m, force_n = difference(run(duct, indices, early_s, smooth)[0], reference)
+        assert 0.0 < rod_m < TOLERANCE_M
+        assert 0.0 < wall_m < TOLERANCE_M
+        assert force_n < TOLERANCE_N
+
+
+@pytest.mark.long
+def test_with_friction_the_end_is_within_half_of_a_depth_in_most_runs(duct, on_time):
+    seed = secrets.randbits(32)
+    ends_m = []
+    for k in range(MANY):
+        indices, early_s = (bursts(seed + k), None) if k % 2 else (ON_TIME, early(seed + k))
+        ends_m.append(max(difference(run(duct, indices, early_s)[0], on_time)[:2]))
+    print(f"seed {seed}: {np.round(1e6 * np.sort(ends_m), 1)} um")
+    assert np.median(ends_m) < STICKING_M

@@ -12,9 +12,9 @@ from services.mechanics.effects.friction import FrictionSettings
 from services.mechanics.scenarios import Scenario, ToolMotion
 from services.mechanics.scene.tools import GraspHold, ToolInputs
 from services.mechanics.simulation import Simulation
-from services.mechanics.simulation.energy import EnergyBook
 from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.studies.jaw_moment import JawMoment
+from studies.energy_book import EnergyBook
+from studies.jaw_moment import JawMoment
 
 TOOL, DT_S = 1, 1e-3
 TICKS, SHUT, OPENS = 1100, slice(620, 790), 800
@@ -104,7 +104,7 @@ def test_a_pinch_shut_stops_where_two_layers_are_solid_and_the_force_rises_smoot
 
 @pytest.mark.parametrize("dt_s", [1e-3, 0.25e-3])
 def test_what_is_squeezed_gives_out_no_more_than_it_was_given(small_scene, small_duct, dt_s):
-    """Hands that open and close at random, faster than any: every tick takes out, or nothing."""
+    """HandMotions that open and close at random, faster than any: every tick takes out, or nothing."""
     pinch = Pinch(replace(small_scene, effects=EFFECTS), small_duct, "shut at the middle")
     for _ in pinch.states():
         if pinch.simulation.squeeze.stored_j > 1e-5:

@@ -9,7 +9,7 @@ from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
-from services.studies.stability.situations import LEAD_STEPS, threaded, with_duct
+from studies.stability.situations import LEAD_STEPS, threaded, with_duct
 
 THICKNESS_M = 8e-6
 

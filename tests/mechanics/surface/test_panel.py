@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.mechanics.surface.mesh import triangle_area_vectors, unique_edges
-from services.mechanics.surface.panel import Annulus, Cylinder, Plate, Sphere
+from studies.published.panel import Annulus, Cylinder, Plate, Sphere
 
 QUARTER = 0.5 * math.pi
 

@@ -16,7 +16,7 @@ import numpy as np
 from services.mechanics.effects import EFFECTS as TABLE
 from services.mechanics.effects.base import NoSettings
 from services.mechanics.effects.friction import FrictionSettings
-from services.mechanics.reduction.duct import ReducedDuct
+from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scenarios import Scenario, ToolMotion, insertion
 from services.mechanics.scene import SceneModel
 from services.mechanics.scene.tools import ToolInputs
@@ -42,7 +42,7 @@ EFFECTS = (
     "friction",
     "grasp_slip",
 )
-Hands = Callable[[int, ToolInputs], None]
+HandMotions = Callable[[int, ToolInputs], None]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Case:
 
     scene: SceneModel
     duct: ReducedDuct
-    move: Hands
+    move: HandMotions
 
 
 def insertion_with_every_effect(cache_dir: Path) -> Case:

@@ -2,10 +2,10 @@
 
 import pytest
 
-from services.studies.accuracy.log import Log
-from services.studies.accuracy.run import fill_costs, fill_errors, table
-from services.studies.accuracy.study import Draw, Size
-from services.studies.accuracy.workers import open_workers
+from studies.accuracy.log import StudyLog
+from studies.accuracy.run import fill_costs, fill_errors, table
+from studies.accuracy.study import Draw, Size
+from studies.accuracy.workers import open_workers
 
 SMALLEST = Draw(Size.SMALLEST, 1)
 
@@ -19,7 +19,7 @@ def run_smallest(tmp_path):
     """Return rows of studies, and the log that has them."""
 
     def run(*names, folder=None, costs=True, scheduler=None):
-        log = Log(folder or tmp_path / "log", SMALLEST, "code")
+        log = StudyLog(folder or tmp_path / "log", SMALLEST, "code")
         with open_workers(1, scheduler) as workers:
             fill_errors(names, SMALLEST, log, workers, silent)
         if costs:

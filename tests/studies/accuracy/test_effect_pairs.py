@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from services.studies.accuracy.effect_pairs import COST, beyond_both, draw_matrices, effects_in, matrices, told_pairs
-from services.studies.accuracy.report import number
-from services.studies.accuracy.study import Cost, Row
+from studies.accuracy.effect_pairs import COST, beyond_both, draw_matrices, effects_in, matrices, told_pairs
+from studies.accuracy.report import number
+from studies.accuracy.study import Cost, Row
 
 NOISE_US = 2.0
 
@@ -57,8 +57,8 @@ def test_costs_add_up_but_for_noise(found):
 
 def test_pairs_are_counted_and_the_furthest_named(found):
     told = told_pairs(found["force"], ["with a", "with b", "without c"], number)
-    assert told.startswith("force: 1 of 3 pairs come to what both alone can")
-    assert told.endswith("with b, without c 2 mm, 1 less; with a, without c 4.5 mm, 0.5 more")
+    assert told.startswith("force: 1 of 3 pairs are what both effects alone can give")
+    assert told.endswith("furthest off is with b and without c: 2 mm (1 less)")
 
 
 def test_pairs_that_were_not_tried_are_neither_counted_nor_coloured(found):

@@ -5,9 +5,9 @@ import itertools
 import pytest
 from matplotlib.transforms import Bbox
 
-from services.studies.accuracy.figures import draw_panels, open_figure
-from services.studies.accuracy.frontier import frontier
-from services.studies.accuracy.study import Cost, Row
+from studies.accuracy.figures import draw_panels, open_figure
+from studies.accuracy.frontier import frontier
+from studies.accuracy.study import Cost, Row
 
 
 def row(setting, error, us, series="one", quantity="force", *, is_known=True):

@@ -6,21 +6,24 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import SMALLEST
 
-from services.cli import study as command
-from services.cli.study import write_results
-from services.studies.accuracy.facts import Facts
-from services.studies.accuracy.figures import draw_study
-from services.studies.accuracy.frontier import frontier
-from services.studies.accuracy.page import Text, held_figure, write_page
-from services.studies.accuracy.report import slower_machine, write_report
-from services.studies.accuracy.sections import read_section, write_section
-from services.studies.accuracy.study import Cost, Row
-from services.studies.accuracy.sweeps import mesh, modes
+from studies.accuracy.facts import Facts
+from studies.accuracy.figures import draw_study
+from studies.accuracy.frontier import frontier
+from studies.accuracy.page import Text, held_figure, write_page
+from studies.accuracy.report import page_of, slower_machine, write_report
+from studies.accuracy.sections import read_section, write_section
+from studies.accuracy.study import Cost, Row
+from studies.accuracy.sweeps import mesh, modes
+from studies.commands import study as command
+from studies.commands.study import write_results
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def some_rows():
@@ -79,9 +82,9 @@ def test_how_far_the_machine_drifted_over_a_run_is_told_beside_each_of_its_studi
     monkeypatch.setattr(modes, "findings", lambda _: [])
     (tmp_path / "modes.svg").write_text("")
     write_report(some_rows(), ["modes"], facts, tmp_path, tmp_path / "page.md")
-    assert "over the whole run 6.0 % up or down" in (tmp_path / "page.md").read_text()
+    assert "drifted by up to 6.0 % over the whole run" in (tmp_path / "page.md").read_text()
     alone = Facts.collect("trocar study modes", "abc", SMALLEST, {"modes": Cost(100.0, 120.0, 1.0)})
-    assert not any("up or down" in line for line in alone.lines())
+    assert not any("drifted" in line for line in alone.lines())
 
 
 def test_the_page_needs_nothing_from_elsewhere_and_holds_every_point(written):
@@ -127,28 +130,42 @@ def rows_of(study, error):
 def test_a_page_is_made_anew_in_parts(tmp_path, monkeypatch):
     for study in (modes, mesh):
         monkeypatch.setattr(study, "findings", lambda _: [])
-    report_of([*rows_of("modes", 0.125), *rows_of("mesh", 0.25)], "old", tmp_path)
+    meshes = rows_of("mesh", 0.25)
+    fine = replace(meshes[0], setting="fine", error=0.1, cost=Cost(300.0, 600.0, 1.0))
+    report_of([*rows_of("modes", 0.125), *meshes, fine], "old", tmp_path)
     page = report_of(rows_of("modes", 0.5), "new", tmp_path)
     parts = dict(zip(("mesh", "modes", "slower"), page.split("\n## ")[1:], strict=True))
-    assert "| 20 modes | **0.25** | 100 |" in parts["mesh"]
+    assert "| 20 modes | **0.25** | 100±" in parts["mesh"]
     assert "code old" in parts["mesh"]
     assert "fixed arithmetic" not in parts["mesh"]  # that beside the other study is not told here
-    assert "| 20 modes | **0.5** | 100 |" in parts["modes"]
+    assert "| 20 modes | **0.5** | 100±" in parts["modes"]
     assert "code new" in parts["modes"]
-    assert "| mesh | force | 20 modes | 0.25 % |" in parts["slower"]
+    assert "| mesh | force | fine | 0.1 % | 300 | 20 modes | 0.25 % | 200 |" in parts["slower"]
     assert (tmp_path / "page" / "modes.svg").read_text() == "modes of new"
     assert (tmp_path / "page" / "mesh.svg").read_text() == "mesh of old"
 
 
-def test_a_long_series_is_folded_away_below_the_table(tmp_path, monkeypatch):
+def test_a_series_that_is_only_drawn_has_a_line_and_no_table(tmp_path, monkeypatch):
     monkeypatch.setattr(modes, "findings", lambda _: [])
     rows = [replace(row, series="two effects" if row.setting == "60 modes" else "one") for row in some_rows()]
-    monkeypatch.setattr(modes, "TABLED_APART", {"two effects": "Every pair"}, raising=False)
+    monkeypatch.setattr(modes, "DRAWN_ONLY", {"two effects": "Every pair"}, raising=False)
     page = report_of(rows, "new", tmp_path)
-    table, folded = page.split("<summary>Every pair (1)</summary>\n\n| setting |")
-    assert "| 20 modes |" in table
-    assert "| 60 modes |" not in table
-    assert "| 60 modes |" in folded.split("</details>")[0]
+    assert "| 20 modes |" in page
+    assert "| 60 modes |" not in page
+    assert "\nEvery pair (1): in the figure" in page
+
+
+def test_settings_with_other_quantities_have_a_table_of_their_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(modes, "findings", lambda _: [])
+    rows = [row for row in some_rows() if row.quantity == "force" or row.setting != "60 modes"]
+    page = report_of(rows, "new", tmp_path)
+    assert "| setting | force [%] | motion [%] | us ± noise |" in page
+    assert "| setting | force [%] | us ± noise |\n| --- | --- | --- |\n| 60 modes |" in page
+
+
+def test_the_page_in_the_documentation_is_what_its_studies_make_up():
+    page = ROOT / "docs" / "results" / "accuracy.md"
+    assert page.read_text(encoding="utf-8") == page_of(page.with_suffix(""))
 
 
 def test_rows_beside_a_page_are_read_as_they_were_written(tmp_path):
@@ -168,10 +185,13 @@ def test_the_choice_for_a_slower_machine_is_the_least_wrong_that_fits_not_the_ne
     rows = [row("coarse", 30.0, 100.0), row("middle", 2.0, 245.0), row("fine", 1.0, 255.0)]
     assert [each.setting for each in frontier(rows)] == ["coarse", "fine"]
     assert "| modes | force | fine | 1 % | 255 | middle | 2 % | 490 |" in slower_machine(rows)
-    alike = [row("exact", 1e-9, 150.0), row("exact and cheap", 1e-7, 140.0)]
-    assert "| modes | force | exact and cheap | 1.0e-07 % | 140 | exact and cheap | 1.0e-07 % | 280 |" in (
-        slower_machine(alike)
-    )
+    alike = [row("exact", 1e-9, 265.0), row("exact and cheap", 1e-7, 255.0), row("rough", 5.0, 100.0)]
+    assert "| modes | force | exact and cheap | 1.0e-07 % | 255 | rough | 5 % | 200 |" in slower_machine(alike)
+
+
+def test_a_choice_that_is_the_same_on_a_slower_machine_has_no_line():
+    rows = [row for row in some_rows() if row.setting != "60 modes"]
+    assert not any(line.startswith("| modes |") for line in slower_machine(rows))
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"rows": []}', '{"made_with": [], "rows": [{"study": "modes"}]}'])

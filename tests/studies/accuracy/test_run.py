@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import pytest
 from conftest import SMALLEST
 
-from services.studies.accuracy import costs, run
-from services.studies.accuracy.costs import FLOOR, TIMED_IN_A_ROW, measure_costs
-from services.studies.accuracy.frontier import frontier
-from services.studies.accuracy.log import Log
-from services.studies.accuracy.study import Cost, Row, Setting
+from studies.accuracy import costs, run
+from studies.accuracy.costs import FLOOR, TIMED_IN_A_ROW, measure_costs
+from studies.accuracy.frontier import frontier
+from studies.accuracy.log import StudyLog
+from studies.accuracy.study import Cost, Row, Setting
 
 
 def row(setting, error, median_us, **kwargs):
@@ -54,25 +54,25 @@ class InGroups:
 def test_a_run_that_was_ended_between_groups_times_the_others_only(tmp_path, monkeypatch):
     first, second = InGroups(), InGroups()
     monkeypatch.setattr(run, "load_study", lambda name: first)
-    run.fill_costs(["study"], SMALLEST, Log(tmp_path, SMALLEST, "code"), lambda *_: None)
+    run.fill_costs(["study"], SMALLEST, StudyLog(tmp_path, SMALLEST, "code"), lambda *_: None)
     file = tmp_path / "results.jsonl"
     lines = file.read_text().splitlines()
     assert len(lines) == 3
     file.write_text("\n".join(lines[:1]) + "\n")
     monkeypatch.setattr(run, "load_study", lambda name: second)
-    log = Log(tmp_path, SMALLEST, "code")
+    log = StudyLog(tmp_path, SMALLEST, "code")
     run.fill_costs(["study"], SMALLEST, log, lambda *_: None)
     assert (first.prepared, second.prepared) == (["a", "b", "c", "d"], ["c", "d"])
     assert set(log.costs["study"]) == {"a", "b", "c", FLOOR}
     floors = [json.loads(line)["costs"][FLOOR]["median_us"] for line in file.read_text().splitlines() if FLOOR in line]
     assert log.costs["study"][FLOOR].median_us == max(floors)
-    assert Log(tmp_path, SMALLEST, "code").costs == log.costs
+    assert StudyLog(tmp_path, SMALLEST, "code").costs == log.costs
 
 
 def test_a_folder_of_other_code_is_refused(tmp_path):
-    Log(tmp_path, SMALLEST, "code")
+    StudyLog(tmp_path, SMALLEST, "code")
     with pytest.raises(ValueError, match="holds the results of"):
-        Log(tmp_path, SMALLEST, "other code")
+        StudyLog(tmp_path, SMALLEST, "other code")
 
 
 def test_the_frontier_has_those_that_nobody_beats_in_both():
@@ -159,7 +159,7 @@ def test_a_cluster_of_processes_computes_the_same(run_smallest, tmp_path):
 
 
 def test_a_scheduler_that_is_not_there_is_one_sentence(run_smallest, monkeypatch):
-    from services.studies.accuracy import workers
+    from studies.accuracy import workers
 
     monkeypatch.setattr(workers, "CONNECT_S", 0.5)
     with pytest.raises(ConnectionError, match=r"127\.0\.0\.1:1"):

@@ -9,8 +9,8 @@ from conftest import SMALLEST
 from services.mechanics.bodies import catheter as catheter_body
 from services.mechanics.bodies.catheter import CatheterBody
 from services.mechanics.simulation import duct_alone
-from services.studies.accuracy.study import Setting
-from services.studies.accuracy.sweeps import sleeping
+from studies.accuracy.study import Setting
+from studies.accuracy.sweeps import sleeping
 from tests.instructions import instructions
 
 SETTINGS = {setting.name: setting for setting in sleeping.settings(SMALLEST)}

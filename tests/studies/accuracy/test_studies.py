@@ -10,12 +10,12 @@ from conftest import SMALLEST
 from services.mechanics.effects import EFFECTS, go_together
 from services.mechanics.scenarios import insertion_scene
 from services.scenes import load_scene
-from services.studies.accuracy import pinches
-from services.studies.accuracy.frontier import frontier
-from services.studies.accuracy.report import findings_of
-from services.studies.accuracy.study import Cost, Draw, Row, Size, load_study, study_names
-from services.studies.accuracy.sweeps import default as study_default
-from services.studies.accuracy.sweeps import mesh, paper
+from studies.accuracy import pinches
+from studies.accuracy.frontier import frontier
+from studies.accuracy.report import findings_of
+from studies.accuracy.study import Cost, Draw, Row, Size, load_study, study_names
+from studies.accuracy.sweeps import default as study_default
+from studies.accuracy.sweeps import mesh, paper
 
 WANTED = {
     "modes",
@@ -43,7 +43,13 @@ def test_a_study_is_found_by_the_name_of_its_file():
         load_study("nodes")
 
 
-@pytest.mark.parametrize("name", sorted(WANTED))
+#: By day the studies that are cheapest and furthest apart; each one in the long run.
+BY_DAY = {"catheter", "contact", "element", "modes", "timestep"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in BY_DAY)) for name in sorted(WANTED)]
+)
 def test_settings_have_names_of_their_own_and_every_one_has_an_error_and_a_cost(name, run_smallest):
     settings = load_study(name).settings(SMALLEST)
     assert len({setting.name for setting in settings}) == len(settings) > 1

@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 from services.cache_directory import cache_directory
 from services.cli.app import app
-from services.cli.tune import Request, run_tune, tuned_text
 from services.mechanics.effects.mucus_drag import MucusDragSettings
 from services.mechanics.effects.self_contact import SelfContactSettings
 from services.mechanics.scenarios import insertion_scene
@@ -19,9 +18,9 @@ from services.mechanics.scene import QualityLevel
 from services.runtime import config
 from services.runtime.errors import ConfigError
 from services.scenes import build_scene, load_duct, load_scene
-from services.studies.accuracy.study import Cost
-from services.studies.accuracy.trial import Errors, Run, Trial, errors_of
-from services.studies.accuracy.tuning import (
+from studies.accuracy.study import Cost
+from studies.accuracy.trial import Errors, Run, Trial, errors_of
+from studies.accuracy.tuning import (
     Rung,
     Step,
     Tuned,
@@ -32,6 +31,7 @@ from services.studies.accuracy.tuning import (
     tune,
     worth_having,
 )
+from studies.commands.tune import Request, run_tune, tuned_text
 
 ESSENTIAL = ("friction", "grasp_slip", "gravity")
 
@@ -236,7 +236,7 @@ def test_overrides_are_written_too():
     [
         ("insertion", 0.0, "a.yaml", "--budget-us must be a positive number of microseconds, is 0"),
         ("insertion", math.nan, "a.yaml", "--budget-us must be a positive number of microseconds, is nan"),
-        ("insertion", 100.0, "nowhere/a.yaml", "--out nowhere/a.yaml: there is no folder"),
+        ("insertion", 100.0, "/dev/null/a.yaml", "--out /dev/null: is a file, not a folder"),
         ("insertion", 100.0, "a.txt", "--out a.txt: a scene file ends in .yaml"),
         ("inserton", 100.0, "a.yaml", "there is no scene 'inserton'"),
         ("duct-only", 100.0, "a.yaml", "scene duct-only: names but a duct; tuning needs tools"),
@@ -268,7 +268,9 @@ def test_longer_steps_are_on_the_ladder_where_they_free_time():
 
 
 def test_the_command_prints_what_was_given_up_and_writes_the_scene(tmp_path, monkeypatch):
-    monkeypatch.setattr("services.cli.tune.Trial", lambda build_duct: MadeUp())
+    made_up = MadeUp()
+    made_up.take_part = lambda *_: None
+    monkeypatch.setattr("studies.commands.tune.CountedTrial", lambda tell, n_runs: made_up)
     out = tmp_path / "tuned.yaml"
     result = CliRunner().invoke(app, ["tune", "--scene", "pinch", "--budget-us", "1", "--out", str(out)])
     assert result.exit_code == 0, result.output

@@ -1,11 +1,11 @@
-"""Hands as a table: every edit touches what it says, and nothing else."""
+"""HandMotions as a table: every edit touches what it says, and nothing else."""
 
 import numpy as np
 import pytest
 
 from services.mechanics.scene.tools import ToolInputs
-from services.studies.stability.hands import least_jerk, still
-from services.studies.stability.strokes import at_step
+from studies.stability.hands import least_jerk, still
+from studies.stability.strokes import at_step
 
 HERE = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 

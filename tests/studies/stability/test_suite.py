@@ -2,10 +2,10 @@
 
 import pytest
 
-from services.studies.stability.families import FAMILIES
-from services.studies.stability.family import Draw, Reach
-from services.studies.stability.report import page
-from services.studies.stability.suite import Log, Order, Result, list_cases, run_suite
+from studies.stability.families import FAMILIES
+from studies.stability.family import Draw, Reach
+from studies.stability.report import page, wilson
+from studies.stability.suite import Log, Order, Result, list_cases, run_suite
 
 LONG = Order(Reach.LONG, 1, tuple(FAMILIES))
 THEORY = Order(Reach.QUICK, 1, ("theory",))
@@ -56,6 +56,20 @@ def test_the_page_names_what_failed_and_the_worst_of_each_criterion():
         Result("theory", "bad", {"theory": 1.0, "rest": float("inf")}, 10, 0.1),
     ]
     written = page(THEORY, results, "abc")
-    assert "2 of 4 cases run, 1 failed" in written
+    assert "2 of 4 cases run, 1 failed**: 9.5 to 90.5 % of such cases fail" in written
     assert "| theory | bad | rest never; theory 1 |" in written
     assert "| rest | 2 s | never | theory: bad | 2 | 1 |" in written
+
+
+def test_the_interval_of_a_rate_is_wilsons():
+    """As published: Newcombe, Statistics in Medicine 17 (1998) 857, table I."""
+    assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
+    assert wilson(15, 148) == pytest.approx((0.0624, 0.1605), abs=1e-4)
+    assert wilson(0, 20) == pytest.approx((0.0, 0.1611), abs=1e-4)
+    assert wilson(1, 29) == pytest.approx((0.0061, 0.1718), abs=1e-4)
+
+
+def test_a_heal_fails_a_case_but_where_the_family_is_made_for_it():
+    assert [name for name, family in FAMILIES.items() if family.may_heal] == ["numbers"]
+    assert Result("jerks", "one", {"healed": 1.0}, 1, 0.0).failed == ["healed"]
+    assert Result("numbers", "one", {"healed_by_design": 1.0}, 1, 0.0).failed == []

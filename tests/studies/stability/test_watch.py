@@ -11,10 +11,10 @@ from services.mechanics.reduction import ModalState, Newmark
 from services.mechanics.rod import Supports, build_integrator
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
-from services.studies.stability.criteria import CRITERIA, REST_S, failures
-from services.studies.stability.drive import Play, catheter_settling_s, drive, reduced_duct, wall_settling_s
-from services.studies.stability.situations import beside, threaded
-from services.studies.stability.watch import Watch
+from studies.stability.criteria import CRITERIA, REST_S, failures
+from studies.stability.drive import Play, catheter_settling_s, drive, reduced_duct, wall_settling_s
+from studies.stability.situations import beside, threaded
+from studies.stability.watch import Watch
 
 
 def run(before_step):
@@ -52,6 +52,15 @@ def press(simulation):
     simulation.tool_results.force_n[0, 0] += 0.4
 
 
+def push_a_contact(simulation):
+    """What the limiter of the reported force does not let through is seen all the same."""
+    rows = simulation.contacts
+    rows.n_contacts = 1
+    rows.tool[0] = 0
+    rows.lever[0] = np.eye(3, 4)
+    simulation.contact_force_n[0] = 0.4, 0.0, 0.0
+
+
 def lose(simulation):
     simulation.catheter.state.velocity_m_s[-1, 0] = np.nan
 
@@ -62,7 +71,8 @@ def lose(simulation):
         (shoot, "speed"),
         (draw_out, "stretch"),
         (put_through_the_wall, "crossings"),
-        (press, "force_step"),
+        (press, "felt_step"),
+        (push_a_contact, "force_step"),
         (lose, "not_finite"),
     ],
 )

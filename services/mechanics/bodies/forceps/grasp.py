@@ -1,4 +1,4 @@
-"""When jaws take hold and let go: closed until contact, then a grasp, released on opening."""
+"""Grasps of the jaws: they begin when both jaws touch while closing, and end on opening."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from services.mechanics.scene import ForcepsScene
 from services.mechanics.scene.tools import N_TOOLS, GraspHold
 from services.mechanics.surface.mesh import TriangleMesh
 
-TOUCHING_M = 0.1e-3
+GRASP_GAP_M = 0.1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,7 @@ def touched_apart_m(pairs: ContactPairs, mesh: TriangleMesh, a: int, b: int) -> 
 def find_touched_apart(
     pairs_address: Address[ContactPairs], vertices: FloatArray, triangles: IntArray, a: int, b: int
 ) -> float:
-    """Return what `touched_apart_m` does: asked in every tick of jaws about a tube, a kernel takes a tenth as long."""
+    """Return what `touched_apart_m` does, in a kernel that takes a tenth of the time."""
     pairs, square = pairs_at(pairs_address), 0.0
     for axis in range(3):
         way = 0.0
@@ -156,6 +156,6 @@ def find_deepest_touch(pairs_address: Address[ContactPairs], tool: int, segment:
     for i in range(pairs.count):
         is_it = pairs.tool[i] == tool and pairs.tool_segment[i] == segment and pairs.target_kind[i] == target_kind
         gap_m = pairs.gap_m[i]
-        if is_it and gap_m < TOUCHING_M and (best < 0 or gap_m < pairs.gap_m[best]):
+        if is_it and gap_m < GRASP_GAP_M and (best < 0 or gap_m < pairs.gap_m[best]):
             best = i
     return best

@@ -1,4 +1,4 @@
-"""From where a tool is to where its hand is asked to be: at a bounded speed, never at once.
+"""Path of a tool towards the commanded pose of its hand, at a bounded speed.
 
 A hand cannot jump, but ticks get lost and callers hand in anything. An instrument turns about its port and slides
 through it, so that is the path: the shaft swings in the plane of both directions while its length, roll and opening
@@ -16,7 +16,7 @@ from services.mechanics.compiled.vectors import cross, unit
 # Instruments of bariatric surgery, the longest there are, have 0.45 m of shaft; J is no further from the port.
 LONGEST_SHAFT_M = 0.5
 # In training tasks instruments move at 0.05 to 0.3 m/s, and at a tick of 1 ms half a metre a second is how far ahead
-# contacts are seen. Whoever moves faster, up to the 1.2 m/s at which an arm trips, is followed late.
+# contacts are seen. Faster hands, up to the 1.2 m/s at which an arm trips, are followed with a delay.
 FASTEST_HAND_M_S = 0.5
 _STRAIGHT = 1e-12
 
@@ -31,7 +31,7 @@ def sweep(
 ) -> float:
     """Write J and opening at the end of the step into ``out`` (4,), and return the roll then.
 
-    ``pose`` holds J with opening (4,) and roll at its start, ``target`` J, opening and roll that are asked for;
+    ``pose`` holds J with opening (4,) and roll at its start, ``target`` the commanded J, opening and roll;
     ``sizes`` the length of the jaws and how far J may go, in m. A target within reach is reached exactly.
     """
     (start, roll), (junction, opening, asked_roll) = pose, target

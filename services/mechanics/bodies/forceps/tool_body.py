@@ -135,7 +135,7 @@ class ToolBody:
 
     @property
     def is_behind(self) -> bool:
-        """Whether a tool is not where its hand is asked to be, because that is too far for a step."""
+        """Whether a tool has not reached the commanded pose because that is too far for a step."""
         return bool(self._flags & BEHIND)
 
     @property
@@ -160,7 +160,7 @@ class ToolBody:
         self._flags = predict_proxies(self.address, present, position, opening, roll, dt_s)
 
     def were_here(self) -> None:
-        """Take tools that come for ones that have come back: where one is inside something it touches nothing yet."""
+        """Treat tools that appear as returned: one that is inside a body has no contacts until it has left it."""
         self._arrays.was_here[:] = True
 
     def correct(self, force: FloatArray) -> None:
@@ -176,7 +176,7 @@ class ToolBody:
         return self.proxy, self.stretch, self.frame, self.length_m, self.segments
 
     def halt(self) -> None:
-        """Follow the hands anew from where the proxies are: nothing is stretched, and nothing has moved."""
+        """Restart the virtual couplings unstretched and at rest where the proxies are."""
         self.hand[:] = self.proxy
         self.stretch[:] = 0.0
         self.update_pose()
@@ -237,7 +237,7 @@ def predict_proxies(
 def _move_hand(
     tools: ToolArrays, tool: int, target: tuple[FloatArray, float, float], is_there: bool, dt_s: float
 ) -> bool:
-    """Put the hand where it is asked to be, or as far on its way as a tool that is in touch may go in a step.
+    """Move the hand to the commanded pose, or as far towards it as a tool in contact may go in a step.
 
     Return whether the hand of a tool that is there lags behind.
     """

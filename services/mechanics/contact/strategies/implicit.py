@@ -16,7 +16,7 @@ from services.mechanics.contact.stages import finish
 from services.mechanics.contact.state import ContactState, state_at
 from services.mechanics.contact.strategies.assembly import ASSEMBLED, MISSING, NO_KERNEL, add_body_compliances, assemble
 from services.mechanics.contact.strategies.strategy import AddCompliance, ContactStrategy
-from services.mechanics.reduction.residual.field import own_softness
+from services.mechanics.reduction.residual.residual_field import own_softness
 from services.mechanics.scene import ContactSettings
 
 # A sweep that changes a force by less than moves the wall by this part of its thickness where it gives way most has

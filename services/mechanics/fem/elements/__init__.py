@@ -20,7 +20,7 @@ BENDING_ELEMENTS: dict[str, Element] = {
 if TYPE_CHECKING:
     MembraneName = str
     BendingName = str
-else:  # made of the tables, so that whoever checks a configuration against its types knows every row
+else:  # made of the tables, so that a check of a configuration against its types knows every row
     MembraneName = Literal[tuple(MEMBRANE_ELEMENTS)]
     BendingName = Literal[tuple(BENDING_ELEMENTS)]
 

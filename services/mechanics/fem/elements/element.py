@@ -1,4 +1,4 @@
-"""What an element is: a stiffness, and what may be expected of it."""
+"""An element: its stiffness and its known limits."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Element:
     stiffness
         Of many triangles at once.
     is_reference_only
-        Fails the patch test or depends on which node comes first: to compare with, not to compute with.
+        The element fails the patch test or depends on the order of its nodes, so it serves comparisons only.
     has_stiff_drilling
         Of a membrane: its drilling rotations are about as stiff as its shear, which makes torsion of a thick wall of
-        short flat triangles too stiff (`facets.drilling_excess`) and a curved rim under forces too soft
-        (`facets.rim_eccentricity`).
+        short flat triangles too stiff (`studies.fem.facets.drilling_excess`) and a curved rim under forces too soft
+        (`studies.fem.facets.rim_eccentricity`).
     """
 
     stiffness: StiffnessKernel

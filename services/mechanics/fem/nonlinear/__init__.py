@@ -1,8 +1,8 @@
 """Shells at large displacements and rotations, strains small: the same elements, carried along by each triangle."""
 
-from services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell, largest_strain
+from services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
 from services.mechanics.fem.nonlinear.equilibrium import PathPoint, PathSettings, trace_path
-from services.mechanics.fem.nonlinear.loads import NonlinearLoad
+from services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
 
 __all__ = [
     "Configuration",
@@ -10,6 +10,5 @@ __all__ = [
     "NonlinearLoad",
     "PathPoint",
     "PathSettings",
-    "largest_strain",
     "trace_path",
 ]

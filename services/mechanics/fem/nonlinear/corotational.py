@@ -22,11 +22,10 @@ from scipy.sparse import bsr_array
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.assembly import CHUNK, local_stiffness, sum_triangles, turn
 from services.mechanics.fem.frames import local_coordinates, local_frames
-from services.mechanics.fem.model import ShellModel
 from services.mechanics.fem.nonlinear.carried_frame import CarriedFrame
 from services.mechanics.fem.nonlinear.rotations import exponential, logarithm, moment_correction, skew, vector_rate
 from services.mechanics.fem.section import plane_stress_matrices
-from services.mechanics.surface.mesh import unique_edges
+from services.mechanics.fem.shell_model import ShellModel
 
 
 @dataclass(frozen=True)
@@ -201,12 +200,3 @@ def _local_tangent(K: FloatArray, state: _Deformation, raw: FloatArray) -> Float
 def _parts(n: int) -> Iterator[slice]:
     for start in range(0, n, CHUNK):
         yield slice(start, min(start + CHUNK, n))
-
-
-def largest_strain(model: ShellModel, at: Configuration) -> float:
-    """Largest change of an edge's length over that length."""
-    edges = unique_edges(model.mesh)[0]
-    before, after = (
-        np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1) for x in (model.mesh.vertices_m, at.position_m)
-    )
-    return float(np.abs(after / before - 1.0).max())

@@ -1,4 +1,4 @@
-"""The first thing that is nonlinear in a shell: the cubic part of its energy about the undeformed shape."""
+"""Cubic part of a shell's strain energy about the undeformed shape: its lowest nonlinear term."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ CHUNK = 512
 _AXES = 18
 
 
-def cubic_tensor(shell: CorotationalShell, fields: FloatArray) -> Float32Array:
-    """(k, k, k) third derivatives of the strain energy along displacements and rotations (6 n, k), at rest.
-
-    T[a, b, c] = d3E / dx_a dx_b dx_c for the shell moved by sum_a x_a fields_a, rotations being rotation vectors: the
-    energy is 1/2 x K x + 1/6 T x x x and terms of fourth order. Symmetric in its three places.
-    """
-    return cubic_tensor_and_energies(shell, fields, fields[:, :0])[0]
-
-
 def cubic_tensor_and_energies(
     shell: CorotationalShell, fields: FloatArray, alone: FloatArray
 ) -> tuple[Float32Array, FloatArray]:
-    """Return `cubic_tensor` of fields (6 n, k), and the cubic energies (j,) of others (6 n, j), each for itself.
+    """Third derivatives (k, k, k) of the strain energy along ``fields``, and the cubic energies (j,) of ``alone``.
 
-    The triangles' third derivatives, which take most of the time, are made once for both.
+    T[a, b, c] = d3E / dx_a dx_b dx_c for the shell moved by sum_a x_a fields_a, rotations being rotation vectors: the
+    energy is 1/2 x K x + 1/6 T x x x and terms of fourth order. T is symmetric in its three indices. The triangles'
+    third derivatives take most of the time and are computed once for both results.
+
+    Parameters
+    ----------
+    shell
+        At rest.
+    fields
+        (6 n, k) displacements and rotations of all nodes.
+    alone
+        (6 n, j) more of them, of which only the energy of each by itself is wanted.
     """
     k = fields.shape[1]
     T, energy = np.zeros((k, k, k), np.float32), np.zeros(alone.shape[1])

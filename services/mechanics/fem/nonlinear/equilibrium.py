@@ -1,16 +1,14 @@
-"""Paths of equilibrium: Newton's method at growing parts of a load, or along the path's own length."""
+"""Paths of equilibrium under load control: Newton's method at growing parts of a load."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 from services.mechanics.arrays import FloatArray
-from services.mechanics.fem.nonlinear.arc_length import ArcLength
 from services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
-from services.mechanics.fem.nonlinear.loads import NonlinearLoad
+from services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
 from services.mechanics.fem.nonlinear.newton import Newton, NotConvergedError
 
 SMALLEST_STEP = 1e-4
@@ -28,19 +26,12 @@ class PathSettings:
     ----------
     n_steps
         Parts into which the load is divided, each of them a point of the path; one that does not converge is halved.
-    control
-        ``load`` raises the load, up to where the shell snaps; ``arc_length`` also follows a path on which the load
-        falls (Crisfield's cylinder over the translations, Computers and Structures 13:55, 1981).
     tolerance
         Unbalanced force over load and reactions.
-    most_points
-        Of a path along its length, which may wind for ever.
     """
 
     n_steps: int = 10
-    control: Literal["load", "arc_length"] = "load"
     tolerance: float = 1e-8
-    most_points: int = 500
 
 
 @dataclass(frozen=True)
@@ -74,6 +65,9 @@ def trace_path(
 ) -> list[PathPoint]:
     """Equilibria from the undeformed shell to the full load, at least ``n_steps`` of them.
 
+    The load grows in equal parts, each of them a point; a part is halved where Newton's method fails. A path on which
+    the load falls cannot be followed this way.
+
     Raises
     ------
     ValueError
@@ -81,18 +75,9 @@ def trace_path(
     """
     settings = settings or PathSettings()
     newton = Newton(shell, load, settings.tolerance)
-    follow = _by_load if settings.control == "load" else _by_arc_length
-    points = []
-    for point in follow(newton, settings):
-        points.append(point)
-        on_point(point)
-    return points
-
-
-def _by_load(newton: Newton, settings: PathSettings) -> Iterator[PathPoint]:
-    """Equal parts of the load, each of them a point; halved where Newton's method fails, longer where it is easy."""
     regular = 1.0 / settings.n_steps
-    at, part, step = Configuration.undeformed(newton.shell.model), 0.0, regular
+    at, part, step = Configuration.undeformed(shell.model), 0.0, regular
+    points = []
     while part < 1.0:
         stop = (math.floor(part * settings.n_steps + 1e-9) + 1) / settings.n_steps
         target = stop if part + step > stop - 1e-9 * regular else part + step
@@ -101,49 +86,22 @@ def _by_load(newton: Newton, settings: PathSettings) -> Iterator[PathPoint]:
         except NotConvergedError as error:
             step = 0.5 * (target - part)
             if step < SMALLEST_STEP * regular:
-                raise _gave_up(part, error, settings) from error
+                raise lost_path(part, error, "where a shell snaps, arc-length control follows it") from error
             continue
         at, part = found.at, target
-        yield PathPoint(part, at, found.reaction, found.iterations, found.residual)
-        step = _adapted(step, found.iterations, regular)
+        points.append(PathPoint(part, at, found.reaction, found.iterations, found.residual))
+        on_point(points[-1])
+        step = adapted_step(step, found.iterations, regular)
+    return points
 
 
-def _by_arc_length(newton: Newton, settings: PathSettings) -> Iterator[PathPoint]:
-    """Along the path until the load is full; the last point is found at the full load."""
-    arc = ArcLength(newton)
-    regular = 1.0 / settings.n_steps
-    state = arc.start(regular)
-    shortest, longest = SMALLEST_STEP * state.length, state.length
-    for _ in range(settings.most_points):
-        try:
-            after = arc.advance(state)
-            last = newton.solve(state.at, state.part, 1.0) if after.part >= 1.0 else None
-        except NotConvergedError as error:
-            state = state.with_length(0.5 * state.length)
-            if state.length < shortest:
-                raise _gave_up(state.part, error, settings) from error
-            continue
-        if last is not None:
-            yield PathPoint(1.0, last.at, last.reaction, last.iterations, last.residual)
-            return
-        state = after.with_length(_adapted(after.length, after.iterations, longest))
-        yield PathPoint(after.part, after.at, after.reaction, after.iterations, after.residual)
-    hint = "fewer n_steps make longer ones" if state.length == longest else "more n_steps may take more points"
-    raise ValueError(
-        f"nonlinear: after {settings.most_points} points the path is at {state.part:.3g} of the load; {hint}"
-    )
-
-
-def _adapted(step: float, iterations: int, longest: float) -> float:
+def adapted_step(step: float, iterations: int, longest: float) -> float:
+    """Return the next step: longer where Newton's method was quick, shorter where it was slow."""
     if iterations <= EASY:
         return min(step * GROWTH, longest)
     return step / GROWTH if iterations >= HARD else step
 
 
-def _gave_up(part: float, error: NotConvergedError, settings: PathSettings) -> ValueError:
-    hint = (
-        "where a shell snaps, control: arc_length follows it"
-        if settings.control == "load"
-        else f"more n_steps than {settings.n_steps} begin with shorter ones, which lose a path less easily"
-    )
+def lost_path(part: float, error: NotConvergedError, hint: str) -> ValueError:
+    """Return the error of a path that could not be followed beyond ``part`` of the load."""
     return ValueError(f"nonlinear: no equilibrium was found beyond {part:.4g} of the load ({error}); {hint}")

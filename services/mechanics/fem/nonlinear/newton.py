@@ -10,7 +10,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from services.mechanics.arrays import FloatArray
 from services.mechanics.fem.nonlinear.corotational import Configuration, CorotationalShell
-from services.mechanics.fem.nonlinear.loads import NonlinearLoad
+from services.mechanics.fem.nonlinear.follower_loads import NonlinearLoad
 
 MOST_ITERATIONS = 25
 PIVOT_THRESHOLD = 1e-3

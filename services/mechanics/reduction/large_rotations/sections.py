@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.fem.factors import factorise
+from services.mechanics.fem.factorisation import factorise
 from services.mechanics.surface.mesh import (
     TriangleMesh,
     boundary_loops,

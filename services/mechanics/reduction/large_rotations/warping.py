@@ -27,7 +27,6 @@ from services.mechanics.reduction.large_rotations.warping_kernels import (
     node_rows,
     string_axis,
     string_rates,
-    turn_blocks,
     turn_vectors,
 )
 from services.mechanics.surface.mesh import TriangleMesh, vertex_areas_m2
@@ -69,16 +68,6 @@ class TubeWarp:
         arm = mesh.vertices_m - np.asarray(shares @ sections.centres_m)
         rigid = _spread(shares, shift) + np.cross(_spread(shares, turn), arm[:, :, None], axis=1)
         return cls(sections, turn, np.ascontiguousarray(stretch), arm, np.ascontiguousarray(basis.Phi - rigid))
-
-    def positions(self, q: FloatArray, extra_m: FloatArray | None = None) -> FloatArray:
-        """Return the position of every node (n, 3) in m; ``extra_m`` (n, 3) adds displacement in turned frames."""
-        frame = SectionFrame(self)
-        frame.update(q)
-        out = np.empty_like(self.arm_m)
-        nodes = np.arange(len(out), dtype=np.int32)
-        extra = np.zeros_like(out) if extra_m is None else extra_m
-        frame.node_positions(nodes, extra, out)
-        return out
 
 
 class SectionFrame:
@@ -138,13 +127,6 @@ class SectionFrame:
         """Write d position / d q of ``nodes`` (k,) into ``out`` (k, 3, r): it takes the place of Phi."""
         self._refresh_rates()
         node_rows(self._tube.address, nodes, out)
-
-    def turn_blocks(self, nodes: IntArray, out: FloatArray) -> None:
-        """Turn a compliance ``out`` (3 k, 3 k) between ``nodes`` (k,), in place, from undeformed into world axes.
-
-        The residual compliance belongs to the wall and turns with its sections: Q_a R_ab Q_b^T.
-        """
-        turn_blocks(self._tube.address, nodes, out)
 
     def turn_vectors(self, nodes: IntArray, vectors: FloatArray, out: FloatArray) -> None:
         """Turn ``vectors`` (k, 3) of ``nodes`` (k,) from undeformed into world axes; ``out`` (k, 3) may be the same."""

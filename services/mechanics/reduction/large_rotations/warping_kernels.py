@@ -6,7 +6,7 @@ import math
 from typing import Annotated
 
 from services.mechanics.arrays import FloatArray, IntArray
-from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled import inlined_kernel, kernel, summing_kernel
 from services.mechanics.compiled.struct import Address, Struct, reader
 
 
@@ -194,7 +194,7 @@ def node_rows(address: Address[WarpedTube], nodes: IntArray, out: FloatArray) ->
     _node_rows(tube_at(address), nodes, out)
 
 
-@kernel
+@inlined_kernel
 def _node_rows(tube: WarpedTube, nodes: IntArray, out: FloatArray) -> None:
     segment, fraction, arm, local, q = tube.segment, tube.fraction, tube.arm, tube.local, tube.q
     turn, rate, turn_modes, small, between = tube.turn, tube.rate, tube.turn_modes, tube.small, tube.between
@@ -214,26 +214,6 @@ def _node_rows(tube: WarpedTube, nodes: IntArray, out: FloatArray) -> None:
         _rotate(R, carried, vector)
         _add_turned_rates(A, between, vector, out[index])
         _add_rotated(R, local[node], out[index])
-
-
-@kernel
-def turn_blocks(address: Address[WarpedTube], nodes: IntArray, out: FloatArray) -> None:
-    """Replace each block (a, b) of ``out`` (3 k, 3 k) by Q_a block Q_b^T, with the nodes' rotations Q."""
-    tube = tube_at(address)
-    Q, vector, column = tube.small[:3], tube.small[6], tube.small[7]
-    for a in range(nodes.shape[0]):
-        interpolate_turn(tube.turn, tube.segment[nodes[a]], tube.fraction[nodes[a]], vector)
-        rotation_matrix(vector, Q)
-        for other in range(out.shape[0]):
-            for i in range(3):
-                column[i] = out[3 * a + i, other]
-            for i in range(3):
-                out[3 * a + i, other] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]
-        for other in range(out.shape[0]):
-            for i in range(3):
-                column[i] = out[other, 3 * a + i]
-            for i in range(3):
-                out[other, 3 * a + i] = Q[i, 0] * column[0] + Q[i, 1] * column[1] + Q[i, 2] * column[2]
 
 
 @kernel

@@ -51,43 +51,15 @@ class Membrane:
         rigidity = scale * plane_stress_matrices(section, frames)
         return cls(mesh.triangles, shape_gradients(xy), frames[:, :2], rigidity)
 
-    def energy_j(self, u: FloatArray) -> float:
-        """Return the energy beyond the linear one of a displacement (n, 3) in m."""
-        G = self._displacement_gradients(u)
-        e, eta = self._linear_strain(G), _product_strain(G, G)
-        stress = np.einsum("mij,mj->mi", self.rigidity_n_m, 0.5 * e + 0.125 * eta)
-        return float(np.sum(stress * eta))
-
-    def force_n(self, u: FloatArray) -> FloatArray:
-        """Return the gradient (n, 3) of that energy, in N: the internal force beyond the linear one."""
-        G = self._displacement_gradients(u)
-        e, eta = self._linear_strain(G), _product_strain(G, G)
-        half_product = np.einsum("mij,mj->mi", self.rigidity_n_m, 0.5 * eta)
-        total = np.einsum("mij,mj->mi", self.rigidity_n_m, e + 0.5 * eta)
-        return self._nodal(half_product, self.tangents, len(u)) + self._nodal(total, G, len(u))
-
-    def quadratic_force_n(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the symmetric bilinear form B (n, 3) of two displacements; B(u, u) is the force's quadratic part."""
-        Gu, Gv = self._displacement_gradients(u), self._displacement_gradients(v)
-        force = self.product_force_n(u, v)
-        for one, other in ((Gu, Gv), (Gv, Gu)):
-            stress = np.einsum("mij,mj->mi", self.rigidity_n_m, self._linear_strain(one))
-            force += 0.5 * self._nodal(stress, other, len(u))
-        return force
-
     def product_force_n(self, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the in-plane forces (n, 3) of the stress D eta(u, v) / 2 that the products of slopes make."""
-        eta = _product_strain(self._displacement_gradients(u), self._displacement_gradients(v))
+        eta = product_strain(self._displacement_gradients(u), self._displacement_gradients(v))
         return self._nodal(np.einsum("mij,mj->mi", self.rigidity_n_m, 0.5 * eta), self.tangents, len(u))
 
     def _displacement_gradients(self, u: FloatArray) -> FloatArray:
         """Return G (m, 2, 3)."""
         gradients: FloatArray = self.gradients @ u[self.triangles]
         return gradients
-
-    def _linear_strain(self, G: FloatArray) -> FloatArray:
-        mixed = np.einsum("mai,mbi->mab", self.tangents, G)
-        return np.stack([mixed[:, 0, 0], mixed[:, 1, 1], mixed[:, 0, 1] + mixed[:, 1, 0]], axis=1)
 
     def _nodal(self, stress: FloatArray, along: FloatArray, n: int) -> FloatArray:
         """Assemble the forces whose work on dG is stress . (d1.dG1, d2.dG2, d1.dG2 + d2.dG1), d = ``along``."""
@@ -99,7 +71,7 @@ class Membrane:
         return force
 
 
-def _product_strain(Gu: FloatArray, Gv: FloatArray) -> FloatArray:
+def product_strain(Gu: FloatArray, Gv: FloatArray) -> FloatArray:
     """Return the symmetric bilinear form whose diagonal is eta (m, 3)."""
     mixed = np.einsum("mai,mbi->mab", Gu, Gv)
     return np.stack([mixed[:, 0, 0], mixed[:, 1, 1], mixed[:, 0, 1] + mixed[:, 1, 0]], axis=1)

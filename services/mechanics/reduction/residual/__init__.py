@@ -1,1 +1,1 @@
-"""The residual compliance: what the modes left out answer, in blocks, patches, turned, and as a field."""
+"""Residual compliance of a truncated modal basis: full, cyclic or in patches, rotated, and as a displacement field."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.compiled import kernel
-from services.mechanics.reduction.doubles import is_copied
-from services.mechanics.surface.cyclic import CyclicSymmetry
+from services.mechanics.reduction.coincident_points import is_copied
+from services.mechanics.surface.cyclic_symmetry import CyclicSymmetry
 
 BlockArray = Float32Array | FloatArray
 CyclicStore = tuple[IntArray, IntArray, FloatArray, FloatArray]
@@ -114,15 +114,11 @@ class Residual:
         """What the kernels of this module read."""
         return self.blocks, self.starts, self.neighbours, self.n_nodes, self.symmetry
 
-    def gather(self, nodes: IntArray, out: FloatArray) -> None:
-        """Write R between ``nodes`` (k,) into ``out`` (3 k, 3 k)."""
-        gather(self.store, nodes, out)
-
     def gather_points(self, nodes: IntArray, weights: FloatArray, out: FloatArray, source: IntArray) -> None:
         """Write R between points of triangles into ``out`` (3 k, 3 k).
 
         ``nodes`` (k, 3) are the corners and ``weights`` (k, 3) the barycentric coordinates of each point. Blocks
-        that ``source`` (k,) says are copies are left out, see `doubles`.
+        that ``source`` (k,) says are copies are left out, see `coincident_points`.
         """
         gather_points(self.store, nodes, weights, out, source)
 
@@ -188,18 +184,6 @@ def block_between(store: BlockStore, row: int, column: int) -> Block:
     yy, yz = c * yy - s * yz, s * yy + c * yz
     zy, zz = c * zy - s * zz, s * zy + c * zz
     return (xx, xy, xz, yx, yy, yz, zx, zy, zz)
-
-
-@kernel
-def gather(store: BlockStore, nodes: IntArray, out: FloatArray) -> None:
-    """Copy the blocks between ``nodes`` (k,) into ``out`` (3 k, 3 k), using their symmetry."""
-    for a in range(nodes.shape[0]):
-        for b in range(a + 1):
-            block = block_between(store, nodes[a], nodes[b])
-            for i in range(3):
-                for j in range(3):
-                    out[3 * a + i, 3 * b + j] = block[3 * i + j]
-                    out[3 * b + j, 3 * a + i] = block[3 * i + j]
 
 
 @kernel

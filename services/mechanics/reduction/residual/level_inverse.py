@@ -46,7 +46,7 @@ def compliance_rows(model: ShellModel) -> Iterator[tuple[IntArray, FloatArray]]:
 
 
 def node_levels(mesh: TriangleMesh, held_dofs: IntArray) -> list[IntArray]:
-    """Return the nodes by how many edges away from the nearest held one they are: nobody's neighbour skips a level."""
+    """Return the nodes by how many edges away from the nearest held one they are: no edge skips a level."""
     adjacency = vertex_adjacency(mesh).astype(np.float64)
     frontier = np.zeros(mesh.n_vertices, np.bool_)
     frontier[held_dofs // 6] = True

@@ -1,4 +1,4 @@
-"""How far patches of the residual compliance are from the whole of it, measured against columns that are exact."""
+"""Error of the residual compliance in patches, measured against exact columns."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The wall's softening in a step: a force on the modes that follows from a potential of their displacement."""
+"""Softening wall in a step: a force on the modes with a potential of their displacement."""

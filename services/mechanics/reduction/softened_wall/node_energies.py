@@ -1,12 +1,12 @@
-"""What sites leave out of the energies of the forces on the nodes, taken on node by node; see `remainder`."""
+"""Energies that the sites do not resolve, summed node by node; see `remainder`."""
 
 from __future__ import annotations
 
 from services.mechanics.compiled import kernel, summing_kernel
-from services.mechanics.reduction.softened_wall.wall import N_NODES, NODE, SoftenedWall
+from services.mechanics.reduction.softened_wall.softened_wall import N_NODES, NODE, SoftenedWall
 
 LEAST_SHARE = 1e-4
-"""Of the largest force: below it a node or a site does not count."""
+"""Force over the largest one below which a node or a site is left out."""
 LINEAR_J, MORE_J = range(2)
 """V of the nodes so far, and what E is larger by than that of the sites."""
 

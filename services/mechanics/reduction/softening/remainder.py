@@ -1,4 +1,4 @@
-"""What spreading over sites leaves out of a wall's energies: sharp fields near each node.
+"""Remainder of the cubic energy: the sharp fields near each node that the sites do not resolve.
 
 A force on a node and the same force spread over the nearest sites have the same field but for what is near the node.
 Let x_s be the fields of unit forces on the sites, a the forces there, f those on the nodes, and d_n what the field of a
@@ -20,12 +20,12 @@ from scipy.spatial import cKDTree
 from services.mechanics.arrays import Float32Array, FloatArray, IntArray
 from services.mechanics.fem.nonlinear import CorotationalShell
 from services.mechanics.fem.nonlinear.cubic_energy import third_derivatives_and_fields
-from services.mechanics.reduction.softening.own_energy import fields_of
-from services.mechanics.reduction.softening.sites import LoadSites, Lumen, local_compliance_m_n
+from services.mechanics.reduction.softening.load_sites import LoadSites, Lumen, local_compliance_m_n
+from services.mechanics.reduction.softening.node_energy import fields_of
 
 SITES, NODES = 40, 16
-"""How many of either are nearby."""
-REACH_WIDTHS = 0.9
+"""Neighbours of a node that are kept: the nearest sites and nodes."""
+REMAINDER_WIDTHS = 0.9
 """Of the lumen: triangles within it of a node are where its field is sharp."""
 
 
@@ -69,7 +69,7 @@ def remainder_of(shell: CorotationalShell, lumen: Lumen, sites: LoadSites, field
     np.put_along_axis(spread, sites.near.astype(np.intp), np.einsum("nka,na->nk", sites.weights, inward), axis=1)
     near_sites = _nearest(mesh.vertices_m[sites.nodes], mesh.vertices_m, SITES)
     near_nodes = _nearest(mesh.vertices_m, mesh.vertices_m, NODES)
-    third = _third(shell, (fields, alone - fields @ spread.T), (near_sites, near_nodes), REACH_WIDTHS * width_m)
+    third = _third(shell, (fields, alone - fields @ spread.T), (near_sites, near_nodes), REMAINDER_WIDTHS * width_m)
     local = local_compliance_m_n(mesh, lumen, every, alone).astype(np.float32)
     return Remainder(inward, near_sites, near_nodes, third, local)
 

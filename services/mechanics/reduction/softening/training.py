@@ -18,11 +18,13 @@ from services.mechanics.fem.nonlinear.cubic_energy import cubic_tensor_and_energ
 from services.mechanics.reduction import cache
 from services.mechanics.reduction.build import Progress, ignore_progress
 from services.mechanics.reduction.content_hash import hash_content, hash_sources
-from services.mechanics.reduction.duct import ReducedDuct
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
 from services.mechanics.reduction.recipe import DuctRecipe
-from services.mechanics.reduction.softening.followed_wall import followed_recipe, has_few_nodes
-from services.mechanics.reduction.softening.law import (
+from services.mechanics.reduction.reduced_duct import ReducedDuct
+from services.mechanics.reduction.softening.load_sites import LoadSites, Lumen, place_sites, scaled_to_cubic
+from services.mechanics.reduction.softening.node_energy import fields_of, interpolated_j, known_nodes
+from services.mechanics.reduction.softening.remainder import Remainder, no_remainder, remainder_of
+from services.mechanics.reduction.softening.softening_law import (
     LOCAL_SCALE,
     LOCAL_SCALE_OF_NODES,
     Sample,
@@ -34,10 +36,8 @@ from services.mechanics.reduction.softening.law import (
     place_of,
     share_of_nodes,
 )
-from services.mechanics.reduction.softening.own_energy import fields_of, interpolated_j, known_nodes
-from services.mechanics.reduction.softening.remainder import Remainder, no_remainder, remainder_of
-from services.mechanics.reduction.softening.sites import LoadSites, Lumen, place_sites, scaled_to_cubic
-from services.mechanics.reduction.softening.squeezes import SqueezedState, draw_squeezes, follow
+from services.mechanics.reduction.softening.training_mesh import has_few_nodes, training_recipe
+from services.mechanics.reduction.softening.training_squeezes import SqueezedState, draw_squeezes, follow
 
 _HERE = Path(__file__).parent
 SOURCES = (
@@ -48,13 +48,13 @@ SOURCES = (
 """What the numbers follow from beside the elements, which the recipe's key holds."""
 BESIDE_WIDTHS = 0.5
 """Of the lumen: nodes so near a support are squeezed more often than others."""
-LEAST_SHARE = 1e-3
+LOCAL_WORK_SHARE = 1e-3
 """Of the work that is local deformation: below it a state says nothing about the law."""
 
 
 @dataclass(frozen=True, slots=True)
 class WallSoftening:
-    """What forces on a wall do beyond the linear response.
+    """The trained softening of a wall.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ def train_softening(
     lumen = Lumen.of(recipe.mesh)
     inward_m_n = np.einsum("na,nab,nb->n", lumen.inward, own_m_n, lumen.inward)
     wall = _Wall.of(recipe, lumen, inward_m_n, has_few_nodes(recipe))
-    squeezed = followed_recipe(recipe)
+    squeezed = training_recipe(recipe)
     followed = wall if squeezed is recipe else _Wall.of(squeezed, Lumen.of(squeezed.mesh))
     states: list[SqueezedState] = []
     drawn = draw_squeezes(squeezed, followed.lumen, followed.sites.nodes, n_squeezes, beside=followed.beside_supports())
@@ -177,7 +177,7 @@ class _Wall:
         return len(self.remainder.third) > 0
 
     def alike(self, other: _Wall, local_scale: float = LOCAL_SCALE) -> FloatArray:
-        """(n, s) how alike the law is at its nodes and at another's, see `law.alike`."""
+        """(n, s) how alike the law is at its nodes and at another's, see `softening_law.alike`."""
         distance = cdist(self.model.mesh.vertices_m, other.model.mesh.vertices_m) / np.median(self.lumen.width_m)
         return alike(distance, self.from_support(), other.from_support(), local_scale)
 
@@ -218,7 +218,7 @@ Energies = Callable[["_Wall | WallSoftening", IntArray, FloatArray], tuple[float
 
 
 def energies_of_sites_j(wall: _Wall | WallSoftening, nodes: IntArray, force_n: FloatArray) -> tuple[float, float]:
-    """V and E of forces (k, 3) on nodes, spread over the sites and scaled; see `law`."""
+    """V and E of forces (k, 3) on nodes, spread over the sites and scaled; see `softening_law`."""
     at_sites = wall.sites.spread(nodes, force_n)
     return 0.5 * float(at_sites @ wall.sites.local_m_n @ at_sites), _cubic(wall.third, at_sites)
 
@@ -234,7 +234,7 @@ def _samples(wall: _Wall, states: list[SqueezedState], energies_j: Energies) -> 
     samples = []
     for state in states:
         V, E = energies_j(wall, state.nodes, state.force_n)
-        if V / state.work_j < LEAST_SHARE:
+        if V / state.work_j < LOCAL_WORK_SHARE:
             continue
         linear = _linear_work_j(wall.model, state.nodes, state.force_n)
         place = place_of(wall.model.mesh.n_vertices, state.nodes, state.force_n)

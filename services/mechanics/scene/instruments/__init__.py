@@ -1,7 +1,7 @@
 """The table of instruments: the one place that names their kinds. A new kind is a file in this folder and a row here.
 
 A row says what the scene file may say of it, what of it touches, whether it has jaws and a handle, and how it is drawn;
-see `ToolScene`. Nothing here needs numpy: whoever only wants to know what a scene calls for reads it.
+see `ToolScene`. Nothing here needs numpy, so that a process can read cheaply what a scene calls for.
 """
 
 from __future__ import annotations
@@ -15,6 +15,6 @@ TOOLS: dict[str, type[ToolScene]] = {
     "probe": ProbeScene,
 }
 USUAL = "forceps"
-"""What a tool is whose kind nobody says."""
+"""Kind of a tool whose scene file names none."""
 
 __all__ = ["TOOLS", "USUAL", "DrawnPart", "ForcepsScene", "ProbeScene", "ToolScene"]

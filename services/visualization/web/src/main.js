@@ -15,7 +15,7 @@ const dashboard = new Dashboard({
   // Curves and tables were a seventh of what a computer that draws on its processor did until the first picture.
   waits: () => Boolean(view?.software && view.stream && !view.last) && performance.now() < PICTURE_FIRST_MS,
 });
-const controls = new Controls();
+const controls = new Controls((token) => hands?.admit(token));
 globalThis.trocar = { view, hands, dashboard }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");

@@ -10,12 +10,13 @@ from services.mechanics.fem.nonlinear import (
     CorotationalShell,
     NonlinearLoad,
     PathSettings,
-    arc_length,
     newton,
     trace_path,
 )
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
-from services.studies.large_displacement_problems import (
+from studies.fem import arc_length
+from studies.fem.arc_length import trace_arc_length
+from studies.published.large_displacements import (
     DIAPHRAGMS,
     HALF_CYLINDER,
     PINCH,
@@ -77,11 +78,12 @@ def test_a_cylinder_between_diaphragms_gives_way_as_published():
 def test_a_cylinder_pulled_apart_ends_where_published():
     """Stretched with its circumference straightened, it has turned its curvature about on the way."""
     problem = pulled_cylinder(12, 8)
-    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=20, control="arc_length"))
+    path = trace_arc_length(problem.shell, problem.load, PathSettings(n_steps=20))
     moved = problem.moved(path[-1])
     assert [moved[0, 2], -moved[1, 0], -moved[2, 0]] == pytest.approx(PULLED[path[-1].part], rel=0.015)
 
 
+@pytest.mark.long
 def test_a_half_cylinder_pushed_at_its_free_end_folds_as_far_as_published():
     """By 1.7 radii; 12, 16 and 20 triangles along each side come to within 2.1, 1.1 and less than 1 %."""
     problem = pushed_half_cylinder(20, 20)
@@ -101,7 +103,7 @@ def test_hinged_roof_snaps_through_and_back(thickness, lowest):
     """The limit is published; the lowest load is of this method on a mesh of twice the fineness."""
     limit = 3000.0 * ROOF_LIMITS[thickness][0]
     problem = hinged_roof(thickness)
-    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=8, control="arc_length"))
+    path = trace_arc_length(problem.shell, problem.load, PathSettings(n_steps=8))
     load = 3000.0 * np.array([point.part for point in path])
     top = int(np.flatnonzero(np.diff(load) < 0.0)[0])
     assert load[top] == pytest.approx(limit, rel=0.02)
@@ -109,11 +111,11 @@ def test_hinged_roof_snaps_through_and_back(thickness, lowest):
     assert path[-1].part == 1.0
 
 
-@pytest.mark.parametrize(("thickness", "most"), [(12.7, 0.007), (6.35, 0.009)])
+@pytest.mark.parametrize(("thickness", "most"), [pytest.param(12.7, 0.007, marks=pytest.mark.long), (6.35, 0.009)])
 def test_the_path_of_a_hinged_roof_is_the_published_one(thickness, most):
     """At all of its points, where the load falls and where the middle comes back up as well."""
     problem = hinged_roof(thickness)
-    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=40, control="arc_length"))
+    path = trace_arc_length(problem.shell, problem.load, PathSettings(n_steps=40))
     own = np.array([(0.0, 0.0), *((point.part, -problem.moved(point)[0, 2]) for point in path)])
     off = off_the_path(ROOF_PATHS[thickness], own)
     assert off.max() < most
@@ -127,7 +129,7 @@ def test_squeezed_duct_gives_way_as_in_calculix():
 
 def test_a_path_controlled_by_the_load_ends_where_the_roof_snaps_and_says_how_to_go_on():
     problem = hinged_roof(12.7, n=4)
-    with pytest.raises(ValueError, match=r"no equilibrium was found beyond 0\.73.* arc_length"):
+    with pytest.raises(ValueError, match=r"no equilibrium was found beyond 0\.73.* arc-length"):
         trace_path(problem.shell, problem.load, PathSettings(n_steps=4))
 
 
@@ -137,7 +139,7 @@ def test_a_path_along_its_length_that_is_lost_says_how_to_go_on(monkeypatch):
     monkeypatch.setattr(arc_length, "MOST_ITERATIONS", 2)
     problem = hinged_roof(12.7, n=4)
     with pytest.raises(ValueError, match=r"no equilibrium was found beyond .* more n_steps than 3 begin with shorter"):
-        trace_path(problem.shell, problem.load, PathSettings(n_steps=3, control="arc_length"))
+        trace_arc_length(problem.shell, problem.load, PathSettings(n_steps=3))
 
 
 def test_every_load_step_is_a_point_also_where_one_was_halved(monkeypatch):
@@ -164,7 +166,7 @@ def test_a_long_path_says_which_steps_take_it_further():
     """Points times the longest step are what it comes to: of steps as long as they may be fewer are longer."""
     problem = hinged_roof(12.7, n=4)
     with pytest.raises(ValueError, match=r"after 5 points the path is at 0\.\d+ of the load; fewer n_steps"):
-        trace_path(problem.shell, problem.load, PathSettings(n_steps=100, control="arc_length", most_points=5))
+        trace_arc_length(problem.shell, problem.load, PathSettings(n_steps=100), most_points=5)
 
 
 def test_a_last_step_that_the_load_cannot_control_is_made_along_the_path(monkeypatch):
@@ -179,7 +181,7 @@ def test_a_last_step_that_the_load_cannot_control_is_made_along_the_path(monkeyp
 
     monkeypatch.setattr(newton.Newton, "solve", fail_once)
     problem = hinged_roof(12.7, n=4)
-    path = trace_path(problem.shell, problem.load, PathSettings(n_steps=8, control="arc_length"))
+    path = trace_arc_length(problem.shell, problem.load, PathSettings(n_steps=8))
     assert failed
     assert path[-1].part == 1.0
 

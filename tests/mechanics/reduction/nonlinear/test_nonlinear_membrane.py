@@ -9,12 +9,17 @@ from services.mechanics.fem.frames import local_coordinates, local_frames
 from services.mechanics.reduction import ExactOscillator, ModalBasis, ModalState
 from services.mechanics.reduction.build import build_basis
 from services.mechanics.reduction.free_dofs import free_load, nodal_translations
-from services.mechanics.reduction.nonlinear.manifold import relaxed_membrane_force
-from services.mechanics.reduction.nonlinear.membrane import Membrane
-from services.mechanics.reduction.nonlinear.polynomial import CubicForce
+from services.mechanics.reduction.nonlinear.cubic_force import CubicForce
+from services.mechanics.reduction.nonlinear.membrane import product_strain
+from services.mechanics.reduction.nonlinear.quadratic_manifold import relaxed_membrane_force
 from services.mechanics.surface.mesh import TriangleMesh
 from services.mechanics.surface.tube import alternating_triangles
-from services.studies.modal_derivatives import cubic_force, extend_with_derivatives, modal_derivatives
+from tests.mechanics.reduction.exact_membrane import ExactMembrane
+from tests.mechanics.reduction.modal_derivatives import (
+    cubic_force,
+    extend_with_derivatives,
+    modal_derivatives,
+)
 
 LENGTH, WIDTH, THICKNESS, E = 1.0, 0.1, 0.01, 1e7
 
@@ -42,7 +47,7 @@ def beam() -> ShellModel:
 @pytest.fixture(scope="module")
 def nonlinear_duct(model, basis):
     nonlinear = extend_with_derivatives(model, basis, N_DIFFERENTIATED, N_DERIVATIVES)
-    return nonlinear, cubic_force(Membrane.from_model(model), nonlinear)
+    return nonlinear, cubic_force(ExactMembrane.from_model(model), nonlinear)
 
 
 def some_displacement(model, size_m=1e-3):
@@ -57,7 +62,7 @@ def some_coordinates(nonlinear, size_m=2e-3):
 
 
 def test_force_is_the_gradient_of_the_energy(model):
-    membrane, u = Membrane.from_model(model), some_displacement(model)
+    membrane, u = ExactMembrane.from_model(model), some_displacement(model)
     direction = some_displacement(model, 1.0)[::-1]
     step = 1e-7
     difference = (membrane.energy_j(u + step * direction) - membrane.energy_j(u - step * direction)) / (2.0 * step)
@@ -65,27 +70,27 @@ def test_force_is_the_gradient_of_the_energy(model):
 
 
 def test_bilinear_form_is_the_quadratic_part_of_the_force(model):
-    membrane, u = Membrane.from_model(model), some_displacement(model)
+    membrane, u = ExactMembrane.from_model(model), some_displacement(model)
     even = 0.5 * (membrane.force_n(u) + membrane.force_n(-u))
     assert membrane.quadratic_force_n(u, u) == pytest.approx(even, abs=1e-12 * np.abs(even).max())
 
 
 def test_a_rigid_rotation_stores_no_membrane_energy(model):
     # The linear membrane's energy of a finite rotation is false; linear plus the rest is St. Venant-Kirchhoff, exact.
-    membrane, mesh = Membrane.from_model(model), model.mesh
+    membrane, mesh = ExactMembrane.from_model(model), model.mesh
     turn = np.linalg.qr(np.random.default_rng(10).standard_normal((3, 3)))[0]
     u = mesh.vertices_m @ (turn.T - np.eye(3))
     frames = local_frames(mesh)
     assert membrane.gradients.shape == (mesh.n_triangles, 2, 3)
     assert local_coordinates(mesh, frames).shape == (mesh.n_triangles, 3, 2)
-    e = membrane._linear_strain(membrane._displacement_gradients(u))
+    e = product_strain(membrane.tangents, membrane._displacement_gradients(u))
     linear = 0.5 * np.einsum("mi,mij,mj->", e, membrane.rigidity_n_m, e)
     assert abs(linear + membrane.energy_j(u)) < 1e-12 * linear
 
 
 def test_polynomial_equals_the_full_force_and_energy_on_the_basis(model, nonlinear_duct):
     nonlinear, cubic = nonlinear_duct
-    membrane, q = Membrane.from_model(model), some_coordinates(nonlinear)
+    membrane, q = ExactMembrane.from_model(model), some_coordinates(nonlinear)
     out, u = np.zeros(nonlinear.basis.n_modes), nonlinear.basis.displacements(q)
     cubic.add_force(q, out, np.zeros((2, 20)))
     full = np.einsum("nir,ni->r", nonlinear.basis.Phi, membrane.force_n(u))[nonlinear.coordinates]
@@ -95,7 +100,7 @@ def test_polynomial_equals_the_full_force_and_energy_on_the_basis(model, nonline
 
 def test_polynomial_force_is_the_gradient_of_the_full_energy_by_differences(model, nonlinear_duct):
     nonlinear, cubic = nonlinear_duct
-    membrane, q = Membrane.from_model(model), some_coordinates(nonlinear)
+    membrane, q = ExactMembrane.from_model(model), some_coordinates(nonlinear)
     out = np.zeros(q.size)
     cubic.add_force(q, out, np.zeros((2, 20)))
     for mode in nonlinear.coordinates[[0, 5, 12, 19]]:
@@ -116,7 +121,7 @@ def test_extended_basis_is_orthonormal_and_diagonal(model, basis, nonlinear_duct
 
 def test_modal_derivatives_are_the_second_derivative_of_the_full_equilibrium(beam):
     # Loads K phi a: u = phi a + psi a^2 / 2 + O(a^3), by a full nonlinear solve at +a and -a.
-    basis, membrane = build_basis(beam, 4), Membrane.from_model(beam)
+    basis, membrane = build_basis(beam, 4), ExactMembrane.from_model(beam)
     derivative = modal_derivatives(beam, basis, 1)[:, :, 0] * basis.omega_rad_s[0] ** 4
     a = 2e-4 / np.abs(basis.Phi[:, :, 0]).max()
     load = a * basis.omega_rad_s[0] ** 2 * beam.mass_kg[:, None] * basis.Phi[:, :, 0]
@@ -182,7 +187,7 @@ def test_hinged_beam_stiffens_as_the_closed_form(beam):
     shapes = np.abs(linear.Phi[:, 2, :]).max(axis=0) > np.abs(linear.Phi[:, 1, :]).max(axis=0)
     assert shapes[0]
     nonlinear = extend_with_derivatives(beam, linear, 1, 1)
-    cubic = cubic_force(Membrane.from_model(beam), nonlinear)
+    cubic = cubic_force(ExactMembrane.from_model(beam), nonlinear)
     peak = np.abs(nonlinear.basis.Phi[:, 2, 0]).max()
     EA, EI = E * WIDTH * THICKNESS, E * WIDTH * THICKNESS**3 / 12.0
     for amplitude in (0.5 * THICKNESS, 2.0 * THICKNESS, 5.0 * THICKNESS):
@@ -208,7 +213,7 @@ def test_hinged_beam_stiffens_as_the_closed_form(beam):
 def test_reduced_beam_follows_the_full_nonlinear_solution(beam):
     linear = build_basis(beam, 12)
     nonlinear = extend_with_derivatives(beam, linear, 8, 12)
-    membrane = Membrane.from_model(beam)
+    membrane = ExactMembrane.from_model(beam)
     cubic = cubic_force(membrane, nonlinear)
     load = np.zeros((beam.mesh.n_vertices, 3))
     load[:, 2] = 1.5 * beam.mass_kg / beam.mass_kg.sum()

@@ -8,11 +8,12 @@ from services.mechanics.fem.section import Orthotropy
 from services.mechanics.reduction import ReducedDuct, Residual
 from services.mechanics.reduction.build import build_basis, fill_full_residual
 from services.mechanics.reduction.large_rotations.warping import SectionFrame
-from services.mechanics.reduction.residual.cyclic import build_cyclic, odd_modes
-from services.mechanics.reduction.residual.field import ResidualField
-from services.mechanics.reduction.residual.turned import TurnedResidual
-from services.mechanics.surface.cyclic import find_cyclic_symmetry
+from services.mechanics.reduction.residual.cyclic_residual import build_cyclic, odd_modes
+from services.mechanics.reduction.residual.residual_field import ResidualField
+from services.mechanics.reduction.residual.rotated_residual import RotatedResidual
+from services.mechanics.surface.cyclic_symmetry import find_cyclic_symmetry
 from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+from tests.mechanics.reduction.residual.node_blocks import between_nodes
 
 GEOMETRY = DuctGeometry(4e-3, 24e-3, 16, 12, taper=0.2)
 SECTION = ShellSection(0.8e-3, 100e3, 0.45, 1060.0, Orthotropy(np.array([1.0, 0.0, 0.0]), 2.0, 0.4))
@@ -54,9 +55,8 @@ def test_a_basis_that_ends_between_two_of_a_pair_has_an_odd_mode_and_one_that_do
 def test_blocks_between_any_nodes_are_those_between_all_pairs(both):
     duct, cyclic = both
     n = duct.basis.n_nodes
-    every, found, wanted = np.arange(n, dtype=np.int32), np.empty((3 * n, 3 * n)), np.empty((3 * n, 3 * n))
-    cyclic.gather(every, found)
-    duct.residual.gather(every, wanted)
+    every = np.arange(n, dtype=np.int32)
+    found, wanted = between_nodes(cyclic, every), between_nodes(duct.residual, every)
     assert np.abs(found - wanted).max() < 2e-7 * np.abs(wanted).max()
     assert np.array_equal(found, found.T)
     assert np.linalg.eigvalsh(found)[0] > -1e-6 * np.linalg.eigvalsh(found)[-1]
@@ -91,8 +91,8 @@ def test_sections_turn_it_as_they_turn_that_between_all_pairs(both, monkeypatch)
     weights, source = rng.dirichlet(np.ones(3), 8), np.arange(8, dtype=np.int32)
     found, wanted = np.empty((24, 24)), np.empty((24, 24))
     frame = SectionFrame.__new__(SectionFrame)
-    TurnedResidual.of(cyclic, frame, 8).gather_points(corners, weights, found, source)
-    TurnedResidual.of(duct.residual, frame, 8).gather_points(corners, weights, wanted, source)
+    RotatedResidual.of(cyclic, frame, 8).gather_points(corners, weights, found, source)
+    RotatedResidual.of(duct.residual, frame, 8).gather_points(corners, weights, wanted, source)
     assert np.abs(found - wanted).max() < 1e-6 * np.abs(wanted).max()
 
 

@@ -13,6 +13,7 @@ from services.mechanics.reduction.residual.patch_error import PatchError, measur
 from services.mechanics.reduction.residual.patches import build_patches, colour_apart, largest_radius_m, patch_pattern
 from services.mechanics.reduction.residual.selected_inverse import SelectedInverse
 from services.mechanics.surface.mesh import vertex_adjacency, vertex_normals
+from tests.mechanics.reduction.residual.node_blocks import between_nodes
 
 
 def opposite_node(mesh, node):
@@ -83,8 +84,7 @@ def test_residual_does_not_act_on_the_kept_modes(model, basis):
 
 def test_residual_is_symmetric_and_positive_semidefinite(duct):
     nodes = np.arange(40, 620, 13, dtype=np.int32)
-    R = np.empty((3 * nodes.size, 3 * nodes.size))
-    duct.residual.gather(nodes, R)
+    R = between_nodes(duct.residual, nodes)
     assert np.array_equal(R, R.T)
     eigenvalues = np.linalg.eigvalsh(R)
     assert eigenvalues[0] > -1e-6 * eigenvalues[-1]
@@ -150,9 +150,7 @@ def test_patch_kernels_equal_the_full_ones_within_the_radius_and_drop_the_rest(d
     near = np.flatnonzero(np.linalg.norm(duct.mesh.vertices_m - duct.mesh.vertices_m[310], axis=1) < 2.9e-3)
     far = np.array([310, 610], np.int32)
     for nodes in (near.astype(np.int32), far):
-        ours, full = np.empty((2, 3 * nodes.size, 3 * nodes.size))
-        patches.gather(nodes, ours)
-        duct.residual.gather(nodes, full)
+        ours, full = between_nodes(patches, nodes), between_nodes(duct.residual, nodes)
         if nodes is far:
             full[:3, 3:] = full[3:, :3] = 0.0
         assert ours == pytest.approx(full, abs=2e-6 * np.abs(full).max())

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from services.mechanics import scenarios
-from services.mechanics.reduction.residual.field import ResidualField
+from services.mechanics.reduction.residual.residual_field import ResidualField
 from services.mechanics.simulation.scene_duct import build_scene_duct
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from services.mechanics.reduction import ExactOscillator, ModalState, Newmark
-from services.mechanics.reduction.softened_wall.follow import CREDIT_J, follow_loads, push_ahead
-from services.mechanics.reduction.softened_wall.pattern import TURN, Pattern
-from services.mechanics.reduction.softened_wall.wall import SPENT, STORED, TANK, SoftenedWall
-from services.mechanics.reduction.softening.law import parts
+from services.mechanics.reduction.softened_wall.load_pattern import TURN, Pattern
+from services.mechanics.reduction.softened_wall.softened_wall import SPENT, STORED, TANK, SoftenedWall
+from services.mechanics.reduction.softened_wall.softening_force import CREDIT_J, follow_loads, push_ahead
+from services.mechanics.reduction.softening.softening_law import parts
 from services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
 
 SITES, MODES, NODES = 9, 14, 30

@@ -2,20 +2,30 @@
 
 const $ = (id) => document.getElementById(id);
 
+const COMMANDS = { arm: "api/arm", "safe-stop": "api/safe_stop" };
+
 export class Controls {
-  constructor() {
-    this.token = new URLSearchParams(location.hash.slice(1)).get("token");
-    const why = "Open the address that trocar up printed, with its #token=…, to command the rig.";
-    for (const [id, path] of [["arm", "api/arm"], ["safe-stop", "api/safe_stop"]]) {
-      const button = $(id);
-      button.disabled = !this.token;
-      button.title = this.token ? "" : why;
-      button.onclick = () => this.post(button, path);
-    }
-    $("safe-stop").title ||= "Let both arms go limp (Escape)";
+  // `onToken(token)` is called with the session's token, or null, whenever the address names another.
+  constructor(onToken) {
+    this.onToken = onToken;
+    for (const [id, path] of Object.entries(COMMANDS)) $(id).onclick = () => this.post($(id), path);
     addEventListener("keydown", (event) => {
       if (event.key === "Escape" && this.token) $("safe-stop").click();
     });
+    addEventListener("hashchange", () => this.readAddress()); // an address with another token does not load the page anew
+    this.readAddress();
+  }
+
+  readAddress() {
+    this.token = new URLSearchParams(location.hash.slice(1)).get("token");
+    const why = "Open the address that trocar up printed, with its #token=…, to command the rig.";
+    for (const id in COMMANDS) {
+      $(id).disabled = !this.token;
+      $(id).title = this.token ? "" : why;
+    }
+    $("safe-stop").title ||= "Let both arms go limp (Escape)";
+    this.say("");
+    this.onToken(this.token);
   }
 
   async post(button, path) {

@@ -12,6 +12,8 @@ const $ = (id) => document.getElementById(id);
 const FULL_N = 3;
 const ROLL_PER_MM = 0.05;
 const SHUT = 0, OPEN = 1;
+const HOW = "Move the forceps yourself: take the catheter, and slide it into the duct.";
+const NEEDS_TOKEN = "To take the instruments, open the address that trocar up printed.";
 
 export class Hands {
   // view: the `View` whose stage the hands work in; token: the session's, or null
@@ -55,8 +57,15 @@ export class Hands {
   offer(address, followers) {
     this.address = address;
     $("hands").hidden = !followers.length;
-    $("take-hands").disabled = !this.token;
-    if (!this.token) $("hand-hint").textContent = "To take the instruments, open the address that trocar up printed.";
+    this.admit(this.token);
+  }
+
+  // Takes the session's token, or null: without it the instruments cannot be taken.
+  admit(token) {
+    this.token = token;
+    if (this.link) return;
+    $("take-hands").disabled = !token;
+    $("hand-hint").textContent = token ? HOW : NEEDS_TOKEN;
   }
 
   take() {
@@ -93,7 +102,7 @@ export class Hands {
     this.view.stage.giveLeftButton(on);
     $("hands").classList.toggle("taken", on);
     $("take-hands").textContent = on ? "Let go" : "Take the instruments";
-    if (!on) $("hand-hint").textContent = "Move the forceps yourself: take the catheter, and slide it into the duct.";
+    if (!on) this.admit(this.token);
   }
 
   get grip() {

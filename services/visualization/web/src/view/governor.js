@@ -1,4 +1,6 @@
-// Whoever draws pays: how finely this computer draws, so that it holds its pictures a second. Pure: no page, no clock.
+// How finely this computer draws, so that it holds its pictures a second. Pure: no page, no clock. When a step is given up and when
+// it is taken back is quality_governor.js's; what is too slow, and whether a finer step would fit, is known here.
+import { QualityGovernor } from "./quality_governor.js";
 
 // From the finest to the coarsest: pixels of a picture per pixel of the page, look of the bodies (wet: light for each pixel, relief;
 // plain: light for each pixel; coarse: fewer triangles, light for each vertex), shadows, pictures asked for a second (none: all
@@ -23,7 +25,7 @@ const SHARE = { hardware: 0.7, software: 0.4 }; // of the time between pictures 
 const HELD = 0.85; // of the pictures that came or were asked for
 const SLOW_LOOKS = 2; // one slow look is chance
 const ROOM = 0.7; // of the share, as it would be one step finer
-const PATIENCE_S = 6, PATIENCE_MOST_S = 120, TRIAL_S = 20;
+const HYSTERESIS = { calm_s: 6, trial_s: 20, longest_s: 120 };
 
 export function ladder(software, devicePixelRatio) {
   const steps = (software ? SOFTWARE : HARDWARE).map((step) => ({ shadows: false, hz: null, ...step, ratio: Math.min(step.ratio, devicePixelRatio) }));
@@ -34,15 +36,22 @@ export function weight({ ratio, look, shadows }) {
   return ratio * ratio * WEIGHT[look] * (shadows ? 1.5 : 1);
 }
 
-export class Governor {
+export class Governor extends QualityGovernor {
   constructor(steps, software) {
+    const begins = software ? Math.min(SOFTWARE_BEGINS, steps.length - 1) : 0;
+    super(steps.length, HYSTERESIS, Array.from({ length: begins + 1 }, (_, k) => k));
     this.steps = steps;
     this.share = software ? SHARE.software : SHARE.hardware;
-    this.at = software ? Math.min(SOFTWARE_BEGINS, steps.length - 1) : 0;
     this.slow = 0;
-    this.calmSince = null;
-    this.raised = -Infinity;
-    this.patience = PATIENCE_S;
+  }
+
+  get at() {
+    return this.level;
+  }
+
+  // As if it had come down step by step.
+  set at(level) {
+    this.way = Array.from({ length: level + 1 }, (_, k) => k);
   }
 
   get step() {
@@ -65,34 +74,20 @@ export class Governor {
   // What was seen lately: `now` in s, milliseconds of drawing one picture (null: not known), pictures a second that came and that
   // were painted. Returns whether the step has changed.
   look({ now, cost, offered, painted }) {
-    this.calmSince ??= now;
     if (painted < this.least(offered) || cost > this.budget()) {
-      this.calmSince = now;
-      return ++this.slow >= SLOW_LOOKS && this.coarser(now);
+      const isOver = ++this.slow >= SLOW_LOOKS;
+      if (isOver) this.slow = 0;
+      return this.observe(now, isOver ? "over" : "full");
     }
     this.slow = 0;
-    return this.mayTryFiner(now, cost) && this.finer(now);
+    // A finer step that would not fit is not tried: what flickers is worse than what is coarse.
+    return this.calm(now) && this.fitsFiner(cost) && this.comeBack(now);
   }
 
-  mayTryFiner(now, cost) {
-    if (this.at === 0 || cost === null || now - this.calmSince < this.patience) return false;
+  fitsFiner(cost) {
+    if (this.at === 0 || cost === null) return false;
     const finer = this.steps[this.at - 1];
     return cost * (weight(finer) / weight(this.step)) < ROOM * this.budget(finer);
-  }
-
-  coarser(now) {
-    this.slow = 0;
-    if (this.at === this.steps.length - 1) return false;
-    // A step that was tried and not held is not tried again soon: what flickers is worse than what is coarse.
-    this.patience = now - this.raised < TRIAL_S ? Math.min(2 * this.patience, PATIENCE_MOST_S) : PATIENCE_S;
-    this.at++;
-    return true;
-  }
-
-  finer(now) {
-    this.raised = this.calmSince = now;
-    this.at--;
-    return true;
   }
 
   // The small print; nothing while everything is drawn as it is meant to be.

@@ -1,0 +1,21 @@
+"""The newest frame of each topic that a driver reads, for drivers whose device is another process."""
+
+from __future__ import annotations
+
+from protocol import Frame
+from services.runtime.bus import Bus
+
+
+class NewestFrames:
+    """Keeps the newest frame of each topic, so that several drivers can read the same one."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._newest: dict[str, Frame] = {}
+
+    def __call__(self, topic: str) -> Frame | None:
+        """Return the newest frame of `topic`, which the table lets the gateway read; None before there is one."""
+        frame = self._bus.latest(topic)
+        if frame is not None:
+            self._newest[topic] = frame
+        return self._newest.get(topic)

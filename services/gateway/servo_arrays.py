@@ -1,0 +1,37 @@
+"""Columns of the servo's flat float64 arrays, which pass into a kernel without being unpacked."""
+
+from __future__ import annotations
+
+from protocol.bodies.haptics import MODEL_CONTACT, MODEL_GRASP_B, MODEL_GRASP_K
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+
+# What an arm reads, in its own frame: z up, origin at the middle of its workspace.
+READ_POSITION, READ_VELOCITY, READ_TEMPERATURE, READ_ROLL, READ_SIZE = 0, 3, 6, 7, 8
+
+# What a handle reads.
+HANDLE_ANGLE, HANDLE_RATE, HANDLE_SIZE = 0, 1, 2
+
+# What the servo may do with an arm; of its own an encoder's count at the tip, m, and the friction, N.
+(
+    LIMIT_FORCE, LIMIT_CONTINUOUS_FORCE, LIMIT_RATE, LIMIT_DAMPING, LIMIT_TORQUE, LIMIT_TORQUE_RATE,
+    LIMIT_COUNT, LIMIT_FRICTION, LIMIT_SIZE,
+) = range(9)  # fmt: skip
+
+# The present tick: time since the last, age of the model and of its end, engagement of arm and handle, temperature.
+NOW_DT, NOW_AGE, NOW_TTL, NOW_GAIN, NOW_GRASP_GAIN, NOW_TEMPERATURE, NOW_SIZE = range(7)
+
+# What the servo remembers between ticks.
+MEMORY_FORCE, MEMORY_POSITION = 0, 3
+MEMORY_ENERGY, MEMORY_HOT, MEMORY_DEMAND, MEMORY_REFUSED, MEMORY_SCALE, MEMORY_TORQUE, MEMORY_SIZE = range(6, 13)
+
+
+@kernel
+def are_models(models: FloatArray) -> bool:
+    """Return whether rows (n, MODEL_COLUMNS) of finite numbers are models: no grasp pushes away, contact is 0 or 1."""
+    for row in range(models.shape[0]):
+        contact = models[row, MODEL_CONTACT]
+        gains_energy = models[row, MODEL_GRASP_K] < 0.0 or models[row, MODEL_GRASP_B] < 0.0
+        if gains_energy or not (contact == 0.0 or contact == 1.0):
+            return False
+    return True

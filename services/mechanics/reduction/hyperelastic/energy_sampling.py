@@ -1,0 +1,180 @@
+"""Which triangles stand for the wall, and how much each counts: energy-conserving sampling and weighting.
+
+Farhat, Avery, Chapman and Cortial (IJNME 98:625, 2014): few triangles with weights that are not negative, such that
+virtual works of the stiffening under many loads come out. What is sampled is an energy, so the force has a potential
+whatever the weights are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.fem import ShellModel, pressure_load
+from services.mechanics.reduction import cache
+from services.mechanics.reduction.basis import ModalBasis
+from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.reduction.content_hash import hash_content, hash_sources
+from services.mechanics.reduction.hyperelastic.fung_membrane import MOST_Q
+from services.mechanics.reduction.nonlinear.membrane import Membrane
+from services.mechanics.reduction.recipe import DuctRecipe
+from services.mechanics.surface.mesh import vertex_normals
+
+_HERE = Path(__file__).parent
+SOURCES = (
+    _HERE,
+    _HERE.parent / "free_dofs.py",
+    _HERE.parent / "nonlinear" / "membrane.py",
+    _HERE.parents[1] / "surface" / "mesh.py",
+)
+"""What the numbers follow from beside the modes and the elements, which are in the name."""
+SEED = 1
+PLACES = 100
+"""Places on the wall that the loads of the training press and pull at, along three directions."""
+LARGEST_Q = (0.2, 1.0, 3.0)
+"""Largest Q of the states of the training, in turn."""
+PROBES = 16
+"""Displacements on which the virtual work of each state has to be right, beside its own."""
+BUCKETS = 800
+"""Sums, with random signs, of the virtual works: as hard to fool as each of them alone."""
+TOLERANCE = 0.003
+MOST_SAMPLES = 160
+
+
+@dataclass(frozen=True, slots=True)
+class StretchSamples:
+    """Triangles that stand for the wall.
+
+    Attributes
+    ----------
+    strain : (3 k, r) float64
+        Strain of each sample per modal coordinate, such that Q is the sum of three squares.
+    energy_j : (k,) float64
+        c / 2 times volume times weight.
+    """
+
+    strain: FloatArray
+    energy_j: FloatArray
+
+
+def fetch_samples(
+    recipe: DuctRecipe,
+    basis: ModalBasis,
+    exponent: float,
+    cache_dir: Path | None = None,
+    progress: Progress = ignore_progress,
+) -> StretchSamples:
+    """Return the samples of a recipe's wall, from the cache where they are there."""
+
+    def make(entry: cache.Entry) -> None:
+        progress("stretch of the wall", 0.0)
+        samples = choose_samples(recipe.model(), basis, exponent)
+        entry.save("strain", samples.strain)
+        entry.save("energy_j", samples.energy_j)
+        entry.describe(content_hash=basis.content_hash, exponent=exponent)
+        progress("stretch of the wall", 1.0)
+
+    name = f"stretch-{hash_content(basis.content_hash, recipe.key(), exponent, hash_sources(*SOURCES))}"
+    entry = cache.fetch(cache_dir or cache_directory(), name, make)
+    return StretchSamples(entry.load("strain"), entry.load("energy_j"))
+
+
+def choose_samples(model: ShellModel, basis: ModalBasis, exponent: float) -> StretchSamples:
+    """Choose triangles and weights of a wall with this exponent of Fung's law."""
+    every = every_triangle(model, basis, exponent)
+    strain = every.strain.reshape(-1, 3, basis.n_modes)
+    states = _states(strain, _loads(model), basis)
+    chosen, weights = sparse_weights(*_works(strain @ states, every.energy_j), TOLERANCE, MOST_SAMPLES)
+    return StretchSamples(
+        np.ascontiguousarray(strain[chosen].reshape(-1, basis.n_modes)), weights * every.energy_j[chosen]
+    )
+
+
+def every_triangle(model: ShellModel, basis: ModalBasis, exponent: float) -> StretchSamples:
+    """Return the wall unsampled."""
+    membrane = Membrane.from_model(model)
+    n = model.mesh.n_triangles
+    thickness, modulus = (model.section.per_triangle(name, n) for name in ("thickness_m", "youngs_modulus_pa"))
+    corners = model.mesh.vertices_m[model.mesh.triangles]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    c_j = modulus * thickness * area / exponent
+    white = np.linalg.cholesky(membrane.rigidity_n_m / c_j[:, None, None]).transpose(0, 2, 1)
+    gradient = np.einsum("man,mnir->mair", membrane.gradients, basis.Phi[membrane.triangles], optimize=True)
+    mixed = np.einsum("mai,mbir->mabr", membrane.tangents, gradient, optimize=True)
+    strain = np.stack([mixed[:, 0, 0], mixed[:, 1, 1], mixed[:, 0, 1] + mixed[:, 1, 0]], axis=1)
+    return StretchSamples((white @ strain).reshape(-1, basis.n_modes), 0.5 * c_j)
+
+
+def sparse_weights(works: FloatArray, total: FloatArray, tolerance: float, most: int) -> tuple[IntArray, FloatArray]:
+    """Return few columns of ``works`` and weights >= 0 whose sum is nearly ``total``.
+
+    The least squares of Lawson and Hanson, ended as soon as the residual is below ``tolerance`` times ``total`` or
+    ``most`` columns are chosen.
+    """
+    chosen: list[int] = []
+    weights: FloatArray = np.zeros(0)
+    residual = total.copy()
+    for _ in range(3 * most):
+        if np.linalg.norm(residual) <= tolerance * np.linalg.norm(total) or len(chosen) == most:
+            break
+        gain = works.T @ residual
+        gain[chosen] = -np.inf
+        chosen, weights = [*chosen, int(gain.argmax())], np.append(weights, 0.0)
+        while True:
+            wanted: FloatArray = np.asarray(np.linalg.lstsq(works[:, chosen], total, rcond=None)[0], np.float64)
+            if (wanted > 0.0).all():
+                weights = wanted
+                break
+            wrong = wanted <= 0.0
+            step = np.min(weights[wrong] / np.maximum(weights[wrong] - wanted[wrong], 1e-300))
+            weights = weights + step * (wanted - weights)
+            keep = weights > 1e-12 * weights.max()
+            keep[wrong & (weights <= 1e-12 * max(weights.max(), 1e-300))] = False
+            chosen, weights = [c for c, k in zip(chosen, keep, strict=True) if k], weights[keep]
+        residual = total - works[:, chosen] @ weights
+    return np.array(chosen, np.int32), weights
+
+
+def _loads(model: ShellModel) -> FloatArray:
+    """(s, n, 3) pressure, weights along the axes, and forces at places all over the free wall."""
+    mesh = model.mesh
+    free = np.flatnonzero(model.mass_kg > 0.0)
+    places = free[np.linspace(0, len(free) - 1, min(PLACES, len(free))).astype(int)]
+    normals = vertex_normals(mesh)
+    loads = [pressure_load(mesh, 1.0)]
+    loads += [model.mass_kg[:, None] * axis for axis in np.eye(3)]
+    for place in places:
+        near = np.argsort(np.linalg.norm(mesh.vertices_m - mesh.vertices_m[place], axis=1))[:6]
+        for direction in (normals[place], *np.eye(3)[:2]):
+            load = np.zeros((mesh.n_vertices, 3))
+            load[near] = direction
+            loads.append(load)
+    return np.stack(loads)
+
+
+def _states(strain: FloatArray, loads: FloatArray, basis: ModalBasis) -> FloatArray:
+    """(r, s) modal coordinates at rest under the loads, of which the largest Q is given."""
+    states = np.einsum("nar,sna->rs", basis.Phi, loads, optimize=True) / basis.omega_rad_s[:, None] ** 2
+    largest = np.sum((strain @ states) ** 2, axis=1).max(axis=0)
+    states, largest = states[:, largest > 0.0], largest[largest > 0.0]
+    scaled: FloatArray = states * np.sqrt(np.resize(LARGEST_Q, len(largest)) / largest)
+    return scaled
+
+
+def _works(strain: FloatArray, energy_j: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(p, m) virtual works of every triangle in states with these strains (m, 3, s), and their sums (p,)."""
+    n_states = strain.shape[2]
+    form = np.sum(strain**2, axis=1)
+    stress = (2.0 * energy_j[:, None] * np.expm1(np.minimum(form, MOST_Q)))[:, None] * strain
+    own = np.sum(stress * strain, axis=(0, 1))
+    random = np.random.default_rng(SEED)
+    works = np.zeros((min(BUCKETS, (PROBES + 1) * n_states), strain.shape[0]))
+    for shift in range(min(PROBES + 1, n_states)):
+        work = np.sum(stress * np.roll(strain, shift, axis=2), axis=1) / own
+        for state in range(n_states):
+            works[random.integers(len(works))] += random.choice((-1.0, 1.0)) * work[:, state]
+    return works, works.sum(axis=1)

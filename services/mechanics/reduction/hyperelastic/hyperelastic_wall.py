@@ -1,0 +1,263 @@
+r"""Implicit force of the stiffening wall: an impulse at the start of a step that equals the force at its end.
+
+An explicit kick would be stable only while the stiffening is weaker than the linear wall. So the force f at the end of
+the step is solved for: the modes end at x = p + G f, with p their end without f and G the displacement per impulse. f
+minimises :math:`\frac12 f G f + E(p + G f)`, which is strictly convex as E is. Newton's method
+with conjugate gradients, begun with the last force, takes two products with the samples' strains an iteration.
+
+p assumes the contact forces of the last step. At rest the force is then exactly that of the law. As E is convex, the
+force at the end of a step does no more work than E falls by, unless contacts change, as where the wall is let go;
+`settle_step` corrects that.
+
+The energy can be faded out and in, which takes `FADE_S` for all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import AnyArray, FloatArray
+from services.mechanics.compiled import kernel, summing_kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.reduction.hyperelastic.energy_sampling import StretchSamples
+from services.mechanics.reduction.hyperelastic.fung_membrane import beyond_linear
+
+NEWTON_STEPS = 2
+GRADIENT_STEPS = 4
+SEARCH_STEPS = 6
+RELATIVE = 1e-3
+"""Residual over the force at which Newton's method ends; conjugate gradients end at a tenth of theirs."""
+UNBOUNDED = math.inf
+FADE_S = 0.25
+"""Time in which all of the stiffening fades out or in; the same as that of the softening wall."""
+LEAST_GAIN = 1e-6
+"""Least gain over the largest one: an exact oscillator whose half period divides the step
+would have none."""
+ENERGY, TANK = range(2)
+"""Places in the books."""
+
+
+class HyperelasticWall(Struct):
+    """k samples, n = 3 k of their strains, r modes."""
+
+    strain: Annotated[FloatArray, "n", "r"]
+    energy: Annotated[FloatArray, "k"]
+    scaled: Annotated[FloatArray, "n", "r"]  # strain per root of what an impulse moves a mode by
+    root: Annotated[FloatArray, "r"]
+    pull: Annotated[FloatArray, "r"]  # state: root times force
+    ahead: Annotated[FloatArray, "r"]
+    at: Annotated[FloatArray, "n"]
+    along: Annotated[FloatArray, "n"]
+    stress: Annotated[FloatArray, "n"]
+    residual: Annotated[FloatArray, "r"]
+    step: Annotated[FloatArray, "r"]
+    search: Annotated[FloatArray, "r"]
+    image: Annotated[FloatArray, "r"]
+    faded: Annotated[FloatArray, 1]  # state: part of the energy that does not act
+    books: Annotated[FloatArray, 2]  # state: the energy, and what steps have lost of it
+
+    @classmethod
+    def of(cls, samples: StretchSamples) -> HyperelasticWall:
+        """Take the samples on, at rest; `take_gain` comes before the first step."""
+        k, r = len(samples.energy_j), samples.strain.shape[1]
+        strain, energy = np.ascontiguousarray(samples.strain), np.ascontiguousarray(samples.energy_j)
+        return cls.zeros(strain=strain, energy=energy, n=3 * k, k=k, r=r)
+
+    def fade(self, part: float, dt_s: float) -> None:
+        """Move the faded part of the energy towards ``part``, by as much as a step of ``dt_s`` allows."""
+        most = dt_s / FADE_S
+        self.faded[0] += min(max(part - self.faded[0], -most), most)
+
+    def take_gain(self, gain: FloatArray) -> None:
+        """Prepare for steps in which an impulse f dt moves the modes by ``gain`` (r,) times f."""
+        root = np.sqrt(np.maximum(gain, LEAST_GAIN * gain.max()))
+        force = np.divide(self.pull, self.root, out=np.zeros_like(root), where=self.root > 0.0)
+        self.root[:] = root
+        self.pull[:] = force * root
+        self.scaled[:] = self.strain * root
+
+    def state_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays of the state."""
+        return self.pull, self.faded, self.books
+
+
+wall_at = reader(HyperelasticWall)
+
+
+@kernel
+def stretch_force(
+    address: Address[HyperelasticWall], free_end: FloatArray, contact_force: FloatArray, out: FloatArray
+) -> None:
+    """Write the modal force (r,) that is to act as an impulse at the start of the step.
+
+    ``free_end`` (r,) is where the modes come without it and without contacts, ``contact_force`` (r,) what contacts are
+    expected to do.
+    """
+    wall = wall_at(address)
+    for mode in range(wall.root.shape[0]):
+        wall.ahead[mode] = free_end[mode] / wall.root[mode] + wall.root[mode] * contact_force[mode]
+    for _ in range(NEWTON_STEPS):
+        if _newton_step(wall):
+            break
+    for mode in range(wall.root.shape[0]):
+        out[mode] = wall.pull[mode] / wall.root[mode]
+
+
+@kernel
+def stretch_energy(address: Address[HyperelasticWall], q: FloatArray) -> float:
+    """Return the energy beyond the linear one at modal coordinates (r,), in J."""
+    wall = wall_at(address)
+    _strains(wall.strain, q, wall.at)
+    total = 0.0
+    for sample in range(wall.energy.shape[0]):
+        total += _energy(wall, sample) * beyond_linear(_form(wall.at, sample))[0]
+    return total
+
+
+@kernel
+def energy_and_loss(
+    address: Address[HyperelasticWall], force: FloatArray, q_start: FloatArray, q: FloatArray
+) -> tuple[float, float]:
+    """Return the energy at ``q`` (r,), and by how much it fell more than ``force`` (r,) has worked from ``q_start``."""
+    energy, work = stretch_energy(address, q), 0.0
+    for mode in range(q.shape[0]):
+        work += force[mode] * (q[mode] - q_start[mode])
+    return energy, wall_at(address).books[ENERGY] - energy - work
+
+
+@kernel
+def _newton_step(wall: HyperelasticWall) -> bool:
+    """Take one step towards the least of |h|^2 / 2 + E(ahead + h), h the pull; True when it was there already."""
+    residual, pull, step = wall.residual, wall.pull, wall.step
+    for mode in range(pull.shape[0]):
+        step[mode] = wall.ahead[mode] + pull[mode]
+        residual[mode] = -pull[mode]
+    _strains(wall.scaled, step, wall.at)
+    for sample in range(wall.energy.shape[0]):
+        slope = 2.0 * _energy(wall, sample) * beyond_linear(_form(wall.at, sample))[1]
+        for i in range(3 * sample, 3 * sample + 3):
+            wall.stress[i] = slope * wall.at[i]
+    _add_pulls(wall.scaled, wall.stress, -1.0, residual)
+    size, wrong = 0.0, 0.0
+    for mode in range(pull.shape[0]):
+        size += pull[mode] * pull[mode]
+        wrong += residual[mode] * residual[mode]
+    if wrong <= RELATIVE * RELATIVE * size:
+        return True
+    _solve_tangent(wall, wrong)
+    length = _line_search(wall)
+    for mode in range(pull.shape[0]):
+        pull[mode] += length * step[mode]
+    return False
+
+
+@kernel
+def _solve_tangent(wall: HyperelasticWall, wrong: float) -> None:
+    """Write the step (1 + H) step = residual, by conjugate gradients, and its strains."""
+    residual, step, search, image = wall.residual, wall.step, wall.search, wall.image
+    step[:] = 0.0
+    for mode in range(step.shape[0]):
+        search[mode] = residual[mode]
+    left = wrong
+    for _ in range(GRADIENT_STEPS):
+        _apply_tangent(wall)
+        curvature = 0.0
+        for mode in range(step.shape[0]):
+            curvature += search[mode] * image[mode]
+        length, before = left / curvature, left
+        left = 0.0
+        for mode in range(step.shape[0]):
+            step[mode] += length * search[mode]
+            residual[mode] -= length * image[mode]
+            left += residual[mode] * residual[mode]
+        if left <= 0.01 * RELATIVE * wrong:
+            break
+        for mode in range(step.shape[0]):
+            search[mode] = residual[mode] + left / before * search[mode]
+    _strains(wall.scaled, step, wall.along)
+
+
+@kernel
+def _apply_tangent(wall: HyperelasticWall) -> None:
+    """Write image = (1 + H) search."""
+    search, image, at, along = wall.search, wall.image, wall.at, wall.along
+    for mode in range(image.shape[0]):
+        image[mode] = search[mode]
+    _strains(wall.scaled, search, along)
+    for sample in range(wall.energy.shape[0]):
+        _, slope, curvature = beyond_linear(_form(at, sample))
+        turned = 0.0
+        for i in range(3 * sample, 3 * sample + 3):
+            turned += at[i] * along[i]
+        for i in range(3 * sample, 3 * sample + 3):
+            wall.stress[i] = _energy(wall, sample) * (2.0 * slope * along[i] + 4.0 * curvature * turned * at[i])
+    _add_pulls(wall.scaled, wall.stress, 1.0, image)
+
+
+@kernel
+def _line_search(wall: HyperelasticWall) -> float:
+    """Return how far to go along the step: Newton's method on a convex function of one number, within brackets."""
+    along_pull, along_itself = 0.0, 0.0
+    for mode in range(wall.pull.shape[0]):
+        along_pull += wall.pull[mode] * wall.step[mode]
+        along_itself += wall.step[mode] * wall.step[mode]
+    low, high, length = 0.0, UNBOUNDED, 1.0
+    for _ in range(SEARCH_STEPS):
+        slope, curvature = along_pull + length * along_itself, along_itself
+        for sample in range(wall.energy.shape[0]):
+            form, turned, own = 0.0, 0.0, 0.0
+            for i in range(3 * sample, 3 * sample + 3):
+                strain = wall.at[i] + length * wall.along[i]
+                form += strain * strain
+                turned += strain * wall.along[i]
+                own += wall.along[i] * wall.along[i]
+            _, first, second = beyond_linear(form)
+            slope += 2.0 * _energy(wall, sample) * first * turned
+            curvature += _energy(wall, sample) * (2.0 * first * own + 4.0 * second * turned * turned)
+        if abs(slope) <= RELATIVE * along_itself:
+            break
+        if slope > 0.0:
+            high = length
+        else:
+            low = length
+        length -= slope / curvature
+        if not low < length < high:
+            length = 0.5 * (low + high) if high < UNBOUNDED else 2.0 * low
+    return length
+
+
+@kernel
+def _energy(wall: HyperelasticWall, sample: int) -> float:
+    """Return what a sample's energy is multiplied by, as much of it as acts."""
+    return float((1.0 - wall.faded[0]) * wall.energy[sample])
+
+
+@kernel
+def _form(strain: FloatArray, sample: int) -> float:
+    """Return Q of a sample."""
+    total = 0.0
+    for i in range(3 * sample, 3 * sample + 3):
+        total += strain[i] * strain[i]
+    return total
+
+
+@summing_kernel
+def _strains(rows: FloatArray, q: FloatArray, out: FloatArray) -> None:
+    """Write rows @ q."""
+    for i in range(rows.shape[0]):
+        total = 0.0
+        for mode in range(q.shape[0]):
+            total += rows[i, mode] * q[mode]
+        out[i] = total
+
+
+@kernel
+def _add_pulls(rows: FloatArray, stress: FloatArray, factor: float, out: FloatArray) -> None:
+    """Add factor times rows^T @ stress."""
+    for i in range(rows.shape[0]):
+        pull = factor * stress[i]
+        for mode in range(out.shape[0]):
+            out[mode] += rows[i, mode] * pull

@@ -1,0 +1,113 @@
+"""The nonlinear membrane on linear modes alone, its in-plane relaxation folded into the polynomial.
+
+With modal derivatives as coordinates of their own the model is more general but stiff: their frequencies (300 to
+1000 Hz on a duct) forbid a step of 1 ms. Here they follow the modes statically, u = Phi q + Theta(q, q), with Theta
+the response to the stress of the products of the modes' gradients (a quadratic manifold: Jain et al. 2017; implicit
+condensation). The energy is von Karman's on that manifold,
+
+    E = |e(Phi q) + e(Theta) + eta(Phi q) / 2|^2 / 2 + bending,
+
+a complete square: it is never negative, whatever the amplitude, so the polynomial cannot run away downhill.
+The quartic part is what a bent wall keeps after it has found its in-plane equilibrium, so nothing locks, and its
+tangent stays within what an explicit kick of 1 ms bears up to deflections of several radii.
+
+Left out is the part of the relaxation that is due to the modes' own membrane strain: local snap-through of a
+pinched wall is not in this model (docs/decisions/nonlinear-membrane.md).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import FloatArray
+from services.mechanics.fem import ElementChoice, ShellModel
+from services.mechanics.reduction import cache
+from services.mechanics.reduction.basis import ModalBasis
+from services.mechanics.reduction.build import Progress, ignore_progress
+from services.mechanics.reduction.content_hash import hash_content
+from services.mechanics.reduction.free_dofs import free_load
+from services.mechanics.reduction.nonlinear.cubic_force import CubicForce, energy_tensors
+from services.mechanics.reduction.nonlinear.membrane import Membrane
+from services.mechanics.reduction.recipe import DuctRecipe
+
+
+def relaxed_membrane_force(model: ShellModel, basis: ModalBasis, n_coordinates: int) -> CubicForce:
+    """Return the membrane force of the lowest ``n_coordinates`` modes, in-plane motion relaxed.
+
+    Parameters
+    ----------
+    model : ShellModel
+        With the membrane element ``cst``, whose strains the nonlinear energy has: only then is the energy a
+        complete square.
+    basis : ModalBasis
+        Linear modes, of this model or of one with a better membrane.
+    n_coordinates : int
+        How many of the lowest modes take part, up to 30; the others stay linear.
+
+    Raises
+    ------
+    ValueError
+        The model has another membrane element, or the basis fewer modes.
+    """
+    if model.elements.membrane != "cst":
+        raise ValueError(f"the nonlinear membrane needs the element 'cst', not '{model.elements.membrane}'")
+    if not 0 < n_coordinates <= basis.n_modes:
+        raise ValueError(f"{n_coordinates} nonlinear coordinates do not fit a basis of {basis.n_modes} modes")
+    shapes = np.ascontiguousarray(basis.Phi[:, :, :n_coordinates])
+    third, fourth = energy_tensors(Membrane.from_model(model), shapes)
+    relaxed = fourth - _relaxation_energy(model, shapes)
+    return CubicForce.from_energies(np.arange(n_coordinates, dtype=np.int32), third, relaxed)
+
+
+def fetch_membrane_force(
+    recipe: DuctRecipe,
+    basis: ModalBasis,
+    n_coordinates: int,
+    cache_dir: Path | None = None,
+    progress: Progress = ignore_progress,
+) -> CubicForce:
+    """Return the relaxed membrane force of a recipe's duct, from the cache where it is there."""
+
+    def make(entry: cache.Entry) -> None:
+        progress("nonlinear membrane", 0.0)
+        elements = ElementChoice("cst", recipe.elements.bending)
+        model = ShellModel(recipe.mesh, recipe.section, recipe.supports, elements)
+        force = relaxed_membrane_force(model, basis, n_coordinates)
+        entry.save("coordinates", force.coordinates)
+        entry.save("quadratic", force.quadratic)
+        entry.save("cubic", force.cubic)
+        entry.describe(content_hash=basis.content_hash, n_coordinates=n_coordinates)
+        progress("nonlinear membrane", 1.0)
+
+    name = f"membrane-{hash_content(basis.content_hash, recipe.key(), n_coordinates)}"
+    entry = cache.fetch(cache_dir or cache_directory(), name, make)
+    return CubicForce(entry.load("coordinates"), entry.load("quadratic"), entry.load("cubic"))
+
+
+def _relaxation_energy(model: ShellModel, shapes: FloatArray) -> FloatArray:
+    """Return the energy (p, p) over pairs of modes that the wall sheds by moving in its plane.
+
+    Theta minimises b.Theta + Theta.K Theta / 2 with b the forces of the product stresses, and is kept
+    mass-orthogonal to the modes themselves by multipliers: their motion is in q already.
+    """
+    forces = _product_forces(model, shapes)
+    s = shapes.shape[2]
+    held = np.stack([free_load(model, model.mass_kg[:, None] * shapes[:, :, k]) for k in range(s)], axis=1)
+    response, held_response = model.factor.solve(forces), model.factor.solve(held)
+    excess = held.T @ response
+    taken_back = excess.T @ np.linalg.solve(held.T @ held_response, excess)
+    energy: FloatArray = 0.5 * (forces.T @ response - taken_back)
+    return energy
+
+
+def _product_forces(model: ShellModel, shapes: FloatArray) -> FloatArray:
+    """Return the loads (f, p) of the stresses D eta / 2 of each pair of modes, twice for unequal ones."""
+    membrane = Membrane.from_model(model)
+    columns = []
+    for j, k in zip(*np.triu_indices(shapes.shape[2]), strict=True):
+        force = membrane.product_force_n(shapes[:, :, j], shapes[:, :, k])
+        columns.append((1.0 if j == k else 2.0) * free_load(model, force))
+    return np.stack(columns, axis=1)

@@ -1,0 +1,78 @@
+"""Normal force of the introducer's wall on a rod, to which its Coulomb friction is proportional.
+
+In a bore without clearance a wall that bends a rod straight pushes with a couple. Its moment follows from what is
+outside, its arm from how the wall bears: in the rod's model, from the particles' distance alone, so that the sum of the
+pushes on particles hangs on where they lie and grows without end as they come closer. But a rod knows nothing of what
+happens within a few of its diameters. So each push counts as spread along the axis over the bearing length, by a
+quadratic B-spline, and pushes that overlap add up as vectors: a single push counts whole, wherever it is, and a couple
+M as 2 M / a, with the arm a = 4/9 of the bearing length, on any resolution finer than that.
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.vectors import Vector, along, dot
+from services.mechanics.rod.introducer_forces import passing_point
+from services.mechanics.rod.introducer_passage import (
+    Passage,
+    axial_position,
+    depth_weight,
+    end_point,
+    offset_from_axis,
+)
+from services.mechanics.rod.model import RodModel
+
+_SAMPLES_PER_SPAN = 4
+_SPANS = 3
+
+
+@kernel
+def introducer_normal_force(model: RodModel, x: FloatArray, passage: Passage) -> float:
+    """Integral [N] along the axis of how hard the introducer's wall pushes on the rod at ``x`` (n, 3).
+
+    A sum of samples that stay where they are while the rod slides. As they divide the spline's spans evenly, the shares
+    that a push has in them add up to 1 exactly.
+    """
+    introducer = model.introducer
+    span = introducer.bearing_length / _SPANS
+    spacing = span / _SAMPLES_PER_SPAN
+    at_entry, at_exit = _end_offset(model, x, passage, True), _end_offset(model, x, passage, False)
+    reach = 0.5 * introducer.bearing_length
+    beyond = math.ceil(reach / spacing)
+    total, first = 0.0, passage.first
+    for k in range(-math.ceil((introducer.length + reach) / spacing), beyond + 1):
+        at = introducer.length + k * spacing
+        o = along((0.0, 0.0, 0.0), at_entry, _spline(at / span))
+        o = along(o, at_exit, _spline((at - introducer.length) / span))
+        while first <= passage.last and axial_position(introducer, x, first) < at - reach:
+            first += 1
+        for i in range(first, passage.last + 1):
+            axial = axial_position(introducer, x, i)
+            if axial > at + reach:
+                break
+            share = depth_weight(model, i, axial)[0] * _spline((axial - at) / span)
+            o = along(o, offset_from_axis(introducer, x, i), share)
+        total += math.sqrt(dot(o, o))
+    return float(introducer.stiffness * total / _SAMPLES_PER_SPAN)
+
+
+@kernel
+def _end_offset(model: RodModel, x: FloatArray, passage: Passage, is_entry: bool) -> Vector:
+    """How far the rod is from an end of the axis; zero where it does not pass."""
+    introducer = model.introducer
+    if not (passage.has_entry if is_entry else passage.has_exit):
+        return (0.0, 0.0, 0.0)
+    segment, axial = (passage.first - 1, 0.0) if is_entry else (passage.last, introducer.length)
+    return passing_point(x, segment, end_point(introducer, axial)).offset
+
+
+@kernel
+def _spline(s: float) -> float:
+    """The quadratic B-spline of unit knots about 0; of area 1."""
+    s = abs(s)
+    if s < 0.5:
+        return 0.75 - s * s
+    return 0.5 * (1.5 - s) ** 2 if s < 1.5 else 0.0

@@ -1,0 +1,160 @@
+"""Data of a scene in SI units: geometry, materials, contact, effects and the quality ladder.
+
+Plain data without validation: the configuration layer checks a scene file and names the key of an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from services.mechanics.fem.elements import BendingName, MembraneName
+from services.mechanics.scene.instruments import ForcepsScene, ToolScene
+from services.mechanics.surface.units import LengthUnit
+
+Vector3 = tuple[float, float, float]
+FOLLOWS = {"follows": "from what a scene names, or from where it was said"}
+"""Metadata of a field that is derived: a scene file does not know it as a key."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DuctScene:
+    """The cystic duct: a parametric tube along +x, or the name of a surface file read elsewhere.
+
+    The tube is clamped at x = 0 and open at x = ``length_m``; its mid-surface has the radius ``radius_m``. A scene file
+    may leave ``n_around`` and ``n_along`` to the rule in `scene.mesh_cells`: ``auto``.
+    Both integrators of its modes are of second order and without numerical damping (spectral radius 1); what damps each
+    mode is ``damping_ratio``.
+    ``tissue`` names the preset of `scene.tissue` that the numbers of the wall were taken from, if they were.
+    """
+
+    radius_m: float = 4e-3
+    length_m: float = 40e-3
+    n_around: int = 24
+    n_along: int = 30
+    taper: float = 0.0
+    curvature_1_m: float = 0.0
+    cut_angle_rad: float = 0.0
+    slit_length_m: float = 0.0
+    slit_width_m: float = 0.0
+    mesh_file: str | None = None
+    mesh_unit: LengthUnit = "mm"
+    mesh_clamped: tuple[str, ...] = ("end_0",)
+    mesh_mouth: str = "end_1"
+    mesh_edge_m: float | None = None
+    mesh_lumen_diameter_m: float | None = None
+    tissue: str | None = None
+    thickness_m: float = 0.5e-3
+    youngs_modulus_pa: float = 100e3
+    poisson_ratio: float = 0.45
+    density_kg_m3: float = 1060.0
+    membrane: MembraneName = "andes"
+    bending: BendingName = "dkt"
+    n_modes: int = 100
+    damping_ratio: float = 0.1
+    integrator: Literal["newmark", "exact"] = "newmark"
+    residual: Literal["auto", "full", "cyclic", "patches", "none"] = "auto"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CatheterScene:
+    """The catheter: particle 0 is the proximal end, the last particle is the tip.
+
+    It starts straight, its tip at ``tip_position_m``, lying from there along ``-direction``; with ``before_mouth_m`` so
+    far before the middle of the duct's mouth, on the mouth's own axis, wherever that is.
+    ``anchor`` "clamped" holds the proximal end; with "introducer" it slides through one of ``introducer_length_m``, its
+    exit ``introducer_to_tip_m`` behind the tip, and cannot leave it.
+    ``introducer_friction`` is Coulomb's on its wall; ``introducer_seal_friction_n`` that of the seal at its exit, which
+    keeps the catheter where it was left.
+    ``spectral_radius`` is the numerical damping of the implicit integrator: the factor, 0 to 1, that vibrations far too
+    fast for a step keep from one step to the next. 1 keeps all of them, 0 makes them vanish at once; what a step
+    resolves is hardly damped by either. "semi_implicit" is the paper's integrator, without numerical damping.
+    """
+
+    n_segments: int = 50
+    length_m: float = 0.1
+    outer_diameter_m: float = 1.67e-3
+    inner_diameter_m: float = 0.9e-3
+    youngs_modulus_pa: float = 70e6
+    poisson_ratio: float = 0.45
+    density_kg_m3: float = 1100.0
+    internal_damping_s: float = 2e-4
+    viscous_drag_n_s_m2: float = 0.05
+    rest_curvature_1_m: tuple[Vector3, ...] = ()
+    tip_position_m: Vector3 = (46e-3, 0.0, 0.0)
+    direction: Vector3 = (-1.0, 0.0, 0.0)
+    before_mouth_m: float | None = None
+    anchor: Literal["free", "clamped", "introducer"] = "introducer"
+    introducer_to_tip_m: float = 60e-3
+    introducer_length_m: float = 20e-3
+    introducer_friction: float = 0.0
+    introducer_seal_friction_n: float = 0.0
+    integrator: Literal["implicit", "semi_implicit"] = "implicit"
+    spectral_radius: float = 0.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactSettings:
+    """How contacts are answered.
+
+    "implicit" solves them in contact space; "penalty" is the paper's spring on the depth of penetration.
+    Friction exists only when the effect ``friction`` is named in the scene.
+    """
+
+    model: Literal["implicit", "penalty"] = "implicit"
+    tolerance_n: float = 1e-6
+    margin_m: float = 0.5e-3
+    capacity: int = 160
+    recovery: float = 0.2
+    penalty_stiffness_n_m: float = 200.0
+    penalty_damping_n_s_m: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QualityLevel:
+    """One rung of the quality ladder; rung 0 is the best, and a switch takes effect in the next tick.
+
+    ``iterations`` is the most sweeps of a solve, unless more are needed to keep bodies apart; ``without`` names effects
+    that rest meanwhile, of those that can; of the catheter's particles every ``touch_every``-th, counted from the tip,
+    feels the wall, and another where it would sink in or bears more than a few times its weight. A step is at most
+    ``ticks_per_step`` milliseconds long: a caller that steps once a millisecond steps once in so many.
+    ``cost_us`` of a tick and the errors of forces and of motion are those that `trocar tune` measured, None without it.
+    """
+
+    name: str = "full"
+    iterations: int = 30
+    touch_every: int = 1
+    ticks_per_step: int = 1
+    without: tuple[str, ...] = ()
+    cost_us: float | None = None
+    force_error_percent: float | None = None
+    motion_error_percent: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneModel:
+    """Everything a simulation is built from.
+
+    ``effects`` maps the name of each present effect to its settings, the dataclass that the effect calls `Settings`.
+    Those in ``essential`` are never given up for time: neither by `trocar tune` nor on the quality ladder.
+    ``hands`` is the task that simulated hands do in the scene.
+    ``forceps`` are the tools, whatever the kind of each; there may be fewer than two.
+    With ``duct_alone`` there is neither catheter nor tool, and their settings are not read.
+    ``source`` is the scene's file: messages about the scene begin with it.
+    """
+
+    duct: DuctScene = field(default_factory=DuctScene)
+    catheter: CatheterScene = field(default_factory=CatheterScene)
+    forceps: tuple[ToolScene, ...] = (
+        ForcepsScene(),
+        ForcepsScene(port_position_m=(0.02, 0.06, 0.15)),
+    )
+    contact: ContactSettings = field(default_factory=ContactSettings)
+    effects: Mapping[str, object] = field(default_factory=dict)
+    quality: tuple[QualityLevel, ...] = (QualityLevel(),)
+    sleeping: bool = True
+    hands: Literal["insertion", "pinch", "press", "none"] = "insertion"
+    essential: tuple[str, ...] = ()
+    duct_alone: bool = field(default=False, metadata=FOLLOWS)
+    source: str = field(default="scene", compare=False, repr=False, metadata=FOLLOWS)

@@ -1,0 +1,95 @@
+"""The loop of physics for a scene that names only a duct: it keeps its own time, and publishes the wall."""
+
+from __future__ import annotations
+
+import time
+from operator import add
+
+import numpy as np
+
+from protocol.arrays import pack
+from protocol.bodies import Catheter, ContactForces, Duct, PhysicsState
+from protocol.bodies.physics import reaction_table
+from services.cache_directory import cache_directory
+from services.mechanics.reduction.reduced_duct import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.simulation.duct_alone import STAGE_NAMES, DuctAlone
+from services.physics.outputs import wired
+from services.runtime.loop import CATCH_UP, LoopMeter, Tick, ticks
+from services.runtime.nan_guard import NanGuard
+from services.runtime.process import Process
+
+STAGES = (*STAGE_NAMES, "send")
+_NO_TOOLS = reaction_table(())
+_VECTORS = pack(np.zeros((0, 3)), "<f8")
+#: The wire wants a radius of no particles, too.
+_NO_CATHETER = Catheter(position_m=_VECTORS, velocity_m_s=_VECTORS, radius_m=1e-3)
+_NO_CONTACTS = ContactForces(kind=pack(np.zeros(0, np.int8), "|i1"), point_m=_VECTORS, force_n=_VECTORS)
+_NO_NODES = pack(np.zeros(0, np.int32), "<i4")
+
+
+class DuctAlonePhysics:
+    """A duct on the bus. A state with a NaN is written to a file and replaced by the scene at rest."""
+
+    def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
+        self._process, self._meter = process, meter
+        self._scene, self._duct = scene, duct
+        self._steps_to = -1
+        self.resets = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self.simulation = DuctAlone(self._scene, self._duct)
+        self._guard = NanGuard("physics", {"q": self.simulation.state.q}, cache_directory() / "dumps")
+
+    def advance(self, tick: Tick) -> None:
+        """Take the steps up to a tick, a few that were lost among them, and publish the last one."""
+        costs_ns = [0] * len(STAGE_NAMES)
+        healthy = True
+        jump = tick.index - self._steps_to
+        for _ in range(jump if jump <= CATCH_UP else 1):
+            self.simulation.step()
+            costs_ns[:] = map(add, costs_ns, self.simulation.cost_ns)
+            healthy = healthy and self._guard.watch()
+        self._steps_to = tick.index
+        if not healthy:
+            self._reset()
+        stepped_ns = time.monotonic_ns()
+        self._process.bus.publish("physics.state", self.state(tick.index), origin_ns=tick.started_ns, valid=healthy)
+        self._meter.stages_ns = (*costs_ns, time.monotonic_ns() - stepped_ns)
+
+    def state(self, tick: int) -> PhysicsState:
+        """Return what is sent after a step."""
+        modes = self.simulation.state
+        content_hash = self._duct.basis.content_hash
+        return PhysicsState(
+            tick=tick,
+            tools=_NO_TOOLS,
+            duct=Duct(
+                basis_hash=content_hash,
+                q=wired(modes.q),
+                q_rate=wired(modes.qdot),
+                load_node=_NO_NODES,
+                load_force_n=_VECTORS,
+            ),
+            catheter=_NO_CATHETER,
+            contacts=_NO_CONTACTS,
+        )
+
+    def _reset(self) -> None:
+        self.resets += 1
+        self._process.health.gauges["resets"] = float(self.resets)
+        self._process.log.error("a state is not a number: wrote %s and began anew", self._guard.dumps[-1])
+        self._begin()
+
+
+def run_duct_alone(process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
+    """Step in each tick of the process' own clock."""
+    physics = DuctAlonePhysics(process, meter, scene, duct)
+    process.ready(meter)
+    process.health.change("running")
+    for tick in ticks(meter, process.stop):
+        physics.advance(tick)
+        process.bus.flush()
+        process.bus.drain("supervisor.state")  # nothing is to be obeyed: no lower quality could save anything
+        process.health.do_a_piece()

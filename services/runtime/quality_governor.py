@@ -1,0 +1,139 @@
+"""When a ladder of quality gives up a rung, and when it takes one back: pure decisions, without a clock.
+
+It gives way at once and returns slowly: back it goes the way that it came, after a calm that doubles with each return
+that failed. Under a load that stays as it is, the times between two tries grow, so it cannot oscillate. A return that
+failed goes to the rung from which it was tried, which is known to hold.
+
+The supervisor (the scene's ladder) and a window (its picture) use this class; the page has the same in JavaScript
+(`services/visualization/web/src/view/quality_governor.js`), held to the same table of cases. What counts as overdrawn,
+and which rung frees enough, is known to each of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Load(Enum):
+    """What was observed: the budget is overdrawn; it is kept without room for a better rung; there is room."""
+
+    OVER = "over"
+    FULL = "full"
+    CALM = "calm"
+
+
+@dataclass(frozen=True, slots=True)
+class Hysteresis:
+    """How slowly a governor comes back.
+
+    Parameters
+    ----------
+    calm_s
+        How long there must have been room before a better rung is tried.
+    trial_s
+        A try has failed if the budget is overdrawn within this time after it, or within the calm that it waited for:
+        the next waits twice as long. One that has held halves what the next waits for.
+    longest_s
+        Beyond this the wait does not grow.
+    """
+
+    calm_s: float = 20.0
+    trial_s: float = 120.0
+    longest_s: float = math.inf
+
+
+class QualityGovernor:
+    """The memory of a ladder: level in force (0 is the best), the way down to it, how the last return went.
+
+    Parameters
+    ----------
+    n_levels
+        Length of the ladder.
+    hysteresis
+        How slowly it comes back.
+    way
+        Levels taken so far, best first: it begins at the last and can return to the others.
+    """
+
+    def __init__(self, n_levels: int, hysteresis: Hysteresis, way: Sequence[int] = (0,)) -> None:
+        self.n_levels = n_levels
+        self.hysteresis = hysteresis
+        self.lowered = self.raised = 0
+        self._way = list(way)
+        self._wait_s = hysteresis.calm_s
+        self._calm_since_s: float | None = None
+        self._tried_s: float | None = None
+        self._came_from: int | None = None
+
+    @property
+    def level(self) -> int:
+        """The level in force."""
+        return self._way[-1]
+
+    @property
+    def wait_s(self) -> float:
+        """How long there must be room before a better level is tried."""
+        return self._wait_s
+
+    @property
+    def can_lower(self) -> bool:
+        """Whether there is still something to give up."""
+        return self.level < self.n_levels - 1
+
+    def observe(self, now_s: float, load: Load) -> bool:
+        """Take an observation at `now_s`; return whether the level has changed, by one."""
+        if load is Load.OVER:
+            self.overdrawn(now_s)
+            return self.can_lower and self.descend()
+        if load is Load.FULL:
+            self.disturbed(now_s)
+            return False
+        return self.calm(now_s) and self.come_back(now_s)
+
+    def disturbed(self, now_s: float) -> None:
+        """Take note that there is no room now: what is counted as calm begins anew."""
+        self._calm_since_s = now_s
+
+    def is_trying(self, now_s: float) -> bool:
+        """Return whether a better level was taken so lately that it has not held yet."""
+        return self._tried_s is not None and now_s - self._tried_s <= max(self.hysteresis.trial_s, self._wait_s)
+
+    def overdrawn(self, now_s: float, least_wait_s: float = 0.0) -> None:
+        """Take note that the budget is overdrawn: a try has failed, and the next waits at least `least_wait_s`."""
+        self.disturbed(now_s)
+        if self.is_trying(now_s):
+            self._wait_s = min(max(2.0 * self._wait_s, least_wait_s), self.hysteresis.longest_s)
+        else:
+            self._came_from = None
+        self._tried_s = None
+
+    def descend(self, *path: int) -> bool:
+        """Take the last level of `path`, by default the next one; after a try that failed, the one it was made from.
+
+        The way back leads by all levels of the path.
+        """
+        self.lowered += 1
+        self._way.extend([self._came_from] if self._came_from is not None else path or [self.level + 1])
+        self._came_from = None
+        return True
+
+    def calm(self, now_s: float) -> bool:
+        """Take note that there is room now; return whether that has been so for as long as a return waits for."""
+        if self._calm_since_s is None:
+            self._calm_since_s = now_s
+        if self._tried_s is not None and not self.is_trying(now_s):  # the try has held: earlier failures are forgiven
+            self._wait_s = max(0.5 * self._wait_s, self.hysteresis.calm_s)
+            self._tried_s = self._came_from = None
+        return now_s - self._calm_since_s >= self._wait_s
+
+    def come_back(self, now_s: float) -> bool:
+        """Go back by one level of the way, and return whether there was one to go back to."""
+        if len(self._way) == 1:
+            return False
+        self._came_from = self._way.pop()
+        self.raised += 1
+        self._calm_since_s = self._tried_s = now_s
+        return True

@@ -1,1 +1,0 @@
-"""The studies, one module each: a new one is found by its name, see docs/recipes.md."""

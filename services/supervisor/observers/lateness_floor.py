@@ -1,0 +1,111 @@
+"""The lateness floor: how late the machine itself wakes a thread above all others, on each core."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import protocol.bodies as bodies
+from services.runtime.flight import SUFFIX
+from services.runtime.flights import read_ring, read_rings
+from services.runtime.histogram import LatencyHistogram
+from services.supervisor.figures import Latencies
+from services.supervisor.observers.core_sleepers import NAME, PHASES, Phases
+from services.supervisor.observers.observer import Row, Sight
+from services.supervisor.observers.wakeup_phase import idle_phase_ns
+
+#: A wake-up so late would have cost a loop of 1 kHz its tick.
+LATE_NS = 1_000_000
+#: Over which shares are shown: at a hundred wake-ups a second, fewer seconds say little.
+WINDOW_S = 60.0
+_END_S = 1.0
+#: A gateway that was started anew has another grid.
+_CHOOSE_EVERY_S = 2.0
+
+
+@dataclass(slots=True)
+class CoreLateness:
+    """How late wake-ups were on one core."""
+
+    counts: LatencyHistogram = field(default_factory=lambda: LatencyHistogram(LATE_NS))
+    kept: deque[tuple[float, Latencies]] = field(default_factory=deque)
+    seen_ns: int = 0
+
+    def take(self, path: Path, now_s: float, *, below_loops: bool = False) -> None:
+        """Count what the ring at `path` has that was not seen.
+
+        With `below_loops` the time in which a sleeper with a priority waited for its core does not count: the rig's
+        loops had it.
+        """
+        flight = read_ring(path)
+        if flight is None:
+            return
+        due, woke = flight.column("due_ns"), flight.column("began_ns")
+        new = woke > self.seen_ns
+        late = np.maximum(0, woke - due - flight.column("ran_ns")) if below_loops else woke - due
+        for lateness in late[new].tolist():
+            self.counts.record(lateness)
+        self.seen_ns = int(woke.max(initial=self.seen_ns))
+        self.kept.append((now_s, Latencies.of(self.counts.body())))
+        while len(self.kept) > 2 and now_s - self.kept[1][0] >= WINDOW_S:
+            self.kept.popleft()
+
+    def row(self) -> Row[Latencies, Latencies]:
+        """Return the counts since the start and of about the last minute."""
+        total = Latencies.of(self.counts.body())
+        return Row(total, self.kept[-1][1] - self.kept[0][1] if self.kept else total)
+
+
+class LatenessFloor:
+    """Runs the process of `core_sleepers` while it is open and reads its rings."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._phases = Phases(directory / PHASES, create=True)
+        self._choose_s = 0.0
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "services.supervisor.observers.core_sleepers", str(directory)],
+            stdin=subprocess.DEVNULL,
+        )
+        self._cores: dict[int, CoreLateness] = {}
+
+    def sample(self, sight: Sight) -> None:
+        """Count what has come; now and then find out when a wake-up costs the rig least."""
+        if sight.now_s >= self._choose_s:
+            self._choose_s = sight.now_s + _CHOOSE_EVERY_S
+            self._choose_phases()
+        below_loops = has_deadline_loops(sight.heard)
+        for path in sorted(self._directory.glob(f"{NAME}[0-9]*{SUFFIX}")):
+            number = int(path.name.removeprefix(NAME).removesuffix(SUFFIX))
+            self._cores.setdefault(number, CoreLateness()).take(path, sight.now_s, below_loops=below_loops)
+
+    def report(self) -> dict[int, Row[Latencies, Latencies]]:
+        """Return how late wake-ups were, by core."""
+        return {number: core.row() for number, core in sorted(self._cores.items())}
+
+    def _choose_phases(self) -> None:
+        flights = read_rings(self._directory)
+        for core in self._cores:
+            phase_ns = idle_phase_ns(flights, core)
+            if phase_ns is not None:
+                self._phases[core] = phase_ns
+
+    def close(self) -> None:
+        """End the process."""
+        (self._directory / PHASES).unlink(missing_ok=True)
+        self._process.kill()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
+
+
+def has_deadline_loops(heard: Mapping[str, bodies.Health]) -> bool:
+    """Return whether loops of the rig have SCHED_DEADLINE, which comes before every priority."""
+    facts = (fact for health in heard.values() for fact in health.realtime)
+    return any(fact.name == "scheduling" and fact.had.startswith("DEADLINE") for fact in facts)

@@ -1,0 +1,68 @@
+"""All observers of a rig in one table, which the page, /metrics and incident files are made of."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import protocol.bodies as bodies
+from services.runtime import endpoints
+from services.runtime.errors import BusError
+from services.runtime.flight import flight_directory
+from services.runtime.rig import Rig
+from services.supervisor.figures import Latencies
+from services.supervisor.observers.incident_files import IncidentFiles
+from services.supervisor.observers.lateness_floor import LatenessFloor
+from services.supervisor.observers.observer import Observer, Row, Sight
+from services.supervisor.observers.thread_usage import Counts, ThreadUsage, Usage
+from services.supervisor.page_link import RigStatus
+
+#: Only while the rig is at work is a process that is down an incident.
+_AT_WORK = ("running", "degraded")
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The rows of all observers; an observer that cannot work here has none."""
+
+    floor: Mapping[int, Row[Latencies, Latencies]] = field(default_factory=dict)
+    threads: Mapping[str, Row[Counts, Usage | None]] = field(default_factory=dict)
+    incidents: Mapping[str, Row[int, str]] = field(default_factory=dict)
+
+
+class Observers:
+    """All observers of a rig, by the field of `Report` that they fill."""
+
+    def __init__(self, rig: Rig) -> None:
+        threads = ThreadUsage()
+        self._table: dict[str, Observer] = {"threads": threads}
+        try:
+            run_directory = endpoints.run_directory(rig.transport)
+            rings = flight_directory(run_directory)
+            self._table["incidents"] = IncidentFiles(rings, run_directory / "flights", threads.busiest)
+            if rig.supervisor.watch_floor:
+                self._table["floor"] = LatenessFloor(rings)
+        except (BusError, OSError) as error:
+            print(f"neither incident files nor the machine's lateness: {error}", file=sys.stderr)  # noqa: T201
+
+    def sample(self, status: RigStatus, heard: Mapping[str, bodies.Health]) -> None:
+        """Let each observer look at the rig as the supervisor judges it and as its processes were heard."""
+        processes = status.state.processes
+        at_work = status.state.state in _AT_WORK
+        pids = {process.name: process.pid for process in processes} | {"supervisor": os.getppid()}
+        down = {p.name: p.reason or p.state for p in processes if at_work and p.state != "ready"}
+        sight = Sight(time.monotonic(), pids, heard, down)
+        for observer in self._table.values():
+            observer.sample(sight)
+
+    def report(self) -> Report:
+        """Return the rows of all observers."""
+        return Report(**{name: observer.report() for name, observer in self._table.items()})
+
+    def close(self) -> None:
+        """End what the observers have started."""
+        for observer in self._table.values():
+            observer.close()

@@ -1,0 +1,112 @@
+"""The hands of people at the page: who may move the instruments, and what they ask for, on its way to the gateway.
+
+A page proves with the session's token that its person was told the address by whoever runs the rig. One page has the
+instruments: a newer one takes them over. What it sends is the body of ``visualization.hands`` as JSON.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+import msgspec
+
+from protocol import bodies
+from protocol.topics import topic
+
+#: WebSocket close codes that the page knows: not allowed, and taken over by another page.
+REFUSED, TAKEN_OVER = 4003, 4001
+TOPIC = "visualization.hands"
+_DECODER = msgspec.json.Decoder(bodies.Hands)
+
+
+class Page(Protocol):
+    """A connection to a page."""
+
+    async def receive_text(self) -> str:
+        """Return the next message; raises what ends `PageHands.serve` where the page is gone."""
+        ...
+
+    async def send_text(self, data: str) -> None:
+        """Send a message; raises as `receive_text`."""
+        ...
+
+    async def close(self, code: int, reason: str) -> None:
+        """End the connection; one that is gone already is none of the caller's business."""
+        ...
+
+
+class PageHands:
+    """Lets pages move the instruments that follow one.
+
+    Parameters
+    ----------
+    followers
+        Names of the instruments whose arm is driven by the page.
+    publish
+        Called with what a page asks for.
+    instruments
+        Returns what the gateway last said of its instruments: where a hand that takes them finds them.
+    token_sha256
+        Returns the hash of the session's token as the supervisor tells it, empty while it is not known.
+    """
+
+    def __init__(
+        self,
+        followers: Collection[str],
+        publish: Callable[[bodies.Hands], object],
+        instruments: Callable[[], Collection[bodies.InstrumentState]],
+        token_sha256: Callable[[], str],
+    ) -> None:
+        self.followers = frozenset(followers)
+        self.refused = 0
+        self._publish = publish
+        self._instruments = instruments
+        self._token_sha256 = token_sha256
+        self._holder: Page | None = None
+
+    async def serve(self, page: Page) -> None:
+        """Talk with one page until it goes or another takes over."""
+        reason = self._refusal(await page.receive_text())
+        if reason:
+            await page.close(REFUSED, reason)
+            return
+        former, self._holder = self._holder, page
+        if former is not None:
+            await former.close(TAKEN_OVER, "another page has taken the instruments")
+        try:
+            await page.send_text(self._greeting())
+            while self._holder is page:
+                self._take(await page.receive_text())
+        finally:
+            if self._holder is page:
+                self._holder = None
+
+    def _refusal(self, token: str) -> str:
+        """Return why the bearer of `token` may not move anything, empty where it may."""
+        if not self.followers:
+            return "no instrument of this rig follows the page (driver: web)"
+        known = self._token_sha256()
+        given = hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()
+        if not known or not hmac.compare_digest(known, given):
+            return "the rig does not know this token: open the address that trocar up printed"
+        return ""
+
+    def _greeting(self) -> str:
+        tools = [
+            {"name": each.name, "position_m": each.position_m, "roll_rad": each.roll_rad}
+            for each in self._instruments()
+            if each.name in self.followers
+        ]
+        return json.dumps({"type": "hands", "rate_hz": topic(TOPIC).rate_hz, "tools": tools})
+
+    def _take(self, text: str) -> None:
+        try:
+            body = _DECODER.decode(text)
+        except (msgspec.DecodeError, msgspec.ValidationError):
+            self.refused += 1
+            return
+        self._publish(body)

@@ -1,0 +1,92 @@
+"""A reduced wall pressed by rigid jaws: what the hand's force is, tick by tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.reduction import Newmark, ReducedDuct
+from services.mechanics.reduction.softened_wall.softening_step import SofteningStep
+from services.mechanics.reduction.softening.training import WallSoftening
+from services.mechanics.reduction.viscoelastic import NEVER, PronySeries, ViscousModes
+from services.mechanics.reduction.viscous_loads import ViscousLoads
+
+DT_S = 1e-3
+RAMP = 0.6
+"""Part of the ticks in which a squeeze moves; then it rests."""
+
+
+@dataclass
+class SqueezedWall:
+    """A wall pressed by rigid jaws that are glued to nodes (k,), each along its own line (k, 3).
+
+    Without ``softening`` it is the linear wall; with a ``series`` it relaxes.
+    """
+
+    duct: ReducedDuct
+    softening: WallSoftening | None
+    nodes: IntArray
+    lines: FloatArray
+    series: PronySeries = NEVER
+    body: DuctBody = field(init=False)
+
+    def __post_init__(self) -> None:
+        basis, n = self.duct.basis, len(self.nodes)
+        integrator = Newmark(basis.omega_rad_s, self.duct.damping_ratio)
+        self.body = DuctBody(self.duct, integrator, n)
+        if self.softening is not None:
+            self.wall = SofteningStep(self.duct, self.softening, np.zeros(basis.n_modes), integrator, self.series)
+        self._modes = ViscousModes(basis.omega_rad_s, self.series)
+        self._loads = ViscousLoads(self.series, self.duct.mesh.n_vertices, len(self.body.load_nodes))
+        self._corners = np.stack([self.nodes] * 3, axis=1).astype(np.int32)
+        self._weights = np.tile([1.0, 0.0, 0.0], (n, 1))
+
+    def step(self, wanted_m: FloatArray | None = None, force_n: FloatArray | None = None) -> FloatArray:
+        """Take a step to displacements (k,) along the lines, or under forces (k,); returns the forces in N."""
+        body, k = self.body, len(self.nodes)
+        body.modal_force[:] = 0.0 if self.softening is None else self.wall.force
+        self._modes.add_force(body.modal_force)
+        body.predict(DT_S)
+        body.gather(self._corners, self._weights)
+        if force_n is None:
+            W = np.zeros((3 * k, 3 * k))
+            body.compliance(self._corners, self._weights, W)
+            W = np.tril(W) + np.tril(W, -1).T
+            along = np.einsum("ka,kalb,lb->kl", self.lines, W.reshape(k, 3, k, 3), self.lines)
+            without_m = (body.displacement_m + body.motion_m)[:k]
+            if len(self._loads.lasting[0]):
+                body.add_lasting_motion(self._corners, self._weights, self._loads.lasting, without_m)
+            moved = np.sum(self.lines * without_m, axis=1)
+            force_n = np.linalg.solve(along, wanted_m - moved)
+        body.correct(self._corners, self._weights, -force_n[:, None] * self.lines)
+        if self.softening is not None:
+            loads = body.load_nodes[: body.n_loads], body.load_force_n[: body.n_loads]
+            motion = body.state.q, body.q_start, body.state.qdot, body.state.qddot
+            drive = body.modal_force, body.position_gain * body.contact_impulse
+            self.wall.follow(loads, body.contact_impulse, drive, motion, DT_S)
+        if self.series.g:
+            self._modes.relax(body.state.q, DT_S)
+            acting = body.load_nodes, body.load_force_n, body.n_contact_loads
+            body.replace_loads(self._loads.relax(acting, self.duct.residual.store, DT_S))
+        return force_n
+
+    def displacement_m(self) -> FloatArray:
+        """Return how far the nodes are along their lines, (k,)."""
+        moved = self.body.surface_m()[self.nodes] - self.duct.mesh.vertices_m[self.nodes]
+        along: FloatArray = np.sum(self.lines * moved, axis=1)
+        return along
+
+    def squeeze(
+        self, wanted_m: FloatArray, ticks: int = 250, start_m: FloatArray | None = None
+    ) -> tuple[FloatArray, float]:
+        """Move evenly to displacements (k,) and rest there; returns the last forces and the work of the way (J)."""
+        start_m = np.zeros(len(self.nodes)) if start_m is None else start_m
+        work_j, at = 0.0, start_m
+        for tick in range(ticks):
+            after = start_m + (wanted_m - start_m) * min(1.0, tick / (RAMP * ticks))
+            force = self.step(after)
+            work_j, at = work_j + float(force @ (after - at)), after
+        return force, work_j

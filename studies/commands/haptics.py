@@ -1,0 +1,117 @@
+"""``trocar haptics``: how good the haptics is, as a page with figures.
+
+What running processes do is kept beside the figures, and is on the page until it is measured anew.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
+from rich.console import Console
+
+import services.runtime  # noqa: F401 - keeps linear algebra to one thread before numpy is loaded
+from services.cache_directory import cache_directory
+from services.cli import targets
+from services.runtime.errors import UserError
+from services.scenes import load_scene
+from studies.accuracy.facts import Facts
+from studies.accuracy.study import Draw, Size
+from studies.commands.progress_bar import progress_line
+from studies.commands.running_insertion import SCENE, run_insertion
+from studies.feel.figures import draw_borders, draw_energies, draw_transparency
+from studies.feel.late import answer_late, solve
+from studies.feel.measure import energies, passive_borders, stable_borders, transparency
+from studies.feel.report import Felt, write_page
+from studies.feel.tracking import Running, find_running
+from studies.pool import open_pool
+from studies.provenance import code_version
+
+RUNNING = "running.json"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line."""
+
+    hands: int
+    out: Path
+    json: bool
+    running: bool = False
+
+
+def run_haptics(request: Request) -> None:
+    """Measure what is felt and write the page, with its figures in a folder beside it.
+
+    Raises
+    ------
+    ConfigError
+        A page in a folder that cannot be made, or that is closed to this user.
+    UserError
+        The disk is full.
+    """
+    targets.look_at_file("--out", request.out, makes_folder=True)
+    figures = request.out.absolute().parent / request.out.stem
+    targets.make_folder("--out", figures)
+    command = f"trocar haptics --hands {request.hands}{' --running' * request.running}"
+    facts = Facts.collect(command, code_version(Path(__file__).parents[2]), Draw(Size.FULL, 0), {})
+    if request.running:
+        _measure_running(figures / RUNNING, facts.lines())
+    with progress_line() as tell, open_pool(os.cpu_count() or 1) as executor:
+        late = answer_late(solve(cache_directory() / "bases"))
+        won = energies(request.hands, executor, tell)
+        felt = Felt(passive_borders(), stable_borders(), transparency(), won, late, read_running(figures / RUNNING))
+    if request.json:
+        print(json.dumps({"page": str(request.out), **_data(felt)}))
+    with targets.writing("--out", request.out):
+        draw_borders(felt.passive, felt.stable, figures / "borders")
+        draw_transparency(felt.rendered, figures / "transparency")
+        draw_energies(felt.energies, figures / "energies")
+        write_page(felt, facts.lines(), figures, request.out)
+    if not request.json:
+        Console().print(f"written to {request.out}, figures in {figures}", soft_wrap=True)
+
+
+def _measure_running(file: Path, made_with: list[str]) -> None:
+    """Run the insertion in a rig, alone on the machine, and keep what it did."""
+    with tempfile.TemporaryDirectory(prefix="trocar-haptics-") as folder:
+        said, solved = run_insertion(Path(folder))
+    found = find_running(said, solved, load_scene(SCENE), cache_directory() / "bases")
+    targets.write_text("--out", file, msgspec.json.encode(replace(found, made_with=tuple(made_with))).decode())
+
+
+def read_running(file: Path) -> Running | None:
+    """Return what running processes were last seen to do, None if nobody has looked.
+
+    Raises
+    ------
+    UserError
+        The file is not one of ours.
+    """
+    if not file.exists():
+        return None
+    try:
+        return msgspec.json.decode(file.read_bytes(), type=Running)
+    except msgspec.DecodeError as error:
+        raise UserError(f"{file}: {error}; `trocar haptics --running` writes it anew") from None
+
+
+def _data(felt: Felt) -> dict[str, object]:
+    return {
+        "worst_border": felt.worst_border(),
+        "running": None if felt.running is None else msgspec.to_builtins(felt.running),
+        "energies": [
+            {
+                "kind": each.kind,
+                "gaining": each.gaining,
+                "worst_j": each.worst_j,
+                "books": [asdict(b) for b in each.books],
+            }
+            for each in felt.energies
+        ],
+    }

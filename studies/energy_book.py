@@ -1,0 +1,300 @@
+"""Energy books of a simulation: what the hands put in, what is stored, and where the rest went.
+
+Every entry is taken from its own quantity, never as the difference of others, so that the books can fail to balance.
+They allocate and evaluate forces again: for tests and studies, not for the 1 kHz step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.contact.laws import ELASTIC_AXES
+from services.mechanics.reduction import ModalState
+from services.mechanics.rod import ImplicitIntegrator, RodState
+from services.mechanics.rod.energy import RodEnergy
+from services.mechanics.rod.model import RodModel, allocate_work
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation.body_energy import body_energies_j, catheter_energy
+from services.mechanics.simulation.simulation import Simulation
+from studies.grip_energy import Grips, enter_grips, stored_in_grips
+from studies.rod_forces import internal_forces
+
+
+@dataclass(slots=True)
+class EnergyFlow:
+    """Energy in J since the books were opened; everything but ``input_j`` and ``stored_j`` is dissipated.
+
+    Attributes
+    ----------
+    input_j
+        Work of the hands on the couplings and jaws.
+    stored_j
+        Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
+    coupling_j
+        Dampers of the virtual couplings.
+    rod_j
+        Damping of the catheter's material and its drag.
+    duct_j
+        Damping of the modes.
+    friction_j
+        Sliding in contacts and in the introducer, and slipping holds.
+    effects_j
+        What effects say that they dissipate.
+    impact_j
+        Normal forces over the approach in the tick of a touch; negative where an overlap is pushed out.
+    healing_j
+        What was stored before the parts of steps that ended in states that were not sound, less what is stored in those
+        that were taken up again. The part itself is not entered: nothing was felt of it.
+    released_j
+        What holds had stored that were let go, and couplings of tools that came back elsewhere; less what holds come
+        back with that had found no row for a while.
+    numerical_j
+        What implicit steps take out: of the catheter, the couplings, the grips, the residual compliance and a wall that
+        is squeezed, with what that loses where it slides out from between jaws; and what kicks of the wall miss of the
+        energy that they are the gradient of.
+    """
+
+    input_j: float = 0.0
+    stored_j: float = 0.0
+    coupling_j: float = 0.0
+    rod_j: float = 0.0
+    duct_j: float = 0.0
+    friction_j: float = 0.0
+    effects_j: float = 0.0
+    impact_j: float = 0.0
+    released_j: float = 0.0
+    numerical_j: float = 0.0
+    healing_j: float = 0.0
+
+    @property
+    def dissipated_j(self) -> float:
+        """Sum of all that was dissipated."""
+        return sum(float(getattr(self, f.name)) for f in fields(self)[2:])
+
+    @property
+    def imbalance_j(self) -> float:
+        """Input less stored less dissipated: zero if the books balance."""
+        return self.input_j - self.stored_j - self.dissipated_j
+
+
+class EnergyBook:
+    """Steps a simulation and keeps its books."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.flow = EnergyFlow()
+        self._model: RodModel = implicit_integrator(simulation).model
+        self._work = allocate_work(len(simulation.catheter.state.position_m))
+        self._rod = catheter_energy(simulation.world, self._work)
+        self._opening_j = self._stored_j()
+        self._healed_states = simulation.healed_states
+
+    def step(self, tools: ToolInputs, dt_s: float = 1e-3) -> None:
+        """Take one step of the simulation and enter it."""
+        self.simulation.watcher = self
+        self.simulation.step(tools, None, dt_s)
+        self.simulation.watcher = None
+        if self.simulation.healed_states > self._healed_states:
+            self._healed_states = self.simulation.healed_states
+            self._enter_healing()
+
+    def _enter_healing(self) -> None:
+        """A part that ended unsound is undone, in the books as well: nothing was felt of it, so no hand has worked."""
+        for field in fields(self.flow):
+            setattr(self.flow, field.name, getattr(self._undone, field.name))
+        self._rod = catheter_energy(self.simulation.world, self._work)
+        stored_j = self._stored_j() - self._opening_j
+        self.flow.healing_j += self.flow.stored_j - stored_j
+        self.flow.stored_j = stored_j
+
+    def begin(self) -> None:
+        """Note what a part of a step begins with; rates that a change of its length has moved are entered."""
+        stored_j = self._stored_j() - self._opening_j
+        self.flow.numerical_j += self.flow.stored_j - stored_j
+        self.flow.stored_j = stored_j
+        self._before = _Snapshot.of(self.simulation, self._rod)
+        self._slipped_j = _slipped_j(self.simulation)
+        self._spent_j = _dissipated_by_effects_j(self.simulation)
+        self._squeezed_j = self.simulation.squeeze.dissipated_j
+        self._undone = replace(self.flow)
+
+    def end(self, dt_s: float) -> None:
+        """Enter a part of a step."""
+        before, slipped_j, spent_j = self._before, self._slipped_j, self._spent_j
+        self._rod = catheter_energy(self.simulation.world, self._work)
+        self._enter_tools(before, dt_s)
+        self._enter_rod(before, dt_s)
+        self._enter_duct(before, dt_s)
+        self._enter_contacts(before)
+        self.flow.friction_j += _slipped_j(self.simulation) - slipped_j
+        self.flow.numerical_j += self.simulation.squeeze.dissipated_j - self._squeezed_j
+        self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
+        self.flow.stored_j = self._stored_j() - self._opening_j
+
+    def _stored_j(self) -> float:
+        return float(sum(stored_energies_j(self.simulation, self._rod).values()))
+
+    def _enter_tools(self, before: _Snapshot, dt_s: float) -> None:
+        tools = self.simulation.tools
+        stays = (before.present & tools.present)[:, None]
+        came = (tools.present & ~before.present)[:, None]
+        hand_motion = np.where(stays, tools.hand - before.hand, 0.0)
+        change = tools.stretch - np.where(came, 0.0, before.stretch)
+        force = tools.stiffness * tools.stretch + tools.damping * change / dt_s
+        self.flow.input_j -= float(np.sum(force * hand_motion))
+        self.flow.released_j += 0.5 * float(np.sum(tools.stiffness * np.where(came, before.stretch, 0.0) ** 2))
+        self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
+        self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
+
+    def _enter_rod(self, before: _Snapshot, dt_s: float) -> None:
+        """What the rod's own forces, those that its momentum balance tells, took beyond what is stored and damped."""
+        catheter, model = self.simulation.catheter, self._model
+        state, start = catheter.state, before.rod
+        motion = state.position_m - start.position_m
+        change, mean = state.velocity_m_s - start.velocity_m_s, motion / dt_s
+        middle = RodState(start.position_m + 0.5 * motion, mean)
+        viscous = internal_forces(model, middle, self._work)
+        viscous -= internal_forces(model, RodState(middle.position_m, np.zeros_like(mean)), self._work)
+        viscous -= model.drag[:, None] * mean
+        impulse = model.mass[:, None] * change
+        own = impulse / dt_s - catheter.external_force_n - catheter.contact_force_n
+        self.flow.rod_j -= float(np.sum(viscous * motion))
+        self.flow.numerical_j += float(np.sum(impulse * (mean - start.velocity_m_s - 0.5 * change)))
+        self.flow.numerical_j -= float(np.sum((own - viscous) * motion))
+        self.flow.numerical_j -= self._rod.elastic_j - before.rod_elastic_j
+
+    def _enter_duct(self, before: _Snapshot, dt_s: float) -> None:
+        duct = self.simulation.duct
+        basis, kick = duct.reduced.basis, dt_s * (duct.contact_impulse + duct.modal_kick)
+        jumped, rate = before.modal.qdot + duct.given_back + kick, duct.rate()
+        end, end_rate = duct.state.qdot - duct.taken, rate - duct.taken
+        mean_rate = 0.5 * (jumped + end)
+        damping = 2.0 * basis.omega_rad_s * duct.reduced.damping_ratio
+        self.flow.duct_j += dt_s * float(np.sum(damping * mean_rate**2))
+        change = duct.state.q - before.modal.q
+        # The impulse acts at the start of the step; the rows below count its force over the whole of it.
+        kicked = jumped**2 - before.duct_rate**2 + end_rate**2 - end**2
+        kicked_j = float(duct.modal_kick @ change)
+        self.flow.impact_j += float(duct.contact_impulse @ change - 0.5 * np.sum(kicked)) + kicked_j
+        self.flow.numerical_j += 0.5 * float(np.sum(end_rate**2 - rate**2))
+        self.flow.numerical_j += before.kicks_j - _kick_energy_j(self.simulation) - kicked_j
+        self._enter_residual(before)
+
+    def _enter_residual(self, before: _Snapshot) -> None:
+        duct = self.simulation.duct
+        change = nodal_loads(self.simulation) - before.loads
+        nodes = np.flatnonzero(np.any(change != 0.0, axis=1)).astype(np.int32)
+        moved = np.zeros((len(nodes), 3))
+        duct.reduced.residual.apply(nodes, change[nodes], nodes, moved)
+        self.flow.numerical_j += 0.5 * float(np.sum(moved * change[nodes]))
+
+    def _enter_contacts(self, before: _Snapshot) -> None:
+        """Work of the contact forces on the relative motion, friction and normal apart; anchors store some of it."""
+        system = self.simulation.system
+        taken_j, gone_j = enter_grips(self.simulation, before.grips)
+        self.flow.numerical_j += taken_j
+        self.flow.released_j += gone_j
+        rows, own = (
+            system.rows,
+            {*self.simulation.holds.rows, *self.simulation.seal.rows, *self.simulation.squeeze.rows},
+        )
+        self.flow.friction_j -= _anchor_energy_j(self.simulation) - before.anchors_j
+        for row in range(rows.n_contacts):
+            force = rows.force_n[row]
+            end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
+            if row in own:
+                continue
+            elastic = rows.frame[row] @ rows.elastic_m[row]
+            self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
+            self.flow.impact_j -= float(force[0] * (end[0] - rows.taken_m[row]))
+
+
+@dataclass(slots=True)
+class _Snapshot:
+    """What the books need of the state before a step."""
+
+    present: BoolArray
+    hand: FloatArray
+    stretch: FloatArray
+    rod: RodState
+    rod_elastic_j: float
+    modal: ModalState
+    duct_rate: FloatArray
+    loads: FloatArray
+    anchors_j: float
+    kicks_j: float
+    grips: Grips
+
+    @classmethod
+    def of(cls, simulation: Simulation, rod_energy: RodEnergy) -> _Snapshot:
+        rod, tools = simulation.catheter.state, simulation.tools
+        return cls(
+            tools.present.copy(),
+            tools.hand.copy(),
+            tools.stretch.copy(),
+            rod.copy(),
+            rod_energy.elastic_j,
+            simulation.duct.state.copy(),
+            simulation.duct.rate(),
+            nodal_loads(simulation),
+            _anchor_energy_j(simulation),
+            _kick_energy_j(simulation),
+            stored_in_grips(simulation),
+        )
+
+
+def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> dict[str, float]:
+    """Return what is stored where at the end of the last step: catheter, duct, couplings, grips, and each effect.
+
+    ``rod`` is the catheter's, where it is known already.
+    """
+    tools = simulation.tools
+    stored = body_energies_j(simulation.world, rod)
+    stored |= {
+        "couplings": 0.5 * float(np.sum(tools.stiffness * tools.stretch**2)),
+        "grips": stored_in_grips(simulation).total_j,
+        "squeeze": simulation.squeeze.stored_j,
+        "anchors": _anchor_energy_j(simulation),
+    }
+    stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
+    return stored
+
+
+def _dissipated_by_effects_j(simulation: Simulation) -> float:
+    return sum(effect.dissipated_j for effect in simulation.effects.values())
+
+
+def _kick_energy_j(simulation: Simulation) -> float:
+    """Energy that the kicks of the wall are the gradient of."""
+    return sum(effect.potential_energy_j(simulation.world) for effect in simulation.effects.values() if effect.kicks)
+
+
+def _anchor_energy_j(simulation: Simulation) -> float:
+    """What the tangents of contacts that stick, or slide, have stored."""
+    rows, k = simulation.system.rows, simulation.system.rows.n_contacts
+    is_elastic = np.arange(3) >= 3 - ELASTIC_AXES[rows.law[:k], None]
+    return 0.5 * float(np.sum((rows.softness_m_n[:k] * rows.force_n[:k] ** 2)[is_elastic]))
+
+
+def _slipped_j(simulation: Simulation) -> float:
+    """What slipping holds, and a slipping seal, have taken out."""
+    return simulation.holds.dissipated_j + simulation.seal.dissipated_j
+
+
+def implicit_integrator(simulation: Simulation) -> ImplicitIntegrator:
+    """Return the catheter's integrator, which has to be the implicit one."""
+    integrator = simulation.catheter.integrator
+    if not isinstance(integrator, ImplicitIntegrator):
+        raise TypeError("the books are kept for the implicit integrator of the catheter only")
+    return integrator
+
+
+def nodal_loads(simulation: Simulation) -> FloatArray:
+    """Return the contact loads (n, 3) on every node of the duct."""
+    loads = np.zeros((simulation.duct.reduced.mesh.n_vertices, 3))
+    n = simulation.n_loads
+    loads[simulation.load_nodes[:n]] = simulation.load_force_n[:n]
+    return loads

@@ -1,0 +1,239 @@
+"""Hands that try to get energy out of the servo: random ones, and ones that know how."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from protocol.bodies.haptics import MODEL_COLUMNS, MODEL_CONTACT, MODEL_F0, MODEL_K, MODEL_X0
+from services.gateway import premium_model, servo_law
+from services.gateway.premium_model import GEARS
+from services.gateway.servo_arrays import (
+    LIMIT_SIZE,
+    MEMORY_FORCE,
+    MEMORY_SIZE,
+    NOW_AGE,
+    NOW_DT,
+    NOW_GAIN,
+    NOW_SIZE,
+    NOW_TTL,
+    READ_POSITION,
+    READ_SIZE,
+    READ_VELOCITY,
+)
+from services.gateway.simulated_arm import (
+    HAND_DAMPING,
+    HAND_GRIP,
+    HAND_RATE,
+    HAND_SIZE,
+    HAND_STIFFNESS,
+    HAND_TARGET,
+    STALL_NM,
+    TICK_S,
+    ArmState,
+)
+from services.mechanics.arrays import FloatArray
+
+TTL_S = 0.02
+#: Largest force, its rate, the arm's largest damping: those of the stub rig and the Premium's device file.
+FORCE_N, RATE_N_S, DAMPING_N_S_M = 3.0, 200.0, 5.0
+
+
+@dataclass(frozen=True)
+class Attack:
+    """One hand at one wall.
+
+    Attributes
+    ----------
+    stiffness_n_m
+        Of the wall, which lies in the middle of the workspace across z and pushes up.
+    bus_delay
+        Ticks from a pose to the model that answers it, at the servo.
+    lost
+        Part of the models that never come.
+    local
+        Whether stiffness travels, or only the force that the wall had when the model was made.
+    controller
+        Whether the passivity controller is on.
+    hand_n_m, hand_n_s_m
+        Stiffness and damping of the hand.
+    depth_m, hertz
+        How far it goes to and fro across the wall, and how often.
+    cunning
+        0: a sinusoid with noise; 1: a hand that is stiff while the wall pushes it out, and lets go while it goes in.
+    seed
+    """
+
+    stiffness_n_m: float
+    bus_delay: int
+    lost: float
+    local: bool
+    controller: bool
+    hand_n_m: float
+    hand_n_s_m: float
+    depth_m: float
+    hertz: float
+    cunning: float
+    seed: int
+
+
+def random_attack(seed: int, *, local: bool = True, controller: bool = True) -> Attack:
+    """Return attack `seed`: stiffnesses and frequencies spread over decades, delays to 19 ticks, up to half lost."""
+    draw = np.random.default_rng(seed)
+    return Attack(
+        stiffness_n_m=float(10.0 ** draw.uniform(1.5, 3.7)),
+        bus_delay=int(draw.integers(1, 20)),
+        lost=float(draw.choice([0.0, 0.05, 0.5])),
+        local=local,
+        controller=controller,
+        hand_n_m=float(10.0 ** draw.uniform(1.0, 3.0)),
+        hand_n_s_m=float(draw.uniform(0.2, 5.0)),
+        depth_m=float(10.0 ** draw.uniform(-4.0, -2.2)),
+        hertz=float(10.0 ** draw.uniform(-0.3, 2.0)),
+        cunning=float(draw.integers(0, 2)),
+        seed=seed,
+    )
+
+
+@dataclass(frozen=True)
+class Book:
+    """Energy of one attack, in J.
+
+    Attributes
+    ----------
+    servo_j
+        What the motors gave to the joints in all, the hand having left the wall: above 0 where more came out of the
+        servo than went in.
+    gained_j
+        The same without what the arm's own friction took: what is left for the hand.
+    moved_j
+        All that went to and fro through the motors: what these are to be compared with.
+    """
+
+    servo_j: float
+    gained_j: float
+    moved_j: float
+
+
+class Books:
+    """What the motors of a simulated arm gave, and what the friction of its joints took, tick by tick, in J."""
+
+    def __init__(self) -> None:
+        self.given_j = self.lost_j = self.moved_j = 0.0
+        self._jacobian = np.zeros((3, 3))
+
+    def step(self, arm: ArmState, force_n: FloatArray, advance: Callable[[], None]) -> None:
+        """Let the arm `advance` by a tick under a held force (3,) in the frame of its base, and account for it."""
+        premium_model.jacobian(arm.angles, self._jacobian)
+        torque = np.clip((force_n @ self._jacobian) / GEARS, -STALL_NM, STALL_NM) * GEARS
+        angles, rates = arm.angles.copy(), arm.rates.copy()
+        advance()
+        given_j = float(torque @ (arm.angles - angles))
+        self.given_j += given_j
+        self.moved_j += abs(given_j)
+        self.lost_j += _friction_j(angles, arm.angles, rates, arm.rates)
+
+    def close(self) -> Book:
+        """Return the sums."""
+        return Book(self.given_j, self.given_j - self.lost_j, self.moved_j)
+
+
+class _Wall:
+    """A wall across z that answers poses late: what haptics and physics are to the servo."""
+
+    def __init__(self, attack: Attack, height_m: float, random: np.random.Generator) -> None:
+        self._attack, self._height_m, self._random = attack, height_m, random
+        self._waiting: list[FloatArray] = []
+        self.model = np.zeros(MODEL_COLUMNS)
+        self.age = 0
+
+    def look(self, position: FloatArray) -> None:
+        """Answer a pose, and give the servo what is due now."""
+        self._waiting.append(self._answer(position))
+        self.age += 1
+        if len(self._waiting) > self._attack.bus_delay:
+            due = self._waiting.pop(0)
+            if self._random.random() >= self._attack.lost:
+                self.model, self.age = due, self._attack.bus_delay
+
+    def _answer(self, position: FloatArray) -> FloatArray:
+        model = np.zeros(MODEL_COLUMNS)
+        depth = self._height_m - position[2]
+        if depth > 0.0:
+            model[MODEL_F0 + 2], model[MODEL_CONTACT] = self._attack.stiffness_n_m * depth, 1.0
+            if self._attack.local:
+                model[MODEL_K + 8] = self._attack.stiffness_n_m
+            model[MODEL_X0 : MODEL_X0 + 3] = position
+        return model
+
+
+def attack_servo(attack: Attack, ticks: int = 1500) -> Book:
+    """Let a hand work on a wall for `ticks`, then leave, and return what the servo gave."""
+    random = np.random.default_rng(attack.seed)
+    arm = ArmState(np.array(premium_model.CENTRE_ANGLES), velocity_filter_hz=100.0)
+    centre = premium_model.centre()
+    wall = _Wall(attack, 0.0, random)
+    reading, motion, memory = np.zeros(READ_SIZE), np.zeros(6), np.zeros(MEMORY_SIZE)
+    (limits, now), hand, books = servo_settings(controller=attack.controller), np.zeros(HAND_SIZE), Books()
+    for k in range(ticks + 400):
+        arm.read(centre, reading)
+        motion[:3], motion[3:] = reading[READ_POSITION:][:3], reading[READ_VELOCITY:][:3]
+        wall.look(motion[:3])
+        now[NOW_AGE] = min(wall.age, 1000) * TICK_S
+        servo_law.servo_force(wall.model, motion, limits, now, memory)
+        _move_hand(attack, hand, centre, motion, k, ticks, random)
+        force = memory[MEMORY_FORCE : MEMORY_FORCE + 3]
+        books.step(arm, force, partial(arm.step, force, hand))
+    return books.close()
+
+
+def _friction_j(angles: FloatArray, then: FloatArray, rates: FloatArray, rates_then: FloatArray) -> float:
+    """Return what the joints' friction took in a tick, J: its torque at the mean rate, over the way."""
+    middle, rate = (angles + then) / 2.0, (rates + rates_then) / 2.0
+    torques = np.array([premium_model.passive_torque(middle, rate, joint) for joint in range(3)])
+    return -float(torques @ (then - angles))
+
+
+def servo_settings(*, controller: bool = True) -> tuple[FloatArray, FloatArray]:
+    """Return the limits of the servo law, and its present as of a model that has just come: `layout` has their places.
+
+    Parameters
+    ----------
+    controller
+        Whether the passivity controller may damp.
+    """
+    limits, now = np.zeros(LIMIT_SIZE), np.zeros(NOW_SIZE)
+    damping_n_s_m = DAMPING_N_S_M if controller else 0.0
+    own = premium_model.COUNT_M, premium_model.FRICTION_N
+    limits[:] = (FORCE_N, FORCE_N, RATE_N_S, damping_n_s_m, 0.3, 30.0, *own)
+    now[NOW_DT], now[NOW_TTL], now[NOW_GAIN] = TICK_S, TTL_S, 1.0
+    return limits, now
+
+
+def _move_hand(
+    attack: Attack,
+    hand: FloatArray,
+    centre: FloatArray,
+    motion: FloatArray,
+    k: int,
+    ticks: int,
+    random: np.random.Generator,
+) -> None:
+    """Write where the hand wants to be: to and fro across the wall; at the end above it, in 0.2 s."""
+    omega = 2.0 * math.pi * attack.hertz
+    hand[HAND_TARGET : HAND_TARGET + 3] = centre
+    hand[HAND_RATE : HAND_RATE + 3] = 0.0
+    hand[HAND_STIFFNESS], hand[HAND_DAMPING], hand[HAND_GRIP] = attack.hand_n_m, attack.hand_n_s_m, 10.0
+    if k >= ticks:
+        hand[HAND_TARGET + 2] += 0.02
+        hand[HAND_STIFFNESS], hand[HAND_DAMPING] = 100.0, 3.0
+        return
+    hand[HAND_TARGET + 2] -= attack.depth_m * math.sin(omega * k * TICK_S)
+    hand[HAND_TARGET + 2] += 0.1 * attack.depth_m * random.standard_normal()
+    hand[HAND_RATE + 2] = -attack.depth_m * omega * math.cos(omega * k * TICK_S)
+    if attack.cunning and motion[5] < 0.0:
+        hand[HAND_STIFFNESS] *= 0.1

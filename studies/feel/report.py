@@ -1,0 +1,257 @@
+"""docs/results/haptics.md: how good the haptics is, in words, tables and figures."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from services.atomic_file import atomic_file
+from studies.feel.late import TOOLS, WITHIN, Late
+from studies.feel.measure import TABLE_HZ, WAYS, Border, Energies, Rendered
+from studies.feel.tracking import WITHIN as TRACKED_WITHIN
+from studies.feel.tracking import Running
+
+_MOST_LISTED = 12
+
+
+@dataclass(frozen=True)
+class Felt:
+    """All that was found."""
+
+    passive: Sequence[Border]
+    stable: Sequence[Border]
+    rendered: Sequence[Rendered]
+    energies: Sequence[Energies]
+    late: Sequence[Late]
+    running: Running | None = None
+
+    def worst_border(self) -> float:
+        """Return the largest relative distance of a measured border from theory."""
+        return max(abs(row.error) for row in (*self.passive, *self.stable))
+
+
+def write_page(felt: Felt, made_with: Sequence[str], figures: Path, page: Path) -> None:
+    """Write the page; `figures` is the folder of its figures, beside it."""
+    with atomic_file(page) as half:
+        half.write_text("\n".join(_lines(felt, made_with, figures.name)), encoding="utf-8")
+
+
+def _lines(felt: Felt, made_with: Sequence[str], figures: str) -> Iterator[str]:
+    yield "# What is felt"
+    yield ""
+    yield from _words(
+        "Written by `trocar haptics`; do not edit by hand. All tests run the law that writes to the devices "
+        "(`services/gateway/servo_law.py`). Most run it alone; a pinch and an insertion run through all processes"
+        " of a rig."
+    )
+    yield ""
+    yield from (f"- {line}" for line in made_with)
+    yield from _borders(felt, figures)
+    yield from _transparency(felt.rendered, figures)
+    yield from _running(felt.running, made_with)
+    yield from _late(felt.late)
+    yield from _energies(felt.energies, figures)
+    yield ""
+
+
+def _words(text: str) -> Iterator[str]:
+    yield from textwrap.wrap(text, width=118)
+
+
+def _borders(felt: Felt, figures: str) -> Iterator[str]:
+    yield ""
+    yield "## How stiff a wall may be"
+    yield ""
+    yield from _words(
+        "A wall that is computed once every T and held in between gives energy to the hand that touches it; the "
+        "friction of the device has to absorb that energy. The wall (stiffness K, damping B, with a delay t of "
+        "the loop) is passive with any hand if the friction is b > K(T/2 + t) + |B| (Colgate and Schenkel). It is"
+        " stable without a hand if b + B > K(T/2 + t) (Gil and others). The largest distance between measurement "
+        f"and theory is **{100.0 * felt.worst_border():.1f} %**."
+    )
+    yield ""
+    yield f"![Borders]({figures}/borders.svg)"
+    yield ""
+    yield from _words(
+        "Theory and measurement differ most at long delays: stability theory holds while K (T/2 + t)^2 is small "
+        "beside the mass, and a wall is a little more stable than predicted. With the passivity controller a wall"
+        " that is too stiff does not run away: it oscillates at the 10 mm/s below which the controller is silent,"
+        " by 0.07 mm at 1,500 N/m."
+    )
+    yield ""
+    yield "| a wall of 500 N/m, servo at 1 kHz, force | needs a friction of, N s/m | measured |"
+    yield "| --- | --- | --- |"
+    for row in felt.passive:
+        if row.wall.stiffness_n_m == 500.0 and not row.wall.damping_n_s_m:
+            way = f"over the bus, {row.wall.delay} ms late" if row.wall.delay else "by a local model, however late"
+            yield f"| {way} | {row.theory:.2f} | {row.measured:.2f} |"
+    yield ""
+    yield from _words(
+        "The table has B = 0, because with delay and damping together the theory is a bound and not a border. A "
+        "Phantom Premium has a friction of about 0.05 N s/m and 0.04 N; a hand adds 1 to 10 N s/m."
+    )
+    yield ""
+    yield from _words(
+        "A local model is evaluated at the present position of the hand. If it arrives late, the wall is where "
+        "the tissue was then; that puts no energy into the loop. This is why the servo gets a model and not a "
+        "force."
+    )
+
+
+def _transparency(rendered: Sequence[Rendered], figures: str) -> Iterator[str]:
+    hertz = [each for each in TABLE_HZ if any(row.frequency_hz == each for row in rendered)]
+    yield ""
+    yield "## What a moving hand meets"
+    yield ""
+    yield from _words(
+        "A wall of 500 N/m, moved in sinusoids of 1 to 100 Hz: the table says by how many degrees the force lags "
+        "behind the position. A spring has 0. Between 0 and 180 the wall gives energy in every cycle; at 180 it "
+        "pulls in. 360 is a lag of a whole cycle."
+    )
+    yield ""
+    yield "| force | " + " | ".join(f"{each:g} Hz" for each in hertz) + " |"
+    yield "| --- |" + " --- |" * len(hertz)
+    for name, _ in WAYS:
+        cells = [f"{row.late_deg:.0f}" for row in rendered if row.way == name and row.frequency_hz in hertz]
+        yield f"| {name} | " + " | ".join(cells) + " |"
+    yield ""
+    yield "The force over the bus with 1 ms is the paper's way: one loop computes a penalty force and sends it."
+    yield ""
+    yield f"![Transparency]({figures}/transparency.svg)"
+
+
+def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]:
+    yield ""
+    yield "## A pinch and an insertion through the running processes"
+    yield ""
+    if running is None:
+        yield "Not measured: `trocar haptics --running` starts a rig of its own for it."
+        return
+    pinch = running.pinch
+    yield from _words(
+        "This runs a rig with simulated arms, drives and encoders: one hand pinches the duct's wall, the other "
+        "slides the catheter 20 mm in. Every frame of gateway and physics is kept."
+    )
+    yield ""
+    yield from (f"- {line}" for line in running.made_with if line not in made_with)
+    yield f"- {running.ticks:,} ticks, {running.lost} of them lost by the rig or by its observer"
+    yield ""
+    yield from _words(
+        f"**The pinch**, at rest, before the catheter touches the duct: the force on the forceps is "
+        f"{1e3 * pinch.force_n:.1f} mN. Under the loads that physics reports, the unreduced finite elements yield "
+        f"**{100.0 * pinch.wall:+.1f} %** against the wall of the rig, by the work of the loads (limit: 2 %). The wall "
+        "is linear, so the force of an indentation is off by as much: the residual compliance brings back what the "
+        f"modes leave out. The force that the arm applies differs by **{pinch.applied:.1%}** from the one that was "
+        "solved."
+    )
+    yield ""
+    yield from _insertion_beside(running)
+
+
+def _insertion_beside(running: Running) -> Iterator[str]:
+    yield from _words(
+        "**The insertion**, tick by tick, beside the mechanics alone stepped through the same poses. Errors are "
+        "in per cent of each tool's largest force. The force that the arm applies is compared two ticks later, "
+        "because it passes through haptics and physics and is applied in the next tick."
+    )
+    yield ""
+    yield f"| force on the hand | ticks within {TRACKED_WITHIN:.0%} | worst |"
+    yield "| --- | --- | --- |"
+    for row in running.apart:
+        yield f"| {row.tool}, {row.what} | {row.within:.1%} | {row.worst:.1%} |"
+    yield ""
+    yield from _words(
+        "The jaws hold the duct in this scene. How far they slip depends on rounding, so neither two runs nor a "
+        "run and the mechanics alone agree there. Haptics knows the wall as it was a tick ago; along the wall, "
+        "where friction holds, each count of the arm's encoder is felt. After lost ticks the hand has moved on, "
+        "and meets the model's stiffness at once."
+    )
+
+
+def _late(rows: Sequence[Late]) -> Iterator[str]:
+    yield ""
+    yield "## An insertion whose answers come late"
+    yield ""
+    yield from _words(
+        "One hand slides the catheter 20 mm into the duct, the other pinches its wall. Each tick's model reaches "
+        "the servo in the next tick; the first column says how much later still, for all models or at random for "
+        f"each. The other columns say in how many ticks the force on the hand is within {WITHIN:.0%} of what the "
+        "mechanics solve for its pose in that tick, and the worst error; both relative to the largest force. A "
+        "model older than 5 ms fades and one of 20 ms is unused, so late models leave a limp hand on purpose (100"
+        " % off). A held force, as in the paper, stays. There is no encoder in this test."
+    )
+    yield ""
+    yield (
+        "| added, ms | "
+        + " | ".join(f"{tool}, {way}" for tool in TOOLS for way in ("local model", "force alone"))
+        + " |"
+    )
+    yield "| --- |" + " --- |" * (2 * len(TOOLS))
+    for added, jitter in dict.fromkeys((row.added_ms, row.jitter_ms) for row in rows):
+        cells = [
+            f"{np.mean(apart < WITHIN):.1%}, {apart.max():.1%}"
+            for row in rows
+            if (row.added_ms, row.jitter_ms) == (added, jitter)
+            for apart in (row.local, row.force_alone)
+        ]
+        yield f"| {f'0 to {jitter}' if jitter else added} | " + " | ".join(cells) + " |"
+    yield ""
+    yield from _words(
+        "When hands move as slowly as here, a held force is closer to the right one. Its price is the energy that"
+        " it feeds into the arm (above and below), and that it never ends."
+    )
+
+
+def _energies(found: Sequence[Energies], figures: str) -> Iterator[str]:
+    count = len(found[0].books)
+    yield ""
+    yield "## Hands that try to get energy out"
+    yield ""
+    yield from _words(
+        f"{count} hands at one wall each, the same for every row. Stiffness 30 to 5,000 N/m; answers 1 to 19 ms "
+        "late, up to half of them lost; motion of 0.1 to 6 mm at 0.5 to 100 Hz. Half of the hands are stiff while"
+        " the wall pushes and soft while it is pushed. The simulated Premium with its encoders, friction and "
+        "motors is in between. A hand gains when, after it has left, the work of the "
+        "motors on the joints exceeds what the joints' friction took."
+    )
+    yield ""
+    yield "| | hands that gained | most that one got | servo alone gave |"
+    yield "| --- | --- | --- | --- |"
+    for each in found:
+        worst = f"{1e3 * each.worst_j:.2f} mJ" if each.worst_j > 0.0 else "nothing"
+        yield f"| {each.kind} | **{each.gaining}** of {count} | {worst} | {each.servo_gaining} times |"
+    yield ""
+    yield from _words(
+        "The last column leaves out the arm's own friction: at speeds below 10 mm/s encoders and the held force "
+        "give a little energy, and a controller that took it back would add more noise than it removes."
+    )
+    yield ""
+    yield from _gaining(found[0])
+    yield f"![Energies]({figures}/energies.svg)"
+
+
+def _gaining(first: Energies) -> Iterator[str]:
+    """List the hands that got energy out of the servo as the rig runs it."""
+    got = sorted(zip(first.attacks, first.books, strict=True), key=lambda each: -each[1].gained_j)
+    got = [each for each in got if each[1].gained_j > 0.0]
+    if not got:
+        return
+    yield from _words(
+        "The hands that gained energy from the servo as the rig runs it, the worst first. The force may change by"
+        " 200 N/s at most, so a hand that leaves a wall faster than the force can fall is pushed on."
+    )
+    yield ""
+    yield "| wall, N/m | answers late, ms | lost | hand: Hz | mm | m/s | got, mJ | of, mJ |"
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
+    for attack, book in got[:_MOST_LISTED]:
+        speed_m_s = 2.0 * math.pi * attack.hertz * attack.depth_m
+        yield (
+            f"| {attack.stiffness_n_m:.0f} | {attack.bus_delay} | {attack.lost:.0%} | {attack.hertz:.1f} "
+            f"| {1e3 * attack.depth_m:.1f} | {speed_m_s:.2f} | {1e3 * book.gained_j:.2f} | {1e3 * book.moved_j:.0f} |"
+        )
+    yield ""

@@ -1,0 +1,1 @@
+"""Your own shells: cases in files, solved, shown and written."""

@@ -1,0 +1,1 @@
+"""Published problems and their reference values."""

@@ -1,0 +1,35 @@
+"""A rod's own forces at one state, as the integrators compute them within a step."""
+
+from __future__ import annotations
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.rod.forces import add_internal_forces
+from services.mechanics.rod.model import RodModel, RodWork, allocate_work, model_at, work_at
+from services.mechanics.rod.state import RodState
+
+
+def internal_forces(model: RodModel, state: RodState, work: RodWork | None = None) -> FloatArray:
+    """Return the rod's own forces (n, 3) in N: elastic, damping, of clamps and introducer; not drag, not the frame's.
+
+    With a state at rest they are the elastic ones. Allocates, so not for the 1 kHz step.
+
+    Parameters
+    ----------
+    model, state
+        The rod, and where its particles are.
+    work
+        Scratch to use again, for calls in every tick.
+    """
+    work = work or allocate_work(len(state.position_m))
+    work.force[:] = 0.0
+    work.position[:] = state.position_m
+    work.lead[0] = model.beta * state.velocity_m_s
+    _add_forces(model.address, work.address)
+    return work.force.copy()
+
+
+@kernel
+def _add_forces(model_address: Address[RodModel], work_address: Address[RodWork]) -> None:
+    add_internal_forces(model_at(model_address), work_at(work_address), (0.0, 0.0))

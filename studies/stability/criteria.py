@@ -1,0 +1,124 @@
+"""The criteria of the suite, as data: what is measured of a run, and what it must not exceed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+Figures = dict[str, float]
+"""What a run showed: by criterion, as many as apply to it. A figure that is not a number fails."""
+
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """One number of a run, and the largest value that passes.
+
+    Attributes
+    ----------
+    what : str
+        What is measured and how, for the table's reader.
+    unit : str
+        "" for ratios and counts.
+    limit : float
+    """
+
+    what: str
+    unit: str
+    limit: float
+
+
+HAND_SPEED_M_S = 0.5
+"""Up to here a motion counts as one of a hand, with the small limit of penetration."""
+REST_SPEED_M_S = 1e-3
+"""A scene whose catheter and wall are slower is at rest."""
+REST_S = 2.0
+"""So long may it take to come to rest, unless what is there is damped too little for that."""
+
+CRITERIA: dict[str, Criterion] = {
+    "raised": Criterion("ticks that ended in an exception", "", 0),
+    "not_finite": Criterion("ticks after which a state or a force is not finite", "", 0),
+    "gain": Criterion(
+        "energy that came out without a hand: largest fall of (input - stored) from its highest value so far, over the "
+        "largest energy put in or stored",
+        "",
+        0.01,
+    ),
+    "imbalance": Criterion(
+        "input - stored - every dissipation, each from its own quantity, over the same energy", "", 0.01
+    ),
+    "speed": Criterion(
+        "speed of a particle or of the wall over what can cause it: twice the hand's speed, a free fall over the "
+        "catheter's length, and the largest strain so far times the speed of sound",
+        "",
+        1.0,
+    ),
+    "stretch": Criterion(
+        "stretch or compression of a segment beyond that of the largest force felt and of the hand's speed over the "
+        "speed of sound",
+        "",
+        0.05,
+    ),
+    "penetration_hand": Criterion(
+        "overlap of catheter, wall and stones at the start of a tick, hands at most at 0.5 m/s and never jumping",
+        "m",
+        0.1e-3,
+    ),
+    "penetration_any": Criterion("the same at any input, over the wall's thickness", "", 0.5),
+    "tool_penetration_hand": Criterion(
+        "overlap of a tool with anything, a wall that its jaws squeeze being as thick as that has left it, hands at "
+        "most at 0.5 m/s and never jumping",
+        "m",
+        0.1e-3,
+    ),
+    "tool_penetration_any": Criterion("the same at any input, over the wall's thickness", "", 0.5),
+    "crossings": Criterion(
+        "segments of the catheter's centreline that cross the wall's mid-surface, counted without collision detection",
+        "",
+        0,
+    ),
+    "force_step": Criterion(
+        "change of the contact force on a tool from tick to tick, per millisecond, before any limiter", "N", 0.3
+    ),
+    "felt_step": Criterion(
+        "the same of the force that the simulation reports, which changes by 250 N/s at most", "N", 0.2501
+    ),
+    "rest": Criterion("from the hands' leaving until nothing moves faster than 1 mm/s", "s", REST_S),
+    "rest_damped": Criterion(
+        "the same over the time in which what is there falls from 1 m/s to 1 mm/s by its own damping, where that takes "
+        "more than 2 s: ln(1000) / (zeta omega) for the wall's slowest mode, ln(1000) 2 m / c for a catheter whose "
+        "particles have mass m and drag c",
+        "",
+        1.0,
+    ),
+    "shape": Criterion("distance from the rest shape of an undisturbed run, without friction", "m", 0.05e-3),
+    "creep": Criterion("motion of what is stuck, scaled to a minute", "m", 1e-6),
+    "relaxation": Criterion("part of a held force that is lost, scaled to a minute", "", 0.01),
+    "law": Criterion("a force against the law that it follows, relative", "", 0.05),
+    "leaks": Criterion("runs that differ in a bit when another case has run before them", "", 0),
+    "healed": Criterion("states that were not sound and were put back to the last sound one", "", 0),
+    "healed_by_design": Criterion(
+        "the same in families whose input no state can be expected to bear: told, not judged", "", math.inf
+    ),
+    "residual": Criterion("relative residual of a static solution", "", 1e-8),
+    "reference": Criterion("relative error against a closed form or a converged solution", "", 0.05),
+    "drift": Criterion("energy above the first one, relative, in an undamped run without contact", "", 0.01),
+    "theory": Criterion("predictions of theory (stable here, unstable there) that did not come true", "", 0),
+    "wrong_answers": Criterion("inputs that are neither answered rightly nor refused in a sentence", "", 0),
+}
+
+
+def failures(figures: Figures) -> list[str]:
+    """Return the criteria that the figures do not meet, in the order of the table."""
+    return [name for name in CRITERIA if name in figures and not figures[name] <= CRITERIA[name].limit]
+
+
+def load_of(name: str, value: float) -> float:
+    """Return how near a figure is to its limit: above 1 it fails; a count that should be 0 is 0 or infinite."""
+    limit = CRITERIA[name].limit
+    if math.isinf(limit):
+        return 0.0
+    if math.isnan(value):
+        return math.inf
+    if limit == 0.0:
+        return 0.0 if value <= 0.0 else math.inf
+    return value / limit

@@ -1,0 +1,197 @@
+"""One run of a simulation under hard hands, watched in every step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from services.cache_directory import cache_directory
+from services.mechanics.arrays import FloatArray
+from services.mechanics.reduction.reduced_duct import ReducedDuct
+from services.mechanics.rod import RodProperties
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation import Simulation
+from services.mechanics.simulation.scene_duct import build_scene_duct
+from services.mechanics.surface.mesh import TriangleMesh
+from studies.energy_book import EnergyBook
+from studies.stability.criteria import CRITERIA, HAND_SPEED_M_S, REST_S, REST_SPEED_M_S, Figures
+from studies.stability.hands import HandMotions
+from studies.stability.watch import Watch, is_at_rest
+
+QUIET_S = 0.1
+"""So long in a row at rest ends a run."""
+SETTLE_S = 4.0
+"""A scene that nobody disturbs has so long to come to rest."""
+FASTEST_M_S = 1.0
+"""What hands leave behind swings about as fast as this at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Play:
+    """A run: a scene, the hands, and what is to be judged of it.
+
+    Attributes
+    ----------
+    scene : SceneModel
+    hands : HandMotions
+        One row a step; after the last one both tools are gone.
+    dt_s : float
+    before_step : callable (simulation, step), optional
+        What else happens, as a switch of the quality level.
+    mesh : TriangleMesh, optional
+        Of the wall, in the place of the scene's.
+    rests : bool
+        Whether it has to come to rest when the hands have left: what is undamped need not.
+    has_one_shape : bool
+        Whether there is one shape of rest, whatever happened: no friction, and nothing that slides for free.
+    may_jump : bool
+        Whether the hands or the ticks are other than those of a person: overlaps may be larger then.
+    """
+
+    scene: SceneModel
+    hands: HandMotions
+    dt_s: float = 1e-3
+    before_step: Callable[[Simulation, int], None] | None = None
+    mesh: TriangleMesh | None = None
+    rests: bool = True
+    has_one_shape: bool = False
+    may_jump: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """What came of a run: its figures, a digest of its end, and how many steps it took."""
+
+    figures: Figures
+    digest: str
+    steps: int
+
+
+def drive(play: Play) -> Driven:
+    """Run a play to its end and return its figures."""
+    simulation, tools = Simulation(play.scene, reduced_duct(play.scene, play.mesh)), ToolInputs()
+    speed_m_s = play.hands.top_speed_m_s(play.dt_s)
+    play.hands.write(0, tools)
+    simulation.step(tools, None, play.dt_s)
+    run = _Run(simulation, EnergyBook(simulation), Watch(simulation, speed_m_s), tools, play)
+    is_sound = run.through_hands() and run.until_quiet()
+    figures = run.watch.worst | run.watch.energy_figures() | {"healed": float(simulation.healed_states)}
+    for name in ("penetration", "tool_penetration"):
+        depth_m = figures.pop(name)
+        figures[f"{name}_any"] = depth_m / play.scene.duct.thickness_m
+        if speed_m_s <= HAND_SPEED_M_S and not play.may_jump:
+            figures[f"{name}_hand"] = depth_m
+    if is_sound:
+        run.watch.count_crossings()
+        figures["crossings"] = run.watch.worst["crossings"]
+    if play.rests:
+        rest_s = run.rest_s if is_sound else np.inf
+        figures |= {"rest": rest_s} if run.longest_s == REST_S else {"rest_damped": rest_s / run.longest_s}
+    if is_sound and play.has_one_shape and simulation.inserted_length_m > 0.0:
+        figures["shape"] = _distance_m(simulation, play)
+    return Driven({name: figures[name] for name in CRITERIA if name in figures}, run.watch.digest(), run.steps)
+
+
+@dataclass(slots=True)
+class _Run:
+    simulation: Simulation
+    book: EnergyBook
+    watch: Watch
+    tools: ToolInputs
+    play: Play
+    steps: int = 1
+    rest_s: float = np.inf
+    longest_s: float = REST_S
+
+    def __post_init__(self) -> None:
+        simulation = self.simulation
+        settling_times_s = wall_settling_s(simulation.duct.reduced), catheter_settling_s(simulation.catheter.properties)
+        self.longest_s = max(REST_S, *settling_times_s)
+
+    def through_hands(self) -> bool:
+        return all(self._step() for _ in range(1, len(self.play.hands)))
+
+    def until_quiet(self) -> bool:
+        """Go on without hands, until it has been quiet for a while; or not, for as long as it may take."""
+        dt_s, quiet_s, gone_s = self.play.dt_s, 0.0, 0.0
+        while quiet_s < QUIET_S and gone_s < self.longest_s + 2.0 * QUIET_S and self.play.rests:
+            if not self._step():
+                return False
+            gone_s += dt_s
+            quiet_s = quiet_s + dt_s if is_at_rest(self.watch.speed_m_s()) else 0.0
+        if quiet_s >= QUIET_S:
+            self.rest_s = gone_s - quiet_s
+        return True
+
+    def _step(self) -> bool:
+        play = self.play
+        play.hands.write(self.steps, self.tools)
+        if play.before_step is not None:
+            play.before_step(self.simulation, self.steps)
+        self.steps += 1
+        try:
+            self.book.step(self.tools, play.dt_s)
+        except FloatingPointError:
+            self.watch.worst["raised"] += 1
+            return False
+        return self.watch.look(play.dt_s, self.book.flow)
+
+
+def wall_settling_s(duct: ReducedDuct) -> float:
+    """In how long the slowest mode of a wall comes to rest by its own damping: it falls as exp(-zeta omega t)."""
+    return _settling_s(float(np.min(duct.damping_ratio * duct.basis.omega_rad_s)))
+
+
+def catheter_settling_s(rod: RodProperties) -> float:
+    """In how long a catheter comes to rest whose material, and whose supports, damp it nowhere: by its drag alone.
+
+    Drag is proportional to mass along a uniform rod, so every one of its vibrations, whatever bends or hangs it, falls
+    as exp(-c t / 2 m) at least, c and m being the drag and the mass of a particle. The material's damping comes on top.
+    """
+    return _settling_s(float(np.min(rod.particle_drag_n_s_m() / rod.particle_mass_kg())) / 2.0)
+
+
+def _settling_s(rate_1_s: float) -> float:
+    """In how long what falls at a rate comes to rest from the speed that hands leave behind."""
+    return math.log(FASTEST_M_S / REST_SPEED_M_S) / rate_1_s if rate_1_s > 0.0 else math.inf
+
+
+def _distance_m(simulation: Simulation, play: Play) -> float:
+    """How far the catheter ends from where it would have been."""
+    undisturbed = _rest_shape(play.scene, play.dt_s)
+    return float(np.abs(simulation.catheter.state.position_m - undisturbed).max())
+
+
+_shapes: dict[tuple[str, float], FloatArray] = {}
+
+
+def _rest_shape(scene: SceneModel, dt_s: float) -> FloatArray:
+    """Where the catheter hangs when nobody has touched it."""
+    key = (repr(scene), dt_s)
+    if key not in _shapes:
+        simulation, tools = Simulation(scene, reduced_duct(scene)), ToolInputs()
+        tools.present[:] = False
+        for _ in range(round(SETTLE_S / dt_s)):
+            simulation.step(tools, None, dt_s)
+        _shapes[key] = simulation.catheter.state.position_m.copy()
+    return _shapes[key]
+
+
+_ducts: dict[str, ReducedDuct] = {}
+_MOST_DUCTS = 6
+
+
+def reduced_duct(scene: SceneModel, mesh: TriangleMesh | None = None) -> ReducedDuct:
+    """Return the duct of a scene, the same object for all scenes that have it alike."""
+    if mesh is not None:
+        return build_scene_duct(scene, cache_directory() / "bases", mesh=mesh)
+    key = repr((scene.duct, scene.effects))
+    if key not in _ducts:
+        if len(_ducts) == _MOST_DUCTS:  # 20 MB each
+            del _ducts[next(iter(_ducts))]
+        _ducts[key] = build_scene_duct(scene, cache_directory() / "bases")
+    return _ducts[key]

@@ -1,0 +1,51 @@
+"""The table of families, the one place that names them all: a new one is a file in this folder and a row here."""
+
+from __future__ import annotations
+
+from studies.stability.families import (
+    abuse,
+    effect_pairs,
+    grasping,
+    jerks,
+    jumps,
+    lost_ticks,
+    materials,
+    numbers,
+    probing,
+    random_play,
+    steps,
+    sticking,
+    switches,
+    theory,
+    undamped,
+    vanishing,
+    walls,
+)
+from studies.stability.family import Family
+
+FAMILIES: dict[str, Family] = {
+    "jumps": Family("a tool jumps by 1 to 50 mm in one tick", jumps.cases),
+    "jerks": Family("a hand jerks by 10 to 30 mm at 0.1 to 2 m/s in a random direction", jerks.cases),
+    "lost_ticks": Family("as the hands move: jitter, 20 % of the ticks lost, stalls of 5 to 250 ms", lost_ticks.cases),
+    "vanishing": Family("tools that vanish and come back, holding and pressing", vanishing.cases),
+    "abuse": Family(
+        "a catheter jammed, buckled, dragged over the rim, torn at; jaws shut on wall and catheter", abuse.cases
+    ),
+    "grasping": Family("jaws that open and shut 20 times a second", grasping.cases),
+    "probing": Family("a probe pressed into wall and catheter and dragged over both", probing.cases),
+    "numbers": Family(
+        "NaN, infinities and what overflows, from a device and from a caller", numbers.cases, may_heal=True
+    ),
+    "switches": Family("the quality level switches in every tick", switches.cases),
+    "effect_pairs": Family("every pair of effects", effect_pairs.cases),
+    "steps": Family("steps of 0.1 to 50 ms", steps.cases),
+    "stiffness": Family("catheters 0.01 to 1000 times as stiff", materials.stiffness_cases),
+    "mass": Family("catheter, wall or a stone 0.01 to 100 times as heavy", materials.mass_cases),
+    "thickness": Family("walls of 0.002 to 0.3 of the radius", walls.thickness_cases),
+    "poisson": Family("Poisson's ratios to 0.4999", walls.poisson_cases),
+    "slivers": Family("walls meshed with slivers of 1:10 to 1:100", walls.sliver_cases),
+    "sticking": Family("seals and grips that stick, at steps of 1 to 0.1 ms", sticking.cases),
+    "undamped": Family("a million steps without damping", undamped.cases),
+    "theory": Family("methods below and above where they must fail", theory.cases),
+    "random_play": Family("an hour of random play", random_play.cases),
+}

@@ -1,0 +1,29 @@
+"""All pairs of effects, each with nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import combinations
+
+from services.mechanics.effects import EFFECTS, go_together
+from studies.stability.drive import Play
+from studies.stability.family import Case, Draw, played
+from studies.stability.situations import threaded
+from studies.stability.strokes import stroking
+
+
+def cases(draw: Draw) -> Iterator[Case]:
+    """Strokes of both tools with every pair, twice."""
+    pairs = [pair for pair in combinations(EFFECTS, 2) if go_together(*pair)]
+    for one, other in pairs if draw.is_long else [("twist", "friction")]:
+        for k in range(2 if draw.is_long else 1):
+            name = f"{one} and {other}, number {k}"
+            yield played(name, partial(_play, draw, name, one, other))
+
+
+def _play(draw: Draw, name: str, one: str, other: str) -> Play:
+    start = threaded()
+    scene = replace(start.scene, effects={each: EFFECTS[each].kind.Settings() for each in (one, other)})
+    return Play(scene=scene, hands=stroking(start, draw.random(f"effect pairs {name}"), 300))

@@ -1,0 +1,57 @@
+"""An hour of random play, in pieces: hands that wander, hurry, grasp, let go, leave and return as they like."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.scene.minimum_jerk import minimum_jerk
+from studies.stability.drive import Play
+from studies.stability.family import Case, Draw, played
+from studies.stability.hands import HandMotions
+from studies.stability.situations import approaching, threaded
+
+PIECES = 240
+PIECE_STEPS = 15_000
+REACH_M = np.array([12e-3, 6e-3, 6e-3])
+
+
+def cases(draw: Draw) -> Iterator[Case]:
+    """240 pieces of a quarter of a minute."""
+    for k in range(PIECES if draw.is_long else 1):
+        yield played(f"piece {k}", partial(_play, draw, k, PIECE_STEPS if draw.is_long else 300))
+
+
+def _play(draw: Draw, k: int, steps: int) -> Play:
+    start, random = (threaded, approaching)[k % 2](), draw.random(f"random play {k}")
+    hands = start.hands.then(steps)
+    for tool in (0, 1):
+        hands = hands.moved(tool, _wander(random, steps, REACH_M), len(start.hands))
+        opening = np.abs(_wander(random, steps, np.array([0.5, 0.0, 0.0]))[:, 0])
+        hands = hands.with_jaws(tool, hands.jaw_angle_rad[-1, tool] + opening, len(start.hands))
+        hands = hands.without(tool, _absences(random, hands))
+    return Play(scene=start.scene, hands=hands, may_jump=True)
+
+
+def _wander(random: np.random.Generator, steps: int, reach: FloatArray) -> FloatArray:
+    """Motions of least jerk between random places, each in 0.05 to 1 s, with rests."""
+    times, places = [0.0], [np.zeros(3)]
+    while times[-1] < 1e-3 * steps:
+        times += [times[-1] + random.uniform(0.05, 1.0), times[-1] + random.uniform(1.0, 1.3)]
+        places += [random.uniform(-1.0, 1.0, 3) * reach] * 2
+    out, value, rate = np.empty((steps, 3)), np.empty(3), np.empty(3)
+    table = np.array(places)
+    for step in range(steps):
+        minimum_jerk(np.array(times), table, 1e-3 * step, value, rate)
+        out[step] = value
+    return out
+
+
+def _absences(random: np.random.Generator, hands: HandMotions) -> BoolArray:
+    absent = np.zeros(len(hands), np.bool_)
+    for first in random.integers(500, len(hands), len(hands) // 5000):
+        absent[first : first + int(random.choice([1, 10, 500]))] = True
+    return absent

@@ -1,0 +1,147 @@
+"""The suite's results as a page: who ran, what the criteria are, the worst figure of each, and what failed."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+
+from services.runtime.machine import processor_name
+from studies.stability.criteria import CRITERIA, load_of
+from studies.stability.families import FAMILIES
+from studies.stability.suite import Order, Result, list_cases
+
+PACKAGES = "numpy", "scipy", "numba"
+Z_95 = 1.96
+"""Standard deviations on either side of the mean that 95 % of a normal distribution lie within."""
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The worst figure of one criterion among some results, and whose it is."""
+
+    criterion: str
+    value: float
+    case: str
+
+
+def worst_figures(results: Iterable[Result]) -> dict[str, Worst]:
+    """Return by criterion, in the order of the table, the figure nearest to its limit or beyond it."""
+    worst: dict[str, Worst] = {}
+    for result in results:
+        for name, value in result.figures.items():
+            rank = (load_of(name, value), value)
+            if name not in worst or rank > (load_of(name, worst[name].value), worst[name].value):
+                worst[name] = Worst(name, value, f"{result.family}: {result.case}")
+    return {name: worst[name] for name in CRITERIA if name in worst}
+
+
+def wilson(failed: int, cases: int) -> tuple[float, float]:
+    """Return the interval of a rate with 95 % confidence, after Wilson, J. Am. Stat. Assoc. 22 (1927) 209."""
+    if cases == 0:
+        return 0.0, 1.0
+    rate, z_2 = failed / cases, Z_95**2
+    middle, scale = rate + z_2 / (2 * cases), 1.0 + z_2 / cases
+    half = Z_95 * math.sqrt((rate * (1.0 - rate) + z_2 / (4 * cases)) / cases)
+    return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
+
+
+def rate(failed: int, cases: int) -> str:
+    """The interval of a rate, in per cent."""
+    low, high = wilson(failed, cases)
+    return f"{100 * low:.1f} to {100 * high:.1f} %"
+
+
+def shown(name: str, value: float) -> str:
+    """A figure with its unit, in a size that is read easily."""
+    unit = CRITERIA[name].unit
+    if not math.isfinite(value):
+        return "never" if name == "rest" else "-"
+    if unit == "m" and value != 0.0:
+        return f"{1e3 * value:.3g} mm" if abs(value) >= 1e-5 else f"{1e6 * value:.3g} um"
+    return f"{value:.3g} {unit}".strip()
+
+
+def page(order: Order, results: Sequence[Result], code: str) -> str:
+    """Return the page in Markdown."""
+    failed = [result for result in results if result.failed]
+    lines = [
+        "# Hard cases",
+        "",
+        f"Written by `trocar stability --{order.reach.value} --seed {order.seed}`; do not edit by hand.",
+        "",
+        "The suite drives scenes with hard input, such as jumps, lost ticks and thin walls. Every run is judged by the",
+        "criteria of the first table; a case fails if one figure exceeds its limit. A family is a kind of input.",
+        "",
+        *_head(order, results, len(failed), code),
+        "",
+        "## Worst figures",
+        "",
+        *_criteria(results),
+        "",
+        "## Families",
+        "",
+        *_families(order, results),
+        "",
+        *_failed(failed),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _head(order: Order, results: Sequence[Result], failed: int, code: str) -> list[str]:
+    steps, seconds = sum(result.steps for result in results), sum(result.seconds for result in results)
+    packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    every = len(list_cases(order))
+    machine = f"{os.cpu_count()} cores of {processor_name()}, {platform.system()} {platform.machine()}"
+    count = f"{len(results)} cases" if len(results) == every else f"{len(results)} of {every} cases run"
+    return [
+        f"- **{count}, {failed} failed**: {rate(failed, len(results))} of such cases fail, with 95 % confidence",
+        f"- {steps:,} steps, {seconds / 60:.0f} minutes of processor time",
+        f"- code {code}, seed {order.seed}, {datetime.now(UTC):%Y-%m-%d}",
+        f"- {machine}, Python {platform.python_version()}, {packages}",
+    ]
+
+
+def _criteria(results: Sequence[Result]) -> list[str]:
+    any_failed = any(result.failed for result in results)
+    rows = [
+        f"| criterion | limit | worst | of | cases |{' failed |' if any_failed else ''} what it is |",
+        f"| --- | --- | --- | --- | --- |{' --- |' if any_failed else ''} --- |",
+    ]
+    for name, worst in worst_figures(results).items():
+        asked = [result for result in results if name in result.figures]
+        failed = sum(name in result.failed for result in asked)
+        criterion, case = CRITERIA[name], worst.case if worst.value else ""
+        rows.append(
+            f"| {name} | {shown(name, criterion.limit)} | {shown(name, worst.value)} | {case} | {len(asked)} |"
+            f"{f' {failed} |' if any_failed else ''} {criterion.what} |"
+        )
+    return rows
+
+
+def _families(order: Order, results: Sequence[Result]) -> list[str]:
+    rows = [
+        "| family | what | cases | failed | rate of failure, 95 % | worst figures, nearest to their limits |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for name in order.families:
+        mine = [result for result in results if result.family == name]
+        failed = sum(bool(result.failed) for result in mine)
+        worst = sorted(worst_figures(mine).values(), key=lambda each: -load_of(each.criterion, each.value))
+        told = "; ".join(f"{each.criterion} {shown(each.criterion, each.value)}" for each in worst[:3])
+        rows.append(f"| {name} | {FAMILIES[name].what} | {len(mine)} | {failed} | {rate(failed, len(mine))} | {told} |")
+    return rows
+
+
+def _failed(failed: Sequence[Result]) -> list[str]:
+    if not failed:
+        return ["No case failed."]
+    rows = ["## Failed", "", "| family | case | figures beyond their limits |", "| --- | --- | --- |"]
+    for result in failed:
+        told = "; ".join(f"{name} {shown(name, result.figures[name])}" for name in result.failed)
+        rows.append(f"| {result.family} | {result.case} | {told} |")
+    return rows

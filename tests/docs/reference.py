@@ -1,0 +1,173 @@
+"""The pages of docs/reference that are made from the code: ``python -m tests.docs.reference`` writes them."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import TypeAdapter
+
+from protocol.bodies import SupervisorState
+from services.cli.app import add_installed_verbs, app
+from services.gateway.device_files import DeviceFile
+from services.runtime.rig import Rig
+from services.scenes import scene_file_type
+from services.supervisor.metrics import RigCollector, RigSource
+from services.supervisor.state_machine import RigState
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "docs" / "reference"
+_MADE = "Made by `python -m tests.docs.reference`; do not edit by hand."
+_SHARED = ("rig", "overrides", "json", "scene", "help", "address", "token")
+"""Options of many verbs, told once at the top of the page."""
+
+
+def commands() -> str:
+    """Return the page of the `trocar` command."""
+    add_installed_verbs()
+    lines = [
+        "# The `trocar` command",
+        "",
+        _MADE,
+        "",
+        "`./dev VERB` sets up what is missing, then runs `trocar VERB`.",
+        "",
+        "Most verbs take these options:",
+        "",
+        "- `--rig NAME`: a rig file, or the name of one in `configs/rigs` (default `stub`; or `TROCAR_RIG`).",
+        "- `--scene NAME`: a scene file, or the name of one in `configs/scenes` (or `TROCAR_SCENE`).",
+        "- `--set KEY=VALUE`: change one key; may be given again ([configuration](configuration.md)).",
+        "- `--json`: print one JSON object instead of text.",
+        "- `--address URL`, `--token TOKEN` (`arm`, `safe-stop`): page of a rig elsewhere, and its printed token.",
+        "",
+    ]
+    for name, verb in sorted(_verbs(typer.main.get_command(app), "trocar")):
+        lines += [f"## {name}", "", inspect.cleandoc(verb.help or "").replace("\n", " "), ""]
+        told = [f"- {line}" for line in _options(verb)]
+        lines += [*told, ""] if told else []
+    return "\n".join(lines)
+
+
+def _verbs(command: Any, name: str) -> Iterator[tuple[str, Any]]:
+    if not hasattr(command, "commands"):
+        yield name, command
+        return
+    for word, inner in command.commands.items():
+        yield from _verbs(inner, f"{name} {word}")
+
+
+def _options(verb: Any) -> Iterator[str]:
+    for option in verb.params:
+        if option.name in _SHARED and not option.required:
+            continue
+        flags = (
+            ", ".join(option.opts) if option.param_type_name == "option" else (option.metavar or option.name.upper())
+        )
+        default = option.default if not callable(option.default) else None
+        said = f" (default {default})" if default not in (None, False, [], ()) else ""
+        yield f"`{flags}`{said}: {option.help or ''}".rstrip(": ")
+
+
+def metrics() -> str:
+    """Return the page of the rig's metrics."""
+    source = RigSource(SupervisorState(state=RigState.RUNNING))
+    rows = [
+        f"| `{family.name}{'_total' if family.type == 'counter' else ''}` | {family.type} | {family.documentation} |"
+        for family in RigCollector(lambda: source).collect()
+    ]
+    return "\n".join(
+        [
+            "# Metrics",
+            "",
+            _MADE,
+            "",
+            "The supervisor serves them for Prometheus at `/metrics` of its page. The loops only send counts, so a",
+            "scrape never delays one. Counts begin at 0 again when a process restarts.",
+            "",
+            "`loop`, `stage`, `path`, `topic`, `service` and `core` are labels. Alert rules and a Grafana dashboard",
+            "that use these names are in `deploy/`.",
+            "",
+            "| metric | type | meaning |",
+            "|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
+
+
+def configuration() -> str:
+    """Return the page of rig, scene and device files: what the code allows, after what is said by hand."""
+    lines = [_CONFIGURATION]
+    kinds = {"Rig": Rig, "Scene": scene_file_type(), "Device": DeviceFile}
+    for kind, model in kinds.items():
+        schema = TypeAdapter(model).json_schema()
+        lines += [f"## {kind} files", ""]
+        if "properties" in schema:
+            lines += _section("Top level", {**schema, "description": ""})
+        for name, part in schema.get("$defs", {}).items():
+            if part.get("properties") and name != "Effects":
+                lines += _section(name.removesuffix("Settings").removesuffix("Scene"), part)
+    return "\n".join(lines)
+
+
+def _section(name: str, part: dict[str, Any]) -> list[str]:
+    first = inspect.cleandoc(part.get("description") or "").split("\n\n")[0].replace("\n", " ")
+    keys = part["properties"]
+    lines = [f"**{name}**" + (f": {first}" if first else ""), ""]
+    plain = [f"`{key}`{_default(about, ' ')}" for key, about in keys.items() if "description" not in about]
+    lines += [", ".join(plain) + ".", ""] if plain else []
+    told = [
+        f"- `{key}`{_default(about, ' ')}: {about['description']}"
+        for key, about in keys.items()
+        if "description" in about
+    ]
+    return lines + ([*told, ""] if told else [])
+
+
+def _default(about: dict[str, Any], before: str) -> str:
+    value = about.get("default")
+    if value is None or isinstance(value, dict) or (isinstance(value, list) and len(json.dumps(value)) > 40):
+        return ""
+    return f"{before}({json.dumps(value)})"
+
+
+_CONFIGURATION = f"""# Configuration
+
+{_MADE}
+
+`trocar config schema rig`, `scene` or `device` prints the lists below as JSON schema.
+
+- A **rig** (`configs/rigs`) says which processes run where, which devices they drive, and which deadlines they keep.
+  `base` names another rig file that holds for whatever this one does not say.
+- A **scene** (`configs/scenes`) says what is simulated. An effect that it does not name does not run.
+- A **device** (`configs/devices`) says what an arm or a handle can bear.
+
+Verbs take a file's path, or its name in the folder; `$TROCAR_CONFIG_DIR` is another folder. Units are in the names of
+keys. An unknown key or a wrong type is refused, with the path of the key and the known ones.
+
+`--set KEY=VALUE` changes one key, as YAML: `--set gateway.force_limit_n=2`. Keys of the scene work too:
+`--set effects.friction.mu_kinetic=0.05`. A number in the path is a place in a list: `gateway.instruments.0.arm.driver`.
+`trocar config show --origin` prints every value and the file, option or default that it comes from.
+
+Below, the value in brackets is the default.
+"""
+
+PAGES: dict[str, Callable[[], str]] = {
+    "cli.md": commands,
+    "metrics.md": metrics,
+    "configuration.md": configuration,
+}
+
+
+def main() -> None:
+    """Write all pages."""
+    for name, page in PAGES.items():
+        (FOLDER / name).write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
