@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.contact.laws import ELASTIC_AXES
 from services.mechanics.reduction import ModalState
 from services.mechanics.rod import ImplicitIntegrator, RodState
@@ -18,7 +19,7 @@ from services.mechanics.rod.energy import RodEnergy
 from services.mechanics.rod.model import RodModel, allocate_work
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation.body_energy import body_energies_j, catheter_energy
-from services.mechanics.simulation.simulation import Simulation
+from services.mechanics.simulation.simulation import Simulation, Watcher
 from studies.grip_energy import Grips, enter_grips, stored_in_grips
 from studies.rod_forces import internal_forces
 
@@ -30,7 +31,7 @@ class EnergyFlow:
     Attributes
     ----------
     input_j
-        Work of the hands on the couplings and jaws.
+        Work of the hands on the couplings and jaws, and by rolling them against the moment of contacts about the shaft.
     stored_j
         Change of everything stored: kinetic, elastic, in couplings and grips, and by effects.
     coupling_j
@@ -81,10 +82,11 @@ class EnergyFlow:
 
 
 class EnergyBook:
-    """Steps a simulation and keeps its books."""
+    """Steps a simulation and keeps its books; ``other`` watches its parts as well."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, other: Watcher | None = None) -> None:
         self.simulation = simulation
+        self._other = other
         self.flow = EnergyFlow()
         self._model: RodModel = implicit_integrator(simulation).model
         self._work = allocate_work(len(simulation.catheter.state.position_m))
@@ -112,6 +114,8 @@ class EnergyBook:
 
     def begin(self) -> None:
         """Note what a part of a step begins with; rates that a change of its length has moved are entered."""
+        if self._other is not None:
+            self._other.begin()
         stored_j = self._stored_j() - self._opening_j
         self.flow.numerical_j += self.flow.stored_j - stored_j
         self.flow.stored_j = stored_j
@@ -133,6 +137,8 @@ class EnergyBook:
         self.flow.numerical_j += self.simulation.squeeze.dissipated_j - self._squeezed_j
         self.flow.effects_j += _dissipated_by_effects_j(self.simulation) - spent_j
         self.flow.stored_j = self._stored_j() - self._opening_j
+        if self._other is not None:
+            self._other.end(dt_s)
 
     def _stored_j(self) -> float:
         return float(sum(stored_energies_j(self.simulation, self._rod).values()))
@@ -145,6 +151,9 @@ class EnergyBook:
         change = tools.stretch - np.where(came, 0.0, before.stretch)
         force = tools.stiffness * tools.stretch + tools.damping * change / dt_s
         self.flow.input_j -= float(np.sum(force * hand_motion))
+        # Roll turns jaws from e1 to e2 of `tool_frame`, whose cross product is -d.
+        about_shaft_nm = np.einsum("ta,ta->t", self.simulation.tool_results.port_moment_nm, tools.frame[:, 2])
+        self.flow.input_j += float(about_shaft_nm @ _rolled_rad(self.simulation, before))
         self.flow.released_j += 0.5 * float(np.sum(tools.stiffness * np.where(came, before.stretch, 0.0) ** 2))
         self.flow.coupling_j += float(np.sum(tools.damping * change**2)) / dt_s
         self.flow.numerical_j += 0.5 * float(np.sum(tools.stiffness * change**2))
@@ -202,14 +211,25 @@ class EnergyBook:
             {*self.simulation.holds.rows, *self.simulation.seal.rows, *self.simulation.squeeze.rows},
         )
         self.flow.friction_j -= _anchor_energy_j(self.simulation) - before.anchors_j
+        rolled_rad = _rolled_rad(self.simulation, before)
         for row in range(rows.n_contacts):
             force = rows.force_n[row]
+            rolled = rows.frame[row] @ self._rolled_m(row, rolled_rad)
             end = system.motion_m[3 * row : 3 * row + 3] - rows.softness_m_n[row] * force
             if row in own:
+                self.flow.numerical_j -= float(force @ rolled)
                 continue
             elastic = rows.frame[row] @ rows.elastic_m[row]
-            self.flow.friction_j -= float(force[1:] @ (end - elastic)[1:])
-            self.flow.impact_j -= float(force[0] * (end[0] - rows.taken_m[row]))
+            self.flow.friction_j -= float(force[1:] @ (end + rolled - elastic)[1:])
+            self.flow.impact_j -= float(force[0] * (end[0] + rolled[0] - rows.taken_m[row]))
+
+    def _rolled_m(self, row: int, rolled_rad: FloatArray) -> FloatArray:
+        """Return how far (3,) the roll of its tool has moved a contact's point; it comes before a step's motions."""
+        rows, tools, tool = self.simulation.system.rows, self.simulation.tools, self.simulation.system.rows.tool[row]
+        if tool == NO_TOOL:
+            return np.zeros(3)
+        moved: FloatArray = np.cross(rows.point_m[row] - tools.port_m[tool], tools.frame[tool, 2]) * rolled_rad[tool]
+        return moved
 
 
 @dataclass(slots=True)
@@ -217,6 +237,7 @@ class _Snapshot:
     """What the books need of the state before a step."""
 
     present: BoolArray
+    roll: FloatArray
     hand: FloatArray
     stretch: FloatArray
     rod: RodState
@@ -233,6 +254,7 @@ class _Snapshot:
         rod, tools = simulation.catheter.state, simulation.tools
         return cls(
             tools.present.copy(),
+            tools.roll_rad.copy(),
             tools.hand.copy(),
             tools.stretch.copy(),
             rod.copy(),
@@ -261,6 +283,12 @@ def stored_energies_j(simulation: Simulation, rod: RodEnergy | None = None) -> d
     }
     stored |= {name: effect.potential_energy_j(simulation.world) for name, effect in simulation.effects.items()}
     return stored
+
+
+def _rolled_rad(simulation: Simulation, before: _Snapshot) -> FloatArray:
+    """Return by how much (2,) each tool has rolled in a step through which it was there."""
+    tools = simulation.tools
+    return np.where(before.present & tools.present, tools.roll_rad - before.roll, 0.0)
 
 
 def _dissipated_by_effects_j(simulation: Simulation) -> float:

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from services.mechanics.arrays import FloatArray, IntArray
 from services.mechanics.compiled import building_kernel
 from services.mechanics.compiled.vectors import Vector, along, cross, dot, row, row_of, squared_distance, subtract
@@ -107,26 +109,39 @@ def nearest_triangles(
     out : (k, 3)
         Written: the least distance in m, or `reach_m`; where on the segment (0 to 1); the triangle, or -1.
     """
+    middles, around = _spheres_around(vertices_m, triangles)
     for i in range(ends_m.shape[0]):
         p = row_of(ends_m, i, 0)
         q = row_of(ends_m, i, 1)
+        half = 0.5 * math.sqrt(squared_distance(p, q))
+        centre = along(p, subtract(q, p), 0.5)
         out[i, 0], out[i, 1], out[i, 2] = reach_m[i], 0.0, -1.0
         for t in range(triangles.shape[0]):
-            u, v, w = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            a = row(vertices_m, u)
-            b = row(vertices_m, v)
-            c = row(vertices_m, w)
-            middle = ((a[0] + b[0] + c[0]) / 3.0, (a[1] + b[1] + c[1]) / 3.0, (a[2] + b[2] + c[2]) / 3.0)
-            around = 0.0
-            for corner in (a, b, c):
-                around = max(around, squared_distance(corner, middle))
-            near = out[i, 0] + math.sqrt(around)
+            middle, near = row(middles, t), out[i, 0] + around[t]
+            if squared_distance(centre, middle) > (near + half) * (near + half):
+                continue
             if segment_segment(p, q, middle, middle)[0] > near * near:
                 continue
-            square, where = segment_triangle(p, q, a, b, c)
+            u, v, w = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            square, where = segment_triangle(p, q, row(vertices_m, u), row(vertices_m, v), row(vertices_m, w))
             distance = math.sqrt(square)
             if distance < out[i, 0]:
                 out[i, 0], out[i, 1], out[i, 2] = distance, where, t
+
+
+@building_kernel
+def _spheres_around(vertices_m: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return a sphere around every triangle: centres (m, 3) and radii (m,)."""
+    middles, around = np.empty((triangles.shape[0], 3)), np.zeros(triangles.shape[0])
+    for t in range(triangles.shape[0]):
+        for axis in range(3):
+            middles[t, axis] = 0.0
+            for corner in range(3):
+                middles[t, axis] += vertices_m[triangles[t, corner], axis] / 3.0
+        for corner in range(3):
+            distance = math.sqrt(squared_distance(row(vertices_m, triangles[t, corner]), row(middles, t)))
+            around[t] = max(around[t], distance)
+    return middles, around
 
 
 @building_kernel
@@ -157,3 +172,15 @@ def nearest_segments(ends_m: FloatArray, line_m: FloatArray, out: FloatArray) ->
             s = row(line_m, j + 1)
             least = min(least, segment_segment(p, q, r, s)[0])
         out[i] = math.sqrt(least)
+
+
+@building_kernel
+def nearest_strands(line_m: FloatArray, apart: int) -> float:
+    """Return the least distance in m of two segments of a line (n, 3) that are at least ``apart`` segments apart."""
+    least = math.inf
+    for i in range(line_m.shape[0] - 1):
+        p, q = row(line_m, i), row(line_m, i + 1)
+        for j in range(i + apart, line_m.shape[0] - 1):
+            r, s = row(line_m, j), row(line_m, j + 1)
+            least = min(least, segment_segment(p, q, r, s)[0])
+    return math.sqrt(least)

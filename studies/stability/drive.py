@@ -77,9 +77,11 @@ def drive(play: Play) -> Driven:
     speed_m_s = play.hands.top_speed_m_s(play.dt_s)
     play.hands.write(0, tools)
     simulation.step(tools, None, play.dt_s)
-    run = _Run(simulation, EnergyBook(simulation), Watch(simulation, speed_m_s), tools, play)
+    watch = Watch(simulation, speed_m_s)
+    run = _Run(simulation, EnergyBook(simulation, watch), watch, tools, play)
     is_sound = run.through_hands() and run.until_quiet()
-    figures = run.watch.worst | run.watch.energy_figures() | {"healed": float(simulation.healed_states)}
+    figures = watch.worst | watch.energy_figures()
+    figures |= {"healed": float(simulation.healed_states), "dropped": float(sum(simulation.dropped_contacts))}
     for name in ("penetration", "tool_penetration"):
         depth_m = figures.pop(name)
         figures[f"{name}_any"] = depth_m / play.scene.duct.thickness_m

@@ -72,6 +72,14 @@ class HandMotions:
         jaw[start:end, tool] = angle_rad[: end - start]
         return replace(self, jaw_angle_rad=jaw)
 
+    def rolled(self, tool: int, angle_rad: FloatArray, start: int) -> HandMotions:
+        """Add to a tool's roll (k,) from step ``start`` on; the last one stays."""
+        roll = self.roll_rad.copy()
+        end = min(start + len(angle_rad), len(self))
+        roll[start:end, tool] += angle_rad[: end - start]
+        roll[end:, tool] += angle_rad[-1]
+        return replace(self, roll_rad=roll)
+
     def without(self, tool: int, absent: BoolArray) -> HandMotions:
         """Let a tool be away in the steps (T,) in which ``absent`` says so."""
         present = self.present.copy()

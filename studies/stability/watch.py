@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.arrays import AnyArray, FloatArray
 from services.mechanics.collision.pairs import NO_TOOL
 from services.mechanics.contact.laws import HAS_GAP
 from services.mechanics.rod.model import RodModel
 from services.mechanics.scene.tools import N_TOOLS
 from services.mechanics.simulation import Simulation
 from studies.energy_book import EnergyFlow, implicit_integrator
-from studies.stability.criteria import REST_SPEED_M_S, Figures
+from studies.judge.overlaps import OF_TOOLS, OverlapJudge
+from studies.stability.criteria import CRITERIA, REST_SPEED_M_S, Figures
 from studies.stability.crossings import count_crossings
 
 G_M_S2 = 9.81
 CROSSINGS_EVERY = 50
+JUDGED_EVERY_S = 5e-3
 WALL_NODES = 32
 LEAST_ENERGY_J = 1e-6
 """A catheter of this length at 0.1 m/s; less is noise of what the books are taken from."""
@@ -39,9 +43,13 @@ class Watch:
         self._wall = np.ascontiguousarray(basis.Phi[nodes].reshape(3 * WALL_NODES, -1))
         duct = simulation.scene.duct
         self._wall_sound_m_s = math.sqrt(duct.youngs_modulus_pa / duct.density_kg_m3)
+        self._judge, self._part, self._deep_m = OverlapJudge(simulation), _Part(simulation), 0.0
+        limits_m = CRITERIA["penetration_hand"].limit, CRITERIA["penetration_any"].limit * duct.thickness_m
+        self._half_limit_m = 0.5 * min(limits_m)
         self._healed_states = simulation.healed_states
-        self._contact_n = self._contact_forces_n()
+        self._contact_n = self._contact_forces_n(is_healed=False)
         self._force_n = simulation.tool_results.force_n.copy()
+        self._hand = simulation.tools.hand.copy()
         self._present = simulation.tools.present.copy()
         self._largest_force_n = 0.0
         self._strain = 0.0
@@ -49,7 +57,7 @@ class Watch:
         self.worst: Figures = dict.fromkeys(
             (
                 *("raised", "not_finite", "speed", "stretch", "penetration", "tool_penetration", "crossings"),
-                *("force_step", "felt_step"),
+                *("force_step", "felt_step", "felt_error"),
             ),
             0.0,
         )
@@ -60,9 +68,11 @@ class Watch:
         if not self._is_finite():
             self.worst["not_finite"] += 1
             return False
-        self._look_at_forces(dt_s)
+        is_healed = self._simulation.healed_states > self._healed_states
+        self._healed_states = self._simulation.healed_states
+        self._look_at_overlaps(dt_s, is_healed)
+        self._look_at_forces(dt_s, is_healed)
         self._look_at_rod()
-        self._look_at_overlaps()
         if self._steps % CROSSINGS_EVERY == 0:
             self.count_crossings()
         if flow is not None:
@@ -97,25 +107,24 @@ class Watch:
         total = rod.position_m.sum() + rod.velocity_m_s.sum() + duct.q.sum() + duct.qdot.sum() + felt.force_n.sum()
         return math.isfinite(total)
 
-    def _look_at_forces(self, dt_s: float) -> None:
-        felt, tools, contact_n = self._simulation.tool_results, self._simulation.tools, self._contact_forces_n()
+    def _look_at_forces(self, dt_s: float, is_healed: bool) -> None:
+        felt_n, tools = self._simulation.tool_results.force_n, self._simulation.tools
+        contact_n, way_m = self._contact_forces_n(is_healed), tools.hand[:, :3] - self._hand[:, :3]
+        ticks, given_j = max(dt_s / 1e-3, 1.0), 0.0
         for tool in np.flatnonzero(self._present & tools.present):
-            for name, now_n, before_n in (
-                ("force_step", contact_n, self._contact_n),
-                ("felt_step", felt.force_n, self._force_n),
-            ):
-                change_n = now_n[tool] - before_n[tool]
-                self._keep(name, math.sqrt(float(change_n @ change_n)) / max(dt_s / 1e-3, 1.0))
-        self._force_n[:], self._present[:], self._contact_n = felt.force_n, tools.present, contact_n
-        self._largest_force_n = max(self._largest_force_n, math.sqrt(float((felt.force_n**2).sum(axis=1).max())))
+            error_n = felt_n[tool] - contact_n[tool]
+            self._keep("force_step", _size(contact_n[tool] - self._contact_n[tool]) / ticks)
+            self._keep("felt_step", _size(felt_n[tool] - self._force_n[tool]) / ticks)
+            self._keep("felt_error", _size(error_n))
+            given_j += float(error_n @ way_m[tool])
+        self._energy.give(given_j)
+        self._force_n[:], self._present[:], self._hand[:] = felt_n, tools.present, tools.hand
+        self._contact_n = contact_n
+        self._largest_force_n = max(self._largest_force_n, math.sqrt(float((felt_n**2).sum(axis=1).max())))
 
-    def _contact_forces_n(self) -> FloatArray:
+    def _contact_forces_n(self, is_healed: bool) -> FloatArray:
         """Return the contact force on each tool (2, 3), before the limiter; none in a tick that ended in a heal."""
         simulation, forces = self._simulation, np.zeros((N_TOOLS, 3))
-        is_healed, self._healed_states = (
-            simulation.healed_states > self._healed_states,
-            simulation.healed_states,
-        )
         rows, n = simulation.contacts, simulation.contacts.n_contacts
         if n and not is_healed:
             by_tool = rows.tool[:n] != NO_TOOL
@@ -139,27 +148,66 @@ class Watch:
         velocity = (self._wall @ self._simulation.duct.rate()).reshape(-1, 3)
         return math.sqrt(float(np.einsum("ij,ij->i", velocity, velocity).max()))
 
-    def _look_at_overlaps(self) -> None:
-        rows = self._simulation.contacts
-        n = rows.n_contacts
-        if n:
-            by_tool = rows.tool[:n] != NO_TOOL
-            depth_m = np.where(_HAS_GAP[rows.law[:n]], -rows.gap_m[:n] - self._squeezed_m(by_tool), 0.0)
-            self._keep("penetration", float(depth_m[~by_tool].max(initial=0.0)))
-            self._keep("tool_penetration", float(depth_m[by_tool].max(initial=0.0)))
+    def begin(self) -> None:
+        """Do nothing: what a part of a step begins with, the one before has ended with."""
 
-    def _squeezed_m(self, by_tool: BoolArray) -> FloatArray:
-        """How much nearer jaws are to the middle of the wall where each contact is (k,), because they squeeze it.
+    def end(self, dt_s: float) -> None:
+        """Keep what a part of a step has ended with, before anything puts it back."""
+        self._part.keep()
 
-        Where a caller let them hold a wall that was in them already, it is in them still.
-        """
+    def _look_at_overlaps(self, dt_s: float, is_healed: bool) -> None:
+        """Ask the judge now and then, and always where something is half as deep as it may be, or is healed."""
+        is_due = self._steps % max(round(JUDGED_EVERY_S / dt_s), 1) == 0
+        if is_healed:
+            with self._part.taken_up():
+                self._judge_overlaps()
+        elif is_due or self._deep_m > self._half_limit_m or self._rows_depth_m() > self._half_limit_m:
+            self._judge_overlaps()
+
+    def _judge_overlaps(self) -> None:
+        depths = self._judge.look()
+        of_tools_m = max(depths[name] for name in OF_TOOLS)
+        others_m = max(depth_m for name, depth_m in depths.items() if name not in OF_TOOLS)
+        self._keep("penetration", others_m)
+        self._keep("tool_penetration", of_tools_m)
+        self._deep_m = max(of_tools_m, others_m)
+
+    def _rows_depth_m(self) -> float:
+        """Return how deep the solver's rows say that something was when the step began, squeezed walls apart."""
         rows, tools = self._simulation.contacts, self._simulation.tools
         n = rows.n_contacts
-        is_squeezed = by_tool & (rows.pad_m[:n] > tools.pad_m[rows.tool[:n]])
-        return np.where(is_squeezed, rows.pad_m[:n], 0.0)
+        squeezed = (rows.tool[:n] != NO_TOOL) & (rows.pad_m[:n] > tools.pad_m[rows.tool[:n]])
+        depth_m = -rows.gap_m[:n] - np.where(squeezed, rows.pad_m[:n], 0.0)
+        return float(depth_m[_HAS_GAP[rows.law[:n]]].max(initial=0.0))
 
 
 _HAS_GAP = np.array(HAS_GAP, dtype=np.bool_)
+
+
+class _Part:
+    """What a part of a step has ended with."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        duct, catheter, tools = simulation.duct, simulation.catheter, simulation.tools
+        arrays = *duct.state_arrays(), *catheter.state_arrays(), *tools.state_arrays()
+        self._live = *arrays, tools.present, tools.waiting, tools.held
+        self._copies = [each.copy() for each in self._live]
+
+    def keep(self) -> None:
+        for copy, live in zip(self._copies, self._live, strict=True):
+            copy[...] = live
+
+    @contextmanager
+    def taken_up(self) -> Iterator[None]:
+        """Let the simulation be there again for a while."""
+        now = [each.copy() for each in self._live]
+        self._put(self._copies)
+        yield
+        self._put(now)
+
+    def _put(self, arrays: Sequence[AnyArray]) -> None:
+        for live, array in zip(self._live, arrays, strict=True):
+            live[...] = array
 
 
 class _Rod:
@@ -196,6 +244,7 @@ class _Energy:
         self._highest_j = 0.0
         self._fall_j = 0.0
         self._imbalance_j = 0.0
+        self._given_j = self._least_given_j = self._most_given_j = 0.0
 
     def enter(self, flow: EnergyFlow) -> None:
         spent_j = flow.input_j - flow.stored_j
@@ -204,8 +253,19 @@ class _Energy:
         self._fall_j = max(self._fall_j, self._highest_j - spent_j)
         self._imbalance_j = max(self._imbalance_j, abs(flow.imbalance_j))
 
+    def give(self, given_j: float) -> None:
+        """Enter what a hand was given by the force that it is shown beyond what the contacts' gives it."""
+        self._given_j += given_j
+        self._least_given_j = min(self._least_given_j, self._given_j)
+        self._most_given_j = max(self._most_given_j, self._given_j - self._least_given_j)
+
     def figures(self) -> Figures:
-        return {"gain": self._fall_j / self._largest_j, "imbalance": self._imbalance_j / self._largest_j}
+        figures = {"gain": self._fall_j, "imbalance": self._imbalance_j, "felt_gain": self._most_given_j}
+        return {name: value / self._largest_j for name, value in figures.items()}
+
+
+def _size(vector: FloatArray) -> float:
+    return math.sqrt(float(vector @ vector))
 
 
 def is_at_rest(speed_m_s: float) -> bool:

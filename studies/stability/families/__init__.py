@@ -13,6 +13,7 @@ from studies.stability.families import (
     numbers,
     probing,
     random_play,
+    rolling,
     steps,
     sticking,
     switches,
@@ -32,6 +33,7 @@ FAMILIES: dict[str, Family] = {
         "a catheter jammed, buckled, dragged over the rim, torn at; jaws shut on wall and catheter", abuse.cases
     ),
     "grasping": Family("jaws that open and shut 20 times a second", grasping.cases),
+    "rolling": Family("jaws roll to and fro at 1 to 20 rad/s, holding, squeezing and pressing", rolling.cases),
     "probing": Family("a probe pressed into wall and catheter and dragged over both", probing.cases),
     "numbers": Family(
         "NaN, infinities and what overflows, from a device and from a caller", numbers.cases, may_heal=True

@@ -1,4 +1,4 @@
-"""An hour of random play, in pieces: hands that wander, hurry, grasp, let go, leave and return as they like."""
+"""An hour of random play, in pieces: hands that wander, hurry, roll, grasp, let go, leave and return as they like."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from studies.stability.situations import approaching, threaded
 PIECES = 240
 PIECE_STEPS = 15_000
 REACH_M = np.array([12e-3, 6e-3, 6e-3])
+ROLL_RAD = np.array([1.0, 0.0, 0.0])
 
 
 def cases(draw: Draw) -> Iterator[Case]:
@@ -33,6 +34,8 @@ def _play(draw: Draw, k: int, steps: int) -> Play:
         opening = np.abs(_wander(random, steps, np.array([0.5, 0.0, 0.0]))[:, 0])
         hands = hands.with_jaws(tool, hands.jaw_angle_rad[-1, tool] + opening, len(start.hands))
         hands = hands.without(tool, _absences(random, hands))
+    for tool in (0, 1):
+        hands = hands.rolled(tool, _wander(random, steps, ROLL_RAD)[:, 0], len(start.hands))
     return Play(scene=start.scene, hands=hands, may_jump=True)
 
 

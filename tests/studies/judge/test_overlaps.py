@@ -9,11 +9,13 @@ import ipctk
 import numpy as np
 import pytest
 
+from services.mechanics.effects.gallstones import GallstonesSettings
+from services.mechanics.effects.self_contact import SelfContactSettings
 from services.mechanics.scenarios import insertion, insertion_scene
 from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
-from studies.judge.overlaps import OverlapJudge
+from studies.judge.overlaps import OverlapJudge, pose_tools
 
 RADIUS_M, HALF_WALL_M = 4e-3, 0.5e-3
 
@@ -65,18 +67,55 @@ def test_a_segment_that_dips_into_the_wall_between_its_ends_is_seen(simulation: 
     assert found["particles"] < 0.9 * through_m
 
 
-def test_jaws_that_leave_the_wall_half_its_room_have_squeezed_the_rest_away(simulation: Simulation) -> None:
-    tools = simulation.tools
+def test_jaws_that_leave_the_wall_half_its_room_have_squeezed_the_rest_away(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tools, poses = simulation.tools, simulation.tools.segments.copy()
+    monkeypatch.setattr("studies.judge.overlaps.pose_tools", lambda _, out: out.__setitem__(slice(None), poses))
     tools.present[:], tools.waiting[:] = (False, True), False
     top_m, radius_m = RADIUS_M, float(tools.radius_m[1, 1])
     for jaw, side in ((1, 1.0), (2, -1.0)):
         away_m = radius_m + 0.5 * HALF_WALL_M
-        tools.segments[1, jaw] = [(18e-3, 0.0, top_m + side * away_m), (22e-3, 0.0, top_m + side * away_m)]
-    tools.segments[1, 0] = (20e-3, 0.0, 60e-3)
+        poses[1, jaw] = [(18e-3, 0.0, top_m + side * away_m), (22e-3, 0.0, top_m + side * away_m)]
+    poses[1, 0] = (20e-3, 0.0, 60e-3)
     lay(simulation, (-1e-3, -1e-3))
     assert OverlapJudge(simulation).look()["jaws"] < 0.03e-3
-    tools.segments[1, 2] += (0.0, 0.0, -2e-3)  # one jaw alone squeezes nothing
+    poses[1, 2] += (0.0, 0.0, -2e-3)  # one jaw alone squeezes nothing
     assert OverlapJudge(simulation).look()["jaws"] == pytest.approx(0.5 * HALF_WALL_M, abs=0.03e-3)
+    poses[1, 1:] = [(20e-3, 0.0, 10e-3), (20e-3, 0.0, 12e-3)]
+    poses[1, 0] = [(20e-3, 0.0, 60e-3), (20e-3, 0.0, top_m + HALF_WALL_M + tools.radius_m[1, 0] - 0.1e-3)]
+    found = OverlapJudge(simulation).look()
+    assert found["shaft"] == pytest.approx(0.1e-3, abs=0.03e-3)
+    assert found["jaws"] == 0.0
+
+
+def test_a_tool_is_where_the_step_has_left_it(simulation: Simulation) -> None:
+    """The tool body's own poses are those that the step began with."""
+    tools, inputs = simulation.tools, ToolInputs()
+    simulation.step(inputs)
+    poses = np.empty_like(tools.segments)
+    tools.proxy[:] = (30e-3, 2e-3, 40e-3, 0.5), (10e-3, 0.0, 50e-3, 0.3)
+    tools.roll_rad[:] = 0.7, -0.2
+    pose_tools(tools, poses)
+    assert not np.allclose(poses, tools.segments)
+    tools.update_pose()
+    np.testing.assert_array_equal(poses, tools.segments)
+
+
+def test_strands_and_stones_are_judged_where_a_scene_has_them(tmp_path: Path) -> None:
+    stones = GallstonesSettings(((20e-3, 0.0, 0.0),), (1.5e-3,))
+    scene = replace(insertion_scene(), effects={"gallstones": stones, "self_contact": SelfContactSettings()})
+    scene = replace(scene, duct=replace(scene.duct, n_around=24, n_along=20, n_modes=20))
+    simulation = Simulation(scene, build_scene_duct(scene, tmp_path))
+    line, radius_m = simulation.catheter.state.position_m, simulation.catheter.radius_m
+    line[:] = np.linspace((60e-3, 0.0, 0.0), (160e-3, 0.0, 0.0), len(line))
+    assert max(OverlapJudge(simulation).look().values()) == 0.0
+    line[0], line[1] = (15e-3, 0.0, 1.5e-3 + radius_m - 0.2e-3), (25e-3, 0.0, 1.5e-3 + radius_m - 0.2e-3)
+    assert OverlapJudge(simulation).look()["stones"] == pytest.approx(0.2e-3)
+    line[0], line[1] = (70e-3, -5e-3, 2.0 * radius_m - 0.1e-3), (70e-3, 5e-3, 2.0 * radius_m - 0.1e-3)
+    found = OverlapJudge(simulation).look()
+    assert found["stones"] == 0.0
+    assert found["strands"] == pytest.approx(0.1e-3)
 
 
 def test_in_ordinary_play_no_body_crosses_the_wall(tmp_path: Path) -> None:

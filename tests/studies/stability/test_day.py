@@ -1,7 +1,7 @@
-"""Twenty chosen cases, one of every family; rates over fresh seeds are the long run's (`python -m tests --long`).
+"""Chosen cases, one of every family; rates over fresh seeds are the long run's (`python -m tests --long`).
 
-A case that fails is listed in `KNOWN_FAILING` with the figures that it failed with, and stays. Whoever mends it takes
-it out of there.
+A case that fails is listed in `KNOWN_FAILING` with the figures that it failed with, and stays. Whoever mends it has to
+take it out of there.
 """
 
 import pytest
@@ -21,6 +21,7 @@ DAY = {
     "vanishing": "holding, number 0",
     "abuse": "pulled apart by both tools, number 0",
     "grasping": "number 0",
+    "rolling": "holding, 5 rad/s, number 0",
     "probing": "wall, 0.3 m/s, number 0",
     "numbers": "nan in position_m, number 0",
     "switches": "holding, number 0",
@@ -38,7 +39,11 @@ DAY = {
 }
 KNOWN_FAILING: dict[str, dict[str, float]] = {
     # Both grips snap within a tick: the hands feel a ramp of 250 N/s, the contacts let go at once.
-    "abuse": {"force_step": 3.12},
+    "abuse": {"force_step": 3.12, "felt_error": 4.97},
+    # Between its particles: rows see these only.
+    "mass": {"penetration_hand": 0.118e-3},
+    # A jaw in the catheter that it rolls over.
+    "random_play": {"tool_penetration_any": 0.89},
 }
 
 
@@ -48,7 +53,7 @@ def test_it_meets_its_criteria(family):
     known = KNOWN_FAILING.get(family, {})
     told = ", ".join(f"{name} {shown(name, result.figures[name])}" for name in result.failed)
     print(f"{family}: {DAY[family]}: {told or 'meets all criteria'}")
-    assert set(result.failed) <= known.keys(), told
+    assert set(result.failed) == known.keys(), told
 
 
 def test_there_is_one_of_every_family():

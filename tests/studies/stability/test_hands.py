@@ -25,6 +25,13 @@ def test_a_tool_that_is_moved_stays_where_it_ends_and_the_other_one_stays():
     np.testing.assert_array_equal(hands.position_m[:, 0], np.tile(HERE[0], (6, 1)))
 
 
+def test_a_tool_that_rolls_stays_so_and_the_other_one_does_not_roll():
+    hands = still(HERE, (0.1, 0.2), 5)
+    rolled = hands.rolled(1, np.array([0.1, 0.3]), 2).roll_rad - hands.roll_rad
+    np.testing.assert_allclose(rolled[:, 1], [0.0, 0.0, 0.1, 0.3, 0.3])
+    assert not rolled[:, 0].any()
+
+
 def test_the_top_speed_is_that_of_a_tool_that_is_there():
     hands = still(HERE, (0.1, 0.2), 6).moved(0, np.array([[0.5, 0.0, 0.0]]), 3)
     assert hands.top_speed_m_s(0.1) == pytest.approx(5.0)

@@ -71,5 +71,5 @@ def test_the_interval_of_a_rate_is_wilsons():
 
 def test_a_heal_fails_a_case_but_where_the_family_is_made_for_it():
     assert [name for name, family in FAMILIES.items() if family.may_heal] == ["numbers"]
-    assert Result("jerks", "one", {"healed": 1.0}, 1, 0.0).failed == ["healed"]
+    assert Result("jerks", "one", {"healed": 1.0, "dropped": 1.0}, 1, 0.0).failed == ["healed", "dropped"]
     assert Result("numbers", "one", {"healed_by_design": 1.0}, 1, 0.0).failed == []
