@@ -30,6 +30,7 @@ class Request:
     long: bool
     families: tuple[str, ...]
     seed: int
+    most: int | None
     jobs: int | None
     minutes: float | None
     out: Path | None
@@ -53,7 +54,7 @@ def run_stability(request: Request) -> None:
     if request.out is not None:
         targets.make_folder("--out", request.out)
     reach = Reach.LONG if request.long else Reach.QUICK
-    order = Order(reach, request.seed, request.families or tuple(FAMILIES))
+    order = Order(reach, request.seed, request.families or tuple(FAMILIES), request.most)
     code = code_version(Path(__file__).parents[2])
     with tempfile.TemporaryDirectory() as scratch:
         try:
@@ -63,7 +64,8 @@ def run_stability(request: Request) -> None:
         longest_s = math.inf if request.minutes is None else 60.0 * request.minutes
         results = _run(order, request.jobs or os.cpu_count() or 1, log, longest_s)
     if request.json:
-        print(json.dumps({"code": code, "seed": order.seed, "results": [asdict(result) for result in results]}))
+        told = [asdict(result) | {"failed": result.failed} for result in results]
+        print(json.dumps({"code": code, "seed": order.seed, "results": told}))
     else:
         _print(order, results)
     if request.report is not None:

@@ -48,6 +48,9 @@ def stability(
         list[str] | None, typer.Option("--family", metavar="NAME", help="Only this family; may be given again.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Other seeds, other members of the families.")] = 1,
+    most: Annotated[
+        int | None, typer.Option(min=1, help="At most so many cases of each family, drawn by the seed.")
+    ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
     minutes: Annotated[
         float | None,
@@ -66,7 +69,7 @@ def stability(
     """Run the hard cases: nothing blows up, nothing stays wrong, nothing lies quietly."""
     from studies.commands.stability import Request, run_stability
 
-    run_stability(Request(long, tuple(families or ()), seed, jobs, minutes, out, report, json))
+    run_stability(Request(long, tuple(families or ()), seed, most, jobs, minutes, out, report, json))
 
 
 def study(

@@ -6,7 +6,8 @@ import json
 import math
 import random
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from studies.stability.family import Case, Draw, Reach
 
 AGAIN_EVERY = 10
 """One case in so many is run a second time, after another one."""
-LAST = "undamped", "random_play"
+LAST = ("undamped",)
 """Families whose cases are long: they come when all others have run."""
 
 
@@ -47,6 +48,8 @@ class Order:
     reach: Reach
     seed: int
     families: tuple[str, ...]
+    most: int | None = None
+    """Of each family, drawn by the seed."""
 
     @property
     def draw(self) -> Draw:
@@ -56,7 +59,15 @@ class Order:
 
 def list_cases(order: Order) -> list[tuple[str, str]]:
     """Return family and name of every case, in the order of the table."""
-    return [(family, case.name) for family in order.families for case in FAMILIES[family].cases(order.draw)]
+    return [(family, name) for family in order.families for name in _names(order, family)]
+
+
+def _names(order: Order, family: str) -> list[str]:
+    names = [case.name for case in FAMILIES[family].cases(order.draw)]
+    if order.most is None or len(names) <= order.most:
+        return names
+    drawn = set(random.Random(f"{order.seed} {family}").sample(names, order.most))
+    return [name for name in names if name in drawn]
 
 
 def run_case(order: Order, family: str, name: str) -> Result:
@@ -95,7 +106,7 @@ class Log:
 
     def __init__(self, folder: Path, order: Order, code: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        head = {"reach": order.reach.value, "seed": order.seed, "code": code}
+        head = {"reach": order.reach.value, "seed": order.seed, "most": order.most, "code": code}
         head_file, self._file = folder / "order.json", folder / "results.jsonl"
         with read_as_ours(folder):
             if head_file.exists() and json.loads(head_file.read_text()) != head:
@@ -121,9 +132,7 @@ def run_suite(
     start = perf_counter()
     every = list_cases(order)
     known = {(result.family, result.case) for result in log.results}
-    wanted = [case for case in every if case not in known]
-    random.Random(order.seed).shuffle(wanted)  # what is there after a while speaks for all
-    wanted.sort(key=lambda case: case[0] in LAST)
+    wanted = by_turns([case for case in every if case not in known], order.seed)
     for count, result in enumerate(run_cases(order, wanted, jobs), len(every) - len(wanted) + 1):
         log.keep(result)
         tell(result, count, len(every))
@@ -132,6 +141,16 @@ def run_suite(
     place = {case: k for k, case in enumerate(every)}
     mine = [result for result in log.results if (result.family, result.case) in place]
     return sorted(mine, key=lambda result: place[result.family, result.case])
+
+
+def by_turns(cases: Sequence[tuple[str, str]], seed: int) -> list[tuple[str, str]]:
+    """Shuffle each family's cases, and take one of each by turns: what is there after a while speaks for all."""
+    shuffled, taken, turn = list(cases), Counter[str](), {}
+    random.Random(seed).shuffle(shuffled)
+    for case in shuffled:
+        turn[case] = (case[0] in LAST, taken[case[0]])
+        taken[case[0]] += 1
+    return sorted(shuffled, key=turn.__getitem__)
 
 
 _cases: dict[tuple[Order, str], dict[str, Case]] = {}

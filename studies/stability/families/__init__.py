@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from studies.stability.families import (
     abuse,
+    ducts,
     effect_pairs,
     grasping,
     jerks,
     jumps,
+    loads,
     lost_ticks,
     materials,
     numbers,
@@ -18,9 +20,11 @@ from studies.stability.families import (
     sticking,
     switches,
     theory,
+    tool_on_wall,
     undamped,
     vanishing,
     walls,
+    wires,
 )
 from studies.stability.family import Family
 
@@ -43,10 +47,15 @@ FAMILIES: dict[str, Family] = {
     "steps": Family("steps of 0.1 to 50 ms", steps.cases),
     "stiffness": Family("catheters 0.01 to 1000 times as stiff", materials.stiffness_cases),
     "mass": Family("catheter, wall or a stone 0.01 to 100 times as heavy", materials.mass_cases),
+    "wires": Family("guide wires of 60 and 200 GPa, 0.3 to 0.9 mm thick", wires.cases),
+    "ducts": Family("ducts conical, curved, slit, oblique, bulging, meshed coarser and finer", ducts.cases),
+    "friction": Family("friction coefficients of 1 to 2", loads.friction_cases),
+    "gravity": Family("gravity in any direction, the wall's own as well", loads.gravity_cases),
     "thickness": Family("walls of 0.002 to 0.3 of the radius", walls.thickness_cases),
     "poisson": Family("Poisson's ratios to 0.4999", walls.poisson_cases),
     "slivers": Family("walls meshed with slivers of 1:10 to 1:100", walls.sliver_cases),
     "sticking": Family("seals and grips that stick, at steps of 1 to 0.1 ms", sticking.cases),
+    "tool_on_wall": Family("a jaw that sticks to the wall, at ticks of 1 to 0.1 ms", tool_on_wall.cases),
     "undamped": Family("a million steps without damping", undamped.cases),
     "theory": Family("methods below and above where they must fail", theory.cases),
     "random_play": Family("an hour of random play", random_play.cases),

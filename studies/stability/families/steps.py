@@ -13,6 +13,8 @@ from studies.stability.situations import approaching, beside, threaded
 from studies.stability.strokes import at_step, stroking
 
 STEPS_MS = 0.1, 0.25, 0.5, 2.0, 5.0, 10.0, 20.0, 50.0
+HAND_STEP_MS = 5.0
+"""Up to here a tick of a hand's motion is judged as one."""
 SITUATIONS = {"holding": threaded, "approaching": approaching, "beside": beside}
 
 
@@ -37,4 +39,6 @@ def _play_at_once(draw: Draw, name: str, situation: str) -> Play:
 def _play(draw: Draw, name: str, step_ms: float, situation: str) -> Play:
     start = SITUATIONS[situation]()
     hands = stroking(start, draw.random(f"steps {name}"), 300)
-    return Play(scene=start.scene, hands=at_step(hands, 1e-3 * step_ms), dt_s=1e-3 * step_ms, may_jump=step_ms > 1.0)
+    return Play(
+        scene=start.scene, hands=at_step(hands, 1e-3 * step_ms), dt_s=1e-3 * step_ms, may_jump=step_ms > HAND_STEP_MS
+    )
