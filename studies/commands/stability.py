@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import os
+import sys
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -19,7 +21,7 @@ from studies.commands.progress_bar import progress_line
 from studies.provenance import code_version
 from studies.stability.families import FAMILIES
 from studies.stability.family import Reach
-from studies.stability.report import page, shown, worst_figures
+from studies.stability.report import changes, page, shown, worst_figures
 from studies.stability.suite import Log, Order, Result, list_cases, run_suite
 
 
@@ -35,6 +37,7 @@ class Request:
     minutes: float | None
     out: Path | None
     report: Path | None
+    against: Path | None
     json: bool
 
 
@@ -44,7 +47,7 @@ def run_stability(request: Request) -> None:
     Raises
     ------
     ConfigError
-        An unknown family, or a folder with results of something else.
+        An unknown family, a folder with results of something else, or a file that holds no results.
     """
     for name in request.families:
         if name not in FAMILIES:
@@ -53,6 +56,7 @@ def run_stability(request: Request) -> None:
     targets.look_at_file("--report", request.report, makes_folder=True)
     if request.out is not None:
         targets.make_folder("--out", request.out)
+    before = _results_of(request.against) if request.against is not None else None
     reach = Reach.LONG if request.long else Reach.QUICK
     order = Order(reach, request.seed, request.families or tuple(FAMILIES), request.most)
     code = code_version(Path(__file__).parents[2])
@@ -68,11 +72,23 @@ def run_stability(request: Request) -> None:
         print(json.dumps({"code": code, "seed": order.seed, "results": told}))
     else:
         _print(order, results)
+    if before is not None:
+        print(changes(before, results), file=sys.stderr if request.json else sys.stdout)
     if request.report is not None:
         targets.write_text("--report", request.report, page(order, results, code))
     failed = sum(bool(result.failed) for result in results)
     if failed:
         raise UserError(f"{failed} of {len(results)} hard cases failed")
+
+
+def _results_of(file: Path) -> list[dict[str, Any]]:
+    """Read what a run with --json has written."""
+    try:
+        results: list[dict[str, Any]] = json.loads(file.read_text())["results"]
+        changes(results, [])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(f"--against {file}: holds no results of `trocar stability --json` ({error})") from None
+    return results
 
 
 def _run(order: Order, jobs: int, log: Log, longest_s: float) -> list[Result]:

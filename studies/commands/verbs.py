@@ -64,12 +64,15 @@ def stability(
     report: Annotated[
         Path | None, typer.Option(help="Write the table as a page, as docs/results/stability.md.")
     ] = None,
+    against: Annotated[
+        Path | None, typer.Option(help="What another revision wrote with --json: tell which cases differ.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Run the hard cases: nothing blows up, nothing stays wrong, nothing lies quietly."""
     from studies.commands.stability import Request, run_stability
 
-    run_stability(Request(long, tuple(families or ()), seed, most, jobs, minutes, out, report, json))
+    run_stability(Request(long, tuple(families or ()), seed, most, jobs, minutes, out, report, against, json))
 
 
 def study(

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import os
 import platform
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
+from typing import Any
 
 from services.runtime.machine import processor_name
-from studies.stability.criteria import CRITERIA, load_of
+from studies.stability.criteria import CRITERIA, failures, load_of
 from studies.stability.families import FAMILIES
 from studies.stability.suite import Order, Result, list_cases
 
@@ -69,10 +71,11 @@ def shown(name: str, value: float) -> str:
 def page(order: Order, results: Sequence[Result], code: str) -> str:
     """Return the page in Markdown."""
     failed = [result for result in results if result.failed]
+    most = "" if order.most is None else f" --most {order.most}"
     lines = [
         "# Hard cases",
         "",
-        f"Written by `trocar stability --{order.reach.value} --seed {order.seed}`; do not edit by hand.",
+        f"Written by `trocar stability --{order.reach.value} --seed {order.seed}{most}`; do not edit by hand.",
         "",
         "The suite drives scenes with hard input, such as jumps, lost ticks and thin walls. Every run is judged by the",
         "criteria of the first table; a case fails if one figure exceeds its limit. A family is a kind of input.",
@@ -140,8 +143,32 @@ def _families(order: Order, results: Sequence[Result]) -> list[str]:
 def _failed(failed: Sequence[Result]) -> list[str]:
     if not failed:
         return ["No case failed."]
-    rows = ["## Failed", "", "| family | case | figures beyond their limits |", "| --- | --- | --- |"]
-    for result in failed:
-        told = "; ".join(f"{name} {shown(name, result.figures[name])}" for name in result.failed)
-        rows.append(f"| {result.family} | {result.case} | {told} |")
+    rows = ["## Failed", "", "| family | criterion | cases | worst | of |", "| --- | --- | --- | --- | --- |"]
+    count = Counter((result.family, name) for result in failed for name in result.failed)
+    for (family, name), cases in count.items():
+        beyond = [result for result in failed if result.family == family and name in result.failed]
+        worst = max(beyond, key=lambda result: load_of(name, result.figures[name]))
+        rows.append(f"| {family} | {name} | {cases} | {shown(name, worst.figures[name])} | {worst.case} |")
     return rows
+
+
+def changes(before: Iterable[Mapping[str, Any]], results: Sequence[Result]) -> str:
+    """Return what became of cases that both runs have: how many failed then and now, and which differ.
+
+    Parameters
+    ----------
+    before : of the results that `trocar stability --json` has written
+    results : sequence of Result
+    """
+    now = {(result.family, result.case): result.failed for result in results}
+    then = {(each["family"], each["case"]): failures(each["figures"]) for each in before}
+    both = [case for case in now if case in then]
+    lines = [
+        f"{len(both)} cases in both runs: {sum(bool(then[case]) for case in both)} failed then, "
+        f"{sum(bool(now[case]) for case in both)} now"
+    ]
+    for family, name in both:
+        was, found = then[family, name], now[family, name]
+        if was != found:
+            lines.append(f"{family}: {name}: {', '.join(was) or 'passed'} -> {', '.join(found) or 'passes'}")
+    return "\n".join(lines)

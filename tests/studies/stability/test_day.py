@@ -47,6 +47,9 @@ KNOWN_FAILING: dict[str, dict[str, float]] = {
     "abuse": {"force_step": 3.12, "felt_error": 4.97},
     # Between its particles: rows see these only.
     "mass": {"penetration_hand": 0.118e-3},
+    "wires": {"penetration_hand": 0.238e-3},
+    # What sticks creeps where a tool presses the wall.
+    "tool_on_wall": {"creep": 0.162e-3, "relaxation": 0.0219},
     # A jaw in the catheter that it rolls over.
     "random_play": {"tool_penetration_any": 0.89},
 }

@@ -1,11 +1,13 @@
 """The suite itself: its members, its log, its order."""
 
+from dataclasses import asdict, replace
+
 import pytest
 
 from studies.stability.families import FAMILIES
 from studies.stability.family import Draw, Reach
-from studies.stability.report import page, wilson
-from studies.stability.suite import Log, Order, Result, list_cases, run_suite
+from studies.stability.report import changes, page, wilson
+from studies.stability.suite import Log, Order, Result, by_turns, list_cases, run_suite
 
 LONG = Order(Reach.LONG, 1, tuple(FAMILIES))
 THEORY = Order(Reach.QUICK, 1, ("theory",))
@@ -57,8 +59,32 @@ def test_the_page_names_what_failed_and_the_worst_of_each_criterion():
     ]
     written = page(THEORY, results, "abc")
     assert "2 of 4 cases run, 1 failed**: 9.5 to 90.5 % of such cases fail" in written
-    assert "| theory | bad | rest never; theory 1 |" in written
+    assert "| theory | theory | 1 | 1 | bad |" in written
+    assert "| theory | rest | 1 | never | bad |" in written
     assert "| rest | 2 s | never | theory: bad | 2 | 1 |" in written
+
+
+def test_two_runs_are_compared_case_by_case():
+    before = [
+        asdict(Result("theory", name, {"rest": rest}, 1, 0.0))
+        for name, rest in zip("abc", (1.0, 3.0, 3.0), strict=True)
+    ]
+    now = [Result("theory", name, {"rest": rest}, 1, 0.0) for name, rest in zip("abd", (3.0, 1.0, 3.0), strict=True)]
+    told = changes(before, now)
+    assert told.startswith("2 cases in both runs: 1 failed then, 1 now\n")
+    assert told.splitlines()[1:] == ["theory: a: passed -> rest", "theory: b: rest -> passes"]
+
+
+def test_so_many_of_each_family_are_drawn_by_the_seed_and_take_turns():
+    order = Order(Reach.LONG, 5, ("jerks", "vanishing", "undamped"), 3)
+    cases = list_cases(order)
+    assert [family for family, _ in cases] == ["jerks"] * 3 + ["vanishing"] * 3 + ["undamped"] * 3
+    assert cases == list_cases(order)
+    assert set(cases) < set(list_cases(replace(order, most=None)))
+    assert cases != list_cases(replace(order, seed=6))
+    turns = [family for family, _ in by_turns(cases, 5)]
+    assert all(set(turns[k : k + 2]) == {"jerks", "vanishing"} for k in (0, 2, 4))
+    assert turns[6:] == ["undamped"] * 3
 
 
 def test_the_interval_of_a_rate_is_wilsons():
