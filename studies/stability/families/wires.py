@@ -1,4 +1,4 @@
-"""Guide wires: nitinol of 60 GPa and steel of 200 GPa, 0.3 to 0.9 mm thick, with and without a catheter's friction."""
+"""Guide wires: nitinol of 60 GPa and steel of 200 GPa, 0.3 to 0.9 mm thick."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COUNT = 8
 
 def cases(draw: Draw) -> Iterator[Case]:
     """Strokes, and in every second case a jerk."""
-    for gpa in STIFFNESS_GPA if draw.is_long else (200,):
+    for gpa in STIFFNESS_GPA if draw.is_long else (60,):
         for situation in SITUATIONS if draw.is_long else ("holding",):
             for k in range(COUNT if draw.is_long else 1):
                 name = f"{gpa} GPa, {situation}, number {k}"
