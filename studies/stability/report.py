@@ -130,27 +130,25 @@ def _criteria(results: Sequence[Result]) -> list[str]:
 
 def _families(order: Order, results: Sequence[Result]) -> list[str]:
     rows = [
-        "| family | what | cases | failed | rate of failure, 95 % | worst figure |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| family | what | cases | failed | rate of failure, 95 % |",
+        "| --- | --- | --- | --- | --- |",
     ]
     for name in order.families:
         mine = [result for result in results if result.family == name]
         failed = sum(bool(result.failed) for result in mine)
-        worst = sorted(worst_figures(mine).values(), key=lambda each: -load_of(each.criterion, each.value))
-        told = "; ".join(f"{each.criterion} {shown(each.criterion, each.value)}" for each in worst[:1])
-        rows.append(f"| {name} | {FAMILIES[name].what} | {len(mine)} | {failed} | {rate(failed, len(mine))} | {told} |")
+        rows.append(f"| {name} | {FAMILIES[name].what} | {len(mine)} | {failed} | {rate(failed, len(mine))} |")
     return rows
 
 
 def _failed(failed: Sequence[Result]) -> list[str]:
     if not failed:
         return ["No case failed."]
-    rows = ["## Failed", "", "| family | criterion | cases | worst | of |", "| --- | --- | --- | --- | --- |"]
+    rows = ["## Failed", "", "| family | criterion | cases | worst |", "| --- | --- | --- | --- |"]
     count = Counter((result.family, name) for result in failed for name in result.failed)
     for (family, name), cases in count.items():
-        beyond = [result for result in failed if result.family == family and name in result.failed]
-        worst = max(beyond, key=lambda result: load_of(name, result.figures[name]))
-        rows.append(f"| {family} | {name} | {cases} | {shown(name, worst.figures[name])} | {worst.case} |")
+        values = [result.figures[name] for result in failed if result.family == family and name in result.failed]
+        worst = max(values, key=lambda value: load_of(name, value))
+        rows.append(f"| {family} | {name} | {cases} | {shown(name, worst)} |")
     return rows
 
 
