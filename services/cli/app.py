@@ -19,6 +19,8 @@ app = typer.Typer(
 )  # fmt: skip
 VERBS = "trocar.verbs"
 
+attempt_app = typer.Typer(no_args_is_help=True, help="Begin, pause and watch the attempt that is being made.")
+app.add_typer(attempt_app, name="attempt")
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
 
@@ -36,6 +38,9 @@ class Viewer(StrEnum):
 def up(
     rig: Rig = "stub",
     scene: Scene = None,
+    scenario: Annotated[
+        str | None, typer.Option(help="Scenario file, or the name of one in configs/scenarios: it names its scene.")
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, callback=finite, help="Run so long, measured from RUNNING, then end.")
     ] = None,
@@ -49,7 +54,12 @@ def up(
     with Nursery() as nursery:  # first: it imports on another core than all that follows
         from services.cli.up import Request, run_up
 
-        run_up(Request(rig, scene, seconds, json_file, viewer and viewer.value, tuple(overrides or ())), nursery)
+        made = tuple(overrides or ())
+        if scenario is not None:
+            from services.cli.attempt import made_of
+
+            scene, made = made_of(scenario, scene, made)
+        run_up(Request(rig, scene, seconds, json_file, viewer and viewer.value, made), nursery)
 
 
 @app.command()
@@ -169,6 +179,70 @@ def tissues(json: Json = False) -> None:
     from services.cli.tissues import run_tissues
 
     run_tissues(json)
+
+
+@app.command()
+def scenarios(json: Json = False) -> None:
+    """List the scenarios that `trocar up --scenario` runs, each with its goal."""
+    from services.cli.attempt import run_scenarios
+
+    run_scenarios(json)
+
+
+@attempt_app.command("new")
+def attempt_new(rig: Rig = "stub", overrides: Overrides = None) -> None:
+    """Put scene and simulated hands back to their start, and begin a new attempt."""
+    _order(rig, overrides, "new")
+
+
+@attempt_app.command("pause")
+def attempt_pause(rig: Rig = "stub", overrides: Overrides = None) -> None:
+    """Let the rig's time stand still, as soon as no arm bears a force."""
+    _order(rig, overrides, "pause")
+
+
+@attempt_app.command("resume")
+def attempt_resume(rig: Rig = "stub", overrides: Overrides = None) -> None:
+    """Let time go on as the clock does; force comes back within a second."""
+    _order(rig, overrides, "resume")
+
+
+@attempt_app.command("step")
+def attempt_step(
+    milliseconds: Annotated[int, typer.Argument(min=1, max=1000)] = 1, rig: Rig = "stub", overrides: Overrides = None
+) -> None:
+    """While paused, go on by single ticks of a millisecond."""
+    _order(rig, overrides, "step", milliseconds)
+
+
+@attempt_app.command("slow")
+def attempt_slow(
+    pace: Annotated[float, typer.Argument(min=1 / 32, max=1.0, help="Of the clock: 0.25 takes four times as long.")],
+    rig: Rig = "stub",
+    overrides: Overrides = None,
+) -> None:
+    """Let time go slowly, without force on any arm."""
+    _order(rig, overrides, "slow", pace)
+
+
+@attempt_app.command("bookmark")
+def attempt_bookmark(rig: Rig = "stub", overrides: Overrides = None) -> None:
+    """Mark this moment of the attempt."""
+    _order(rig, overrides, "bookmark")
+
+
+@attempt_app.command("status")
+def attempt_status(rig: Rig = "stub", json: Json = False, overrides: Overrides = None) -> None:
+    """Print how the attempt stands."""
+    from services.cli.attempt import run_status
+
+    run_status(rig, tuple(overrides or ()), json)
+
+
+def _order(rig: str, overrides: list[str] | None, what: str, value: float = 0.0) -> None:
+    from services.cli.attempt import run_order
+
+    run_order(rig, tuple(overrides or ()), what, value)
 
 
 @config_app.command("show")
