@@ -19,8 +19,6 @@ app = typer.Typer(
 )  # fmt: skip
 VERBS = "trocar.verbs"
 
-attempt_app = typer.Typer(no_args_is_help=True, help="Begin, pause and watch the attempt that is being made.")
-app.add_typer(attempt_app, name="attempt")
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
 
@@ -32,6 +30,18 @@ class Viewer(StrEnum):
     NATIVE = "native"
     WEB = "web"
     NONE = "none"
+
+
+class Order(StrEnum):
+    """What may be asked of the attempt that is being made."""
+
+    NEW = "new"
+    PAUSE = "pause"
+    RESUME = "resume"
+    STEP = "step"
+    SLOW = "slow"
+    BOOKMARK = "bookmark"
+    STATUS = "status"
 
 
 @app.command()
@@ -189,60 +199,23 @@ def scenarios(json: Json = False) -> None:
     run_scenarios(json)
 
 
-@attempt_app.command("new")
-def attempt_new(rig: Rig = "stub", overrides: Overrides = None) -> None:
-    """Put scene and simulated hands back to their start, and begin a new attempt."""
-    _order(rig, overrides, "new")
-
-
-@attempt_app.command("pause")
-def attempt_pause(rig: Rig = "stub", overrides: Overrides = None) -> None:
-    """Let the rig's time stand still, as soon as no arm bears a force."""
-    _order(rig, overrides, "pause")
-
-
-@attempt_app.command("resume")
-def attempt_resume(rig: Rig = "stub", overrides: Overrides = None) -> None:
-    """Let time go on as the clock does; force comes back within a second."""
-    _order(rig, overrides, "resume")
-
-
-@attempt_app.command("step")
-def attempt_step(
-    milliseconds: Annotated[int, typer.Argument(min=1, max=1000)] = 1, rig: Rig = "stub", overrides: Overrides = None
-) -> None:
-    """While paused, go on by single ticks of a millisecond."""
-    _order(rig, overrides, "step", milliseconds)
-
-
-@attempt_app.command("slow")
-def attempt_slow(
-    pace: Annotated[float, typer.Argument(min=1 / 32, max=1.0, help="Of the clock: 0.25 takes four times as long.")],
+@app.command()
+def attempt(
+    what: Annotated[Order, typer.Argument(help="What is asked; `status` only looks.")],
+    value: Annotated[
+        float | None, typer.Argument(min=0.0, callback=finite, help="Of `step` the ms, of `slow` the pace, 1/32 to 1.")
+    ] = None,
     rig: Rig = "stub",
+    json: Json = False,
     overrides: Overrides = None,
 ) -> None:
-    """Let time go slowly, without force on any arm."""
-    _order(rig, overrides, "slow", pace)
+    """Begin the attempt that is being made again, pause it, step through it, slow it down, or see how it stands."""
+    from services.cli.attempt import run_order, run_status
 
-
-@attempt_app.command("bookmark")
-def attempt_bookmark(rig: Rig = "stub", overrides: Overrides = None) -> None:
-    """Mark this moment of the attempt."""
-    _order(rig, overrides, "bookmark")
-
-
-@attempt_app.command("status")
-def attempt_status(rig: Rig = "stub", json: Json = False, overrides: Overrides = None) -> None:
-    """Print how the attempt stands."""
-    from services.cli.attempt import run_status
-
-    run_status(rig, tuple(overrides or ()), json)
-
-
-def _order(rig: str, overrides: list[str] | None, what: str, value: float = 0.0) -> None:
-    from services.cli.attempt import run_order
-
-    run_order(rig, tuple(overrides or ()), what, value)
+    if what is Order.STATUS:
+        run_status(rig, tuple(overrides or ()), json)
+    else:
+        run_order(rig, tuple(overrides or ()), what.value, 1.0 if value is None else value)
 
 
 @config_app.command("show")

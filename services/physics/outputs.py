@@ -69,7 +69,7 @@ class Outputs:
         self._simulation = simulation
         self._basis_hash = basis_hash
         self._inserted_m = 0.0
-        self._inserted_is_old, self._inserted_period = False, 0
+        self._inserted_is_old, self._inserted_period = False, -1
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
         self._table = np.zeros((N_TOOLS, REACTION_COLUMNS))
         hands = np.zeros((N_TOOLS, TOOL_COLUMNS))

@@ -26,6 +26,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 import protocol.bodies as bodies
 from services.runtime.rig import Rig
 from services.supervisor.page_place import DIST
+from services.training.scenario import scenario_names
 
 EVENT_PERIOD_S = 0.2
 #: So long an order's answer is waited for: it is not carried out after that.
@@ -192,6 +193,8 @@ class _Endpoints:
             "view_ws": f"ws://{host}:{self._context.view_port()}/ws",
             "hands": rig.page_hands(),
             "token_needed": True,
+            "scenarios": scenario_names(),
+            "scenario": rig.training.scenario,
             "contracts": rig.contracts.model_dump(mode="json"),
         }
 

@@ -242,7 +242,7 @@ def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> 
         asking.start()
         yield from until(lambda: not asking.is_alive())
         assert told[1]["state"] == "running"
-        assert [member.restarts.count for member in supervisor.crew.members.values()] == [0] * 5, "the rig goes on"
+        assert [member.restarts.count for member in supervisor.crew.members.values()] == [0] * 6, "the rig goes on"
 
     fakes.play(scenario)
     assert page_servers() == []
