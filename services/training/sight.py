@@ -83,6 +83,11 @@ class Sight:
         """Take the button as pressed from now on: what it asked for is done."""
         self._pressed_ns, self.pressed_s = 0, 0.0
 
+    @property
+    def gateway(self) -> int:
+        """Which gateway speaks: another one knows of nothing that was asked of this one."""
+        return self._by.get("gateway.state", -1)
+
     def take_rig(self, state: bodies.SupervisorState) -> None:
         """Take what the supervisor says of the rig."""
         stopped = state.safe_stop or state.state == "safe_stop"

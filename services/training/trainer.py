@@ -43,7 +43,7 @@ class Trainer:
         self.attempt = Attempt(scenario.goal if scenario else None)
         self._id = _new_id()
         self._again_after_s = again_after_s
-        self._begins = self._awaited = self._steps = 0
+        self._begins = self._awaited = self._asked = self._steps = 0
         self._pace = 1.0
         self._ended_s: float | None = None
         self._answers: deque[bodies.Answer] = deque(maxlen=_KEPT)
@@ -51,8 +51,9 @@ class Trainer:
 
     def follow(self, now_s: float) -> None:
         """Look at the attempt, once new frames have been taken, and begin the next where that is due."""
-        if self.sight.begins < self._awaited:  # the gateway begins as soon as no arm bears a force
-            return
+        if self.sight.begins < self._awaited and self.sight.gateway == self._asked:
+            return  # the gateway begins as soon as no arm bears a force
+        self._awaited = 0
         look = self.sight.look()
         if look is not None:
             self.attempt.look(look)
@@ -69,7 +70,7 @@ class Trainer:
         """Abandon what is not done, and put the scene to its start."""
         self.attempt.abandon(why)
         self._begins += 1
-        self._awaited = self.sight.begins + 1
+        self._awaited, self._asked = self.sight.begins + 1, self.sight.gateway
         self._pace = 1.0
         self._ended_s = None
         self.attempt, self._id = Attempt(self.scenario.goal if self.scenario else None), _new_id()

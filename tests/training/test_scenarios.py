@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,19 @@ def test_a_scene_without_a_name_for_it_has_the_plain_scenario_made_of_it_or_none
         scenario_of("default", "stone")
     with pytest.raises(ConfigError, match="--scene pinch: scenario stone is made of scene stone"):
         made_of("stone", "pinch", ())
+
+
+def test_a_half_written_file_stands_in_the_way_of_who_names_it_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(config.config_directory(), tmp_path / "configs")
+    monkeypatch.setenv("TROCAR_CONFIG_DIR", str(tmp_path / "configs"))
+    (tmp_path / "configs" / "scenarios" / "almost.yaml").write_text("title: [")
+    basic = scenario_of("default", None)
+    assert basic is not None
+    assert basic.name == "basic"
+    with pytest.raises(ConfigError, match=r"almost.yaml: line 1"):
+        scenario_of("default", "almost")
 
 
 @pytest.mark.parametrize(

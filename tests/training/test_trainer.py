@@ -103,6 +103,26 @@ def test_what_is_seen_before_the_scene_has_begun_again_is_not_of_the_new_attempt
     assert rig.turn().began_tick == rig.tick
 
 
+def test_a_gateway_that_starts_anew_is_not_waited_for(rig: Rig) -> None:
+    """It counts from nought, and the attempt would be armed for ever."""
+    for _ in range(3):
+        _answer(rig, "new")
+        rig.turn()
+        rig.turn()
+    rig.begins, rig.tick, rig.incarnation = 0, 0, 2
+    rig.turn()
+    rig.y_m = 0.02
+    rig.turn()
+    assert rig.turn().state == "running"
+    _answer(rig, "new")
+    rig.deaf, rig.begins, rig.incarnation = True, 0, 3
+    rig.y_m = 0.0
+    rig.turn()
+    rig.y_m = 0.02
+    rig.turn()
+    assert rig.turn().state == "running"
+
+
 def test_an_order_is_carried_out_once_and_not_where_it_is_too_old(rig: Rig) -> None:
     order = _order("new")
     for _ in range(3):
