@@ -44,7 +44,7 @@ def run(process: Process, scenario: Scenario | None) -> None:
         looked_ns = time.monotonic_ns()
         if looked_ns >= due_ns or trainer.gist() != told:
             told, due_ns = trainer.gist(), looked_ns + _TELL_NS
-            bus.publish("training.attempt", trainer.body())
+            bus.publish("training.attempt", trainer.tell())
         process.health.send_if_due()
         meter.stages_ns = (
             ordered_ns - tick.started_ns, looked_ns - ordered_ns, time.monotonic_ns() - looked_ns

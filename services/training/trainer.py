@@ -5,13 +5,13 @@ from __future__ import annotations
 import secrets
 import time
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from protocol import bodies
-from services.training.attempt import Attempt
+from services.training.attempt import Attempt, AttemptState
 from services.training.hints import hint
 from services.training.scenario import Scenario
-from services.training.sight import Sight
+from services.training.sight import Judge, Sight
 
 #: An order that is older is not carried out: who asked has given it up.
 ORDER_S = 2.0
@@ -33,19 +33,26 @@ class Trainer:
         So long after a success the next attempt begins by itself; None: never.
     spared
         As of `Sight`.
+    judges
+        Returns a new judge of phases and errors, for each attempt as it begins to run; None: nobody judges.
     """
 
     def __init__(
-        self, scenario: Scenario | None, again_after_s: float | None = None, spared: Collection[str] = ()
+        self,
+        scenario: Scenario | None,
+        again_after_s: float | None = None,
+        spared: Collection[str] = (),
+        judges: Callable[[Scenario], Judge] | None = None,
     ) -> None:
         self.scenario = scenario
         self.sight = Sight(spared)
         self.attempt = Attempt(scenario.goal if scenario else None)
         self._id = _new_id()
-        self._again_after_s = again_after_s
+        self._again_after_s, self._judges = again_after_s, judges
         self._begins = self._awaited = self._asked = self._steps = 0
         self._pace = 1.0
         self._ended_s: float | None = None
+        self._parting: bodies.Attempt | None = None
         self._answers: deque[bodies.Answer] = deque(maxlen=_KEPT)
         self._seen: deque[int] = deque(maxlen=4 * _KEPT)
 
@@ -57,6 +64,9 @@ class Trainer:
         look = self.sight.look()
         if look is not None:
             self.attempt.look(look)
+        runs = self.attempt.state is AttemptState.RUNNING
+        if runs and self.sight.judge is None and self._judges is not None and self.scenario is not None:
+            self.sight.judge = self._judges(self.scenario)
         if self.attempt.ended and self._ended_s is None:
             self._ended_s = now_s
         if self.sight.pressed_s >= PRESSED_S:
@@ -68,11 +78,13 @@ class Trainer:
 
     def begin(self, why: str) -> str:
         """Abandon what is not done, and put the scene to its start."""
-        self.attempt.abandon(why)
+        if not self.attempt.ended:
+            self.attempt.abandon(why)
+            self._parting = self.body()
         self._begins += 1
         self._awaited, self._asked = self.sight.begins + 1, self.sight.gateway
         self._pace = 1.0
-        self._ended_s = None
+        self._ended_s = self.sight.judge = None
         self.attempt, self._id = Attempt(self.scenario.goal if self.scenario else None), _new_id()
         return "a new attempt begins"
 
@@ -113,6 +125,11 @@ class Trainer:
                 return True, f"marked at {self.attempt.time_s:.1f} s"
         return False, f"there is no order {order.what!r}"
 
+    def tell(self) -> bodies.Attempt:
+        """Return what is to be published next: how things stand, but first the last word of what was abandoned."""
+        parting, self._parting = self._parting, None
+        return parting or self.body()
+
     def body(self) -> bodies.Attempt:
         """Return how things stand, as it is published."""
         attempt, scenario = self.attempt, self.scenario
@@ -149,7 +166,8 @@ class Trainer:
     def gist(self) -> tuple[object, ...]:
         """Return what is told at once where it changes."""
         attempt, answered = self.attempt, self._answers[-1].order if self._answers else 0
-        return self._id, attempt.state, attempt.why_not, self._pace, self._steps, answered
+        parts = self._parting is not None
+        return parts, self._id, attempt.state, attempt.why_not, self._pace, self._steps, answered
 
 
 def _new_id() -> str:

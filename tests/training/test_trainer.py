@@ -103,6 +103,22 @@ def test_what_is_seen_before_the_scene_has_begun_again_is_not_of_the_new_attempt
     assert rig.turn().began_tick == rig.tick
 
 
+def test_what_is_abandoned_is_told_before_the_next_begins(rig: Rig) -> None:
+    rig.y_m = 0.02
+    rig.turn()
+    first, gist = rig.trainer.tell(), rig.trainer.gist()
+    _answer(rig, "new")
+    assert rig.trainer.gist() != gist
+    gist = rig.trainer.gist()
+    parting = rig.trainer.tell()
+    assert (parting.attempt_id, parting.state) == (first.attempt_id, "abandoned")
+    assert parting.begins == 0
+    assert rig.trainer.gist() != gist, "the next is told at once after it"
+    following = rig.trainer.tell()
+    assert (following.state, following.begins) == ("armed", 1)
+    assert following.attempt_id != first.attempt_id
+
+
 def test_a_gateway_that_starts_anew_is_not_waited_for(rig: Rig) -> None:
     """It counts from nought, and the attempt would be armed for ever."""
     for _ in range(3):
@@ -247,31 +263,42 @@ def test_practice_without_a_scenario_is_told_as_such() -> None:
     assert (told.scenario, told.goal_depth_m, told.title) == ("", 0.0, "Practice without a goal")
 
 
-def test_the_judge_is_given_every_frame_and_asked_for_phase_and_errors(rig: Rig) -> None:
-    class Judge:
-        phase, errors, taken = "P3", {"E1": 2}, 0
+class MadeUpJudge:
+    """Finds one error with every three frames: a look."""
 
-        def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
-            self.taken += 1
+    phase = "P4"
 
-    judge = rig.trainer.sight.judge = Judge()
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario, self.taken = scenario, 0
+
+    @property
+    def errors(self) -> dict[str, int]:
+        return {"E1": self.taken // 3}
+
+    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None:
+        self.taken += 1
+
+
+def test_a_judge_of_its_own_sees_each_attempt_from_where_it_runs() -> None:
+    rig = Rig(Trainer(SCENARIO, judges=MadeUpJudge))
     rig.turn()
-    told = rig.turn()
-    assert (told.phase, told.errors, judge.taken) == ("P3", {"E1": 2}, 6)
-
-
-def test_a_forbidden_error_fails_the_attempt(rig: Rig) -> None:
-    rig.trainer.scenario = replace(SCENARIO, goal=Goal(depth_m=0.01, forbidden=("E4",)))
-    rig.trainer.begin("")
-
-    class Judge:
-        phase, errors = "P4", {"E4": 1}
-
-        def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> None: ...
-
-    rig.turn()
-    rig.turn()
-    rig.trainer.sight.judge = Judge()
+    assert rig.turn().phase == ""
     rig.y_m = 0.02
     rig.turn()
-    assert rig.turn().outcome == "failure"
+    rig.turn()
+    told = rig.turn()
+    assert (told.phase, told.errors) == ("P4", {"E1": 2})
+    _answer(rig, "new")
+    assert rig.turn().errors == {}
+    rig.turn()
+    rig.y_m = 0.02
+    rig.turn()
+    assert rig.turn().errors == {"E1": 1}
+
+
+def test_a_forbidden_error_fails_the_attempt() -> None:
+    scenario = replace(SCENARIO, goal=Goal(depth_m=0.01, forbidden=("E1",)))
+    rig = Rig(Trainer(scenario, judges=MadeUpJudge))
+    rig.turn()
+    rig.y_m = 0.02
+    assert [rig.turn().outcome for _ in range(3)] == ["", "failure", "failure"]
