@@ -12,7 +12,7 @@ from services.training.scenario import Scenario, scenario_of
 from services.training.sight import TOPICS
 from services.training.trainer import Trainer
 
-RATE_HZ = 16.0
+RATE_HZ = 12.0
 STAGES = ("orders", "look", "tell")
 _PATIENCE_NS = 10_000_000
 _TELL_NS = 100_000_000

@@ -143,14 +143,14 @@ export class Stage {
     this.controls.update();
   }
 
-  // Once the tools are seen: looks from the side of the duct from which the one called left is on the left of the picture.
+  // Once the tools are seen: looks from the side of the duct from which the one called left is on the left of a plain picture.
   takeSides({ poses }) {
-    const at = ["left", "right"].map((name) => this.layout.tools.findIndex((tool) => tool.name === name));
-    if (this.sided || at.includes(-1) || poses.length < 14) return;
+    const [left, right] = ["left", "right"].map((name) => this.layout.tools.findIndex((tool) => tool.name === name));
+    if (this.sided || poses.length < 7 || (left < 0 && right < 0)) return;
     this.sided = true;
     this.camera.updateMatrixWorld();
-    const [left, right] = at.map((i) => this.pixelOf(poses.subarray(7 * i, 7 * i + 3)).x);
-    if (left <= right) return;
+    const across = (i) => (i < 0 ? 0 : new THREE.Vector3(...poses.subarray(7 * i, 7 * i + 3)).project(this.camera).x);
+    if (across(left) <= across(right)) return;
     this.sideSign = -1;
     this.lookFrom("scope");
   }
