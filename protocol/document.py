@@ -7,9 +7,10 @@ from pathlib import Path
 
 import msgspec
 
+from protocol.bodies.health import Health
 from protocol.fields import Field, Form, fields, nested
 from protocol.frame import MAX_FRAME_BYTES, PROTOCOL_VERSION, Header, Reason
-from protocol.topics import TOPICS
+from protocol.topics import TOPICS, Topic
 
 _INTRODUCTION = f"""# The wire
 
@@ -61,12 +62,14 @@ def _topic_table() -> str:
         "| topic | readers | observers | rate, Hz | delivery | stale after, s | body |",
         "|---|---|---|---|---|---|---|",
     ]
-    lines += [
-        f"| `{row.name}` | {', '.join(row.readers)} | {', '.join(row.observers)} | {row.rate_hz:g} | {row.delivery} "
-        f"| {row.stale_after_s:g} "
-        f"| {row.body.__name__} {row.version} |"
-        for row in TOPICS.values()
-    ]
+    said: dict[str, Topic] = {}  # every process tells of its health alike
+    for row in TOPICS.values():
+        said.setdefault("health" if row.body is Health else row.name, row)
+    for name, row in said.items():
+        title = f"PROCESS.{name}" if row.body is Health else name
+        who = f"{', '.join(row.readers)} | {', '.join(row.observers)}"
+        how = f"{row.rate_hz:g} | {row.delivery} | {row.stale_after_s:g}"
+        lines.append(f"| `{title}` | {who} | {how} | {row.body.__name__} {row.version} |")
     return "\n".join(lines) + "\n"
 
 

@@ -10,9 +10,9 @@ from typing import Literal
 
 import msgspec
 
-from protocol.bodies import gateway, haptics, health, physics, supervisor, visualization
+from protocol.bodies import gateway, haptics, health, physics, supervisor, training, visualization
 
-PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "supervisor")
+PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "training", "supervisor")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +59,26 @@ def _health(process: str) -> Topic:
     return Topic(f"{process}.health", process, (reader,), (), health.Health, 1, 10.0, "latest", 0.5)
 
 
-_OBEYING = ("physics", "gateway", "visualization", "recorder")
+_OBEYING = ("physics", "gateway", "visualization", "recorder", "training")
 
 _ROWS = (
-    _state("gateway.state", "haptics", "visualization recorder supervisor", gateway.GatewayState, 1),
+    _state("gateway.state", "haptics", "visualization recorder training supervisor", gateway.GatewayState, 1),
     _state("haptics.contact_model", "gateway", "recorder supervisor", haptics.ContactModel, 3),
-    _state("haptics.contacts", "physics", "recorder", haptics.ToolContacts, 4),
-    _state("physics.state", "haptics", "visualization recorder supervisor", physics.PhysicsState, 2),
+    _state("haptics.contacts", "physics", "recorder training", haptics.ToolContacts, 4),
+    _state("physics.state", "haptics", "visualization recorder training supervisor", physics.PhysicsState, 2),
     Topic("visualization.hands", "visualization", ("gateway",), (), visualization.Hands, 1, 60.0, "latest", 0.25, True),
+    Topic(
+        "training.attempt",
+        "training",
+        ("gateway", "recorder", "supervisor"),
+        (),
+        training.Attempt,
+        1,
+        10.0,
+        "latest",
+        1.0,
+        command=True,
+    ),
     *(_health(process) for process in PROCESSES),
     Topic(
         "supervisor.state", "supervisor", _OBEYING, (), supervisor.SupervisorState, 1, 10.0, "every", 0.5, command=True

@@ -13,10 +13,13 @@ from protocol.bodies.health import (
     TopicReport,
 )
 from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
-from protocol.bodies.supervisor import ProcessReport, QualityReport, SupervisorState
+from protocol.bodies.supervisor import Order, ProcessReport, QualityReport, SupervisorState
+from protocol.bodies.training import Answer, Attempt
 from protocol.bodies.visualization import Hands, HandTarget
 
 __all__ = [
+    "Answer",
+    "Attempt",
     "Catheter",
     "ContactForces",
     "ContactModel",
@@ -30,6 +33,7 @@ __all__ = [
     "InstrumentState",
     "LocalModel",
     "LoopReport",
+    "Order",
     "PathLatency",
     "PhysicsState",
     "ProcessReport",

@@ -32,6 +32,15 @@ class QualityReport(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     raised: Annotated[int, Meta(ge=0, description="how often since the start")] = 0
 
 
+class Order(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
+    """What a person asked of the attempt; too old a one is not carried out."""
+
+    id: Annotated[int, Meta(ge=0, lt=1 << 53, description="drawn by who asks: the answer has it")]
+    what: Annotated[str, Meta(max_length=16, description="new, pause, resume, step, slow or bookmark")]
+    value: Annotated[float, Meta(description="ticks of a step, pace of slow motion")] = 0.0
+    age_s: Annotated[float, Meta(ge=0.0, description="since it was asked, when this frame was sent")] = 0.0
+
+
 class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """State of the rig, and what its processes are to do."""
 
@@ -51,3 +60,4 @@ class SupervisorState(msgspec.Struct, array_like=True, frozen=True, kw_only=True
     armed: Annotated[
         int, Meta(ge=0, description="how often a person has armed the rig: what was at fault is tried again then")
     ] = 0
+    orders: Annotated[tuple[Order, ...], Meta(max_length=8, description="to the training process, of late")] = ()

@@ -23,3 +23,6 @@ class Hands(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     """The hands of the page that holds the instruments now; an instrument that is not named stays where it is."""
 
     hands: Annotated[tuple[HandTarget, ...], Meta(max_length=8)] = ()
+    begins: Annotated[
+        int, Meta(ge=0, description="gateway.state's, as the page knows it: hands of an earlier one are let be")
+    ] = 0

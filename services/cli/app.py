@@ -32,10 +32,25 @@ class Viewer(StrEnum):
     NONE = "none"
 
 
+class Order(StrEnum):
+    """What may be asked of the attempt that is being made."""
+
+    NEW = "new"
+    PAUSE = "pause"
+    RESUME = "resume"
+    STEP = "step"
+    SLOW = "slow"
+    BOOKMARK = "bookmark"
+    STATUS = "status"
+
+
 @app.command()
 def up(
     rig: Rig = "stub",
     scene: Scene = None,
+    scenario: Annotated[
+        str | None, typer.Option(help="Scenario file, or the name of one in configs/scenarios: it names its scene.")
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, callback=finite, help="Run so long, measured from RUNNING, then end.")
     ] = None,
@@ -49,7 +64,12 @@ def up(
     with Nursery() as nursery:  # first: it imports on another core than all that follows
         from services.cli.up import Request, run_up
 
-        run_up(Request(rig, scene, seconds, json_file, viewer and viewer.value, tuple(overrides or ())), nursery)
+        made = tuple(overrides or ())
+        if scenario is not None:
+            from services.cli.attempt import made_of
+
+            scene, made = made_of(scenario, scene, made)
+        run_up(Request(rig, scene, seconds, json_file, viewer and viewer.value, made), nursery)
 
 
 @app.command()
@@ -169,6 +189,33 @@ def tissues(json: Json = False) -> None:
     from services.cli.tissues import run_tissues
 
     run_tissues(json)
+
+
+@app.command()
+def scenarios(json: Json = False) -> None:
+    """List the scenarios that `trocar up --scenario` runs, each with its goal."""
+    from services.cli.attempt import run_scenarios
+
+    run_scenarios(json)
+
+
+@app.command()
+def attempt(
+    what: Annotated[Order, typer.Argument(help="What is asked; `status` only looks.")],
+    value: Annotated[
+        float | None, typer.Argument(min=0.0, callback=finite, help="Of `step` the ms, of `slow` the pace, 1/32 to 1.")
+    ] = None,
+    rig: Rig = "stub",
+    json: Json = False,
+    overrides: Overrides = None,
+) -> None:
+    """Begin the attempt that is being made again, pause it, step through it, slow it down, or see how it stands."""
+    from services.cli.attempt import run_order, run_status
+
+    if what is Order.STATUS:
+        run_status(rig, tuple(overrides or ()), json)
+    else:
+        run_order(rig, tuple(overrides or ()), what.value, 1.0 if value is None else value)
 
 
 @config_app.command("show")

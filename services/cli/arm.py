@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import urllib.error
 import urllib.request
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from services.runtime import config
 from services.runtime.errors import BusError, UserError
@@ -24,8 +26,14 @@ class Access:
     token: str
 
 
-def run_command(command: str, rig_name: str, overrides: tuple[str, ...] = (), access: Access | None = None) -> None:
-    """Send ``arm`` or ``safe_stop`` to the rig's supervisor.
+def run_command(
+    command: str,
+    rig_name: str,
+    overrides: tuple[str, ...] = (),
+    access: Access | None = None,
+    asked: Mapping[str, object] | None = None,
+) -> dict[str, Any]:
+    """Send ``arm``, ``safe_stop`` or an order of the ``attempt`` to the rig's supervisor; return what it answers.
 
     Raises
     ------
@@ -35,9 +43,11 @@ def run_command(command: str, rig_name: str, overrides: tuple[str, ...] = (), ac
     access = access or find_access(config.load_rig(rig_name, overrides))
     url = f"{access.address.rstrip('/')}/api/{command}"
     try:
-        request = urllib.request.Request(url, method="POST", headers={"X-Trocar-Token": access.token})
+        data = None if asked is None else json.dumps(asked).encode()
+        request = urllib.request.Request(url, data, method="POST", headers={"X-Trocar-Token": access.token})
         with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
-            answer.read()
+            said: dict[str, Any] = json.load(answer)
+            return said
     except urllib.error.HTTPError as error:
         with error:
             raise UserError(f"the supervisor at {access.address} refuses: {_why(error.read())}") from None

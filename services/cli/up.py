@@ -7,11 +7,13 @@ from pathlib import Path
 
 from services.cli import targets, validation
 from services.cli.status_display import StatusDisplay
+from services.runtime import config
 from services.runtime.errors import DeviceError
 from services.runtime.process import Options
 from services.supervisor import run_report, session
 from services.supervisor.nursery import Nursery
 from services.supervisor.supervisor import Supervisor
+from services.training.scenario import scenario_of
 from services.visualization.web import build
 
 
@@ -50,6 +52,8 @@ def run_up(request: Request, nursery: Nursery) -> None:
     targets.look_at_file("--json", request.json_file)
     options = Options(request.rig, request.scene, (*request.overrides, *_viewer(request.viewer)))
     validation.validate(request.rig, request.scene, request.overrides)
+    rig = config.load_rig(request.rig, request.overrides)
+    scenario_of(request.scene or rig.scene, rig.training.scenario)
     process = session.open_session(options)
     display = StatusDisplay()
     run = Run(request, display)

@@ -14,10 +14,12 @@ import time
 
 from protocol.bodies import GatewayState
 from services.gateway import scene_hands
+from services.gateway.attempt_orders import AttemptOrders
 from services.gateway.handle_schedule import HandleSchedule
 from services.gateway.instrument import Instrument, build_instruments
 from services.gateway.model_intake import ModelIntake
 from services.gateway.newest_frames import NewestFrames
+from services.gateway.rig_time import RigTime
 from services.gateway.scene_hands import SceneHands
 from services.gateway.supervisor_commands import SupervisorCommands
 from services.runtime.bus import Bus
@@ -27,6 +29,7 @@ from services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
 from services.runtime.process import Process, ProcessConfig, main
 
 MODEL = "haptics.contact_model"
+ATTEMPT = "training.attempt"
 RATE_HZ = 1000.0
 STAGES = ("take", "servo", "send")
 _LOOK_ROUND_EVERY = 50
@@ -44,6 +47,8 @@ _BATCH_NS = 120_000
 TIMED_EVERY = 16
 #: Orders are looked for in one tick of so many: they come ten times a second, and to look takes 10 us.
 _ORDERS_EVERY = 4
+#: The attempt's as rarely as that: a person waits for them.
+_ATTEMPT_EVERY = 16
 #: Frames looked at while waiting for an answer: a publisher that floods gets no more of this core.
 _LOOKS = 4
 
@@ -62,6 +67,8 @@ class Gateway:
             self.instruments, self._path("device_model", 800.0), self._path("device_force", 2000.0)
         )
         self._orders = SupervisorCommands(self.instruments, process.rig.gateway.supervisor_timeout_s)
+        self._time = RigTime(self.meter.period_ns)
+        self._attempt = AttemptOrders(self.instruments, self._time)
         self._turns = HandleSchedule(len(self.instruments))
         self._look_round = self._timed = False
         self._unsettled: tuple[int, int, int] | None = None  # index, when sampled, when written, of the last tick
@@ -80,14 +87,21 @@ class Gateway:
 
     def tick(self, tick: Tick) -> None:
         """Read, answer, write, publish: haptics waits for this core, so what nobody waits for comes later."""
+        self._time.advance(tick.index, tick.scheduled_ns)
+        self._attempt.turn()
+        self.meter.tick = self._time.index
         take(self._bus, self._answers)
         sampled_ns = time.monotonic_ns()
         for instrument in self.instruments:
-            instrument.read(tick.scheduled_ns)
+            instrument.read(self._time.time_ns)
         for instrument in self.instruments:
             instrument.answer(sampled_ns)
         written_ns = time.monotonic_ns()
-        state = GatewayState(tick=tick.index, instruments=tuple(each.state() for each in self.instruments))
+        state = GatewayState(
+            tick=self._time.index,
+            instruments=tuple(each.state() for each in self.instruments),
+            begins=self._attempt.begins,
+        )
         self._bus.publish("gateway.state", state, origin_ns=sampled_ns)
         self.meter.stages_ns = (
             sampled_ns - tick.started_ns, written_ns - sampled_ns, time.monotonic_ns() - written_ns
@@ -104,9 +118,11 @@ class Gateway:
         self._unsettled = None
         self._servo.latency.record(written_ns - sampled_ns)
         self._answers.applied(written_ns)
-        self._answers.ask(index, sampled_ns, timed=self._timed)
+        self._answers.ask(self._time.index, sampled_ns, timed=self._timed)
         if index % _ORDERS_EVERY == 0:
             self._orders.obey(self._bus.drain("supervisor.state"), sampled_ns)
+        if index % _ATTEMPT_EVERY == 0:
+            self._attempt.obey(self._bus.latest(ATTEMPT), self._bus.is_fresh(ATTEMPT))
 
     def serve(self, deadline_ns: int) -> None:
         """Until `deadline_ns`: serve the handles from the model that answers the last tick."""

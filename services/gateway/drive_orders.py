@@ -19,13 +19,26 @@ class GoOn(msgspec.Struct, tag=True):
     node: int
 
 
+class BeginAgain(msgspec.Struct, tag=True):
+    """Put the handle of a drive to where its hand began; that begins once more."""
+
+    node: int
+
+
+class Pace(msgspec.Struct, tag=True):
+    """Let the hand of a drive move at this pace from now on, 0 to 1."""
+
+    node: int
+    pace: float
+
+
 class Ask(msgspec.Struct, tag=True):
     """Tell what torque a drive applies now: a bench asks, not a rig."""
 
     node: int
 
 
-Order = Add | GoOn | Ask
+Order = Add | GoOn | BeginAgain | Pace | Ask
 LONGEST = 256
 DESCRIPTORS = 2
 encode = msgspec.json.Encoder().encode

@@ -16,7 +16,7 @@ import sys
 import time
 
 from services.gateway import can_frame, drive_orders
-from services.gateway.drive_orders import Add, Ask, GoOn, Order
+from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, Pace
 from services.gateway.emulated_drive import ESTIMATE_S, CanFrame, EmulatedDrive, Handle
 from services.runtime import realtime
 
@@ -35,15 +35,24 @@ class Axis:
     def __init__(self, order: Add, bus: socket.socket, angle_rad: array.array[float]) -> None:
         self.drive = EmulatedDrive(order.node, order.watchdog_s, Handle(angle_rad[0]))
         self.goes_on = False
+        self.pace = 1.0
         self._bus = bus
         bus.setblocking(False)
         self._angle_rad = angle_rad
         self._repeats = order.repeats
+        self._began_s = self._last_s = 0.0
+
+    def begin_again(self) -> None:
+        """Put the handle to where its hand began, which then begins once more."""
+        self.goes_on = self.drive.armed_once = False
         self._began_s = 0.0
+        self.drive.handle.angle_rad, self.drive.handle.rate_rad_s = self._angle_rad[0], 0.0
 
     def tick(self, now_s: float) -> None:
         """Hear, move, speak."""
         self._hear(now_s)
+        self._began_s += (1.0 - self.pace) * (now_s - self._last_s) if self._began_s else 0.0
+        self._last_s = now_s
         if not self._began_s and (self.goes_on or self.drive.armed_once):
             self._began_s = now_s
         self._say(self.drive.step(self._wanted_rad(now_s), now_s, ESTIMATE_S))
@@ -107,6 +116,10 @@ class Drives:
                 self._axes[order.node] = Axis(order, socket.socket(fileno=bus), _read_angles(motion))
             case GoOn():
                 self._axes[order.node].goes_on = True
+            case BeginAgain():
+                self._axes[order.node].begin_again()
+            case Pace():
+                self._axes[order.node].pace = order.pace
             case Ask():
                 self._gateway.send(struct.pack("=d", self._axes[order.node].drive.applied_nm))
 

@@ -104,6 +104,12 @@ class Device(ABC):
         A person who feels nothing moves on, or opens the jaws; so does a simulated one.
         """
 
+    def begin_again(self) -> None:  # noqa: B027 - a real hand is where it is
+        """Put a simulated hand back to where it began, at once: the scene begins again, and no force is on."""
+
+    def keep_pace(self, pace: float) -> None:  # noqa: B027 - most know time by what `read` is told
+        """Move a simulated hand that keeps its own time at this pace, 0 to 1."""
+
     def gauges(self) -> dict[str, float]:
         """Return figures for the dashboard, by name: asked twenty times a second at most."""
         return {}

@@ -11,7 +11,7 @@ import subprocess
 import sys
 
 from services.gateway import drive_orders
-from services.gateway.drive_orders import Add, Ask, GoOn, Order
+from services.gateway.drive_orders import Add, Ask, BeginAgain, GoOn, Order, Pace
 from services.gateway.hand_motion import HandMotion
 from services.gateway.local_bus import LocalBus
 
@@ -67,6 +67,16 @@ class DriveProcess:
         """Let the hand of a drive begin without torque. Never waits, and is nothing where the process has ended."""
         with contextlib.suppress(OSError):
             self._tell(GoOn(node))
+
+    def begin_again(self, node: int) -> None:
+        """Put the hand of a drive to where it began; as `go_on`."""
+        with contextlib.suppress(OSError):
+            self._tell(BeginAgain(node))
+
+    def keep_pace(self, node: int, pace: float) -> None:
+        """Let the hand of a drive move at this pace; as `go_on`."""
+        with contextlib.suppress(OSError):
+            self._tell(Pace(node, pace))
 
     def applied_nm(self, node: int) -> float:
         """Return what a drive applies to its handle now: waits for the answer."""

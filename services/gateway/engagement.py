@@ -42,6 +42,7 @@ class Engagement:
         self._settled_s = 0.0
         self._stopped = False
         self.unsupervised = False  # nobody could stop it: to be set by whoever listens for the supervisor
+        self.rests = False  # a scene begins again, or the rig's time stands: no force meanwhile
         self.refused_s = 0.0  # for how long force could begin, were not so much asked for
 
     @property
@@ -93,7 +94,7 @@ class Engagement:
         """
         if self.state is State.CALIBRATING and calibrated:
             self.state = State.READY
-        if self.unsupervised:
+        if self.unsupervised or self.rests:
             fresh = alive = False
         if self.engaged and not alive:
             self._let_go(State.STALE)

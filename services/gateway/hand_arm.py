@@ -62,7 +62,8 @@ class HandArm(Arm):
         self._settings = settings
         self._mount = pose.pack_mount(place.mount)
         self._centre = np.array(place.mount.centre_m)
-        self.target = np.array(settings.start_hip_m or place.mount.centre_m)
+        self._start = np.array(settings.start_hip_m or place.mount.centre_m)
+        self.target = self._start.copy()
         self._state = np.zeros(STATE_SIZE)
         self.felt_n = np.zeros(3)
         self._roll = self.target_roll = settings.start_roll_rad
@@ -86,8 +87,17 @@ class HandArm(Arm):
         virtual_hand.step_hand(self._state.copy(), self.target, self.felt_n)
         virtual_hand.read_hand(self._state, self._mount, np.zeros(8))
         slew(self._roll, self.target_roll, 0.0)
+        self._put(self.target)
+
+    def _put(self, place_m: FloatArray) -> None:
         self._state[:] = 0.0
-        self._state[POSITION : POSITION + 3] = self.target
+        self._state[POSITION : POSITION + 3] = place_m
+
+    def begin_again(self) -> None:
+        """Put the tool, at rest, where it waits."""
+        self.target = self._start.copy()
+        self._put(self.target)
+        self._roll = self.target_roll = self._settings.start_roll_rad
 
     def enable(self) -> None:
         """Nothing to switch on."""

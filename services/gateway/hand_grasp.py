@@ -35,6 +35,10 @@ class HandGrasp(GraspHandle):
         self._angle = self._target = settings.start_rad
         self._last_ns = 0
 
+    def begin_again(self) -> None:
+        """Open or shut the handle as it was until somebody took it."""
+        self._angle = self._target = self._settings.start_rad
+
     def open(self) -> None:
         """Compile the limiter here, and not in a tick."""
         slew(self._angle, self._target, 0.0)

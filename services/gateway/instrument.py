@@ -105,6 +105,17 @@ class Instrument:
         if self.grasp is not None and self.grasp.fault:
             self.grasp.clear_fault()
 
+    def begin_again(self) -> None:
+        """Put simulated hands back to where they began; it is done while no force is on."""
+        self.arm.begin_again()
+        if self.grasp is not None:
+            self.grasp.begin_again()
+
+    def keep_pace(self, pace: float) -> None:
+        """Let simulated hands move as fast as the rig's time goes."""
+        if self.grasp is not None:
+            self.grasp.keep_pace(pace)
+
     def close(self) -> None:
         """Leave zero force and torque."""
         self.arm.close()

@@ -49,6 +49,13 @@ class ArmState:
         self.work = np.zeros((4, 3))
         self.jacobian = np.zeros((3, 3))
 
+    def put(self, angles: FloatArray) -> None:
+        """Put the arm, at rest, where its angles (3,) are these; it stays as warm as it is."""
+        self.angles[:] = angles
+        self.rates[:] = 0.0
+        measure(self.angles, self.measured)
+        self.filter[:] = 0.0
+
     def step(self, force_n: FloatArray, hand: FloatArray) -> None:
         """Advance by one tick under a held force (3,) of the servo and the hand (HAND_SIZE,); base frame."""
         step_links(self.angles, self.rates, self.heat, force_n, hand, self.work, self.jacobian)

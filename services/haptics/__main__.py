@@ -15,6 +15,7 @@ from services.haptics.outputs import ContactsWriter
 from services.haptics.reactions import Reactions
 from services.haptics.tool_tracker import ToolTracker
 from services.haptics.warm_up import warm_up
+from services.mechanics.beginning import Beginning
 from services.mechanics.bodies.forceps.grasp import Grasp
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.reduction.reduced_duct import ReducedDuct
@@ -54,12 +55,16 @@ class Haptics:
         self._dropped_pairs = 0
         self._solved: PhysicsState | None = None
         self._told_tick, self.ticks_per_step = 0, 1
+        self._begins: int | None = None
+        self._began_tick = 0
+        self._beginning = Beginning((self.scene.remembers(), self._detector, self._pairs, self._grasps), (scene, duct))
         process.health.counts = self._counts
 
     def answer(self, frame: Frame) -> None:
         """Answer one device frame: the model first, since the hand waits for it; what it does not need comes after."""
         started = time.monotonic_ns()
         state: GatewayState = frame.body
+        self._follow_begins(state)
         self._instruments.take(state.instruments)
         solved = self._bus.latest("physics.state")
         known = self._take_reactions(solved)
@@ -74,6 +79,17 @@ class Haptics:
         told_ns = (0, 0) if is_told else self._tell_physics(frame, modelled)
         self._meter.stages_ns = (modelled - started, *told_ns)
 
+    def _follow_begins(self, state: GatewayState) -> None:
+        """Begin again where the scene does: what physics says of earlier ticks is of another scene."""
+        if self._begins is not None and state.begins > self._begins:
+            self._beginning.put_back()
+            self.scene.has_catheter = False
+            self._solved = None
+            self._began_tick, self._told_tick = state.tick, 0
+        elif state.tick < self._began_tick:  # the gateway has started anew
+            self._began_tick = 0
+        self._begins = state.begins
+
     def _tell_physics(self, frame: Frame, began_ns: int) -> tuple[int, int]:
         """Find contacts and send them to physics, as often as it takes a step; return what both took, in ns."""
         state: GatewayState = frame.body
@@ -87,12 +103,15 @@ class Haptics:
         detected = time.monotonic_ns()
         grasps = [each for each in self._grasps if each.tool < n_tools]
         holds = [hold for grasp in grasps for hold in grasp.update(self._pairs, self.tools.jaws(grasp.tool))]
-        body = self._writer.body(state.tick, hands, holds)
+        body = self._writer.body(state.tick, hands, holds, state.begins)
         self._bus.publish("haptics.contacts", body, origin_ns=frame.origin_ns, valid=frame.valid)
         return detected - began_ns, time.monotonic_ns() - detected
 
     def _take_reactions(self, solved: Frame | None) -> bool:
         """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
+        if solved is not None and solved.body.tick < self._began_tick:
+            solved = None
+            self._reactions.forget()
         if solved is not None:
             self._solved = solved.body
             self._reactions.take(self._solved.tools)

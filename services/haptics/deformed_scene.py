@@ -58,6 +58,10 @@ class DeformedScene:
         self.particles_m[:] = positions
         self.has_catheter = True
 
+    def remembers(self) -> object:
+        """Return what remembers the wall, for whoever puts it back."""
+        return self._wall
+
     def tool_detector(self) -> ToolContactDetector:
         """Return collision detection of the tools with this wall and catheter."""
         n_particles = self.particles_m.shape[0]

@@ -40,7 +40,7 @@ class ContactsWriter:
         self._index = np.zeros((pairs.capacity, PAIR_INDICES), np.int32)
         self._geometry = np.zeros((pairs.capacity, PAIR_GEOMETRY))
 
-    def body(self, tick: int, tools: Array, holds: list[GraspHold]) -> ToolContacts:
+    def body(self, tick: int, tools: Array, holds: list[GraspHold], begins: int = 0) -> ToolContacts:
         """Return tools, the pairs in use, and the grasps in force as they travel."""
         count = tabulate_pairs(self._pairs.address, self._index, self._geometry)
         return ToolContacts(
@@ -49,6 +49,7 @@ class ContactsWriter:
             pair_index=pack(self._index[:count], "<i4"),
             pair_geometry=pack(self._geometry[:count]),
             holds=tuple(map(_hold, holds)),
+            begins=begins,
         )
 
 

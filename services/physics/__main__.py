@@ -8,6 +8,7 @@ from operator import add
 
 from protocol import Frame
 from services.cache_directory import cache_directory
+from services.mechanics.beginning import Beginning
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.mechanics.simulation import Simulation
@@ -38,6 +39,7 @@ class Physics:
         self._process = process
         self._meter = meter
         self._scene, self._duct = scene, duct
+        self._begins: int | None = None
         self._begin()
         self.resets = self._looked = self._owed = 0
         meter.periods_allowed = scene.quality[0].ticks_per_step
@@ -48,6 +50,8 @@ class Physics:
         # Hands go on while a process begins anew: a tool that pressed the duct is then inside one that is round again,
         # and its jaws would close on the wall across them.
         self.simulation.tools.were_here()
+        kept = (self._scene, self.simulation.scene, self._duct, self.simulation.duct.reduced)
+        self._beginning = Beginning(self.simulation, kept)
         self._told_rests = 0
         self._reader = ContactsReader(self.simulation)
         self._outputs = Outputs(self.simulation, self._duct.basis.content_hash)
@@ -59,13 +63,14 @@ class Physics:
 
         Where a tick was lost, one may be left over: it waits for the next frame. To take it as a step of its own would
         change the step's length twice, and what is kept between contacts for one length is made anew for another: a
-        single lost tick made the steps after it late as well.
+        single lost tick made the steps after it late as well. Where the rig's time stands, the state is told once more.
         """
         began_ns = time.monotonic_ns()
         self._meter.tick = frame.body.tick
+        self._follow_begins(frame.body.begins)
         self._owed += ticks
         length = self._meter.periods_allowed
-        if self._owed < length:
+        if self._owed < length and ticks:
             return
         steps, self._owed = divmod(self._owed, length)
         if not self._reader.take(frame.body):
@@ -79,6 +84,17 @@ class Physics:
         stepped_ns = time.monotonic_ns()
         self._outputs.publish(self._process.bus, frame, valid=healthy)
         self._meter.stages_ns = (read_ns, *costs_ns, time.monotonic_ns() - stepped_ns)
+
+    def _follow_begins(self, begins: int) -> None:
+        """Put everything back to the scene's start where the hands have begun again: the tools touch nothing yet."""
+        if self._begins is not None and begins > self._begins:
+            level = self.simulation.quality_level
+            self._beginning.put_back()
+            if level:
+                self.simulation.set_quality(level)
+            self._told_rests = self._owed = 0
+            self._outputs.forget()
+        self._begins = begins
 
     def _step(self, costs_ns: list[int], ticks: int) -> bool:
         """Take one step over `ticks`, adding what its stages cost to `costs_ns`; False if it leads to what is not a
@@ -165,9 +181,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     process.ready(meter)
     for frame in follow(process.bus, "haptics.contacts", meter, process.stop, physics.settle):
         if frame is not None:
-            ticks = clock.steps(frame.body.tick)
-            if ticks:
-                physics.advance(frame, ticks)
+            physics.advance(frame, clock.steps(frame.body.tick))
             process.health.change("running")
 
 

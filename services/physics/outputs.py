@@ -69,7 +69,7 @@ class Outputs:
         self._simulation = simulation
         self._basis_hash = basis_hash
         self._inserted_m = 0.0
-        self._inserted_is_old = False
+        self._inserted_is_old, self._inserted_period = False, -1
         self._kinds = np.zeros(simulation.contacts.capacity, np.int8)
         self._table = np.zeros((N_TOOLS, REACTION_COLUMNS))
         hands = np.zeros((N_TOOLS, TOOL_COLUMNS))
@@ -92,8 +92,14 @@ class Outputs:
     def publish(self, bus: Bus, answered: Frame, *, valid: bool) -> None:
         """Send the state, as the answer to one frame of tools: one frame, for each more would wake haptics again."""
         state = self.state(answered.body.tick, answered.body.tools)
-        self._inserted_is_old |= state.tick % _INSERTED_EVERY == 0
+        period = state.tick // _INSERTED_EVERY  # a step of two ticks may end with odd ones only
+        self._inserted_is_old |= period != self._inserted_period
+        self._inserted_period = period
         bus.publish("physics.state", state, origin_ns=answered.origin_ns, valid=valid and answered.valid)
+
+    def forget(self) -> None:
+        """Measure anew what is measured now and then: the scene has begun again."""
+        self._inserted_m, self._inserted_is_old = 0.0, True
 
     def settle(self) -> bool:
         """Measure, between two ticks, what is only looked at: the next frames have it. Return whether it was due."""

@@ -241,6 +241,15 @@ class RecorderSettings(Settings):
         return whole
 
 
+class TrainingSettings(Settings):
+    """What attempts are made at."""
+
+    scenario: str | None = Field(None, description="a file of configs/scenarios; none: the one of the scene, if any")
+    again_after_s: Annotated[float, Field(ge=1.0)] | None = Field(
+        None, description="so long after a success the next attempt begins by itself; none: never"
+    )
+
+
 class Rig(Settings):
     """A whole rig file."""
 
@@ -258,6 +267,7 @@ class Rig(Settings):
     gateway: GatewaySettings = GatewaySettings()
     visualization: ViewSettings = ViewSettings()
     recorder: RecorderSettings = RecorderSettings()
+    training: TrainingSettings = TrainingSettings()
     supervisor: SupervisorSettings = SupervisorSettings()
     contracts: Contracts = Contracts()
 

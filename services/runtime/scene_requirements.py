@@ -16,7 +16,7 @@ from services.runtime import config
 from services.runtime.rig import InstrumentSettings, Rig
 
 #: Processes that only serve tools and catheter; physics keeps its own time without them.
-OF_CONTACT = ("gateway", "haptics")
+OF_CONTACT = ("gateway", "haptics", "training")
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,6 +140,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     judge: JudgeRow | None
     flight: str
     events: tuple[Event, ...]
+    attempt: Mapping[str, object] | None
 
 
 @dataclass
@@ -180,7 +181,12 @@ class Heard:
 
 
 def snapshot(
-    status: RigStatus, heard: Mapping[str, Heard], rig: Rig, scene: str, observed: Report | None = None
+    status: RigStatus,
+    heard: Mapping[str, Heard],
+    rig: Rig,
+    scene: str,
+    observed: Report | None = None,
+    attempt: bodies.Attempt | None = None,
 ) -> Snapshot:
     """Return what the page shows of the rig now: as the supervisor judges it, and as the processes were heard."""
     state, observed = status.state, observed or Report()
@@ -211,6 +217,7 @@ def snapshot(
         judge=_judge_row(heard.get("supervisor", nothing)),
         flight=next((row.lately for row in observed.incidents.values()), ""),
         events=status.events[-EVENTS_SHOWN:],
+        attempt=None if attempt is None else {**msgspec.structs.asdict(attempt), "answers": ()},
     )
 
 

@@ -80,14 +80,21 @@ class Page:
             return
         try:
             while (command := self._link.receive(Command)) is not None:
-                act = self._supervisor.arm if command.what == "arm" else self._supervisor.safe_stop
-                act(command.who)
+                self._act(command)
         except ConnectionError:
             self._lost(self._link, self._child, now_s)
             return
         if now_s >= self._due_s:
             self._due_s = now_s + _TELL_S
             self._link.send(RigStatus.of(self._supervisor, now_s))
+
+    def _act(self, command: Command) -> None:
+        if command.what == "arm":
+            self._supervisor.arm(command.who)
+        elif command.order is None:
+            self._supervisor.safe_stop(command.who)
+        else:
+            self._supervisor.order(command.order, command.said_s, command.who)
 
     def _start(self) -> None:
         self._starts += 1

@@ -46,10 +46,12 @@ class RigStatus(msgspec.Struct, frozen=True):
 
 
 class Command(msgspec.Struct, frozen=True):
-    """What a person asked for over the page."""
+    """What a person asked for over the page at `said_s` of the monotonic clock; an `order` is for the attempt."""
 
-    what: Literal["arm", "safe_stop"]
+    what: Literal["arm", "safe_stop", "attempt"]
     who: str
+    order: bodies.Order | None = None
+    said_s: float = 0.0
 
 
 _T = TypeVar("_T", PageSetup, RigStatus, Command)

@@ -47,12 +47,15 @@ class Knowledge:
     rig: Rig
     observers: Observers
     status: RigStatus | None = None
+    attempt: bodies.Attempt | None = None
     heard: dict[str, dashboard.Heard] = field(default_factory=dict)
 
     def hear(self, bus: Bus) -> None:
         """Take the newest report of every process."""
         if self.status is None:
             return
+        if self.rig.process("training").enabled and (frame := bus.latest("training.attempt")) is not None:
+            self.attempt = frame.body
         for name in (*(process.name for process in self.status.state.processes), OURS):
             heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
             frame = bus.latest(f"{name}.health")
@@ -79,6 +82,11 @@ class Knowledge:
     def reports(self) -> dict[str, bodies.Health]:
         """Return the newest report of every process that was heard."""
         return {name: one.health for name, one in self.heard.items() if one.health is not None}
+
+    def answer(self, order_id: int) -> bodies.Answer | None:
+        """Return what the training process has answered to an order, None as long as it has not."""
+        answers = self.attempt.answers if self.attempt is not None else ()
+        return next((each for each in answers if each.order == order_id), None)
 
     def view_port(self) -> int:
         """Return where the picture is served: as its process says, where it was left to choose."""
@@ -111,6 +119,8 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         registry=registry(knowledge.source),
         arm=lambda who: _ask(link, Command("arm", who)),
         safe_stop=lambda who: _ask(link, Command("safe_stop", who)),
+        order=lambda order, who: _ask(link, Command("attempt", who, order, time.monotonic())),
+        answer=knowledge.answer,
         healthy=knowledge.healthy,
         view_port=knowledge.view_port,
         token=setup.token,
@@ -151,7 +161,7 @@ async def _follow(context: PageContext, knowledge: Knowledge, bus: Bus, link: Li
             observers.sample(status, knowledge.reports())
             report = observers.report()
             context.latest = _encoder.encode(
-                dashboard.snapshot(status, knowledge.heard, knowledge.rig, context.scene, report)
+                dashboard.snapshot(status, knowledge.heard, knowledge.rig, context.scene, report, knowledge.attempt)
             )
         await asyncio.sleep(EVENT_PERIOD_S)
 

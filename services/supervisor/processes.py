@@ -49,4 +49,5 @@ TABLE = (
     ProcessSpec("haptics", "services.haptics", stream="haptics.contact_model"),
     ProcessSpec("visualization", "services.visualization", critical=False, starts_after=("physics",)),
     ProcessSpec("recorder", "services.recorder", critical=False),
+    ProcessSpec("training", "services.training", critical=False),
 )

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 import protocol.bodies as bodies
 from services.runtime.bus import Bus
 from services.runtime.loop import LoopMeter
@@ -23,6 +25,8 @@ from services.supervisor.state_machine import RigState, Situation, next_state
 
 #: How long everything must be well before the rig counts as RUNNING (again).
 SETTLE_S = 1.0
+#: Orders of the attempt are passed on for so long; then who asked has given them up.
+ORDERS_S = 2.0
 _JUDGE_S = 0.1
 _TELL_S = 0.1
 #: A breach seen this long stands: two reports of a process.
@@ -75,6 +79,7 @@ class Supervisor:
         self._safe_stop_file = setup.safe_stop_file
         self._safe_stop = self._remembered()
         self._armed = 0
+        self._orders: deque[tuple[bodies.Order, float]] = deque(maxlen=8)
         self._now_s = now_s
         self._not_ready_s = self._trouble_s = now_s
         self._judged_s = self._told_s = float("-inf")
@@ -94,6 +99,11 @@ class Supervisor:
     def safe_stop(self, who: str) -> None:
         """Stop the rig safely; `who` is the person who asked for it."""
         self._stop_safely(f"commanded by {who}")
+
+    def order(self, order: bodies.Order, said_s: float, who: str) -> None:
+        """Pass on what somebody asked of the attempt at `said_s`; what is old by then is for nobody."""
+        self.say("info", f"supervisor: attempt: {order.what} asked for by {who}")
+        self._orders.append((order, said_s))
 
     def step(self, now_s: float) -> None:
         """Take one turn at `now_s` of the monotonic clock."""
@@ -135,6 +145,11 @@ class Supervisor:
             token_sha256=self.token_sha256,
             quality=_quality(self.enforcement.governor),
             armed=self._armed,
+            orders=tuple(
+                msgspec.structs.replace(order, age_s=max(self._now_s - said_s, 0.0))
+                for order, said_s in self._orders
+                if self._now_s - said_s < ORDERS_S
+            ),
         )
 
     def _stop_safely(self, reason: str) -> None:
@@ -215,7 +230,8 @@ class Supervisor:
         failed = [m for m in self.crew.members.values() if m.critical and m.state == "failed"]
         if failed:
             self._stop_safely(failed[0].reason)
-        troubles = [*self.crew.troubles(), *(breach.text for breach in self.breaches)]
+        breaches = sorted(self.breaches, key=lambda breach: not self._is_critical(breach.process))
+        troubles = [*self.crew.troubles(), *(breach.text for breach in breaches)]
         if not self.crew.all_ready:
             self._not_ready_s = now_s
         if troubles:
@@ -262,4 +278,5 @@ def _quality(governor: Governor) -> bodies.QualityReport:
 
 def _gist(body: bodies.SupervisorState) -> tuple[object, ...]:
     processes = tuple((p.name, p.state, p.pid, p.restarts) for p in body.processes)
-    return body.state, body.quality_level, body.safe_stop, body.armed, processes
+    orders = tuple(order.id for order in body.orders)
+    return body.state, body.quality_level, body.safe_stop, body.armed, orders, processes

@@ -7,10 +7,13 @@ import ipaddress
 import json
 import secrets
 import socket
+import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import prometheus_client
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -20,10 +23,15 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+import protocol.bodies as bodies
 from services.runtime.rig import Rig
 from services.supervisor.page_place import DIST
+from services.training.scenario import scenario_names
 
 EVENT_PERIOD_S = 0.2
+#: So long an order's answer is waited for: it is not carried out after that.
+ANSWER_S = 2.5
+_ORDER_BYTES = 1024
 #: Where the page says who the rig is; as it is built it does not know.
 _UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
@@ -45,6 +53,8 @@ class PageContext:
     registry: prometheus_client.CollectorRegistry
     arm: Callable[[str], None]
     safe_stop: Callable[[str], None]
+    order: Callable[[bodies.Order, str], None]
+    answer: Callable[[int], bodies.Answer | None]
     healthy: Callable[[], tuple[bool, str]]
     view_port: Callable[[], int]
     dist: Path = DIST
@@ -113,6 +123,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/api/state", page.state),
         Route("/api/arm", page.arm, methods=["POST"]),
         Route("/api/safe_stop", page.safe_stop, methods=["POST"]),
+        Route("/api/attempt", page.attempt, methods=["POST"]),
         Route("/metrics", page.metrics),
         Route("/healthz", page.healthz),
         # Whether the page is built is looked at when it is asked for: it may be built while the rig runs.
@@ -121,6 +132,25 @@ def build_app(context: PageContext) -> Starlette:
         Mount("/", _BuiltFiles(context.dist)),
     ]
     return Starlette(routes=routes, middleware=[Middleware(KnownHost)])
+
+
+class _Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    what: Annotated[str, msgspec.Meta(max_length=16)]
+    value: Annotated[float, msgspec.Meta(ge=0.0, le=1e6)] = 0.0
+
+
+def _who(request: Request) -> str:
+    return f"{request.client.host if request.client else 'somebody'} over the web page"
+
+
+async def _short(request: Request) -> bytes:
+    """Return the body of a request as far as an order may be long."""
+    data = b""
+    async for part in request.stream():
+        data += part
+        if len(data) > _ORDER_BYTES:
+            break
+    return data[: _ORDER_BYTES + 1]
 
 
 class _Endpoints:
@@ -163,6 +193,8 @@ class _Endpoints:
             "view_ws": f"ws://{host}:{self._context.view_port()}/ws",
             "hands": rig.page_hands(),
             "token_needed": True,
+            "scenarios": scenario_names(),
+            "scenario": rig.training.scenario,
             "contracts": rig.contracts.model_dump(mode="json"),
         }
 
@@ -172,12 +204,38 @@ class _Endpoints:
     async def safe_stop(self, request: Request) -> Response:
         return self._command(request, self._context.safe_stop)
 
+    async def attempt(self, request: Request) -> Response:
+        """Pass on an order, ``{"what": "slow", "value": 0.25}``, and wait for what the training process answers."""
+        if (refusal := self._refusal(request)) is not None:
+            return refusal
+        if not self._context.rig.process("training").enabled:
+            return JSONResponse({"error": "this rig has no training process"}, 503)
+        try:
+            asked = msgspec.json.decode(await _short(request), type=_Asked)
+        except msgspec.DecodeError as error:
+            return JSONResponse({"error": f"the order cannot be read: {error}"}, 400)
+        order = bodies.Order(id=secrets.randbits(53), what=asked.what, value=asked.value)
+        self._context.order(order, _who(request))
+        end_s = time.monotonic() + ANSWER_S
+        while (answer := self._context.answer(order.id)) is None:
+            if time.monotonic() > end_s:
+                return JSONResponse({"error": "the training process did not answer: nothing was done"}, 504)
+            await asyncio.sleep(EVENT_PERIOD_S / 4)
+        return JSONResponse(
+            {"ok": True, "text": answer.text} if answer.ok else {"error": answer.text}, 200 if answer.ok else 409
+        )
+
     def _command(self, request: Request, act: Callable[[str], None]) -> Response:
+        if (refusal := self._refusal(request)) is not None:
+            return refusal
+        act(_who(request))
+        return JSONResponse({"ok": True})
+
+    def _refusal(self, request: Request) -> Response | None:
         given = request.headers.get("X-Trocar-Token", "")
         if not secrets.compare_digest(given.encode(), self._context.token.encode()):
             return JSONResponse({"error": "the header X-Trocar-Token must carry the token that the rig printed"}, 403)
-        act(f"{request.client.host if request.client else 'somebody'} over the web page")
-        return JSONResponse({"ok": True})
+        return None
 
     async def metrics(self, _request: Request) -> Response:
         text = prometheus_client.generate_latest(self._context.registry)

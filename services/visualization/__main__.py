@@ -37,7 +37,7 @@ def run(process: Process) -> None:
     hands = PageHands(
         followers=process.rig.page_hands(),
         publish=lambda body: process.bus.publish(HANDS, body, at_once=True),
-        instruments=composer.instruments,
+        devices=composer.devices,
         token_sha256=rig_state.token_sha256,
     )
     output = open_output(settings, painted, process.log, hands)

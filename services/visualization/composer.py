@@ -83,10 +83,10 @@ class Composer:
             self._pose_tools(picture, gateway.instruments, reactions)
         return picture
 
-    def instruments(self) -> tuple[bodies.InstrumentState, ...]:
-        """Return what the gateway last said of its instruments."""
+    def devices(self) -> bodies.GatewayState | None:
+        """Return what the gateway last said, None before it has."""
         gateway: bodies.GatewayState | None = self._body("gateway.state")
-        return () if gateway is None else gateway.instruments
+        return gateway
 
     def _body(self, topic: str) -> Any:
         frame = self._newest.get(topic)

@@ -48,8 +48,9 @@ class PageHands:
         Names of the instruments whose arm is driven by the page.
     publish
         Called with what a page asks for.
-    instruments
-        Returns what the gateway last said of its instruments: where a hand that takes them finds them.
+    devices
+        Returns what the gateway last said, None before it has: where a hand that takes the instruments finds them. When
+        the scene has begun again a page is told so, and where they are then.
     token_sha256
         Returns the hash of the session's token as the supervisor tells it, empty while it is not known.
     """
@@ -58,13 +59,13 @@ class PageHands:
         self,
         followers: Collection[str],
         publish: Callable[[bodies.Hands], object],
-        instruments: Callable[[], Collection[bodies.InstrumentState]],
+        devices: Callable[[], bodies.GatewayState | None],
         token_sha256: Callable[[], str],
     ) -> None:
         self.followers = frozenset(followers)
         self.refused = 0
         self._publish = publish
-        self._instruments = instruments
+        self._devices = devices
         self._token_sha256 = token_sha256
         self._holder: Page | None = None
 
@@ -78,8 +79,12 @@ class PageHands:
         if former is not None:
             await former.close(TAKEN_OVER, "another page has taken the instruments")
         try:
-            await page.send_text(self._greeting())
+            greeted: int | None = None
             while self._holder is page:
+                devices = self._devices()
+                if greeted is None or (devices is not None and devices.begins != greeted):
+                    greeted = devices.begins if devices is not None else 0
+                    await page.send_text(_greeting(self._tools(devices), greeted))
                 self._take(await page.receive_text())
         finally:
             if self._holder is page:
@@ -95,13 +100,12 @@ class PageHands:
             return "the rig does not know this token: open the address that trocar up printed"
         return ""
 
-    def _greeting(self) -> str:
-        tools = [
+    def _tools(self, devices: bodies.GatewayState | None) -> list[dict[str, object]]:
+        return [
             {"name": each.name, "position_m": each.position_m, "roll_rad": each.roll_rad}
-            for each in self._instruments()
+            for each in (devices.instruments if devices is not None else ())
             if each.name in self.followers
         ]
-        return json.dumps({"type": "hands", "rate_hz": topic(TOPIC).rate_hz, "tools": tools})
 
     def _take(self, text: str) -> None:
         try:
@@ -110,3 +114,7 @@ class PageHands:
             self.refused += 1
             return
         self._publish(body)
+
+
+def _greeting(tools: list[dict[str, object]], begins: int) -> str:
+    return json.dumps({"type": "hands", "rate_hz": topic(TOPIC).rate_hz, "tools": tools, "begins": begins})

@@ -243,3 +243,29 @@ def test_a_bus_that_is_not_there_is_one_sentence(bus: dict[str, Any], sentence: 
     with pytest.raises(DeviceError, match=sentence) as caught:
         canbus.open_bus(bus, "instrument 'left'")
     assert "\n" not in str(caught.value)
+
+
+def _read(arm: Arm, from_ns: int, ticks: int) -> np.ndarray:
+    """Return the readings of so many ticks."""
+    reading, found = np.zeros(servo_arrays.READ_SIZE), []
+    for k in range(ticks):
+        arm.read(from_ns + k * TICK_NS, reading)
+        found.append(reading.copy())
+    return np.array(found)
+
+
+def test_a_simulated_arm_that_begins_again_does_what_it_did_once_force_begins() -> None:
+    arm = _arm()
+    arm.open()
+    place = slice(servo_arrays.READ_POSITION, servo_arrays.READ_VELOCITY)
+    velocity = slice(servo_arrays.READ_VELOCITY, servo_arrays.READ_VELOCITY + 3)
+    waits = _read(arm, TICK_NS, 50)
+    arm.enable()
+    first = _read(arm, 51 * TICK_NS, 900)
+    assert np.linalg.norm(first[-1, place] - waits[-1, place]) > 5e-3
+    arm.begin_again()
+    back = _read(arm, 951 * TICK_NS, 50)
+    assert np.abs(back[:, place] - waits[:, place]).max() < 1e-3
+    assert np.abs(back[:, velocity]).max() < 0.1, "no arm moves so fast as to be put back"
+    arm.enable()
+    assert np.abs(_read(arm, 1001 * TICK_NS, 900)[:, place] - first[:, place]).max() < 1e-3

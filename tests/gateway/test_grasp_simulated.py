@@ -73,6 +73,34 @@ def test_a_handle_that_is_told_to_go_on_moves_without_torque() -> None:
     assert np.ptp(still) < 0.01
 
 
+def test_a_handle_begins_again_where_it_began_and_waits_there_for_its_sign() -> None:
+    handle = _handle()
+    with _opened(handle):
+        began = _angles(handle, 0.1)[-1]
+        handle.go_on()
+        assert _moves(handle, 0.1)
+        handle.begin_again()
+        deadline_s = time.monotonic() + 30.0
+        while abs(_angles(handle, 0.02)[-1] - began) > 0.01:
+            assert time.monotonic() < deadline_s, "it is not back"
+        assert np.ptp(_angles(handle, 0.3)) < 0.01, "nobody has told it to go on"
+        handle.go_on()
+        assert _moves(handle, 0.1)
+
+
+def test_a_handle_stands_while_time_does() -> None:
+    handle = _handle()
+    with _opened(handle):
+        handle.go_on()
+        assert _moves(handle, 0.1)
+        handle.keep_pace(0.0)
+        deadline_s = time.monotonic() + 30.0
+        while np.ptp(_angles(handle, 0.3)) > 0.01:
+            assert time.monotonic() < deadline_s, "it does not stand"
+        handle.keep_pace(1.0)
+        assert _moves(handle, 0.1)
+
+
 def test_all_drives_are_one_process_that_ends_with_the_last() -> None:
     before, handles = _children(), [_handle(0), _handle(1)]
     with _opened(*handles):

@@ -29,8 +29,9 @@ class Page:
     def __init__(self) -> None:
         self.frame: Frame | None = None
 
-    def say(self, *hands: HandTarget, valid: bool = True) -> None:
-        self.frame = Frame(protocol.PROTOCOL_VERSION, "visualization.hands", 1, 1, 0, 0, 0, valid, Hands(hands=hands))
+    def say(self, *hands: HandTarget, valid: bool = True, begins: int = 0) -> None:
+        body = Hands(hands=hands, begins=begins)
+        self.frame = Frame(protocol.PROTOCOL_VERSION, "visualization.hands", 1, 1, 0, 0, 0, valid, body)
 
     def __call__(self, topic: str) -> Frame | None:
         assert topic == "visualization.hands"
@@ -146,3 +147,19 @@ def test_the_rig_for_a_mouse_has_its_hands_at_the_page() -> None:
     assert rig.model_copy(update=same) == stub, "they differ in their hands only"
     for row, other in zip(rig.gateway.instruments, stub.gateway.instruments, strict=True):
         assert (row.name, row.mount, row.port_m) == (other.name, other.mount, other.port_m)
+
+
+def test_it_begins_again_where_it_waited_and_lets_hands_of_before_be() -> None:
+    bench = Bench()
+    waits, away = bench.run(50)[-1], CENTRE + 0.02
+    opened = bench.handle[servo_arrays.HANDLE_ANGLE]
+    told = HandTarget(name="left", position_m=tuple(away), roll_rad=0.5, opening=0.0)
+    bench.page.say(told)
+    assert np.allclose(bench.run(600)[-1], away, atol=1e-3)
+    bench.arm.begin_again()
+    bench.grasp.begin_again()
+    path = bench.run(600)
+    assert np.abs(path - waits).max() < 1e-6, "the page goes on saying where its hand was"
+    assert bench.handle[servo_arrays.HANDLE_ANGLE] == opened
+    bench.page.say(told, begins=1)
+    assert np.allclose(bench.run(600)[-1], away, atol=1e-3)

@@ -147,6 +147,17 @@ def insert(mouse: Mouse, look: Callable[[], None] = lambda: None) -> None:
 def test_a_newcomer_with_a_mouse_inserts_the_catheter(tmp_path: Path) -> None:
     with newcomer(tmp_path) as mouse:
         insert(mouse)
+        browser = mouse.browser
+        browser.until(lambda: browser.text("#attempt-state").startswith("Well done"), 60, "the goal is reached")
+        mouse.press("#attempt-again")
+        browser.until(
+            lambda: browser.text("#attempt-state").startswith("Begin") and browser.text("#depth-value") == "0.0 mm",
+            60, "everything is back at its start",
+        )  # fmt: skip
+        mouse.move(mouse.pixel(jaws_mm(mouse)))
+        before = jaws_mm(mouse)
+        mouse.wheel(1.0)
+        assert jaws_mm(mouse)[2] < before[2], "the hands are still this person's"
 
 
 def strip(path: Path, columns: int = 3, width: int = 480) -> None:

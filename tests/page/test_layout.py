@@ -29,6 +29,8 @@ document.getElementById('rig-name').textContent = 'mouse · everything';
 document.getElementById('drawn-how').textContent =
   'This browser draws on the processor: 50 % of the resolution, coarse shapes, 12 pictures a second asked for.';
 """
+#: An attempt that is told of, and what is seen of it.
+_ATTEMPT = Path(__file__).with_name("attempt_layout.js").read_text(encoding="utf-8")
 _COVERED = """
 [...document.querySelectorAll('header button, #view button')].filter((button) => {
   const { x, y, width, height } = button.getBoundingClientRect();
@@ -36,6 +38,8 @@ _COVERED = """
     !button.contains(document.elementFromPoint(x + a * width, y + b * height)));
 }).map(({ id, textContent }) => id || textContent)
 """
+#: What the page would ask of a rig, kept.
+_ASKED = "globalThis.asked = []; globalThis.fetch = (path, { body }) => (asked.push(body), Promise.reject());"
 _TOO_WIDE = "document.documentElement.scrollWidth - innerWidth"
 #: Why the rig is degraded, and that a safe stop was not heard, is said there.
 _SAID = """(() => {
@@ -58,6 +62,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
             browser.open(f"http://127.0.0.1:{server.server_port}/")
             browser.until(lambda: browser.evaluate("Boolean(globalThis.trocar?.hands)"), 170, "the page loaded")
             browser.evaluate(_FULL)
+            browser.evaluate(f"{_ATTEMPT};layout.tell()")
             yield browser
         server.shutdown()
 
@@ -71,3 +76,43 @@ def test_no_button_is_covered_and_nothing_too_wide(browser: Chromium, width: int
     assert browser.evaluate(_COVERED) == []
     assert browser.evaluate(_TOO_WIDE) <= 0
     assert browser.evaluate(_SAID)
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+@pytest.mark.parametrize("face", ["trainee", "instructor"])
+@pytest.mark.parametrize(("width", "height"), _SIZES)
+def test_trainee_and_instructor_find_everything_at_its_place(
+    browser: Chromium, width: int, height: int, face: str, scheme: str
+) -> None:
+    browser.set_size(width, height)
+    browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+    browser.evaluate(f"trocar.hands.show(false); location.hash = 'token=t&face={face}'")
+    browser.until(lambda: browser.evaluate("innerWidth") == width, 170, "the size was taken")
+    browser.until(lambda: browser.evaluate("document.body.dataset.face") == face, 170, "the hash was heard")
+    assert browser.evaluate(_COVERED) == []
+    assert browser.evaluate(_TOO_WIDE) <= 0
+    assert browser.evaluate("layout.overlaps()") == 0
+    shown = browser.evaluate("document.body.innerText")
+    assert "does not count: the rig was late" in shown
+    assert ("E10 air or leak" in shown) is (face == "instructor")
+    assert face == "instructor" or not {"us", "µs"} & set(shown.split()), "an engineer's figures"
+    ratio = browser.evaluate("layout.contrasts()")
+    assert min(ratio.values()) >= 4.5, ratio
+
+
+def test_the_keyboard_alone_reaches_every_control_of_the_attempt(browser: Chromium) -> None:
+    browser.set_size(1280, 800)
+    browser.evaluate("location.hash = 'token=t&face=instructor'; document.activeElement?.blur()")
+    browser.until(lambda: browser.evaluate("document.body.dataset.face") == "instructor", 170, "the hash was heard")
+    reached = set()
+    for _ in range(60):
+        for kind in ("keyDown", "keyUp"):
+            browser.command("Input.dispatchKeyEvent", type=kind, key="Tab", code="Tab", windowsVirtualKeyCode=9)
+        reached.add(browser.evaluate("document.activeElement.id || document.activeElement.dataset.order"))
+    assert {"face", "attempt-again", "new", "pause", "slow", "bookmark", "instructor-mirror"} <= reached
+    browser.evaluate(
+        "globalThis.asked = []; globalThis.fetch = (path, { body }) => { asked.push(body); return Promise.reject(); }"
+    )
+    browser.evaluate("document.activeElement.blur()")
+    browser.command("Input.dispatchKeyEvent", type="keyDown", key="b", code="KeyB", windowsVirtualKeyCode=66)
+    assert browser.evaluate("asked") == ['{"what":"new","value":0}']

@@ -106,6 +106,24 @@ def test_it_says_in_small_print_how_it_draws_and_the_rig_sends_no_more_than_it_a
     browser.until(lambda: _loop(page, "visualization")["target_hz"] == asked_hz(), PATIENCE_S, made)
 
 
+def test_an_attempt_is_followed_and_begins_again_from_the_page(page: Page) -> None:
+    """With the session's token; a trainee sees the clock go, and then stand at nought until somebody moves."""
+    browser, rig = page.browser, page.rig
+    token = json.loads(page_file(Transport(directory=rig.directory / "bus")).read_text())["token"]
+    assert browser.evaluate("document.getElementById('attempt-again').disabled")
+    browser.evaluate(f"location.hash = 'token={token}&face=trainee'")
+    browser.until(lambda: browser.text("#attempt-clock") > "0:00", PATIENCE_S, "the clock goes: the hands move")
+    assert browser.text("#attempt-title") == "Practice without a goal"
+    before = page.state()["attempt"]
+    browser.evaluate("document.getElementById('attempt-again').click()")
+    said = "a new attempt begins"
+    browser.until(lambda: browser.text("#instructor-said") == said, PATIENCE_S, "the rig answers")
+    browser.until(lambda: page.state()["attempt"]["began_tick"] > before["began_tick"], PATIENCE_S, "it has begun")
+    assert page.state()["attempt"]["attempt_id"] != before["attempt_id"]
+    browser.evaluate("location.hash = 'face=engineer'")
+    browser.until(lambda: browser.evaluate("document.body.dataset.face") == "engineer", PATIENCE_S, "as it was")
+
+
 _DRAWN = """({
   step: trocar.view.governor.at, width: document.querySelector('#scene').width,
   words: document.querySelector('#drawn-how').textContent,

@@ -42,7 +42,7 @@ class Rig:
         self.meter = LoopMeter(1000.0, physics.STAGES)
         self.clock = TickClock(self.meter)
         self.physics = Physics(self.physics_process, self.meter, scene, duct)  # type: ignore[arg-type]
-        self.tick = 0
+        self.tick = self.begins = 0
 
     def turn(self, *hips_m: tuple[float, float, float], handle_rad: float = 0.5) -> None:
         """One millisecond: device frame, haptics, physics."""
@@ -50,7 +50,7 @@ class Rig:
             InstrumentState(name=f"{i}", position_m=hip, port_m=PORTS[i % 2], handle_angle_rad=handle_rad)
             for i, hip in enumerate(hips_m)
         )
-        state = GatewayState(tick=self.tick, instruments=instruments)
+        state = GatewayState(tick=self.tick, instruments=instruments, begins=self.begins)
         self.gateway.publish("gateway.state", state, origin_ns=time.monotonic_ns())
         self.tick += 1
         frame = self.haptics_process.bus.latest("gateway.state")

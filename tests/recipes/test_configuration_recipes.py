@@ -22,6 +22,15 @@ def test_a_scene_is_a_file(tree: TreeCopy) -> None:
     assert "soft-curve" in tree.run("bash", "-c", "trocar config show --scene nowhere 2>&1 || true")
 
 
+def test_a_scenario_is_a_file(tree: TreeCopy) -> None:
+    tree.follow("Adding a scenario")
+    assert "On to the second marker: 18 mm within 240 s (scene insertion)" in tree.run("trocar", "scenarios")
+    refused = tree.run(
+        "bash", "-c", "sed -i s/depth_m/deep_m/ configs/scenarios/deep.yaml; trocar scenarios 2>&1 || true"
+    )
+    assert "deep.yaml: goal.deep_m: unknown key 'deep_m'" in refused
+
+
 def test_a_device_file_is_what_a_rig_names(tree: TreeCopy) -> None:
     tree.follow("Adding a device file")
     told = tree.python(

@@ -37,6 +37,7 @@ class Sample:
     force_n: tuple[float, float, float]
     state: str
     model_age_s: float
+    begins: int = 0
 
 
 @dataclass
@@ -57,7 +58,7 @@ class Observer:
             left = body.instruments[0]
             times_ns = frame.sent_ns, frame.origin_ns
             felt = left.applied_force_n, left.state, left.model_age_s
-            self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, *felt))
+            self.samples.append(Sample(*times_ns, frame.incarnation, body.tick, *felt, body.begins))
         if self.solved is not None:
             self.solved.extend(frame.body for frame in self.bus.drain("physics.state"))
         self.states.extend((frame.sent_ns, frame.body) for frame in self.bus.drain("supervisor.state"))

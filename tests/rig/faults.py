@@ -18,7 +18,7 @@ MENDED_S = 60.0
 TICKS = 120
 FAULTS = [
     (name, number)
-    for name in ("haptics", "physics", "gateway", "visualization", "recorder")
+    for name in ("haptics", "physics", "gateway", "visualization", "recorder", "training")
     for number in (signal.SIGKILL, signal.SIGSTOP)
 ]
 

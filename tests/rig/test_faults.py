@@ -10,9 +10,10 @@ import signal
 
 import pytest
 
+from services.cli.arm import run_command
 from services.recorder.recording import read
 from tests.rig.conftest import Rig
-from tests.rig.faults import FAULTS, strike
+from tests.rig.faults import FAULTS, MENDED_S, engage, force_n, force_rates_n_s, rate_limit_n_s, strike
 
 pytestmark = [pytest.mark.rig, pytest.mark.timeout(600)]
 
@@ -23,6 +24,35 @@ BY_DAY = [
     ("visualization", signal.SIGSTOP),
     ("recorder", signal.SIGKILL),
 ]
+
+
+def test_an_attempt_begins_again_stands_and_goes_on_with_limp_arms_and_without_a_kick(rig: Rig) -> None:
+    """In the whole rig, by the command line's way: through page, supervisor, training process and gateway."""
+    observer, overrides = rig.observer, (f"transport.directory={rig.directory / 'bus'}",)
+
+    def ask(what: str, value: float = 0.0) -> None:
+        assert run_command("attempt", "stub", overrides, asked={"what": what, "value": value})["ok"]
+
+    engage(rig)
+    del observer.samples[:-50]
+    ask("new")
+    observer.until(lambda: observer.samples[-1].begins == 1, MENDED_S, "the scene begins again")
+    began = next(k for k, sample in enumerate(observer.samples) if sample.begins)
+    assert force_n(observer.samples[began]) == 0.0, "hands are put back only without force"
+    assert force_n(observer.samples[0]) > 0.0
+    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, MENDED_S, "a force at the left hand")
+    ask("pause")
+    observer.until(lambda: observer.samples[-1].tick == observer.samples[-30].tick, MENDED_S, "time stands")
+    stands = observer.samples[-1].tick
+    assert not any(force_n(sample) for sample in observer.samples if sample.tick == stands)
+    ask("step", 7)
+    observer.until(lambda: observer.samples[-1].tick == stands + 7, MENDED_S, "seven ticks more")
+    ask("resume")
+    observer.until(lambda: force_n(observer.samples[-1]) > 0.02, MENDED_S, "a force at the left hand again")
+    rates_n_s = force_rates_n_s(observer.samples)
+    assert len(rates_n_s) > 500
+    assert max(rates_n_s) <= rate_limit_n_s()
+    assert observer.samples[-1].begins == 1
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_nothing_heard_yet_is_null_not_nan() -> None:
     shown = _shown(Bench(rig()))
     assert shown["state"] == "off"
     assert shown["answered_next_tick"] is None
-    assert [row["loop"] for row in shown["processes"]] == [None] * 5
+    assert [row["loop"] for row in shown["processes"]] == [None] * 6
 
 
 def test_how_late_the_supervisor_judged_is_shown() -> None:
@@ -79,7 +79,7 @@ def test_the_agreed_keys() -> None:
         bench.heard["gateway"].take(body)
     shown = _shown(bench)
     assert {"t", "state", "reason", "quality_level", "safe_stop", "rig", "scene", "heat", "events"} <= shown.keys()
-    assert len(shown["processes"]) == 5
+    assert len(shown["processes"]) == 6
     for row in shown["processes"]:
         assert row.keys() >= ROW
         assert row["loop"].keys() == LOOP

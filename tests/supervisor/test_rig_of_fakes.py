@@ -40,12 +40,12 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
             session.open_session(fakes.options)
 
     events = fakes.play(scenario)
-    assert len(set(pids)) == 5
+    assert len(set(pids)) == 6
     assert all(gone(pid) for pid in pids)
     assert progress["physics"] == ("building what a fake needs", 0.5)
     started = [event.split(":")[0] for event in events if "started as process" in event]
-    assert set(started[:3]) == {"physics", "haptics", "recorder"}
-    assert set(started[3:]) == {
+    assert set(started[:4]) == {"physics", "haptics", "recorder", "training"}
+    assert set(started[4:]) == {
         "gateway",
         "visualization",
     }  # they wait until haptics and physics say that they are ready
@@ -89,7 +89,7 @@ def test_who_dies_is_born_anew_and_started_anew_where_nobody_bears_any_more(
 
     with Nursery() as nursery:
         events = replace(fakes, nursery=nursery).play(scenario)
-    assert born == [True] * 6 + [False]
+    assert born == [True] * 7 + [False]
     assert all(gone(pid) for pid in pids)
     assert sum(event.startswith("haptics: ended by SIGKILL") for event in events) == 2
 

@@ -43,7 +43,9 @@ def test_report_counts_the_running_time_only(fakes: Fakes, tmp_path: Path) -> No
     (stay,) = result["rungs"]
     assert stay["level"] == 0
     assert stay["loops"]["gateway"]["ticks"] == result["loops"]["gateway"]["ticks"]
-    assert result["restarts"] == {"gateway": 0, "physics": 0, "haptics": 1, "visualization": 0, "recorder": 0}
+    assert result["restarts"] == {
+        "gateway": 0, "physics": 0, "haptics": 1, "visualization": 0, "recorder": 0, "training": 0
+    }  # fmt: skip
     gateway, slow = result["loops"]["gateway"], result["loops"]["recorder"]
     assert gateway.keys() >= {"rate_hz", "ticks", "misses", "miss_ratio", "lateness_us", "work_us"}
     assert gateway["lateness_us"].keys() == {"p50", "p99", "p99_9", "max"}
@@ -193,7 +195,8 @@ def test_others_live_on_without_their_supervisor_and_down_ends_them(fakes: Fakes
     sniffed = _trocar(fakes, "sniff", "gateway.state", "--count", "2", "--json")
     assert [json.loads(text)["topic"] for text in sniffed.stdout.splitlines()] == ["gateway.state"] * 2
     down = _trocar(fakes, "down", "--json")
-    assert set(json.loads(down.stdout)["ended"]) == {"gateway", "haptics", "physics", "visualization", "recorder"}
+    ended = {"gateway", "haptics", "physics", "visualization", "recorder", "training"}
+    assert set(json.loads(down.stdout)["ended"]) == ended
     assert json.loads(_trocar(fakes, "down", "--json").stdout) == {"ended": []}
 
 
@@ -239,7 +242,7 @@ def test_the_page_is_a_process_of_its_own_and_is_started_again(fakes: Fakes) -> 
         asking.start()
         yield from until(lambda: not asking.is_alive())
         assert told[1]["state"] == "running"
-        assert [member.restarts.count for member in supervisor.crew.members.values()] == [0] * 5, "the rig goes on"
+        assert [member.restarts.count for member in supervisor.crew.members.values()] == [0] * 6, "the rig goes on"
 
     fakes.play(scenario)
     assert page_servers() == []

@@ -25,6 +25,15 @@ from tests.supervisor.made_up import health, histogram, loop_report, rig
 class Asked:
     arm: list[str] = field(default_factory=list)
     safe_stop: list[str] = field(default_factory=list)
+    orders: list[bodies.Order] = field(default_factory=list)
+    answers: bool = True
+
+    def answer(self, order_id: int) -> bodies.Answer | None:
+        """Return what a training process would say that knows of `new` only."""
+        if not self.answers:
+            return None
+        ok = self.orders[-1].what == "new"
+        return bodies.Answer(order=order_id, ok=ok, text="a new attempt begins" if ok else "there is no such order")
 
 
 def _source() -> RigSource:
@@ -60,6 +69,8 @@ def context(asked: Asked, tmp_path: Path) -> PageContext:
         registry=registry(_source),
         arm=asked.arm.append,
         safe_stop=asked.safe_stop.append,
+        order=lambda order, _who: asked.orders.append(order),
+        answer=lambda order_id: asked.answer(order_id),
         healthy=lambda: (True, "running"),
         view_port=lambda: 8081,
         dist=tmp_path / "dist",
@@ -73,18 +84,20 @@ class Client:
     def __init__(self, app: Starlette) -> None:
         self._transport = httpx.ASGITransport(app)
 
-    def ask(self, method: str, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
+    def ask(
+        self, method: str, path: str, headers: dict[str, str] | None = None, content: bytes = b""
+    ) -> httpx.Response:
         async def once() -> httpx.Response:
             async with httpx.AsyncClient(transport=self._transport, base_url="http://localhost:8080") as client:
-                return await client.request(method, path, headers=headers)
+                return await client.request(method, path, headers=headers, content=content)
 
         return asyncio.run(once())
 
     def get(self, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
         return self.ask("GET", path, headers)
 
-    def post(self, path: str, headers: dict[str, str] | None = None) -> httpx.Response:
-        return self.ask("POST", path, headers)
+    def post(self, path: str, headers: dict[str, str] | None = None, content: bytes = b"") -> httpx.Response:
+        return self.ask("POST", path, headers, content)
 
 
 @pytest.fixture
@@ -253,3 +266,34 @@ def test_the_deadline_is_an_edge_so_miss_ratios_are_exact(client: Client) -> Non
     assert buckets["+Inf"] == 100
     ordered = [count for _, count in sorted(buckets.items(), key=lambda item: float(item[0]))]
     assert ordered == sorted(ordered)
+
+
+def test_an_order_of_the_attempt_is_answered_by_who_carries_it_out(
+    client: Client, context: PageContext, asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.supervisor.web.ANSWER_S", 0.2)
+    token = {"X-Trocar-Token": context.token}
+    order = b'{"what": "new", "value": 0.5}'
+    assert client.post("/api/attempt", content=order).status_code == 403
+    assert asked.orders == []
+    done = client.post("/api/attempt", token, order)
+    assert (done.status_code, done.json()) == (200, {"ok": True, "text": "a new attempt begins"})
+    assert (asked.orders[0].what, asked.orders[0].value) == ("new", 0.5)
+    refused = client.post("/api/attempt", token, b'{"what": "dance"}')
+    assert (refused.status_code, refused.json()) == (409, {"error": "there is no such order"})
+    asked.answers = False
+    late = client.post("/api/attempt", token, order)
+    assert late.status_code == 504
+    assert "nothing was done" in late.json()["error"]
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"[1]", b'{"what": 1}', b'{"what": "new", "value": -1}', b'{"what": "new", "x": 1}', b"9" * 5000]
+)
+def test_an_order_that_cannot_be_read_is_refused_with_a_sentence(
+    client: Client, context: PageContext, asked: Asked, content: bytes
+) -> None:
+    answer = client.post("/api/attempt", {"X-Trocar-Token": context.token}, content)
+    assert answer.status_code == 400
+    assert answer.json()["error"].startswith("the order cannot be read: ")
+    assert asked.orders == []

@@ -50,8 +50,9 @@ class Page:
 class Rig:
     def __init__(self, *followers: str) -> None:
         self.published: list[bodies.Hands] = []
+        self.devices = bodies.GatewayState(tick=0, instruments=(AT, OTHER), begins=3)
         self.token_sha256 = hashlib.sha256(TOKEN.encode()).hexdigest()
-        self.hands = PageHands(followers, self.published.append, lambda: (AT, OTHER), lambda: self.token_sha256)
+        self.hands = PageHands(followers, self.published.append, lambda: self.devices, lambda: self.token_sha256)
 
     def serve(self, page: Page) -> None:
         async def run() -> None:
@@ -68,6 +69,23 @@ def test_a_page_with_the_token_is_told_where_its_tools_are_and_moves_them() -> N
     assert greeting["tools"] == [{"name": "left", "position_m": [0.1, 0.2, 0.3], "roll_rad": 0.4}]
     (body,) = rig.published
     assert body.hands == (bodies.HandTarget(name="left", position_m=(0.01, 0.02, 0.03), roll_rad=0.5, opening=1.0),)
+
+
+def test_a_page_is_greeted_again_where_the_scene_has_begun_again_and_says_of_which_beginning_its_hands_are() -> None:
+    rig = Rig("left")
+    back = bodies.InstrumentState(name="left", position_m=(0.4, 0.5, 0.6))
+
+    class Slow(Page):
+        async def receive_text(self) -> str:
+            if len(self.messages) == 1:
+                rig.devices = bodies.GatewayState(tick=0, instruments=(back, OTHER), begins=4)
+            return await super().receive_text()
+
+    page = Slow(TOKEN, [[ROW], 3], [[ROW], 3], [[ROW], 4])
+    rig.serve(page)
+    assert [each["begins"] for each in page.heard] == [3, 4]
+    assert page.heard[1]["tools"][0]["position_m"] == [0.4, 0.5, 0.6]  # type: ignore[index]
+    assert [each.begins for each in rig.published] == [3, 3, 4]
 
 
 @pytest.mark.parametrize("token", ["", "guess", TOKEN + " ", TOKEN.upper(), "\ud800"])

@@ -35,7 +35,7 @@ PATIENCE_S = 60.0
 
 def nobodys_hands(published: list[bodies.Hands] | None = None, *followers: str) -> PageHands:
     token = hashlib.sha256(TOKEN.encode()).hexdigest()
-    return PageHands(followers, ([] if published is None else published).append, lambda: (), lambda: token)
+    return PageHands(followers, ([] if published is None else published).append, lambda: None, lambda: token)
 
 
 class Show:

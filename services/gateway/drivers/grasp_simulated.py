@@ -77,6 +77,17 @@ class Driver(OdriveGrasp):
             self._goes_on = True
             self._drives.go_on(self.node)
 
+    def begin_again(self) -> None:
+        """Let the hand on the handle begin once more: with the torque, or when it may go on."""
+        self._goes_on = False
+        if self._drives is not None:
+            self._drives.begin_again(self.node)
+
+    def keep_pace(self, pace: float) -> None:
+        """Let the hand on the handle move at this pace."""
+        if self._drives is not None:
+            self._drives.keep_pace(self.node, pace)
+
     def may_come(self) -> bool:
         """Return whether the process of the drive lives."""
         return self._drives is not None and self._drives.end() is None

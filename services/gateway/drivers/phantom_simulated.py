@@ -66,10 +66,10 @@ class Driver(Arm):
         self._enabled = False
         self._move_hand()
         try:
-            start = premium_model.inverse(self._hand[HAND_TARGET : HAND_TARGET + 3])
+            self._start = premium_model.inverse(self._hand[HAND_TARGET : HAND_TARGET + 3])
         except ValueError as error:
             raise ConfigError(f"instrument {place.instrument!r}: {error} to the script's first point") from None
-        self.arm = simulated_arm.ArmState(start, file.velocity_filter_hz)
+        self.arm = simulated_arm.ArmState(self._start, file.velocity_filter_hz)
         self._tick = None if self._player is None else self._tick_of(self._player)
 
     def _tick_of(self, player: Player) -> ArmTick:
@@ -120,6 +120,13 @@ class Driver(Arm):
     def go_on(self) -> None:
         """Let the scripted hand begin without force."""
         self._running = True
+
+    def begin_again(self) -> None:
+        """Put the arm where the script begins; that begins with the force, as it did."""
+        self._script_s = 0.0
+        self._running = False
+        self._move_hand()
+        self.arm.put(self._start)
 
     def read(self, time_ns: int, reading: FloatArray) -> None:
         """Advance to `time_ns` and write what encoders and motors say."""

@@ -70,6 +70,8 @@ class ResidualField:
         place[known] = np.arange(known.sum())
         blocks = np.empty((int(known.sum()), 3, 3), np.float32)
         copy_blocks(duct.residual.store, (start, ring), place, blocks)
+        for constant in (near, start, ring, place, blocks):  # 40 MB, which a simulation's beginning need not hold twice
+            constant.flags.writeable = False
         self.nodes = np.zeros(n, np.int32)
         self.displacement_m = np.zeros((n, 3))
         self.count = 0

@@ -1,5 +1,9 @@
 // The page: the view on the left, the dashboard on the right. Everything it needs comes from the rig that serves it.
 
+import { Faces } from "./attempt/faces.js";
+import { Instructor } from "./attempt/instructor.js";
+import { Orders } from "./attempt/orders.js";
+import { AttemptPanel } from "./attempt/panel.js";
 import { Controls } from "./dashboard/controls.js";
 import { Dashboard } from "./dashboard/dashboard.js";
 import { RigStream } from "./dashboard/stream.js";
@@ -10,13 +14,20 @@ import { View } from "./view/view.js";
 
 let view = null, hands = null;
 const PICTURE_FIRST_MS = 5000;
+const orders = new Orders((text, ok) => instructor.say(text, ok));
+const instructor = new Instructor(orders), attempt = new AttemptPanel(orders);
 const dashboard = new Dashboard({
+  peaks: () => view?.takePeaks() ?? [],
   period: () => (view?.software ? (view.slow ? 3000 : 900) : 0),
   // Curves and tables were a seventh of what a computer that draws on its processor did until the first picture.
   waits: () => Boolean(view?.software && view.stream && !view.last) && performance.now() < PICTURE_FIRST_MS,
 });
-const controls = new Controls((token) => hands?.admit(token));
-globalThis.trocar = { view, hands, dashboard }; // for whoever looks into the page with the browser's tools
+const controls = new Controls((token) => {
+  orders.token = token;
+  for (const each of [hands, attempt, instructor]) each?.admit(token);
+});
+const faces = new Faces(document.getElementById("face"), () => view?.ask());
+globalThis.trocar = { view, hands, dashboard, attempt, instructor }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");
 panel.onclick = () => {
@@ -24,13 +35,19 @@ panel.onclick = () => {
   panel.setAttribute("aria-pressed", !alone);
 };
 
+// The keyboard alone reaches everything; while hands are held, Tab is theirs, so this has a key of its own.
+addEventListener("keydown", (event) => {
+  const typing = /^(INPUT|TEXTAREA|SELECT)$/.test(event.target?.tagName ?? "");
+  if (event.code === "KeyB" && !typing && !event.repeat && !(event.ctrlKey || event.metaKey || event.altKey)) orders.ask("new");
+});
+
 const WITHOUT_PICTURE = {
   native: "The picture is in a window of the rig's own screen.",
   none: "This rig draws no picture (visualization.viewer: none).",
 };
 
 function makeView() {
-  view = new View(() => dashboard.turn());
+  view = new View(() => dashboard.turn(), attempt);
   hands = view.stage ? new Hands(view, controls.token) : null;
   Object.assign(globalThis.trocar, { view, hands });
 }
@@ -50,9 +67,16 @@ new RigStream({
     document.getElementById("rig-name").textContent = [rig.name, rig.scene].filter(Boolean).join(" · ");
     document.title = rig.name ? `Trocar · ${rig.name}` : "Trocar";
     dashboard.setContracts(rig.contracts);
+    faces.setHands(Boolean(rig.hands?.length));
+    instructor.setScenarios(rig.scenarios, rig.scenario);
     if (!view?.stream) follow(rig);
   },
-  onState: (state) => dashboard.update(state),
+  onState: (state) => {
+    attempt.update(state.attempt);
+    instructor.update(state.attempt);
+    if (state.attempt && view?.stage) view.startMirrored(state.attempt.mirrored);
+    dashboard.update(state);
+  },
   onLink: (text) => {
     dashboard.link(text);
     if (!view) makeView(); // no rig answers: the page is there all the same

@@ -1,11 +1,12 @@
 // Curves over time with uPlot: latency of a path, miss ratio by loop.
 
 import uPlot from "uplot";
-import { known, share, us } from "./format.js";
+import { force, known, share, us } from "./format.js";
 
 const SECONDS = 120;
 export const COLOURS = ["#56c5b4", "#6ba8e5", "#eab54d", "#f0695a", "#b79cf2", "#8fd16a", "#d98cc0"];
-const AXIS = { stroke: "#8d9aa8", grid: { stroke: "#1e252d", width: 1 }, ticks: { show: false }, font: "11px system-ui", size: 52 };
+const css = (name) => () => getComputedStyle(document.documentElement).getPropertyValue(name);
+const AXIS = { stroke: css("--muted"), grid: { stroke: css("--rule"), width: 1 }, ticks: { show: false }, font: "11px system-ui", size: 52 };
 const TIME = { ...AXIS, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t.toFixed(0)} s`)) };
 
 // A line at `value()` across the plot.
@@ -88,4 +89,9 @@ export const latencyChart = (parent, limit) =>
 export const missChart = (parent, loops, limit) =>
   new TimeChart(parent, loops, {
     floor: 1e-5, ceiling: 1, top: 1, format: share, limit, limitLabel: (v) => `budget ${share(v)}`,
+  });
+
+export const forceChart = (parent, tools, limit) =>
+  new TimeChart(parent, tools, {
+    floor: 1e-3, ceiling: 10, top: 100, format: force, limit, limitLabel: (v) => `limit ${force(v)}`,
   });

@@ -1,6 +1,6 @@
 // The dashboard: five messages a second become curves, a heat map and tables.
 
-import { COLOURS, latencyChart, missChart } from "./charts.js";
+import { COLOURS, forceChart, latencyChart, missChart } from "./charts.js";
 import { givenUp, known, percent, us } from "./format.js";
 import { HeatMap } from "./heat.js";
 import { element, Rows, text } from "./rows.js";
@@ -44,7 +44,9 @@ export class Dashboard {
   // `period()`: milliseconds between two showings, each with a picture (`turn`) while they come; 0: with every message. Where the
   // browser draws on the processor each frame of the page costs as much as a picture does, and all curves more than one.
   // `waits()`: whether all but the state of the rig is to wait, for something that a person waits for.
-  constructor({ period = () => 0, waits = () => false } = {}) {
+  // `peaks()`: largest force on each tool since it was asked last.
+  constructor({ period = () => 0, waits = () => false, peaks = () => [] } = {}) {
+    this.peaks = peaks;
     this.period = period;
     this.waits = waits;
     this.drawnAt = -Infinity;
@@ -82,7 +84,7 @@ export class Dashboard {
 
   update(state) {
     if (this.history.length && state.t < this.history.at(-1).t) this.history = []; // the rig has started anew
-    this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state), floor: state.floor ?? [] });
+    this.history.push({ t: state.t, paths: state.paths ?? [], loops: loopsOf(state), floor: state.floor ?? [], peaks: this.peaks() });
     if (this.history.length > KEPT) this.history.shift();
     this.state = state;
     this.heat.add(state.heat, Object.fromEntries(loopsOf(state).map(({ name, loop }) => [name, 1e6 / loop.target_hz])));
@@ -103,7 +105,7 @@ export class Dashboard {
     const { state } = this;
     this.drawnAt = performance.now();
     this.showRig(state);
-    if (document.body.classList.contains("alone") || this.waits()) return;
+    if (document.body.classList.contains("alone") || document.body.dataset.face !== "engineer" || this.waits()) return;
     this.shown = state;
     for (const table of this.tables) table.update(state.processes ?? []);
     this.topics.update(state.topics ?? []);
@@ -113,6 +115,7 @@ export class Dashboard {
     this.paths.update((state.paths ?? []).map((path) => path.name), FIRST_PATH);
     this.loops.update(Object.keys(state.heat ?? {}), "gateway");
     this.drawPath();
+    this.drawForces();
     this.drawMisses();
     this.heat.show(this.loops.chosen);
   }
@@ -140,6 +143,19 @@ export class Dashboard {
     this.latency.set(this.history.map(({ t }) => t), QUANTILES.map((q) => rows.map((row) => row?.[q] ?? null)));
   }
 
+  drawForces() {
+    const names = this.history.at(-1).peaks.map(({ name }) => name);
+    if (!names.length) return;
+    if (names.join() !== this.forceNames) {
+      $("force-chart").replaceChildren();
+      this.forces = forceChart($("force-chart"), names, () => this.state?.attempt?.force_limit_n || null);
+      this.forceNames = names.join();
+      legend($("force-chart"), names);
+    }
+    const of = ({ peaks }, name) => peaks.find((peak) => peak.name === name)?.newton ?? null;
+    this.forces.set(this.history.map(({ t }) => t), names.map((name) => this.history.map((message) => of(message, name))));
+  }
+
   drawMisses() {
     const loops = loopsOf(this.state).map(({ name }) => name);
     const names = [...loops, ...(this.state.floor ?? []).map(({ core }) => `${MACHINE}${core}`)];
@@ -148,22 +164,22 @@ export class Dashboard {
       $("miss-chart").replaceChildren();
       this.misses = missChart($("miss-chart"), names, () => this.missBudget);
       this.missNames = names.join();
-      this.missLegend(names);
+      legend($("miss-chart"), names);
     }
     this.misses.set(this.history.map(({ t }) => t), names.map((name) =>
       this.history.map((message) => missRatio(message, name))));
   }
 
-  missLegend(names) {
-    const head = $("miss-chart").parentElement.querySelector("h2");
-    head.querySelector(".legend")?.remove();
-    const legend = element("span", { className: "legend" }, ...names.map((name, i) => {
-      const entry = element("span", { textContent: name });
-      entry.style.setProperty("--swatch", COLOURS[i % COLOURS.length]);
-      return entry;
-    }));
-    head.append(legend);
-  }
+}
+
+function legend(chart, names) {
+  const head = chart.parentElement.querySelector("h2");
+  head.querySelector(".legend")?.remove();
+  head.append(element("span", { className: "legend" }, ...names.map((name, i) => {
+    const entry = element("span", { textContent: name });
+    entry.style.setProperty("--swatch", COLOURS[i % COLOURS.length]);
+    return entry;
+  })));
 }
 
 function missRatio({ loops, floor }, name) {

@@ -75,7 +75,11 @@ export class Hands {
     });
   }
 
+  // Told again where the scene has begun again: the tools are where they waited then.
   begin(greeting) {
+    const again = this.grips.length > 0, which = this.active;
+    this.begins = greeting.begins;
+    clearInterval(this.timer);
     const shapes = this.view.stage.layout?.tools ?? [];
     const pairs = greeting.tools.map((tool) => [tool, shapes.findIndex((shape) => shape.name === tool.name)]);
     this.grips = pairs.filter(([, at]) => at >= 0).map(([tool, at]) => Object.assign(new Grip(tool, shapes[at]), { at }));
@@ -83,7 +87,8 @@ export class Hands {
     this.timer = setInterval(() => this.turn(), 1000 / greeting.rate_hz);
     this.last = performance.now();
     this.show(true);
-    this.choose(0);
+    this.choose(again ? which : 0);
+    if (again) return;
     this.view.stage.lookOver(this.grips.map((grip) => grip.jaws));
   }
 
@@ -163,7 +168,7 @@ export class Hands {
     if (x || y || z) this.move(this.grip, inWorld([x, y, z]));
     if (roll) this.grip.turn(roll);
     readGamepad(seconds)?.forEach((hand, i) => this.follow(this.grips[i], hand, inWorld));
-    this.link?.send(this.grips);
+    this.link?.send(this.grips, this.begins);
     this.feel();
   }
 

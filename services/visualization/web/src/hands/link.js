@@ -12,8 +12,9 @@ export class HandLink {
   }
 
   // Sends what has changed, and now and then what has not, so that the rig knows that somebody is there.
-  send(grips) {
-    const text = JSON.stringify([grips.map((grip) => grip.row())]);
+  // `begins`: how often the scene was begun again, as the greeting said: hands of an earlier one are let be.
+  send(grips, begins) {
+    const text = JSON.stringify([grips.map((grip) => grip.row()), begins]);
     if (this.socket.readyState !== WebSocket.OPEN || (text === this.last && ++this.quiet < 10)) return;
     this.last = text;
     this.quiet = 0;

@@ -50,6 +50,8 @@ export class Stage {
     this.scene.add(this.bodies, this.lens.object);
     this.layout = null;
     this.showForces = true;
+    this.sideSign = 1;
+    this.sided = false;
     this.prepare();
   }
 
@@ -103,7 +105,11 @@ export class Stage {
     if (this.catheter) this.bodies.add(this.catheter.object);
     for (const body of [...this.tools.map((tool) => tool.root), ...this.arrows.map((a) => a.object)]) this.bodies.add(body);
     this.frameBounds(bounds);
-    if (first) this.lookFrom("scope");
+    if (first) {
+      this.sideSign = 1;
+      this.sided = false;
+      this.lookFrom("scope");
+    }
   }
 
   frameBounds(bounds) {
@@ -118,7 +124,7 @@ export class Stage {
 
   lookFrom(preset) {
     const up = new THREE.Vector3(0, 0, 1);
-    const side = new THREE.Vector3().crossVectors(this.axis, up).normalize();
+    const side = new THREE.Vector3().crossVectors(this.axis, up).normalize().multiplyScalar(this.sideSign);
     const s = this.size, aim = this.aim.clone();
     const at = (a, b, c) => aim.clone().addScaledVector(this.axis, a * s).addScaledVector(side, b * s).addScaledVector(up, c * s);
     const places = {
@@ -137,6 +143,18 @@ export class Stage {
     this.controls.update();
   }
 
+  // Once the tools are seen: looks from the side of the duct from which the one called left is on the left of a plain picture.
+  takeSides({ poses }) {
+    const [left, right] = ["left", "right"].map((name) => this.layout.tools.findIndex((tool) => tool.name === name));
+    if (this.sided || poses.length < 7 || (left < 0 && right < 0)) return;
+    this.sided = true;
+    this.camera.updateMatrixWorld();
+    const across = (i) => (i < 0 ? 0 : new THREE.Vector3(...poses.subarray(7 * i, 7 * i + 3)).project(this.camera).x);
+    if (across(left) <= across(right)) return;
+    this.sideSign = -1;
+    this.lookFrom("scope");
+  }
+
   // Looks as through the scope, from where the mouth and all of `points` (3,), in millimetres, are in the picture.
   lookOver(points) {
     const low = points.map(([x, y]) => [x, y, this.mouth.z]); // where they will be lowered to
@@ -151,6 +169,7 @@ export class Stage {
   }
 
   update(frame, colourOfForce) {
+    this.takeSides(frame);
     this.duct.update(frame);
     this.catheter?.update(frame);
     this.tools.forEach((tool, i) => {

@@ -1,5 +1,6 @@
 // The view: stream, stage, and the figures drawn over them.
 
+import { jawsAt } from "../hands/motion.js";
 import { force } from "../dashboard/format.js";
 import { Governor, ladder } from "./governor.js";
 import { canvasFor, Stage } from "./stage.js";
@@ -17,8 +18,11 @@ export function colourOfForce(newton) {
 
 export class View {
   // onTurn(): what else is to be shown in a frame of the page; each frame costs a processor that draws, whatever is in it.
-  constructor(onTurn = () => {}) {
+  // attempt: the `AttemptPanel`, which knows what each hand holds and what it may press with.
+  constructor(onTurn = () => {}, attempt = null) {
     this.onTurn = onTurn;
+    this.attempt = attempt;
+    this.peaks = [];
     this.frames = 0;
     this.drawnAt = 0;
     this.changed = true;
@@ -66,8 +70,10 @@ export class View {
     $("view").classList.add("ready");
     $("tools").replaceChildren(...layout.tools.map((tool) => toolRow(tool.name)));
     this.rows = [...$("tools").children].map((row) => ({
-      bar: row.querySelector("i"), value: row.querySelector("output"), jaw: row.querySelector("small"),
+      row, bar: row.querySelector("i"), limit: row.querySelector("u"), value: row.querySelector("output"),
+      jaw: row.querySelector("small"), held: row.querySelector("em"),
     }));
+    $("tags").replaceChildren(...layout.tools.map((tool) => Object.assign(document.createElement("span"), { textContent: tool.name })));
   }
 
   setRig(rig) {
@@ -80,12 +86,20 @@ export class View {
     for (const button of document.querySelectorAll("[data-preset]")) {
       button.onclick = () => this.stage.layout && this.stage.lookFrom(button.dataset.preset);
     }
-    toggle($("mirror"), (on) => {
+    this.setMirrored = toggle($("mirror"), (on) => {
       $("view").classList.toggle("mirrored", on);
       this.stage.mirrored = on;
+      this.ask();
     });
     toggle($("vignette"), (on) => this.ask(() => (this.stage.lens.object.visible = on)));
     toggle($("forces"), (on) => this.ask(() => (this.stage.showForces = on)));
+  }
+
+  // A scenario may be seen mirrored; a person may turn that over.
+  startMirrored(on) {
+    if (on === this.scenarioMirrored) return;
+    this.scenarioMirrored = on;
+    if (on) this.setMirrored(true);
   }
 
   resize() {
@@ -142,15 +156,44 @@ export class View {
     }
     this.drawnAt = now;
     this.changed = false;
+    if (document.body.dataset.face !== "engineer" || $("hands").classList.contains("taken")) this.placeTags();
+  }
+
+  // Each hand's name on its tool, and its figures on the half of the picture where the tool is.
+  placeTags() {
+    const frame = this.last;
+    if (!frame || !this.rows) return;
+    const box = $("view").getBoundingClientRect();
+    this.rows.forEach(({ row }, i) => {
+      const { port, jawLength } = this.stage.layout.tools[i], tag = $("tags").children[i];
+      const { x, y } = this.stage.pixelOf(jawsAt([...frame.poses.subarray(7 * i, 7 * i + 3)], port, 0.65 * jawLength));
+      const at = (x - box.left) / box.width, high = (y - box.top) / box.height;
+      tag.hidden = !(at > 0 && at < 1 && high > 0 && high < 1);
+      tag.style.transform = `translate(${(x - box.left).toFixed(0)}px, ${(y - box.top).toFixed(0)}px)`;
+      if (Math.abs(at - 0.5) > 0.04 || !row.dataset.side) row.dataset.side = at < 0.5 ? "left" : "right";
+    });
+  }
+
+  // The largest force on each tool since it was asked last, in N.
+  takePeaks() {
+    const peaks = this.peaks;
+    this.peaks = [];
+    return this.stage?.layout?.tools.map(({ name }, i) => ({ name, newton: peaks[i] ?? null })) ?? [];
   }
 
   showForcesOf(frame) {
+    const limit = this.attempt?.limit;
     this.rows?.forEach((row, i) => {
       const newton = Math.hypot(...frame.forces.subarray(3 * i, 3 * i + 3));
+      this.peaks[i] = Math.max(this.peaks[i] ?? 0, newton);
+      row.limit.hidden = !limit;
+      if (limit) row.limit.style.left = `${100 * Math.min(1, Math.sqrt(limit / FORCE_FULL_N))}%`;
+      row.row.dataset.over = limit && newton > limit ? "yes" : "no";
+      row.held.textContent = this.attempt?.held(i) ?? "";
       row.bar.style.transform = `scaleX(${Math.min(1, Math.sqrt(newton / FORCE_FULL_N))})`;
       row.bar.style.background = colourOfForce(newton);
       row.value.textContent = force(newton);
-      row.jaw.textContent = this.stage.layout.tools[i].jawLength ? `${Math.round((frame.jaws[i] * 180) / Math.PI)}°` : "";
+      row.jaw.textContent = this.stage.layout.tools[i].jawLength ? `jaws ${Math.round((frame.jaws[i] * 180) / Math.PI)}°` : "";
     });
   }
 
@@ -206,8 +249,8 @@ function toolRow(name) {
   const row = document.createElement("li");
   const label = Object.assign(document.createElement("span"), { textContent: name });
   const track = document.createElement("b");
-  track.append(document.createElement("i"));
-  row.append(label, track, document.createElement("output"), document.createElement("small"));
+  track.append(document.createElement("i"), Object.assign(document.createElement("u"), { title: "limit", hidden: true }));
+  row.append(label, track, document.createElement("output"), document.createElement("small"), document.createElement("em"));
   return row;
 }
 
@@ -218,4 +261,5 @@ function toggle(button, apply) {
   };
   button.onclick = () => set(button.getAttribute("aria-pressed") !== "true");
   set(button.getAttribute("aria-pressed") === "true");
+  return set;
 }

@@ -1,0 +1,84 @@
+"""``trocar attempt``: orders to the attempt that is being made, and how it stands; ``trocar scenarios``."""
+
+from __future__ import annotations
+
+import json
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+from services.cli.arm import find_access, run_command
+from services.runtime import config
+from services.runtime.errors import BusError, ConfigError
+from services.training.scenario import Scenario, load_scenario, scenario_names
+
+_PATIENCE_S = 3.0
+
+
+def made_of(name: str, scene: str | None, overrides: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+    """Return the scene of a scenario, and the overrides that make a rig of it; those given come after its own.
+
+    Raises
+    ------
+    ConfigError
+        if the scenario cannot be used, or another scene is named beside it.
+    """
+    scenario = load_scenario(name)
+    if scene not in (None, scenario.scene):
+        raise ConfigError(f"--scene {scene}: scenario {name} is made of scene {scenario.scene}; name one of both")
+    return scenario.scene, (*scenario.set, *overrides, f"training.scenario={name}")
+
+
+def run_order(rig: str, overrides: tuple[str, ...], what: str, value: float = 0.0) -> None:
+    """Send an order and print what became of it."""
+    print(run_command("attempt", rig, overrides, asked={"what": what, "value": value})["text"])
+
+
+def run_status(rig: str, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Print the attempt as the rig's page has it.
+
+    Raises
+    ------
+    BusError
+        if there is no rig, or nothing in it follows attempts.
+    """
+    access = find_access(config.load_rig(rig, overrides))
+    try:
+        with urllib.request.urlopen(f"{access.address.rstrip('/')}/api/state", timeout=_PATIENCE_S) as answer:
+            attempt = json.load(answer).get("attempt")
+    except (urllib.error.URLError, OSError, ValueError) as error:
+        raise BusError(f"no supervisor answers at {access.address}: {getattr(error, 'reason', error)}") from None
+    if attempt is None:
+        raise BusError(f"the rig at {access.address} says of no attempt: has it a training process?")
+    print(json.dumps(attempt) if as_json else "\n".join(_lines(attempt)))
+
+
+def _lines(attempt: dict[str, Any]) -> Iterator[str]:
+    yield f"{attempt['title']}: {attempt['state']}{', ' * bool(attempt['outcome'])}{attempt['outcome']}"
+    limit = f" of {attempt['time_limit_s']:g} s" if attempt["time_limit_s"] else ""
+    pace = "" if attempt["pace"] == 1.0 else f", at {attempt['pace']:g} of the clock" if attempt["pace"] else ", paused"
+    yield f"time {attempt['time_s']:.1f} s{limit}{pace}"
+    goal = f", goal {1e3 * attempt['goal_depth_m']:.0f} mm" if attempt["goal_depth_m"] else ""
+    yield f"depth {1e3 * attempt['depth_m']:.1f} mm{goal}"
+    if attempt["errors"]:
+        yield "errors " + ", ".join(f"{code} {count}" for code, count in sorted(attempt["errors"].items()))
+    if not attempt["counts"]:
+        yield f"this attempt does not count: {attempt['why_not']}"
+    yield from filter(None, (attempt["reason"], attempt["hint"]))
+
+
+def run_scenarios(as_json: bool) -> None:
+    """List the scenarios."""
+    found = [load_scenario(name) for name in scenario_names()]
+    if as_json:
+        print(json.dumps([{"name": each.name, "title": each.title, "scene": each.scene} for each in found]))
+        return
+    width = max((len(each.name) for each in found), default=0)
+    for each in found:
+        print(f"{each.name:{width}}  {_in_a_line(each)}")
+
+
+def _in_a_line(scenario: Scenario) -> str:
+    goal = scenario.goal
+    return f"{scenario.title}: {1e3 * goal.depth_m:g} mm within {goal.time_limit_s:g} s (scene {scenario.scene})"

@@ -1,0 +1,101 @@
+"""The beginning of a simulation, kept whole and put back in place: to build another one takes a second, this a tick.
+
+What a simulation remembers lies in arrays, in the words of structs, and in attributes of many objects. All of them are
+found by following references from the simulation itself, so that no part can be forgotten here. Left out is what no
+step changes: the scene, the reduced duct, arrays that are not writable.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from types import MemberDescriptorType
+from typing import Any
+
+import numpy as np
+
+from services.mechanics.arrays import AnyArray
+from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.compiled.struct import Struct
+
+_OURS = "services.mechanics."
+_HOLDERS = (list, dict, set, deque)
+
+
+class Beginning:
+    """What `root` and all that it refers to remember now.
+
+    Parameters
+    ----------
+    root
+        Objects of `services.mechanics`, or a tuple or list of them.
+    constant
+        Objects that never change, with whatever they refer to.
+    """
+
+    def __init__(self, root: object, constant: tuple[object, ...] = ()) -> None:
+        self._attributes: list[tuple[Any, dict[str, Any]]] = []
+        self._holders: list[tuple[Any, Any]] = []
+        self._live: list[AnyArray] = []
+        seen: dict[int, object] = {}
+        self._follow(constant, seen)
+        for found in (self._attributes, self._holders, self._live):
+            found.clear()
+        self._follow(root, seen)
+        self._copies = [array.copy() for array in self._live]
+        self._put_back = copy_table(self._live, self._copies)
+
+    def put_back(self) -> None:
+        """Make everything remember what it did then."""
+        for each, attributes in self._attributes:
+            for name, value in attributes.items():
+                if getattr(each, name, None) is not value:
+                    object.__setattr__(each, name, value)
+        for holder, content in self._holders:
+            holder.clear()
+            (holder.extend if isinstance(holder, list | deque) else holder.update)(content)
+        copy_arrays(self._put_back)
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes that are kept."""
+        return sum(array.nbytes for array in self._copies)
+
+    def _follow(self, root: object, seen: dict[int, object]) -> None:
+        """Note what `root` and all that it refers to remember, but for what was seen."""
+        todo = [root]
+        while todo:
+            each = todo.pop()
+            if id(each) not in seen:
+                seen[id(each)] = each
+                todo.extend(self._note(each))
+
+    def _note(self, each: Any) -> Iterator[object]:
+        """Note what `each` remembers itself, and yield what it refers to."""
+        if isinstance(each, np.ndarray):
+            if isinstance(each.base, np.ndarray):
+                yield each.base
+            elif each.flags.writeable and each.nbytes and each.dtype != object:
+                self._live.append(each if each.flags.c_contiguous else each.T)
+        elif isinstance(each, Struct):
+            state = vars(each)
+            self._live.append(np.frombuffer(state["_words"], np.int64))
+            yield from (value for name, value in state.items() if not name.startswith("_"))
+        elif type(each) in _HOLDERS:
+            self._holders.append((each, each.copy()))
+            yield from each.values() if isinstance(each, dict) else each
+        elif isinstance(each, tuple):
+            yield from each
+        elif type(each).__module__.startswith(_OURS) and not isinstance(each, type):
+            attributes = dict(_attributes_of(each))
+            self._attributes.append((each, attributes))
+            yield from attributes.values()
+
+
+def _attributes_of(each: object) -> Iterator[tuple[str, Any]]:
+    """Yield the attributes of an object itself, those of slots too."""
+    yield from getattr(each, "__dict__", {}).items()
+    for kind in type(each).__mro__:
+        for name, value in vars(kind).items():
+            if isinstance(value, MemberDescriptorType) and hasattr(each, name):
+                yield name, getattr(each, name)

@@ -1,0 +1,55 @@
+"""The training process: follows the attempt, and says how it stands ten times a second and when it changes."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from protocol.topics import PROCESSES
+from services.runtime.loop import LoopMeter, ticks
+from services.runtime.process import Process, ProcessConfig, main
+from services.training.scenario import Scenario, scenario_of
+from services.training.sight import TOPICS
+from services.training.trainer import Trainer
+
+RATE_HZ = 12.0
+STAGES = ("orders", "look", "tell")
+_PATIENCE_NS = 10_000_000
+_TELL_NS = 100_000_000
+
+
+def prepare(config: ProcessConfig) -> Scenario | None:
+    """Load the scenario of the rig, or the one that its scene has."""
+    return scenario_of(config.scene_name, config.rig.training.scenario)
+
+
+def run(process: Process, scenario: Scenario | None) -> None:
+    """Take orders, look at the attempt, tell how it stands."""
+    bus, rig = process.bus, process.rig
+    trainer = Trainer(
+        scenario, rig.training.again_after_s, [name for name in PROCESSES if not rig.process(name).critical]
+    )
+    topics = tuple(filter(process.requirements.is_published, TOPICS))
+    told, due_ns = None, 0
+    meter = LoopMeter(RATE_HZ, STAGES)
+    process.ready(meter)
+    process.health.change("running")
+    for tick in ticks(meter, process.stop):
+        for frame in bus.drain("supervisor.state"):
+            trainer.sight.take_rig(frame.body)
+            trainer.obey(frame.body.orders)
+        ordered_ns = time.monotonic_ns()
+        trainer.sight.take(bus.sample(topics, ordered_ns + _PATIENCE_NS), ordered_ns)
+        trainer.follow(ordered_ns * 1e-9)
+        looked_ns = time.monotonic_ns()
+        if looked_ns >= due_ns or trainer.gist() != told:
+            told, due_ns = trainer.gist(), looked_ns + _TELL_NS
+            bus.publish("training.attempt", trainer.tell())
+        process.health.send_if_due()
+        meter.stages_ns = (
+            ordered_ns - tick.started_ns, looked_ns - ordered_ns, time.monotonic_ns() - looked_ns
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    sys.exit(main("training", run, prepare=prepare))

@@ -1,0 +1,149 @@
+"""One attempt at a scenario: armed, running from the first motion, done or abandoned. Pure: it is told what is seen.
+
+Its clock counts the rig's ticks, so that pause and slow motion cost a trainee nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from services.training.scenario import Goal
+
+TICK_S = 1e-3
+#: A hand has begun when a tool is so far from where it was: a tremor, or the sag of a held arm, is less.
+MOVED_M, OPENED_RAD = 4e-3, 0.15
+
+
+class AttemptState(StrEnum):
+    """Of one attempt."""
+
+    ARMED = "armed"
+    RUNNING = "running"
+    DONE = "done"
+    ABANDONED = "abandoned"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """What is seen of the rig at one moment.
+
+    ``hands`` are of each instrument its junction, 3 in m, and its handle's angle in rad; ``fault`` says why an attempt
+    that is made now does not count, empty for nothing.
+    """
+
+    tick: int
+    depth_m: float = 0.0
+    hands: tuple[tuple[float, float, float, float], ...] = ()
+    fault: str = ""
+    phase: str = ""
+    errors: Mapping[str, int] = field(default_factory=dict)
+
+
+class Attempt:
+    """Follows one attempt from look to look.
+
+    Parameters
+    ----------
+    goal
+        What ends it; None where there is none, and it goes on until it is abandoned.
+
+    Attributes
+    ----------
+    outcome : str
+        "success" or "failure" once it is done.
+    reason : str
+        Why it ended, a sentence.
+    why_not : str
+        Why it does not count; empty where it does.
+    """
+
+    def __init__(self, goal: Goal | None) -> None:
+        self.goal = goal
+        self.state = AttemptState.ARMED
+        self.outcome = self.reason = self.why_not = ""
+        self.began_tick = -1
+        self.depth_m = 0.0
+        self.phase = ""
+        self.errors: Mapping[str, int] = {}
+        self.bookmarks_s: list[float] = []
+        self._tick, self._ticks = -1, 0
+        self._reached: int | None = None
+        self._first: tuple[tuple[float, float, float, float], ...] = ()
+        self._phases: list[str] = []
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the first motion."""
+        return self._ticks * TICK_S
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing can happen any more."""
+        return self.state in (AttemptState.DONE, AttemptState.ABANDONED)
+
+    def look(self, look: Look) -> None:
+        """Take what is seen now."""
+        passed, self._tick = max(look.tick - self._tick, 0), look.tick
+        if self.ended:
+            return
+        self.depth_m, self.phase, self.errors = look.depth_m, look.phase, look.errors
+        if self.began_tick < 0 or len(look.hands) != len(self._first):
+            self.began_tick, self._first = look.tick, look.hands
+        if self.state is AttemptState.ARMED:
+            if any(map(_has_moved, self._first, look.hands)):
+                self.state = AttemptState.RUNNING
+            return
+        self._ticks += passed
+        if look.fault:
+            self.spoil(look.fault)
+        if look.phase and look.phase not in self._phases:
+            self._phases.append(look.phase)
+        if self.goal is not None:
+            self._judge(self.goal)
+
+    def spoil(self, why: str) -> None:
+        """Let it not count any more; the first reason is kept."""
+        if not self.ended and not self.why_not:
+            self.why_not = why
+
+    def bookmark(self) -> None:
+        """Mark this moment."""
+        self.bookmarks_s.append(round(self.time_s, 3))
+
+    def abandon(self, reason: str) -> None:
+        """End it where it is, unless it has ended."""
+        if not self.ended:
+            self.state, self.reason = AttemptState.ABANDONED, reason
+
+    def _judge(self, goal: Goal) -> None:
+        broken = next((code for code in goal.forbidden if self.errors.get(code)), None)
+        if broken is not None:
+            self._end("failure", f"{broken} must not happen")
+            return
+        if self.depth_m < goal.depth_m:
+            self._reached = None
+        else:
+            self._reached = self._ticks if self._reached is None else self._reached
+            if self._ticks - self._reached >= round(goal.hold_s / TICK_S):
+                self._reach(goal)
+                return
+        if self.time_s > goal.time_limit_s:
+            self._end("failure", f"the time of {goal.time_limit_s:g} s is over")
+
+    def _reach(self, goal: Goal) -> None:
+        wanted = [phase for phase in goal.phases if phase in self._phases]
+        known = [phase for phase in self._phases if phase in goal.phases]
+        if self._phases and (wanted != list(goal.phases) or known != wanted):
+            self._end("failure", f"the phases came as {', '.join(known)}, not as {', '.join(goal.phases)}")
+        else:
+            self._end("success", f"{1e3 * self.depth_m:.1f} mm deep after {self.time_s:.1f} s")
+
+    def _end(self, outcome: str, reason: str) -> None:
+        self.state, self.outcome, self.reason = AttemptState.DONE, outcome, reason
+
+
+def _has_moved(first: tuple[float, float, float, float], now: tuple[float, float, float, float]) -> bool:
+    return math.dist(first[:3], now[:3]) > MOVED_M or abs(now[3] - first[3]) > OPENED_RAD

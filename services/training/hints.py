@@ -1,0 +1,31 @@
+"""What a trainee is told to do next. A hint comes while its reason lasts, and goes with it."""
+
+from __future__ import annotations
+
+from services.training.attempt import Attempt, AttemptState
+from services.training.scenario import Scenario
+from services.training.sight import Sight
+
+#: Of a limit: from here on a hand is asked for less.
+_NEAR = 0.8
+_NEARLY_M = 2e-3
+
+
+def hint(attempt: Attempt, sight: Sight, scenario: Scenario | None) -> str:
+    """Return one sentence, empty for none."""
+    if scenario is None or attempt.ended:
+        return ""
+    if attempt.state is AttemptState.ARMED:
+        return scenario.hint or "Begin: the clock starts with your first motion."
+    if sight.force_n > _NEAR * scenario.limit("tool_duct_force_n"):
+        return "Less force: the wall bears no more."
+    if attempt.depth_m > scenario.limit("depth_max_m"):
+        return "Too deep: draw the catheter back to the marker."
+    to_go_m = scenario.goal.depth_m - attempt.depth_m
+    if to_go_m <= 0.0:
+        return "Hold it there."
+    if "catheter" not in sight.held:
+        return "Grasp the catheter." if attempt.depth_m == 0.0 else "Grasp the catheter again, farther back."
+    if attempt.depth_m == 0.0:
+        return "Lead the tip of the catheter into the mouth of the duct."
+    return "Gently: almost there." if to_go_m < _NEARLY_M else f"Push on: {1e3 * to_go_m:.0f} mm to go."

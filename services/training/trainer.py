@@ -1,0 +1,174 @@
+"""The attempts of a session: begins them, carries out what is asked of them, and says how they stand."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
+
+from protocol import bodies
+from services.training.attempt import Attempt, AttemptState
+from services.training.hints import hint
+from services.training.scenario import Scenario
+from services.training.sight import Judge, Sight
+
+#: An order that is older is not carried out: who asked has given it up.
+ORDER_S = 2.0
+SLOWEST = 1.0 / 32.0
+#: A device's button begins again when it was pressed for so long.
+PRESSED_S = 2.0
+_KEPT = 8
+_MOST_STEPS = 1000
+
+
+class Trainer:
+    """What the training process does, without bus and clock.
+
+    Parameters
+    ----------
+    scenario
+        What attempts are made at; None for practice without a goal.
+    again_after_s
+        So long after a success the next attempt begins by itself; None: never.
+    spared
+        As of `Sight`.
+    judges
+        Returns a new judge of phases and errors, for each attempt as it begins to run; None: nobody judges.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario | None,
+        again_after_s: float | None = None,
+        spared: Collection[str] = (),
+        judges: Callable[[Scenario], Judge] | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.sight = Sight(spared)
+        self.attempt = Attempt(scenario.goal if scenario else None)
+        self._id = _new_id()
+        self._again_after_s, self._judges = again_after_s, judges
+        self._begins = self._awaited = self._asked = self._steps = 0
+        self._pace = 1.0
+        self._ended_s: float | None = None
+        self._parting: bodies.Attempt | None = None
+        self._answers: deque[bodies.Answer] = deque(maxlen=_KEPT)
+        self._seen: deque[int] = deque(maxlen=4 * _KEPT)
+
+    def follow(self, now_s: float) -> None:
+        """Look at the attempt, once new frames have been taken, and begin the next where that is due."""
+        if self.sight.begins < self._awaited and self.sight.gateway == self._asked:
+            return  # the gateway begins as soon as no arm bears a force
+        self._awaited = 0
+        look = self.sight.look()
+        if look is not None:
+            self.attempt.look(look)
+        runs = self.attempt.state is AttemptState.RUNNING
+        if runs and self.sight.judge is None and self._judges is not None and self.scenario is not None:
+            self.sight.judge = self._judges(self.scenario)
+        if self.attempt.ended and self._ended_s is None:
+            self._ended_s = now_s
+        if self.sight.pressed_s >= PRESSED_S:
+            self.sight.release()
+            self.begin("somebody pressed the button of a device")
+        due = self._again_after_s is not None and self.attempt.outcome == "success"
+        if due and self._ended_s is not None and now_s - self._ended_s >= (self._again_after_s or 0.0):
+            self.begin("")
+
+    def begin(self, why: str) -> str:
+        """Abandon what is not done, and put the scene to its start."""
+        if not self.attempt.ended:
+            self.attempt.abandon(why)
+            self._parting = self.body()
+        self._begins += 1
+        self._awaited, self._asked = self.sight.begins + 1, self.sight.gateway
+        self._pace = 1.0
+        self._ended_s = self.sight.judge = None
+        self.attempt, self._id = Attempt(self.scenario.goal if self.scenario else None), _new_id()
+        return "a new attempt begins"
+
+    def obey(self, orders: Sequence[bodies.Order]) -> None:
+        """Carry out orders, each once, unless it is too old."""
+        for order in orders:
+            if order.id in self._seen:
+                continue
+            self._seen.append(order.id)
+            ok, text = (False, "came too late") if order.age_s > ORDER_S else self._carry_out(order)
+            self._answers.append(bodies.Answer(order=order.id, ok=ok, text=text))
+
+    def _carry_out(self, order: bodies.Order) -> tuple[bool, str]:
+        match order.what:
+            case "new":
+                return True, self.begin("a new one was asked for")
+            case "pause":
+                self._pace = 0.0
+                return True, "paused: arms are limp"
+            case "resume":
+                self._pace = 1.0
+                return True, "time goes on; force comes back within a second"
+            case "slow" if SLOWEST <= order.value <= 1.0:
+                self._pace = order.value
+                if order.value < 1.0:
+                    self.attempt.spoil("slow motion was used")
+                return True, f"time goes at {order.value:g} of the clock"
+            case "slow":
+                return False, f"slow motion goes from 1/32 to 1, not {order.value:g}"
+            case "step" if self._pace == 0.0 and 1 <= order.value <= _MOST_STEPS:
+                self._steps += int(order.value)
+                self.attempt.spoil("it was stepped through")
+                return True, f"{int(order.value)} ms on"
+            case "step":
+                return False, f"single steps, 1 to {_MOST_STEPS} ms, are taken while paused"
+            case "bookmark":
+                self.attempt.bookmark()
+                return True, f"marked at {self.attempt.time_s:.1f} s"
+        return False, f"there is no order {order.what!r}"
+
+    def tell(self) -> bodies.Attempt:
+        """Return what is to be published next: how things stand, but first the last word of what was abandoned."""
+        parting, self._parting = self._parting, None
+        return parting or self.body()
+
+    def body(self) -> bodies.Attempt:
+        """Return how things stand, as it is published."""
+        attempt, scenario = self.attempt, self.scenario
+        goal = scenario.goal if scenario else None
+        return bodies.Attempt(
+            begins=self._begins,
+            pace=self._pace,
+            steps=self._steps,
+            attempt_id=self._id,
+            state=attempt.state.value,
+            outcome=attempt.outcome,
+            reason=attempt.reason[:256],
+            scenario=scenario.name if scenario else "",
+            title=scenario.title if scenario else "Practice without a goal",
+            began_tick=attempt.began_tick,
+            time_s=attempt.time_s,
+            time_limit_s=goal.time_limit_s if goal else 0.0,
+            phase=attempt.phase,
+            depth_m=attempt.depth_m,
+            goal_depth_m=goal.depth_m if goal else 0.0,
+            depth_max_m=scenario.limit("depth_max_m") if scenario else 0.0,
+            force_limit_n=scenario.limit("tool_duct_force_n") if scenario else 0.0,
+            errors=dict(attempt.errors),
+            counts=not attempt.why_not,
+            why_not=attempt.why_not,
+            held=self.sight.held,
+            hint=hint(attempt, self.sight, scenario),
+            mirrored=scenario.view.mirrored if scenario else False,
+            one_handed=scenario.view.one_handed if scenario else False,
+            bookmarks_s=tuple(attempt.bookmarks_s[-64:]),
+            answers=tuple(self._answers),
+        )
+
+    def gist(self) -> tuple[object, ...]:
+        """Return what is told at once where it changes."""
+        attempt, answered = self.attempt, self._answers[-1].order if self._answers else 0
+        parts = self._parting is not None
+        return parts, self._id, attempt.state, attempt.why_not, self._pace, self._steps, answered
+
+
+def _new_id() -> str:
+    return f"{time.strftime('%Y%m%dT%H%M%S', time.gmtime())}-{secrets.token_hex(3)}"

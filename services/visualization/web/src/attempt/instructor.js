@@ -1,0 +1,77 @@
+// The instructor's face: live phase and errors, the attempts so far, and what only the token allows.
+
+import { element, Rows, text } from "../dashboard/rows.js";
+import { clock, errorList, headline, mm, notCounted, PHASES } from "./words.js";
+
+const $ = (id) => document.getElementById(id);
+const KEPT = 100;
+
+export class Instructor {
+  constructor(orders) {
+    this.orders = orders;
+    this.attempts = new Map();
+    this.phases = Object.entries(PHASES).map(([code, words]) => element("li", { textContent: `${code} ${words}` }));
+    $("phases").append(...this.phases);
+    this.errors = new Rows($("attempt-errors"), () => element("li"), (row, { code, words, count }) => text(row, `${code} ${words}${count > 1 ? ` ×${count}` : ""}`));
+    this.rows = new Rows($("attempts"), () => element("tr", {}, ...Array.from({ length: 5 }, () => element("td"))), showAttempt);
+    this.buttons = [...document.querySelectorAll("#instructor [data-order]")];
+    for (const button of this.buttons) button.onclick = () => orders.ask(button.dataset.order, Number(button.dataset.value ?? 0));
+    $("pause").onclick = () => orders.ask(this.attempt?.pace === 1 ? "pause" : "resume");
+    $("slow").onchange = () => orders.ask("slow", Number($("slow").value));
+    $("instructor-mirror").onclick = () => $("mirror").click();
+  }
+
+  admit(token) {
+    for (const control of [...this.buttons, $("pause"), $("slow")]) control.disabled = !token;
+    $("instructor-said").textContent = token ? "" : "To command the attempt, open the address that trocar up printed, with its #token=….";
+  }
+
+  say(words, ok) {
+    text($("instructor-said"), words);
+    $("instructor-said").dataset.level = ok ? "good" : "bad";
+  }
+
+  setScenarios(names, scenario) {
+    const others = (names ?? []).filter((name) => name !== scenario);
+    text($("scenario-list"), others.length ? `Other scenarios: ${others.join(", ")}; trocar up --scenario NAME runs one.` : "");
+  }
+
+  update(attempt) {
+    this.attempt = attempt;
+    if (!attempt) return;
+    const { mark, words, more } = headline(attempt);
+    text($("instructor-state"), `${mark} ${words}${more ? `: ${more}` : ""}`);
+    text($("instructor-figures"), `${clock(attempt.time_s)} · ${mm(attempt.depth_m)} · ${attempt.bookmarks_s.length} bookmarks`);
+    text($("instructor-not"), notCounted(attempt));
+    text($("instructor-scenario"), attempt.scenario ? `${attempt.scenario}: ${attempt.title}` : attempt.title);
+    for (const [i, code] of Object.keys(PHASES).entries()) this.phases[i].classList.toggle("now", code === attempt.phase);
+    text($("phase-none"), attempt.phase ? "" : "Nobody judges phases in this rig.");
+    this.errors.update(errorList(attempt.errors), ({ code }) => code);
+    text($("errors-none"), Object.keys(attempt.errors).length ? "" : "None so far.");
+    text($("pause"), attempt.pace === 1 ? "Pause" : "Go on");
+    $("step").disabled = $("step-more").disabled = !this.orders.token || attempt.pace !== 0;
+    if (document.activeElement !== $("slow") && attempt.pace > 0) $("slow").value = String(nearestPace(attempt.pace));
+    this.remember(attempt);
+  }
+
+  // The attempts that this page has seen; the rig's own list is in its recordings.
+  remember(attempt) {
+    if (attempt.state === "armed") return;
+    const kept = this.attempts.get(attempt.attempt_id) ?? { number: this.attempts.size + 1 };
+    this.attempts.set(attempt.attempt_id, { ...kept, ...attempt });
+    if (this.attempts.size > KEPT) this.attempts.delete(this.attempts.keys().next().value);
+    for (const [id, each] of this.attempts) if (id !== attempt.attempt_id && each.state === "running") each.state = "abandoned";
+    this.rows.update([...this.attempts.values()], ({ attempt_id: id }) => id);
+  }
+}
+
+function nearestPace(pace) {
+  return 1 / 2 ** Math.min(5, Math.max(0, Math.round(-Math.log2(pace))));
+}
+
+function showAttempt(row, { number, state, outcome, time_s: time, depth_m: depth, errors, counts }) {
+  const wrong = errorList(errors).map(({ code, count }) => (count > 1 ? `${code}×${count}` : code)).join(" ");
+  const cells = [number, `${outcome || state}${counts ? "" : " *"}`, clock(time), mm(depth), wrong || "–"];
+  cells.forEach((value, i) => text(row.children[i], String(value)));
+  row.title = counts ? "" : "does not count";
+}

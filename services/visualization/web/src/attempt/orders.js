@@ -1,0 +1,22 @@
+// Orders of the attempt, with the session's token: begin again, pause, slow motion. What became of them is said.
+
+export class Orders {
+  // onSaid(text, ok): what the rig answers
+  constructor(onSaid) {
+    this.onSaid = onSaid;
+    this.token = null;
+  }
+
+  async ask(what, value = 0) {
+    if (!this.token) return this.onSaid("Open the address that trocar up printed, with its #token=…, to do that.", false);
+    try {
+      const answer = await fetch("api/attempt", {
+        method: "POST", headers: { "X-Trocar-Token": this.token }, body: JSON.stringify({ what, value }),
+      });
+      const said = await answer.json();
+      this.onSaid(said.text ?? said.error, answer.ok);
+    } catch {
+      this.onSaid("The rig is not reachable: nothing was done.", false);
+    }
+  }
+}

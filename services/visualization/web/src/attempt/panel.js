@@ -1,0 +1,71 @@
+// The trainee's face: goal and depth with its markers, clock, force with its limit, what each hand holds, what to do next.
+
+import { text } from "../dashboard/rows.js";
+import { clock, headline, holding, mm, notCounted } from "./words.js";
+
+const $ = (id) => document.getElementById(id);
+const MOST_MM = 25, STEP_MM = 5;
+
+export class AttemptPanel {
+  constructor(orders) {
+    this.orders = orders;
+    this.attempt = null;
+    $("attempt-again").onclick = () => orders.ask("new");
+  }
+
+  admit(token) {
+    $("attempt-again").disabled = !token;
+    $("attempt-again").title = token ? "Put everything back to its start (B)" : "Open the address that trocar up printed, with its #token=…";
+  }
+
+  // The force beyond which a hand is asked for less, in N; null where there is none.
+  get limit() {
+    return this.attempt?.force_limit_n || null;
+  }
+
+  update(attempt) {
+    this.attempt = attempt;
+    $("attempt").hidden = !attempt;
+    if (!attempt) return;
+    const { mark, words, more, kind } = headline(attempt);
+    if ($("attempt").dataset.kind !== kind) $("attempt").dataset.kind = kind;
+    text($("attempt-title"), attempt.title);
+    text($("attempt-mark"), mark);
+    text($("attempt-state"), more ? `${words}: ${more}` : words);
+    text($("attempt-clock"), clock(attempt.time_s));
+    text($("attempt-limit"), attempt.time_limit_s ? `of ${clock(attempt.time_limit_s)}` : "");
+    text($("attempt-hint"), attempt.hint);
+    text($("attempt-not"), notCounted(attempt));
+    this.showDepth(attempt);
+  }
+
+  showDepth({ depth_m: depth, goal_depth_m: goal, depth_max_m: most }) {
+    const end = Math.max(MOST_MM, 1250 * (most || goal || 0));
+    const marks = `${goal} ${most} ${end}`;
+    if (marks !== this.marks) this.drawScale(1000 * goal, 1000 * most, end);
+    this.marks = marks;
+    $("depth-bar").style.transform = `scaleX(${Math.min(1, Math.max(0, (1000 * depth) / end))})`;
+    $("depth").dataset.reached = goal && depth >= goal ? (most && depth > most ? "beyond" : "yes") : "no";
+    text($("depth-value"), mm(depth));
+    $("depth").setAttribute("aria-valuenow", (1000 * depth).toFixed(1));
+    $("depth").setAttribute("aria-valuetext", goal ? `${mm(depth)} of ${mm(goal)}` : mm(depth));
+  }
+
+  drawScale(goal, most, end) {
+    $("depth").setAttribute("aria-valuemax", end);
+    const ticks = [];
+    for (let at = STEP_MM; at < end; at += STEP_MM) ticks.push({ at, kind: "tick", words: "" });
+    if (goal) ticks.push({ at: goal, kind: "goal", words: `goal ${goal.toFixed(0)}` });
+    if (most) ticks.push({ at: most, kind: "most", words: `max ${most.toFixed(0)}` });
+    $("depth-marks").replaceChildren(...ticks.map(({ at, kind, words }) => {
+      const mark = Object.assign(document.createElement("span"), { className: at > 0.6 * end && words ? `${kind} far` : kind, textContent: words });
+      mark.style.left = `${(100 * at) / end}%`;
+      return mark;
+    }));
+  }
+
+  // What hand `i` holds, in words.
+  held(i) {
+    return this.attempt?.held?.length > i ? holding(this.attempt.held[i]) : "";
+  }
+}

@@ -1,0 +1,45 @@
+// What is said of an attempt, in words and figures: one place for all faces.
+
+export const PHASES = {
+  P0: "traction", P1: "opening", P2: "approach", P3: "engage", P4: "advance", P5: "secure", P6: "flush", P7: "release",
+};
+
+export const ERRORS = {
+  E1: "excess traction", E2: "opening torn wider", E3: "tip misses the opening", E4: "wall perforated", E5: "pushed against resistance",
+  E6: "too deep or too shallow", E7: "catheter slipped out", E8: "catheter crushed", E9: "crimped or loose", E10: "air or leak",
+  E11: "wrong direction", E12: "out of view or collision", E13: "catheter dropped", E14: "counter-traction lost",
+};
+
+export function clock(seconds) {
+  const whole = Math.floor(Math.max(seconds, 0) + 1e-6);
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+}
+
+export const mm = (metres) => `${(1000 * metres).toFixed(1)} mm`;
+
+// What a trainee reads of the state: a word, and a mark that needs no colour.
+export function headline({ state, outcome, pace, reason }) {
+  if (outcome === "success") return { mark: "✓", words: "Well done", more: reason, kind: "success" };
+  if (outcome === "failure") return { mark: "✗", words: "Not yet", more: reason, kind: "failure" };
+  if (pace === 0) return { mark: "❚❚", words: "Paused", more: "", kind: "paused" };
+  const slow = pace < 1 ? ` at ${paceWords(pace)} of the clock` : "";
+  if (state === "armed") return { mark: "○", words: `Begin when you like${slow}`, more: "", kind: "armed" };
+  return { mark: "●", words: `Under way${slow}`, more: "", kind: "running" };
+}
+
+export function paceWords(pace) {
+  const parts = Math.round(1 / pace);
+  return Math.abs(parts * pace - 1) < 1e-6 ? (parts === 1 ? "1" : `1/${parts}`) : pace.toFixed(2);
+}
+
+// Why it is not scored; without figures, which are an engineer's.
+export const notCounted = ({ counts, why_not: why }) => (counts ? "" : `This attempt does not count: ${why}.`);
+
+export function holding(held) {
+  return { catheter: "holding the catheter", duct: "holding the duct" }[held] ?? "holding nothing";
+}
+
+export function errorList(errors) {
+  const codes = Object.keys(errors ?? {}).filter((code) => errors[code] > 0).sort((a, b) => a.slice(1) - b.slice(1));
+  return codes.map((code) => ({ code, words: ERRORS[code] ?? "error", count: errors[code] }));
+}
