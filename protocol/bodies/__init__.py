@@ -12,6 +12,7 @@ from protocol.bodies.health import (
     Stall,
     TopicReport,
 )
+from protocol.bodies.journal import Journal
 from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
 from protocol.bodies.supervisor import ProcessReport, QualityReport, SupervisorState
 from protocol.bodies.visualization import Hands, HandTarget
@@ -28,6 +29,7 @@ __all__ = [
     "Health",
     "Histogram",
     "InstrumentState",
+    "Journal",
     "LocalModel",
     "LoopReport",
     "PathLatency",

@@ -146,6 +146,18 @@ def keys(
 
 
 @app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    check: Annotated[bool, typer.Option("--check", help="Without a rig: say whether it ends as recorded.")] = False,
+    json: Json = False,
+) -> None:
+    """Run a recording again: the same hands through the same physics, to the bit."""
+    from services.cli.replay import run_check
+
+    run_check(file, json)
+
+
+@app.command()
 def repair(
     files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], json: Json = False
 ) -> None:

@@ -19,6 +19,7 @@ from services.mechanics.bodies.forceps.grasp import Grasp
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
+from services.runtime.journal import JournalWriter
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow
 from services.runtime.process import Process, ProcessConfig, main
@@ -38,7 +39,9 @@ class Haptics:
     """
 
     def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
-        self._bus, self._meter = process.bus, meter
+        self._bus, self._meter, self._health = process.bus, meter, process.health
+        self._journal = JournalWriter("haptics.journal", process.bus)
+        self._seen_tick = -1
         self.scene = DeformedScene(scene, duct)
         self._reactions, self._instruments = Reactions(), InstrumentTable(len(scene.forceps))
         tables = self._reactions.rows, self._instruments.rows
@@ -67,6 +70,8 @@ class Haptics:
         model = ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
         self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
         modelled = time.monotonic_ns()
+        age = state.tick - self._seen_tick if self._seen_tick >= 0 else -1
+        self._journal.note(state.tick, (age, int(known), 0))
         self._meter.tick = state.tick
         is_told = 0 < state.tick - self._told_tick < self.ticks_per_step
         # The hand has its model. What physics waits for is the work of a whole step's ticks, and due with the last.
@@ -95,6 +100,7 @@ class Haptics:
         """Take the solved forces, where they are new; False if there are none fresh enough to act on."""
         if solved is not None:
             self._solved = solved.body
+            self._seen_tick = solved.body.tick
             self._reactions.take(self._solved.tools)
             self.ticks_per_step = self._solved.ticks_per_step
         known = self._bus.is_fresh("physics.state")
@@ -102,6 +108,11 @@ class Haptics:
             self._reactions.forget()
             self.ticks_per_step = 1
         return known
+
+    def settle(self) -> None:
+        """Do what no tick waits for, between two."""
+        if not self._journal.send_if_due():
+            self._health.do_a_piece()
 
     def _take_shapes(self, state: PhysicsState) -> None:
         self.scene.take_duct(state.duct)
@@ -135,7 +146,7 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     meter = LoopMeter(RATE_HZ, STAGES)
     haptics = Haptics(process, meter, *prepared)
     process.ready(meter)
-    for frame in follow(process.bus, "gateway.state", meter, process.stop, process.health.do_a_piece):
+    for frame in follow(process.bus, "gateway.state", meter, process.stop, haptics.settle):
         if frame is not None:
             haptics.answer(frame)
             process.health.change("running")

@@ -17,6 +17,7 @@ from services.physics.duct_alone_loop import run_duct_alone
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.physics.warm_up import warm_up, warm_up_contact
+from services.runtime.journal import JournalWriter
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, TickClock, follow
 from services.runtime.nan_guard import NanGuard
@@ -38,6 +39,7 @@ class Physics:
         self._process = process
         self._meter = meter
         self._scene, self._duct = scene, duct
+        self._journal = JournalWriter("physics.journal", process.bus)
         self._begin()
         self.resets = self._looked = self._owed = 0
         meter.periods_allowed = scene.quality[0].ticks_per_step
@@ -63,6 +65,7 @@ class Physics:
         """
         began_ns = time.monotonic_ns()
         self._meter.tick = frame.body.tick
+        self._journal.note(frame.body.tick, (ticks, self.simulation.quality_level, self.resets))
         self._owed += ticks
         length = self._meter.periods_allowed
         if self._owed < length:
@@ -110,7 +113,7 @@ class Physics:
 
     def settle(self) -> None:
         """Do what no tick waits for, between two."""
-        if not (self._outputs.settle() or self._look_for_orders()):
+        if not (self._outputs.settle() or self._look_for_orders() or self._journal.send_if_due()):
             self._process.health.do_a_piece()
         if self.simulation.rests != self._told_rests:
             self._told_rests = self.simulation.rests

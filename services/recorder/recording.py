@@ -7,13 +7,14 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from mcap.records import Channel, Schema
+from mcap.records import Attachment, Channel, Schema
 
 from protocol import TOPICS, Frame
-from services.recorder.chunks import OpenChunk
 from services.recorder.disk import PENDING_MAX, RecordingFile
 from services.recorder.losses import Loss
+from services.recordings.chunks import OpenChunk
 from services.recordings.reader import channel_name
+from services.recordings.scene_update import SCHEMAS, descriptor
 from services.recordings.schema import PACKAGE, file_descriptor
 from services.recordings.transcode import to_protobuf
 
@@ -34,6 +35,8 @@ class RecordingWriter:
         Frames taken.
     lost
         Frames not taken because the disk is too slow, by topic.
+    to_wall_ns
+        What is added to a time of the bus.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str], *, shared: bool = False) -> None:
@@ -42,10 +45,10 @@ class RecordingWriter:
         self.lost: Counter[str] = Counter()
         self._file = RecordingFile(path, shared=shared)
         self._channels: dict[str, int] = {}
-        self._to_wall_ns = time.time_ns() - time.monotonic_ns()
+        self.to_wall_ns = time.time_ns() - time.monotonic_ns()
         self._chunk = OpenChunk()
         self._chunk_began_ns = 0
-        self._file.add_metadata("trocar", {**metadata, "wall_minus_monotonic_ns": str(self._to_wall_ns)})
+        self._file.add_metadata("trocar", {**metadata, "wall_minus_monotonic_ns": str(self.to_wall_ns)})
 
     @property
     def pending_bytes(self) -> int:
@@ -62,11 +65,29 @@ class RecordingWriter:
         if self._file.pending > PENDING_MAX:
             self.lost[topic] += 1
             return
-        sent_ns = frame.sent_ns + self._to_wall_ns
-        origin_ns = frame.origin_ns + self._to_wall_ns if frame.origin_ns else sent_ns
-        channel = self._channels.get(topic) or self._declare(topic)
-        self._chunk.add(channel, frame.sequence, sent_ns, origin_ns, to_protobuf(frame))
+        sent_ns = frame.sent_ns + self.to_wall_ns
+        origin_ns = frame.origin_ns + self.to_wall_ns if frame.origin_ns else sent_ns
+        channel = self._channels.get(topic) or self._declare_topic(topic)
+        self._add(channel, frame.sequence, sent_ns, origin_ns, to_protobuf(frame))
         self.frames += 1
+
+    def draw(self, topic: str, sent_ns: int, data: bytes) -> None:
+        """Append what others draw, of a topic of `scene_update`; while the disk is far behind there is no picture."""
+        if self._file.pending > PENDING_MAX:
+            return
+        name = SCHEMAS[topic].DESCRIPTOR.full_name
+        channel = self._channels.get(topic) or self._declare(topic, topic, name, descriptor(topic))
+        self._add(channel, 0, sent_ns + self.to_wall_ns, sent_ns + self.to_wall_ns, data)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Append a file that belongs to the recording."""
+        now_ns = time.time_ns()
+        self._file.add_attachment(
+            Attachment(create_time=now_ns, log_time=now_ns, name=name, media_type=media_type, data=data)
+        )
+
+    def _add(self, channel: int, sequence: int, sent_ns: int, origin_ns: int, data: bytes) -> None:
+        self._chunk.add(channel, sequence, sent_ns, origin_ns, data)
         if self._chunk.size > CHUNK_BYTES:
             self._end_chunk()
 
@@ -92,8 +113,8 @@ class RecordingWriter:
                 "topic": loss.topic,
                 "frames": str(loss.frames),
                 "why": loss.why,
-                "from_ns": str(loss.from_ns + self._to_wall_ns),
-                "until_ns": str(loss.until_ns + self._to_wall_ns),
+                "from_ns": str(loss.from_ns + self.to_wall_ns),
+                "until_ns": str(loss.until_ns + self.to_wall_ns),
             },
         )
 
@@ -113,11 +134,15 @@ class RecordingWriter:
             self._file.add_chunk(self._chunk)
             self._chunk = OpenChunk()
 
-    def _declare(self, topic: str) -> int:
+    def _declare_topic(self, topic: str) -> int:
+        body = TOPICS[topic].body
+        schema = file_descriptor(body).SerializeToString()
+        return self._declare(topic, channel_name(topic), f"{PACKAGE}.{body.__name__}", schema)
+
+    def _declare(self, topic: str, channel: str, schema: str, descriptors: bytes) -> int:
         """Number a topic, and write what its messages are."""
-        body, number = TOPICS[topic].body, len(self._channels) + 1
-        descriptor = file_descriptor(body).SerializeToString()
-        self._file.declare(Schema(number, descriptor, "protobuf", f"{PACKAGE}.{body.__name__}"))
-        self._file.declare(Channel(number, channel_name(topic), "protobuf", {}, number))
+        number = len(self._channels) + 1
+        self._file.declare(Schema(number, descriptors, "protobuf", schema))
+        self._file.declare(Channel(number, channel, "protobuf", {}, number))
         self._channels[topic] = number
         return number

@@ -1,4 +1,4 @@
-"""The rows of a table as messages of a repeated field: all are of one length, so they are copied into a template."""
+"""The rows of a table as messages of a repeated field, whose fields have the names of the columns."""
 
 from __future__ import annotations
 
@@ -8,23 +8,16 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
 from protocol.arrays import Array
 from protocol.fields import fields
 from protocol.table import TableRow
-
-_FIXED64, _LENGTH = 1, 2  # wire types, https://protobuf.dev/programming-guides/encoding/#structure
-_DOUBLE = 8
+from services.recordings import encoded
 
 
 def encoded_rows(table: Array, row: type[msgspec.Struct], number: int) -> bytes:
     """Return what a message holds of `table` (n, columns) in its repeated field `number`."""
-    template, slots = _template(row, number)
-    count = table.shape[0]
-    messages = np.tile(template, (count, 1))
-    messages[:, slots] = np.frombuffer(table.data, np.uint8).reshape(count, len(slots))
-    return messages.tobytes()
+    return encoded.rows(table.view(), _layout(row), number)
 
 
 def decoded_rows(messages: Iterable[Any], row: type[msgspec.Struct]) -> Array:
@@ -45,21 +38,7 @@ def decoded_rows(messages: Iterable[Any], row: type[msgspec.Struct]) -> Array:
 
 
 @cache
-def _template(row: type[msgspec.Struct], number: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.intp]]:
-    """Return a message with its tag and length, and the place of each byte of a row in it."""
+def _layout(row: type[msgspec.Struct]) -> encoded.Layout:
     assert issubclass(row, TableRow)
     numbers = {field.name: (place, field.count) for place, field in enumerate(fields(row), start=1)}
-    message, slots = b"", list[int]()
-    for name in row.order():
-        place, count = numbers[name]
-        message += _varint(place << 3 | (_LENGTH if count > 1 else _FIXED64))
-        message += _varint(_DOUBLE * count) if count > 1 else b""
-        slots += range(len(message), len(message) + _DOUBLE * count)
-        message += bytes(_DOUBLE * count)
-    head = _varint(number << 3 | _LENGTH) + _varint(len(message))
-    return np.frombuffer(head + message, np.uint8), np.array(slots) + len(head)
-
-
-def _varint(value: int) -> bytes:
-    low, rest = value & 0x7F, value >> 7
-    return bytes([low | 0x80]) + _varint(rest) if rest else bytes([low])
+    return tuple(numbers[name] for name in row.order())

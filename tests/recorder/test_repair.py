@@ -17,9 +17,9 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from services.cli.repair import run_repair
-from services.recorder.repair import repair, repair_all
 from services.recordings.errors import RecordingError
 from services.recordings.reader import read_frames
+from services.recordings.repair import repair, repair_all
 from tests.recorder.made_up import long_recording, settle
 
 
@@ -31,8 +31,9 @@ def ticks_by_index(path: Path) -> list[int]:
         assert summary is not None
         assert summary.statistics is not None
         assert all(chunk.message_index_offsets for chunk in summary.chunk_indexes)
-        found = [body.tick for _, _, _, body in reader.iter_decoded_messages()]
-        assert summary.statistics.message_count == len(found)
+        found = [body.tick for _, _, _, body in reader.iter_decoded_messages("/gateway/state")]
+        (devices,) = (number for number, channel in summary.channels.items() if channel.topic == "/gateway/state")
+        assert summary.statistics.channel_message_counts[devices] == len(found)
         assert [each.name for each in reader.iter_metadata()].count("trocar") == 1
         return found
 
