@@ -157,6 +157,28 @@ def replay(
     run_check(file, json)
 
 
+class Form(StrEnum):
+    """What a recording may be exported to."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    NPZ = "npz"
+    MP4 = "mp4"
+
+
+@app.command()
+def export(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
+    out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(help="Only this topic; may be given again.")] = None,
+) -> None:
+    """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
+    from services.cli.export import run_export
+
+    run_export(file, to.value, out, topic or ())
+
+
 @app.command()
 def repair(
     files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], json: Json = False

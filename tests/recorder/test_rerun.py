@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,17 +13,8 @@ from services.cli.rerun import compare
 from services.recordings import inputs as recorded_inputs
 from services.recordings.errors import RecordingError
 from services.recordings.inputs import read_inputs
-from tests.physics.conftest import Rig, let_time_pass
-from tests.recorder.recorded_rig import LADDER, changed, record
-
-TICKS = 900
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    with pytest.MonkeyPatch.context() as patch:
-        let_time_pass(patch)
-        yield record(tmp_path_factory.mktemp("recorded") / "a.mcap", Rig(LADDER), TICKS)
+from tests.recorder.conftest import TICKS
+from tests.recorder.recorded_rig import changed
 
 
 def test_states_and_contacts_are_those_recorded_to_the_bit(recorded: Path) -> None:
