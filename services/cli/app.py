@@ -149,12 +149,29 @@ def keys(
 def replay(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     check: Annotated[bool, typer.Option("--check", help="Without a rig: say whether it ends as recorded.")] = False,
+    rate: Annotated[float, typer.Option(min=0.0, help="Times real time; 0: as fast as it goes.")] = 1.0,
+    from_s: Annotated[float, typer.Option("--from", min=0.0, help="Second to begin at.")] = 0.0,
+    until_s: Annotated[float | None, typer.Option("--until", min=0.001, help="Second to end at.")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
+    take_over: Annotated[bool, typer.Option("--take-over", help="The rig's own hands go on from the end.")] = False,
+    rig: Rig = "stub",
+    viewer: Annotated[Viewer | None, typer.Option(help="Where the picture is shown; default: as the rig says.")] = None,
+    overrides: Overrides = None,
     json: Json = False,
 ) -> None:
     """Run a recording again: the same hands through the same physics, to the bit."""
-    from services.cli.replay import run_check
+    if check:
+        from services.cli.replay import run_check
 
-    run_check(file, json)
+        return run_check(file, json)
+    from services.supervisor.nursery import Nursery
+
+    with Nursery() as nursery:
+        from services.cli.replay import Replay, run_replay
+
+        shown = viewer and viewer.value
+        asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, shown, tuple(overrides or ()))
+        return run_replay(asked, nursery)
 
 
 class Form(StrEnum):

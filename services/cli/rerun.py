@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import logging
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import msgspec
 import numpy as np
 
-from protocol import PROTOCOL_VERSION, TOPICS, Frame
+from protocol import Frame
 from protocol.arrays import Array
 from protocol.bodies import PhysicsState, ToolContacts
 from services.cache_directory import cache_directory
@@ -21,6 +20,7 @@ from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import SceneModel
 from services.physics import __main__ as physics
 from services.recordings.errors import RecordingError
+from services.recordings.injected_bus import InjectedProcess
 from services.recordings.inputs import Intake, RecordedInputs
 from services.runtime.loop import LoopMeter
 from services.runtime.process import Process
@@ -29,55 +29,11 @@ from services.scenes import load_duct, load_scene
 _KEPT = 64  # states that haptics may still be about to see
 
 
-class _Bus:
-    """One process' bus: what it is to see is put in, what it says is taken out."""
-
-    def __init__(self) -> None:
-        self.frame: Frame | None = None
-        self.is_fresh_now = False
-        self.said: dict[str, Frame] = {}
-
-    def latest(self, _topic: str) -> Frame | None:
-        frame, self.frame = self.frame, None
-        return frame
-
-    def is_fresh(self, *_topics: str) -> bool:
-        return self.is_fresh_now
-
-    def drain(self, _topic: str) -> list[Frame]:
-        return []
-
-    def publish(
-        self, topic: str, body: msgspec.Struct, *, origin_ns: int = 0, valid: bool = True, at_once: bool = False
-    ) -> int:
-        self.said[topic] = Frame(PROTOCOL_VERSION, topic, TOPICS[topic].version, 0, 0, 0, origin_ns, valid, body)
-        return 0
-
-
-@dataclass
-class _Health:
-    gauges: dict[str, float] = field(default_factory=dict)
-    counts: Any = dict
-    quality_level: int = 0
-
-    def do_a_piece(self) -> bool:
-        return False
-
-
-@dataclass
-class _Process:
-    """What haptics and physics ask of their process."""
-
-    bus: _Bus = field(default_factory=_Bus)
-    health: _Health = field(default_factory=_Health)
-    log: logging.Logger = field(default_factory=lambda: logging.getLogger("rerun"))
-
-
 class Rerun:
     """Haptics and physics from the beginning of a simulation."""
 
     def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
-        self._haptics_process, self._physics_process = _Process(), _Process()
+        self._haptics_process, self._physics_process = InjectedProcess(), InjectedProcess()
         meters = LoopMeter(haptics.RATE_HZ, haptics.STAGES), LoopMeter(physics.RATE_HZ, physics.STAGES)
         self._haptics = haptics.Haptics(cast(Process, self._haptics_process), meters[0], scene, duct)
         self._physics = physics.Physics(cast(Process, self._physics_process), meters[1], scene, duct)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from protocol import Frame
 from protocol.bodies import ContactModel, GatewayState, PhysicsState
@@ -24,6 +25,9 @@ from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow
 from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
+
+if TYPE_CHECKING:
+    from services.haptics.replaying import ReplayedHaptics
 
 RATE_HZ = 1000.0
 STAGES = ("model", "detect", "send")
@@ -141,10 +145,23 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     return scene, duct
 
 
+def _replay(
+    process: Process, meter: LoopMeter, prepared: tuple[SceneModel, ReducedDuct]
+) -> ReplayedHaptics[Haptics] | None:
+    """Return what answers as recorded, where the rig replays a recording."""
+    if process.rig.replay is None:
+        return None
+    from services.haptics.replaying import ReplayedHaptics  # what reads recordings is not installed with every rig
+    from services.recordings.schedule import read_schedule
+
+    schedule = read_schedule(process.rig.replay)
+    return ReplayedHaptics(process, lambda inside: Haptics(inside, meter, *prepared), schedule)
+
+
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Answer each new device frame."""
     meter = LoopMeter(RATE_HZ, STAGES)
-    haptics = Haptics(process, meter, *prepared)
+    haptics = _replay(process, meter, prepared) or Haptics(process, meter, *prepared)
     process.ready(meter)
     for frame in follow(process.bus, "gateway.state", meter, process.stop, haptics.settle):
         if frame is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from operator import add
+from typing import TYPE_CHECKING
 
 from protocol import Frame
 from services.cache_directory import cache_directory
@@ -24,6 +25,9 @@ from services.runtime.nan_guard import NanGuard
 from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
 
+if TYPE_CHECKING:
+    from services.physics.replaying import ReplayedPhysics
+
 RATE_HZ = 1000.0
 TICK_S = 1.0 / RATE_HZ
 #: Orders are looked for after one tick of so many: they come ten times a second. To look takes 7 us, to find one 80:
@@ -39,6 +43,7 @@ class Physics:
         self._process = process
         self._meter = meter
         self._scene, self._duct = scene, duct
+        self.follows_orders = True
         self._journal = JournalWriter("physics.journal", process.bus)
         self._begin()
         self.resets = self._looked = self._owed = 0
@@ -111,6 +116,20 @@ class Physics:
         self._begin()
         self.simulation.set_quality(level)
 
+    @property
+    def owes(self) -> bool:
+        """Whether ticks wait for others to make up a whole step."""
+        return self._owed > 0
+
+    def begin_again(self) -> None:
+        """Put everything back to where the scene begins."""
+        self._begin()
+        self._owed = 0
+
+    def say_again(self, frame: Frame) -> None:
+        """Publish the state that answers a frame once more: whoever waits for it may have missed it."""
+        self._outputs.publish(self._process.bus, frame, valid=True)
+
     def settle(self) -> None:
         """Do what no tick waits for, between two."""
         if not (self._outputs.settle() or self._look_for_orders() or self._journal.send_if_due()):
@@ -127,7 +146,8 @@ class Physics:
         if self._looked % _ORDERS_EVERY:
             return False
         for state in self._process.bus.drain("supervisor.state"):
-            self.obey(state.body.quality_level)
+            if self.follows_orders:
+                self.obey(state.body.quality_level)
         return True
 
     def obey(self, level: int) -> None:
@@ -154,6 +174,16 @@ def _say_what_is_approximate(process: Process, duct: ReducedDuct) -> None:
         process.log.warning("%s", sentence)
 
 
+def _replay(process: Process, physics: Physics) -> ReplayedPhysics | None:
+    """Return what steps as recorded, where the rig replays a recording."""
+    if process.rig.replay is None:
+        return None
+    from services.physics.replaying import ReplayedPhysics  # what reads recordings is not installed with every rig
+    from services.recordings.schedule import read_schedule
+
+    return ReplayedPhysics(physics, read_schedule(process.rig.replay))
+
+
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Step on each new tick of the rig's clock, or of its own where no tool gives one."""
     scene, duct = prepared
@@ -165,11 +195,12 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     physics = Physics(process, meter, scene, duct)
     _say_what_is_approximate(process, duct)
     clock = TickClock(meter)
+    replay = _replay(process, physics)
     process.ready(meter)
     for frame in follow(process.bus, "haptics.contacts", meter, process.stop, physics.settle):
         if frame is not None:
             ticks = clock.steps(frame.body.tick)
-            if ticks:
+            if not (replay and replay.take(frame)) and ticks:
                 physics.advance(frame, ticks)
             process.health.change("running")
 
