@@ -39,7 +39,7 @@ class ReplayedHaptics(Generic[H]):
         self._bus = InjectedBus(process.bus)
         self._haptics = self._make(cast(Process, InjectedProcess(self._bus, process.health, process.log)))
         self._states: dict[int, Frame] = {}
-        self._answered = -1
+        self._answered = self._seen = -1
 
     def settle(self) -> None:
         """Do what no tick waits for."""
@@ -58,7 +58,8 @@ class ReplayedHaptics(Generic[H]):
         self._bus.is_live = intake is None
         if intake is not None:
             self._wait_for(self._schedule.awaited[tick])
-            self._bus.frame = self._states.get(intake.seen_tick)
+            if intake.seen_tick != self._seen:  # a state is new to haptics once
+                self._bus.frame, self._seen = self._states.get(intake.seen_tick), intake.seen_tick
             self._bus.is_fresh_now = intake.is_fresh
         self._haptics.answer(frame)
 
