@@ -36,16 +36,18 @@ class RecordingWriter:
     lost
         Frames not taken because the disk is too slow, by topic.
     to_wall_ns
-        What is added to a time of the bus.
+        What is added to a time of the bus; of one that was recorded before, what was added then.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str], *, shared: bool = False) -> None:
+    def __init__(
+        self, path: Path, metadata: Mapping[str, str], *, shared: bool = False, to_wall_ns: int | None = None
+    ) -> None:
         self.path = path
         self.frames = 0
         self.lost: Counter[str] = Counter()
         self._file = RecordingFile(path, shared=shared)
         self._channels: dict[str, int] = {}
-        self.to_wall_ns = time.time_ns() - time.monotonic_ns()
+        self.to_wall_ns = time.time_ns() - time.monotonic_ns() if to_wall_ns is None else to_wall_ns
         self._chunk = OpenChunk()
         self._chunk_began_ns = 0
         self._file.add_metadata("trocar", {**metadata, "wall_minus_monotonic_ns": str(self.to_wall_ns)})
