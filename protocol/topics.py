@@ -10,7 +10,7 @@ from typing import Literal
 
 import msgspec
 
-from protocol.bodies import gateway, haptics, health, physics, supervisor, training, visualization
+from protocol.bodies import gateway, haptics, health, journal, physics, supervisor, training, visualization
 
 PROCESSES = ("physics", "haptics", "gateway", "visualization", "recorder", "training", "supervisor")
 
@@ -59,6 +59,11 @@ def _health(process: str) -> Topic:
     return Topic(f"{process}.health", process, (reader,), (), health.Health, 1, 10.0, "latest", 0.5)
 
 
+def _journal(process: str) -> Topic:
+    """Return a topic that says what a loop took in: for recordings, which need all of it."""
+    return Topic(f"{process}.journal", process, ("recorder",), (), journal.Journal, 1, 10.0, "every", 0.5)
+
+
 _OBEYING = ("physics", "gateway", "visualization", "recorder", "training")
 
 _ROWS = (
@@ -83,6 +88,7 @@ _ROWS = (
     Topic(
         "supervisor.state", "supervisor", _OBEYING, (), supervisor.SupervisorState, 1, 10.0, "every", 0.5, command=True
     ),
+    *(_journal(process) for process in ("haptics", "physics")),
 )
 
 TOPICS: dict[str, Topic] = {row.name: row for row in _ROWS}

@@ -12,6 +12,7 @@ from protocol.bodies.health import (
     Stall,
     TopicReport,
 )
+from protocol.bodies.journal import Journal
 from protocol.bodies.physics import Catheter, ContactForces, Duct, PhysicsState, ToolReaction
 from protocol.bodies.supervisor import Order, ProcessReport, QualityReport, SupervisorState
 from protocol.bodies.training import Answer, Attempt
@@ -31,6 +32,7 @@ __all__ = [
     "Health",
     "Histogram",
     "InstrumentState",
+    "Journal",
     "LocalModel",
     "LoopReport",
     "Order",

@@ -166,6 +166,57 @@ def keys(
 
 
 @app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    check: Annotated[bool, typer.Option("--check", help="Without a rig: say whether it ends as recorded.")] = False,
+    rate: Annotated[float, typer.Option(min=0.0, help="Times real time; 0: as fast as it goes.")] = 1.0,
+    from_s: Annotated[float, typer.Option("--from", min=0.0, help="Second to begin at.")] = 0.0,
+    until_s: Annotated[float | None, typer.Option("--until", min=0.001, help="Second to end at.")] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
+    take_over: Annotated[bool, typer.Option("--take-over", help="The rig's own hands go on from the end.")] = False,
+    rig: Rig = "stub",
+    viewer: Annotated[Viewer | None, typer.Option(help="Where the picture is shown; default: as the rig says.")] = None,
+    overrides: Overrides = None,
+    json: Json = False,
+) -> None:
+    """Run a recording again: the same hands through the same physics, to the bit."""
+    if check:
+        from services.cli.replay import run_check
+
+        return run_check(file, json)
+    from services.supervisor.nursery import Nursery
+
+    with Nursery() as nursery:
+        from services.cli.replay import Replay, run_replay
+
+        shown = viewer and viewer.value
+        asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, shown, tuple(overrides or ()))
+        return run_replay(asked, nursery)
+
+
+class Form(StrEnum):
+    """What a recording may be exported to."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    NPZ = "npz"
+    MP4 = "mp4"
+
+
+@app.command()
+def export(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    to: Annotated[Form, typer.Option("--to", help="Tables (csv, parquet), arrays (npz) or a film (mp4).")],
+    out: Annotated[Path | None, typer.Option(help="File, or folder of tables; default: beside the recording.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(help="Only this topic; may be given again.")] = None,
+) -> None:
+    """Write what a recording holds as tables with a column for each number, as arrays, or as a film."""
+    from services.cli.export import run_export
+
+    run_export(file, to.value, out, topic or ())
+
+
+@app.command()
 def repair(
     files: Annotated[list[Path], typer.Argument(help="Recordings, mended in place.")], json: Json = False
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,7 @@ class Request:
     json_file: Path | None
     viewer: str | None
     overrides: tuple[str, ...]
+    ends_when: Callable[[Supervisor], bool] = lambda _supervisor: False
 
 
 class Run:
@@ -44,7 +46,8 @@ class Run:
         self.report.turn(now_s)
         self._display.turn(supervisor)
         seconds = self._request.seconds
-        return seconds is not None and self.report.measured_s >= seconds
+        is_over = seconds is not None and self.report.measured_s >= seconds
+        return is_over or self._request.ends_when(supervisor)
 
 
 def run_up(request: Request, nursery: Nursery) -> None:

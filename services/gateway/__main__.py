@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 
 from protocol.bodies import GatewayState
 from services.gateway import scene_hands
@@ -27,6 +28,7 @@ from services.runtime.health import LatencyPath
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, Tick, sleep_until, ticks
 from services.runtime.process import Process, ProcessConfig, main
+from services.runtime.rig import ReplaySettings
 
 MODEL = "haptics.contact_model"
 ATTEMPT = "training.attempt"
@@ -208,14 +210,27 @@ def prepare(process_config: ProcessConfig) -> SceneHands:
     return scene_hands.find_scene_hands(process_config.scene_name, process_config.scene_overrides)
 
 
+def _replay(process: Process, settings: ReplaySettings, meter: LoopMeter) -> int:
+    """Replay a recording; return the tick at which hands go on."""
+    from services.gateway.replaying import Replay  # what reads recordings is not installed with every gateway
+
+    replay = Replay(process, settings, meter)
+    process.ready(meter)
+    replay.run()
+    return replay.next_tick
+
+
 def run(process: Process, hands: SceneHands) -> None:
     """Tick until asked to end."""
-    gateway = Gateway(process, hands)
+    gateway, settings = Gateway(process, hands), process.rig.replay
     try:
-        gateway.open()
-        process.ready(gateway.meter)
+        if settings is None or settings.take_over:
+            gateway.open()
+        first = 0 if settings is None else _replay(process, settings, gateway.meter)
+        if first == 0:
+            process.ready(gateway.meter)
         for tick in ticks(gateway.meter, gateway.ended, gateway.serve):
-            gateway.tick(tick)
+            gateway.tick(replace(tick, index=first + tick.index))
     finally:
         gateway.close()
 

@@ -1,4 +1,4 @@
-"""Recordings of devices as csv files: a header line, one row per sample, SI units."""
+"""Recordings of devices: csv files with a header line and one row per sample, in SI units, or recordings of a rig."""
 
 from __future__ import annotations
 
@@ -8,7 +8,40 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from services.gateway.driver import Place
+from services.gateway.pose import pack_mount, to_arm
 from services.runtime.errors import DeviceError
+
+_DTYPE = [(name, np.float64) for name in ("time_s", "x_m", "y_m", "z_m", "roll_rad", "handle_angle_rad")]
+
+
+def read_hand(path: Path, columns: tuple[str, ...], place: Place) -> npt.NDArray[np.void]:
+    """Return what a hand did as `read_table` does, from a csv file, or from a rig's recording of this instrument.
+
+    Positions are in the frame of the arm, wherever the recorded arm stood. A recording ends where its gateway began
+    anew.
+
+    Raises
+    ------
+    DeviceError
+        naming the file, if it cannot be used.
+    """
+    if path.suffix != ".mcap":
+        return read_table(path, columns)
+    from services.recordings.reader import read_messages  # which is not installed with every gateway
+
+    mount, at_arm, rows = pack_mount(place.mount), np.zeros(3), list[tuple[float, ...]]()
+    for _topic, _time_ns, state in read_messages(path, ("gateway.state",)):
+        time_s = 1e-3 * state.tick
+        if rows and time_s <= rows[-1][0]:
+            break
+        for hand in state.instruments:
+            if hand.name == place.instrument:
+                to_arm(np.array(hand.position_m) - mount[2:], 0, mount, at_arm, 0)
+                rows.append((time_s, *at_arm.tolist(), hand.roll_rad, hand.handle_angle_rad))
+    if len(rows) < 2:
+        raise DeviceError(f"{path}: holds no two frames of an instrument {place.instrument!r}")
+    return np.array(rows, _DTYPE)
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> npt.NDArray[np.void]:

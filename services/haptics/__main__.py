@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import TYPE_CHECKING
 
 from protocol import Frame
 from protocol.bodies import ContactModel, GatewayState, PhysicsState
@@ -20,10 +21,14 @@ from services.mechanics.bodies.forceps.grasp import Grasp
 from services.mechanics.collision.pairs import ContactPairs
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.scene import SceneModel
+from services.runtime.journal import JournalWriter
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, follow
 from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
+
+if TYPE_CHECKING:
+    from services.haptics.replaying import ReplayedHaptics
 
 RATE_HZ = 1000.0
 STAGES = ("model", "detect", "send")
@@ -39,7 +44,9 @@ class Haptics:
     """
 
     def __init__(self, process: Process, meter: LoopMeter, scene: SceneModel, duct: ReducedDuct) -> None:
-        self._bus, self._meter = process.bus, meter
+        self._bus, self._meter, self._health = process.bus, meter, process.health
+        self._journal = JournalWriter("haptics.journal", process.bus)
+        self._seen_tick = -1
         self.scene = DeformedScene(scene, duct)
         self._reactions, self._instruments = Reactions(), InstrumentTable(len(scene.forceps))
         tables = self._reactions.rows, self._instruments.rows
@@ -72,6 +79,8 @@ class Haptics:
         model = ContactModel(tick=state.tick, ttl_s=self._ttl_s, models=models)
         self._bus.publish("haptics.contact_model", model, origin_ns=frame.origin_ns, valid=known, at_once=True)
         modelled = time.monotonic_ns()
+        age = state.tick - self._seen_tick if self._seen_tick >= 0 else -1
+        self._journal.note(state.tick, (age, int(known), 0))
         self._meter.tick = state.tick
         is_told = 0 < state.tick - self._told_tick < self.ticks_per_step
         # The hand has its model. What physics waits for is the work of a whole step's ticks, and due with the last.
@@ -114,6 +123,7 @@ class Haptics:
             self._reactions.forget()
         if solved is not None:
             self._solved = solved.body
+            self._seen_tick = solved.body.tick
             self._reactions.take(self._solved.tools)
             self.ticks_per_step = self._solved.ticks_per_step
         known = self._bus.is_fresh("physics.state")
@@ -121,6 +131,11 @@ class Haptics:
             self._reactions.forget()
             self.ticks_per_step = 1
         return known
+
+    def settle(self) -> None:
+        """Do what no tick waits for, between two."""
+        if not self._journal.send_if_due():
+            self._health.do_a_piece()
 
     def _take_shapes(self, state: PhysicsState) -> None:
         self.scene.take_duct(state.duct)
@@ -149,12 +164,25 @@ def prepare(process_config: ProcessConfig) -> tuple[SceneModel, ReducedDuct]:
     return scene, duct
 
 
+def _replay(
+    process: Process, meter: LoopMeter, prepared: tuple[SceneModel, ReducedDuct]
+) -> ReplayedHaptics[Haptics] | None:
+    """Return what answers as recorded, where the rig replays a recording."""
+    if process.rig.replay is None:
+        return None
+    from services.haptics.replaying import ReplayedHaptics  # what reads recordings is not installed with every rig
+    from services.recordings.schedule import read_schedule
+
+    schedule = read_schedule(process.rig.replay)
+    return ReplayedHaptics(process, lambda inside: Haptics(inside, meter, *prepared), schedule)
+
+
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Answer each new device frame."""
     meter = LoopMeter(RATE_HZ, STAGES)
-    haptics = Haptics(process, meter, *prepared)
+    haptics = _replay(process, meter, prepared) or Haptics(process, meter, *prepared)
     process.ready(meter)
-    for frame in follow(process.bus, "gateway.state", meter, process.stop, process.health.do_a_piece):
+    for frame in follow(process.bus, "gateway.state", meter, process.stop, haptics.settle):
         if frame is not None:
             haptics.answer(frame)
             process.health.change("running")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from operator import add
+from typing import TYPE_CHECKING
 
 from protocol import Frame
 from services.cache_directory import cache_directory
@@ -18,11 +19,15 @@ from services.physics.duct_alone_loop import run_duct_alone
 from services.physics.inputs import ContactsReader
 from services.physics.outputs import Outputs
 from services.physics.warm_up import warm_up, warm_up_contact
+from services.runtime.journal import JournalWriter
 from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, TickClock, follow
 from services.runtime.nan_guard import NanGuard
 from services.runtime.process import Process, ProcessConfig, main
 from services.scenes import load_duct, load_scene
+
+if TYPE_CHECKING:
+    from services.physics.replaying import ReplayedPhysics
 
 RATE_HZ = 1000.0
 TICK_S = 1.0 / RATE_HZ
@@ -40,6 +45,8 @@ class Physics:
         self._meter = meter
         self._scene, self._duct = scene, duct
         self._begins: int | None = None
+        self.follows_orders = True
+        self._journal = JournalWriter("physics.journal", process.bus)
         self._begin()
         self.resets = self._looked = self._owed = 0
         meter.periods_allowed = scene.quality[0].ticks_per_step
@@ -68,6 +75,8 @@ class Physics:
         began_ns = time.monotonic_ns()
         self._meter.tick = frame.body.tick
         self._follow_begins(frame.body.begins)
+        if ticks:
+            self._journal.note(frame.body.tick, (ticks, self.simulation.quality_level, self.resets))
         self._owed += ticks
         length = self._meter.periods_allowed
         if self._owed < length and ticks:
@@ -124,9 +133,23 @@ class Physics:
         self._begin()
         self.simulation.set_quality(level)
 
+    @property
+    def owes(self) -> bool:
+        """Whether ticks wait for others to make up a whole step."""
+        return self._owed > 0
+
+    def begin_again(self) -> None:
+        """Put everything back to where the scene begins."""
+        self._begin()
+        self._owed = 0
+
+    def say_again(self, frame: Frame) -> None:
+        """Publish the state that answers a frame once more: whoever waits for it may have missed it."""
+        self._outputs.publish(self._process.bus, frame, valid=True)
+
     def settle(self) -> None:
         """Do what no tick waits for, between two."""
-        if not (self._outputs.settle() or self._look_for_orders()):
+        if not (self._outputs.settle() or self._look_for_orders() or self._journal.send_if_due()):
             self._process.health.do_a_piece()
         if self.simulation.rests != self._told_rests:
             self._told_rests = self.simulation.rests
@@ -140,7 +163,8 @@ class Physics:
         if self._looked % _ORDERS_EVERY:
             return False
         for state in self._process.bus.drain("supervisor.state"):
-            self.obey(state.body.quality_level)
+            if self.follows_orders:
+                self.obey(state.body.quality_level)
         return True
 
     def obey(self, level: int) -> None:
@@ -167,6 +191,16 @@ def _say_what_is_approximate(process: Process, duct: ReducedDuct) -> None:
         process.log.warning("%s", sentence)
 
 
+def _replay(process: Process, physics: Physics) -> ReplayedPhysics | None:
+    """Return what steps as recorded, where the rig replays a recording."""
+    if process.rig.replay is None:
+        return None
+    from services.physics.replaying import ReplayedPhysics  # what reads recordings is not installed with every rig
+    from services.recordings.schedule import read_schedule
+
+    return ReplayedPhysics(physics, read_schedule(process.rig.replay))
+
+
 def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     """Step on each new tick of the rig's clock, or of its own where no tool gives one."""
     scene, duct = prepared
@@ -178,10 +212,13 @@ def run(process: Process, prepared: tuple[SceneModel, ReducedDuct]) -> None:
     physics = Physics(process, meter, scene, duct)
     _say_what_is_approximate(process, duct)
     clock = TickClock(meter)
+    replay = _replay(process, physics)
     process.ready(meter)
     for frame in follow(process.bus, "haptics.contacts", meter, process.stop, physics.settle):
         if frame is not None:
-            physics.advance(frame, clock.steps(frame.body.tick))
+            ticks = clock.steps(frame.body.tick)
+            if not (replay and replay.take(frame)):
+                physics.advance(frame, ticks)
             process.health.change("running")
 
 

@@ -16,13 +16,21 @@ from pathlib import Path
 
 from protocol import Frame
 from protocol.topics import observed_by, read_by
+from services.cache_directory import cache_directory
+from services.recorder import attachments
 from services.recorder.losses import Losses, counts
+from services.recorder.picture import Picture
 from services.recorder.recording import RecordingWriter
-from services.recorder.repair import repair_all
+from services.recordings.provenance import machine, mechanics_digest
+from services.recordings.repair import repair_all
+from services.recordings.scene_update import SceneDrawing
 from services.runtime import realtime
 from services.runtime.bus import Bus
+from services.runtime.errors import UserError
+from services.runtime.log import progress
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
+from services.scenes import load_duct, load_scene
 
 #: Longer than the period of what is sampled, far shorter than a turn.
 _PATIENCE_NS = 4_000_000
@@ -46,7 +54,8 @@ def _metadata(process: Process) -> dict[str, str]:
         "scene": process.scene_name,
         "host": platform.node(),
         "trocar": version("trocar"),
-        "rig_file": process.rig.model_dump_json(),
+        "mechanics": mechanics_digest(),
+        "machine": machine(),
     }
 
 
@@ -66,12 +75,29 @@ class Recording:
         self._has_lost = False
         self._due_ns = now_ns + _TELL_NS
         self._writer = RecordingWriter(_new_file(process), _metadata(process), shared=process.rig.recorder.shared)
+        self._picture = Picture(self._writer.to_wall_ns)
         process.log.info("writing %s", self._writer.path)
+
+    def explain(self) -> None:
+        """Attach what the recording needs to be understood, and draw the scene from now on, if it can be had."""
+        name, overrides = self._process.scene_name, self._process.scene_overrides
+        try:
+            for attached in attachments.settings(self._process.rig, name, overrides):
+                self._writer.attach(*attached)
+            scene = load_scene(name, overrides)
+            duct = load_duct(scene, cache_directory(), progress)
+        except UserError as error:
+            self._process.log.warning("the recording does not show the scene: %s", error)
+            return
+        self._writer.attach(*attachments.surface(duct))
+        self._picture.drawing = SceneDrawing(scene, duct)
+        self._picture.drawing.warm_up()
 
     def take(self, frames: Iterable[Frame]) -> None:
         """Append `frames`."""
         for frame in frames:
             self._writer.write(frame)
+            self._picture.see(frame)
 
     def sleep_until(self, due_ns: int) -> None:
         """Sleep, with an eye on the disk while something waits for it."""
@@ -80,7 +106,9 @@ class Recording:
             time.sleep(min(left_ns * 1e-9, _LOOK_S) if self._writer.pending_bytes else left_ns * 1e-9)
 
     def turn(self, now_ns: int) -> None:
-        """Hand over what is due; tell how it stands."""
+        """Draw and hand over what is due; tell how it stands."""
+        for drawn in self._picture.draw(now_ns):
+            self._writer.draw(*drawn)
         self._writer.turn(now_ns)
         if now_ns < self._due_ns:
             return
@@ -132,6 +160,7 @@ def run(process: Process) -> None:
     read = dict.fromkeys(filter(speaks, (*settings.whole, *read_by("recorder"))))
     sampled = [topic for topic in filter(speaks, observed_by("recorder")) if topic not in read]
     recording = Recording(process)
+    recording.explain()
     meter = LoopMeter(settings.sample_rate_hz, ("take", "sample", "hand over"))
     process.ready(meter)
     try:

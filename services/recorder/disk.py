@@ -12,20 +12,14 @@ from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
 
-from mcap.records import Channel, Header, Metadata, MetadataIndex, Schema
+from mcap.records import Attachment, Channel, Header, Metadata, MetadataIndex, Schema
 
-from services.recorder.chunks import OpenChunk
-from services.recorder.summary import MAGIC, Summary, record_bytes
-from services.runtime.errors import UserError
+from services.recordings.chunks import OpenChunk
+from services.recordings.errors import RecordingError
+from services.recordings.summary import MAGIC, Summary, attachment_index, finish, record_bytes, write_at
 
 #: Bytes that may wait for the disk: of a whole rig at full rate about a quarter of a minute.
 PENDING_MAX = 128 << 20
-
-
-class RecordingError(UserError):
-    """A recording that cannot be written, or read."""
-
-    exit_code = 5
 
 
 class RecordingFile:
@@ -76,6 +70,10 @@ class RecordingFile:
     def add_metadata(self, name: str, data: dict[str, str]) -> None:
         """Append a metadata record."""
         self._hand_over(0, lambda: self._write_metadata(Metadata(name, data)))
+
+    def add_attachment(self, record: Attachment) -> None:
+        """Append a file that belongs to the recording."""
+        self._hand_over(len(record.data), lambda: self._write_attachment(record))
 
     def add_chunk(self, chunk: OpenChunk) -> None:
         """Append a chunk, which nobody fills any more."""
@@ -146,6 +144,12 @@ class RecordingFile:
         self._append(data)
         self._summary.metadata.append(index)
 
+    def _write_attachment(self, record: Attachment) -> None:
+        data = record_bytes(record)
+        index = attachment_index(record, self._end, len(data))
+        self._append(data)
+        self._summary.attachments.append(index)
+
     def _write_chunk(self, chunk: OpenChunk) -> None:
         data, index = chunk.close(self._end)
         self._append(data)
@@ -185,35 +189,6 @@ class _Write:
             return int((self._task / "schedstat").read_bytes().split()[1]) * 1e-9
         except OSError:
             return 0.0
-
-
-def finish(file: int, summary: Summary, end: int) -> None:
-    """Cut a file after its last whole group of records, at `end`, and append the summary.
-
-    Where there is no room for it, the last chunks make room.
-
-    Raises
-    ------
-    OSError
-        if not even an empty recording can be written.
-    """
-    while True:
-        os.ftruncate(file, end)
-        try:
-            write_at(file, summary.end(end), end)
-            return
-        except OSError:
-            if not summary.chunks:
-                raise
-            end = summary.drop_last_chunk().chunk_start_offset
-
-
-def write_at(file: int, data: bytes, offset: int) -> None:
-    """Write all of `data` at `offset`; what was written of it when that fails is to be cut off."""
-    view = memoryview(data)
-    while view:
-        written = os.pwrite(file, view, offset)
-        view, offset = view[written:], offset + written
 
 
 def _why(error: OSError) -> str:

@@ -1,26 +1,22 @@
-"""A recording on disk: written in chunks, so that a crash loses at most the last; read back whatever is there."""
+"""A recording on disk: written in chunks, so that a crash loses at most the last."""
 
 from __future__ import annotations
 
-import struct
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader
-from mcap.records import Channel, Schema
-from mcap_protobuf.decoder import DecoderFactory
+from mcap.records import Attachment, Channel, Schema
 
 from protocol import TOPICS, Frame
-from services.recorder.chunks import OpenChunk
 from services.recorder.disk import PENDING_MAX, RecordingFile
 from services.recorder.losses import Loss
-from services.recorder.schema import PACKAGE, file_descriptor
-from services.recorder.transcode import to_protobuf
+from services.recordings.chunks import OpenChunk
+from services.recordings.reader import channel_name
+from services.recordings.scene_update import SCHEMAS, descriptor
+from services.recordings.schema import PACKAGE, file_descriptor
+from services.recordings.transcode import to_protobuf
 
 #: A chunk ends when it is this large or this old: what a crash takes with it.
 CHUNK_BYTES = 1 << 20
@@ -39,18 +35,22 @@ class RecordingWriter:
         Frames taken.
     lost
         Frames not taken because the disk is too slow, by topic.
+    to_wall_ns
+        What is added to a time of the bus; of one that was recorded before, what was added then.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str], *, shared: bool = False) -> None:
+    def __init__(
+        self, path: Path, metadata: Mapping[str, str], *, shared: bool = False, to_wall_ns: int | None = None
+    ) -> None:
         self.path = path
         self.frames = 0
         self.lost: Counter[str] = Counter()
         self._file = RecordingFile(path, shared=shared)
         self._channels: dict[str, int] = {}
-        self._to_wall_ns = time.time_ns() - time.monotonic_ns()
+        self.to_wall_ns = time.time_ns() - time.monotonic_ns() if to_wall_ns is None else to_wall_ns
         self._chunk = OpenChunk()
         self._chunk_began_ns = 0
-        self._file.add_metadata("trocar", {**metadata, "wall_minus_monotonic_ns": str(self._to_wall_ns)})
+        self._file.add_metadata("trocar", {**metadata, "wall_minus_monotonic_ns": str(self.to_wall_ns)})
 
     @property
     def pending_bytes(self) -> int:
@@ -67,11 +67,29 @@ class RecordingWriter:
         if self._file.pending > PENDING_MAX:
             self.lost[topic] += 1
             return
-        sent_ns = frame.sent_ns + self._to_wall_ns
-        origin_ns = frame.origin_ns + self._to_wall_ns if frame.origin_ns else sent_ns
-        channel = self._channels.get(topic) or self._declare(topic)
-        self._chunk.add(channel, frame.sequence, sent_ns, origin_ns, to_protobuf(frame))
+        sent_ns = frame.sent_ns + self.to_wall_ns
+        origin_ns = frame.origin_ns + self.to_wall_ns if frame.origin_ns else sent_ns
+        channel = self._channels.get(topic) or self._declare_topic(topic)
+        self._add(channel, frame.sequence, sent_ns, origin_ns, to_protobuf(frame))
         self.frames += 1
+
+    def draw(self, topic: str, sent_ns: int, data: bytes) -> None:
+        """Append what others draw, of a topic of `scene_update`; while the disk is far behind there is no picture."""
+        if self._file.pending > PENDING_MAX:
+            return
+        name = SCHEMAS[topic].DESCRIPTOR.full_name
+        channel = self._channels.get(topic) or self._declare(topic, topic, name, descriptor(topic))
+        self._add(channel, 0, sent_ns + self.to_wall_ns, sent_ns + self.to_wall_ns, data)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Append a file that belongs to the recording."""
+        now_ns = time.time_ns()
+        self._file.add_attachment(
+            Attachment(create_time=now_ns, log_time=now_ns, name=name, media_type=media_type, data=data)
+        )
+
+    def _add(self, channel: int, sequence: int, sent_ns: int, origin_ns: int, data: bytes) -> None:
+        self._chunk.add(channel, sequence, sent_ns, origin_ns, data)
         if self._chunk.size > CHUNK_BYTES:
             self._end_chunk()
 
@@ -97,8 +115,8 @@ class RecordingWriter:
                 "topic": loss.topic,
                 "frames": str(loss.frames),
                 "why": loss.why,
-                "from_ns": str(loss.from_ns + self._to_wall_ns),
-                "until_ns": str(loss.until_ns + self._to_wall_ns),
+                "from_ns": str(loss.from_ns + self.to_wall_ns),
+                "until_ns": str(loss.until_ns + self.to_wall_ns),
             },
         )
 
@@ -118,31 +136,15 @@ class RecordingWriter:
             self._file.add_chunk(self._chunk)
             self._chunk = OpenChunk()
 
-    def _declare(self, topic: str) -> int:
+    def _declare_topic(self, topic: str) -> int:
+        body = TOPICS[topic].body
+        schema = file_descriptor(body).SerializeToString()
+        return self._declare(topic, channel_name(topic), f"{PACKAGE}.{body.__name__}", schema)
+
+    def _declare(self, topic: str, channel: str, schema: str, descriptors: bytes) -> int:
         """Number a topic, and write what its messages are."""
-        body, number = TOPICS[topic].body, len(self._channels) + 1
-        descriptor = file_descriptor(body).SerializeToString()
-        self._file.declare(Schema(number, descriptor, "protobuf", f"{PACKAGE}.{body.__name__}"))
-        self._file.declare(Channel(number, f"/{topic.replace('.', '/')}", "protobuf", {}, number))
+        number = len(self._channels) + 1
+        self._file.declare(Schema(number, descriptors, "protobuf", schema))
+        self._file.declare(Channel(number, channel, "protobuf", {}, number))
         self._channels[topic] = number
         return number
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedMessage:
-    """One recorded frame: `body` is the protobuf message, times are wall clock."""
-
-    topic: str
-    log_time_ns: int
-    body: Any
-
-
-def read(path: Path) -> Iterator[RecordedMessage]:
-    """Yield the messages of a recording in file order; one that was cut off by a crash ends where it was cut."""
-    with path.open("rb") as file:
-        reader = NonSeekingReader(file, decoder_factories=[DecoderFactory()])
-        try:
-            for _schema, channel, message, body in reader.iter_decoded_messages(log_time_order=False):
-                yield RecordedMessage(channel.topic[1:].replace("/", "."), message.log_time, body)
-        except (McapError, EOFError, struct.error):  # how the reader says that a record was cut
-            return

@@ -250,6 +250,17 @@ class TrainingSettings(Settings):
     )
 
 
+class ReplaySettings(Settings):
+    """A recording that takes the place of the devices: `trocar replay` sets it."""
+
+    file: Place
+    rate: Annotated[float, Field(ge=0)] = Field(1.0, description="times real time; 0: as fast as it goes")
+    from_s: Annotated[float, Field(ge=0)] = Field(0.0, description="what was before is run as fast as it goes")
+    until_s: Annotated[float, Field(gt=0)] | None = None
+    loop: bool = False
+    take_over: bool = Field(False, description="whether the rig's devices go on from the end")
+
+
 class Rig(Settings):
     """A whole rig file."""
 
@@ -268,6 +279,7 @@ class Rig(Settings):
     visualization: ViewSettings = ViewSettings()
     recorder: RecorderSettings = RecorderSettings()
     training: TrainingSettings = TrainingSettings()
+    replay: ReplaySettings | None = None
     supervisor: SupervisorSettings = SupervisorSettings()
     contracts: Contracts = Contracts()
 

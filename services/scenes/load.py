@@ -27,13 +27,30 @@ def load_scene(name: str | Path, overrides: Iterable[str] = ()) -> SceneModel:
 def scene_origins(name: str | Path, overrides: Iterable[str] = ()) -> tuple[SceneModel, config.Origins]:
     """Return the scene, and for each value that was given where it came from."""
     path = config.find("scene", name)
-    data = config.read_yaml(path)
-    origins = config.origins_of(data, str(path))
-    _anchor_mesh_file(data, path.parent)
-    config.apply_overrides(data, overrides, origins)
+    origins: config.Origins = {}
+    data = scene_data(name, overrides, origins)
     take_tissue(data, str(path), origins)
     take_automatic_cells(data, origins)
     return build_scene(data, str(path)), origins
+
+
+def scene_data(
+    name: str | Path, overrides: Iterable[str] = (), origins: config.Origins | None = None
+) -> dict[str, Any]:
+    """Return what a scene file says with overrides on top: another file of that is the same scene, wherever it lies.
+
+    Raises
+    ------
+    ConfigError
+        if there is no such file, or it is no YAML.
+    """
+    path = config.find("scene", name)
+    data = config.read_yaml(path)
+    origins = {} if origins is None else origins
+    origins.update(config.origins_of(data, str(path)))
+    _anchor_mesh_file(data, path.parent)
+    config.apply_overrides(data, overrides, origins)
+    return data
 
 
 def _anchor_mesh_file(data: dict[str, Any], folder: Path) -> None:

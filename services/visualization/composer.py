@@ -15,8 +15,8 @@ from protocol.topics import observed_by
 from services.mechanics.reduction import ReducedDuct
 from services.mechanics.scene import ForcepsScene, SceneModel, ToolScene
 from services.runtime.bus import Bus
+from services.scenes.drawn_surface import DrawnSurface
 from services.visualization import tool_pose
-from services.visualization.drawn_surface import DrawnSurface
 from services.visualization.picture import Picture, PictureLayout, ToolShape
 
 #: Longer than the period of what is sampled, far shorter than a picture's.

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from services.gateway.recording import read_table
+from services.gateway import pose
+from services.gateway.driver import Place
+from services.gateway.recording import read_hand, read_table
+from services.recordings.reader import read_messages
 from services.runtime.errors import DeviceError
+from services.runtime.rig import Mount
 
 COLUMNS = ("time_s", "x_m")
 
@@ -40,3 +45,19 @@ def test_a_recording_is_read_by_its_columns(tmp_path: Path) -> None:
     file.write_text("x_m,time_s\n0.5,0\n0.25,1\n")
     table = read_table(file, COLUMNS)
     assert (table["time_s"].tolist(), table["x_m"].tolist()) == ([0.0, 1.0], [0.5, 0.25])
+
+
+SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "insertion-success.mcap"
+
+
+def test_a_hand_is_read_from_a_recording_of_a_rig_wherever_the_arm_stands() -> None:
+    mount = Mount(centre_m=(0.01, 0.02, 0.03), yaw_rad=0.7)
+    table = read_hand(SAMPLE, COLUMNS, Place("right", mount))
+    hands = [body.instruments[1] for _, _, body in read_messages(SAMPLE, ["gateway.state"])]
+    packed, world_m = pose.pack_mount(mount), np.zeros(3)
+    for row, hand in list(zip(table, hands, strict=True))[::500]:
+        pose.to_world(np.array([row["x_m"], row["y_m"], row["z_m"]]), 0, packed, world_m, 0)
+        np.testing.assert_allclose(world_m + packed[2:], hand.position_m, atol=1e-12)
+        assert (row["roll_rad"], row["handle_angle_rad"]) == (hand.roll_rad, hand.handle_angle_rad)
+    with pytest.raises(DeviceError, match=r"success\.mcap: holds no two frames of an instrument 'third'"):
+        read_hand(SAMPLE, COLUMNS, Place("third", mount))

@@ -74,13 +74,18 @@ class Rig:
         return self.models()[0]
 
 
-@pytest.fixture
-def in_memory(monkeypatch: pytest.MonkeyPatch) -> type[Rig]:
-    """Return `Rig` in a world where turns may be made faster or slower than a rig's."""
+def let_time_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let turns be made faster or slower than a rig's."""
     # The flood limit is tested elsewhere.
     monkeypatch.setattr("services.runtime.bus.FLOOD_FACTOR", 1e6)
     # A turn may take longer than a tick on a busy machine: what is old is decided by the test.
     monkeypatch.setitem(TOPICS, "physics.state", replace(TOPICS["physics.state"], stale_after_s=STALE_S))
+
+
+@pytest.fixture
+def in_memory(monkeypatch: pytest.MonkeyPatch) -> type[Rig]:
+    """Return `Rig` in a world where turns may be made faster or slower than a rig's."""
+    let_time_pass(monkeypatch)
     return Rig
 
 

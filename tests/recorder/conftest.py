@@ -1,7 +1,23 @@
-"""Waiting for what another thread does."""
+"""Waiting for what another thread does; a recording of a rig in memory."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.physics.conftest import Rig, let_time_pass
+from tests.recorder.recorded_rig import LADDER, record
 from tests.runtime.conftest import eventually
 
 __all__ = ["eventually"]
+TICKS = 900
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Return a recording that tests may read."""
+    with pytest.MonkeyPatch.context() as patch:
+        let_time_pass(patch)
+        yield record(tmp_path_factory.mktemp("recorded") / "a.mcap", Rig(LADDER), TICKS)

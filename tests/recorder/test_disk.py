@@ -17,12 +17,13 @@ import yaml
 
 from services.recorder import disk, recording
 from services.recorder.__main__ import Recording
-from services.recorder.chunks import OpenChunk
-from services.recorder.disk import RecordingError
 from services.recorder.recording import RecordingWriter
+from services.recordings.chunks import OpenChunk
+from services.recordings.errors import RecordingError
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.other_user import as_other_user, everybodys, needs_other_user
+from tests.physics.conftest import SMALL
 from tests.recorder.made_up import MS, long_recording, settle, state
 from tests.recorder.test_losses import Stub
 from tests.recorder.test_repair import ticks_by_index
@@ -67,7 +68,7 @@ def test_a_disk_that_is_full_from_the_start_is_a_sentence_and_leaves_nothing(tmp
 
 _LIMITED = """
 import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
 from services.recorder.__main__ import main, run, whole
 sys.exit(main("recorder", run, sys.argv[1:], whole=whole))
 """
@@ -76,7 +77,7 @@ sys.exit(main("recorder", run, sys.argv[1:], whole=whole))
 def test_the_process_ends_with_a_sentence_and_an_exit_code_and_its_publishers_go_on(tmp_path: Path) -> None:
     bus = ZmqBus(Transport(directory=tmp_path / "bus"), publishes=["gateway.state"])
     rig = {
-        "name": "full", "transport": {"directory": str(tmp_path / "bus")},
+        "name": "full", "scene": str(SMALL), "transport": {"directory": str(tmp_path / "bus")},
         "recorder": {"directory": str(tmp_path / "rec")},
     }  # fmt: skip
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))

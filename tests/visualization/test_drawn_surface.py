@@ -13,7 +13,7 @@ from services.cache_directory import cache_directory
 from services.mechanics.bodies.wall_motion import wall_motion
 from services.mechanics.reduction import ReducedDuct
 from services.scenes import load_duct, load_scene
-from services.visualization.drawn_surface import DrawnSurface
+from services.scenes.drawn_surface import DrawnSurface
 
 SMALL = Path(__file__).parents[1] / "scenes" / "small.yaml"
 

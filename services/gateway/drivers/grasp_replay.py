@@ -1,4 +1,4 @@
-"""A handle that was recorded: angles from a csv file, no torque."""
+"""A handle that was recorded: angles from a csv file or a rig's recording, no torque."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.gateway import driver
 from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import GraspHandle, Place
 from services.gateway.drivers.replay import ReplaySettings
-from services.gateway.recording import read_table
+from services.gateway.recording import read_hand
 from services.gateway.servo_arrays import HANDLE_ANGLE, HANDLE_RATE
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings
@@ -29,13 +29,14 @@ class Driver(GraspHandle):
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._settings = driver.read_settings(ReplaySettings, settings, place)
+        self._place = place
         self._times: FloatArray = np.zeros(1)
         self._angles: FloatArray = np.zeros(1)
         self._began_ns = 0
 
     def open(self) -> None:
         """Read the file."""
-        table = read_table(self._settings.file, ("time_s", "handle_angle_rad"))
+        table = read_hand(self._settings.file, ("time_s", "handle_angle_rad"), self._place)
         self._times = table["time_s"] - table["time_s"][0]
         self._angles = np.ascontiguousarray(table["handle_angle_rad"])
 

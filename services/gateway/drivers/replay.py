@@ -1,4 +1,4 @@
-"""An arm that was recorded: positions from a csv file, no force."""
+"""An arm that was recorded: positions from a csv file or a rig's recording, no force."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from services.gateway import driver, premium_model
 from services.gateway.bench import Bench, no_output, write_recording
 from services.gateway.driver import Arm, ArmLimits, Place
-from services.gateway.recording import read_table
+from services.gateway.recording import read_hand
 from services.gateway.servo_arrays import READ_POSITION, READ_ROLL, READ_VELOCITY
 from services.mechanics.arrays import FloatArray
 from services.runtime.rig import DriverSettings, Settings
@@ -29,7 +29,8 @@ class ReplaySettings(Settings):
 
 
 class Driver(Arm):
-    """Reads ``time_s, x_m, y_m, z_m`` and, where there is one, ``roll_rad``; in the frame of the arm.
+    """Reads ``time_s, x_m, y_m, z_m`` and, where there is one, ``roll_rad``, in the frame of the arm; or its
+    instrument in a recording of a rig.
 
     The recording begins with the first read. A person cannot be pushed in the past, so there is no force.
     """
@@ -46,13 +47,14 @@ class Driver(Arm):
 
     def __init__(self, settings: DriverSettings, place: Place) -> None:
         self._settings = driver.read_settings(ReplaySettings, settings, place)
+        self._place = place
         self._times: FloatArray = np.zeros(1)
         self._values: FloatArray = np.zeros((1, 4))
         self._began_ns = 0
 
     def open(self) -> None:
         """Read the file."""
-        table = read_table(self._settings.file, COLUMNS)
+        table = read_hand(self._settings.file, COLUMNS, self._place)
         self._times = table["time_s"] - table["time_s"][0]
         roll = table["roll_rad"] if "roll_rad" in (table.dtype.names or ()) else np.zeros(len(table))
         self._values = np.column_stack((table["x_m"], table["y_m"], table["z_m"], roll))

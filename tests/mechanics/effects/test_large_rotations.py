@@ -16,7 +16,7 @@ from services.mechanics.scene.tools import ToolInputs
 from services.mechanics.simulation import Simulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from services.mechanics.surface.mesh import TriangleMesh
-from services.visualization.drawn_surface import DrawnSurface
+from services.scenes.drawn_surface import DrawnSurface
 from studies.energy_book import EnergyBook
 from tests.mechanics.reduction.large_rotations.warped import warped_positions
 

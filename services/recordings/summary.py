@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections import Counter
@@ -10,6 +11,8 @@ from dataclasses import dataclass, field
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
+    AttachmentIndex,
     Channel,
     ChunkIndex,
     DataEnd,
@@ -33,6 +36,7 @@ class Summary:
     channels: dict[int, Channel] = field(default_factory=dict)
     chunks: list[ChunkIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
     counts: list[dict[int, int]] = field(default_factory=list)  # of each chunk: messages by channel
 
     @property
@@ -48,11 +52,16 @@ class Summary:
         return dict(together)
 
     def drop_last_chunk(self) -> ChunkIndex:
-        """Forget the last chunk, what was counted of it, and metadata that lies behind it; return its entry."""
+        """Forget the last chunk, what was counted of it, and what lies behind it; return its entry."""
         chunk = self.chunks.pop()
         self.counts.pop()
-        self.metadata = [each for each in self.metadata if each.offset < chunk.chunk_start_offset]
+        self.cut(chunk.chunk_start_offset)
         return chunk
+
+    def cut(self, end: int) -> None:
+        """Forget metadata and attachments that lie behind `end`."""
+        self.metadata = [each for each in self.metadata if each.offset < end]
+        self.attachments = [each for each in self.attachments if each.offset < end]
 
     def end(self, offset: int) -> bytes:
         """Return everything that follows the last chunk, which ends at `offset`, to the last byte of the file."""
@@ -64,6 +73,7 @@ class Summary:
             (Opcode.CHANNEL, list(self.channels.values())),
             (Opcode.STATISTICS, [self._statistics()]),
             (Opcode.CHUNK_INDEX, list(self.chunks)),
+            (Opcode.ATTACHMENT_INDEX, list(self.attachments)),
             (Opcode.METADATA_INDEX, list(self.metadata)),
         ]
         for opcode, records in groups:
@@ -80,7 +90,7 @@ class Summary:
     def _statistics(self) -> Statistics:
         counts = self.message_counts()
         return Statistics(
-            attachment_count=0,
+            attachment_count=len(self.attachments),
             channel_count=len(self.channels),
             channel_message_counts=counts,
             chunk_count=len(self.chunks),
@@ -98,3 +108,39 @@ def record_bytes(record: McapRecord) -> bytes:
     record.write(builder)
     data: bytes = builder.end()
     return data
+
+
+def attachment_index(record: Attachment, offset: int, length: int) -> AttachmentIndex:
+    """Return the entry in the summary of an attachment whose record of `length` bytes is at `offset`."""
+    return AttachmentIndex(
+        offset, length, record.log_time, record.create_time, len(record.data), record.name, record.media_type
+    )
+
+
+def finish(file: int, summary: Summary, end: int) -> None:
+    """Cut a file after its last whole group of records, at `end`, and append the summary.
+
+    Where there is no room for it, the last chunks make room.
+
+    Raises
+    ------
+    OSError
+        if not even an empty recording can be written.
+    """
+    while True:
+        os.ftruncate(file, end)
+        try:
+            write_at(file, summary.end(end), end)
+            return
+        except OSError:
+            if not summary.chunks:
+                raise
+            end = summary.drop_last_chunk().chunk_start_offset
+
+
+def write_at(file: int, data: bytes, offset: int) -> None:
+    """Write all of `data` at `offset`; what was written of it when that fails is to be cut off."""
+    view = memoryview(data)
+    while view:
+        written = os.pwrite(file, view, offset)
+        view, offset = view[written:], offset + written

@@ -10,23 +10,22 @@ import fcntl
 import io
 import os
 import struct
-import zlib
+import time
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
+from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
-from services.recorder.chunks import message_indexes
-from services.recorder.disk import RecordingError, finish, write_at
-from services.recorder.summary import MAGIC, Summary
+from services.recordings.chunks import message_indexes
+from services.recordings.errors import RecordingError
+from services.recordings.reader import BROKEN
+from services.recordings.summary import MAGIC, Summary, attachment_index, finish, record_bytes, write_at
 
 _HEAD = struct.Struct("<BQ")
 #: Footer record and magic at the end of a file that was closed.
@@ -34,8 +33,6 @@ _TAIL = _HEAD.size + 20 + len(MAGIC)
 #: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _INDEX_HEAD = struct.Struct("<HI")
-#: What the libraries raise for a record that does not hold what it says.
-_BROKEN = (McapError, ValueError, OverflowError, struct.error, zstandard.ZstdError, zlib.error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +54,43 @@ def repair(path: Path) -> RepairedRecording | None:
     with _opened(path) as file:
         if _is_whole(file):
             return None
-        scan = _Scan(file, os.fstat(file).st_size)
-        try:
-            is_recording = scan.read()
-        except _BROKEN:
-            raise RecordingError(f"{path}: is broken within, the record at byte {scan.end} cannot be read") from None
-        if not is_recording:
-            raise RecordingError(f"{path}: is not a recording (no MCAP file)")
-        scan.mend_last_chunk()
+        scan = _scan(path, file)
         finish(file, scan.summary, scan.end)
         os.fsync(file)
         return RepairedRecording(scan.summary.frames, max(0, scan.size - scan.end))
+
+
+def attach(path: Path, name: str, media_type: str, data: bytes) -> None:
+    """Append a file to a recording in place: what was made of it later, such as a score. One of this name is replaced
+    for readers by the index.
+
+    Raises
+    ------
+    RecordingError
+        as `repair` does.
+    """
+    now_ns = time.time_ns()
+    record = Attachment(create_time=now_ns, log_time=now_ns, name=name, media_type=media_type, data=data)
+    with _opened(path) as file:
+        scan = _scan(path, file)
+        summary, written = scan.summary, record_bytes(record)
+        write_at(file, written, scan.end)
+        summary.attachments = [each for each in summary.attachments if each.name != name]
+        summary.attachments.append(attachment_index(record, scan.end, len(written)))
+        finish(file, summary, scan.end + len(written))
+        os.fsync(file)
+
+
+def _scan(path: Path, file: int) -> _Scan:
+    scan = _Scan(file, os.fstat(file).st_size)
+    try:
+        is_recording = scan.read()
+    except BROKEN:
+        raise RecordingError(f"{path}: is broken within, the record at byte {scan.end} cannot be read") from None
+    if not is_recording:
+        raise RecordingError(f"{path}: is not a recording (no MCAP file)")
+    scan.mend_last_chunk()
+    return scan
 
 
 def repair_all(directory: Path) -> dict[Path, RepairedRecording]:
@@ -149,6 +172,9 @@ class _Scan:
             case Opcode.METADATA:
                 record = Metadata.read(_stream(os.pread(self.file, length, start)))
                 self.summary.metadata.append(MetadataIndex(self.end, after - self.end, record.name))
+            case Opcode.ATTACHMENT:
+                attachment = Attachment.read(_stream(os.pread(self.file, length, start)))
+                self.summary.attachments.append(attachment_index(attachment, self.end, after - self.end))
         self.end = after
         return True
 
@@ -198,7 +224,7 @@ class _Scan:
             self.summary.counts[-1] = counts
         else:
             self.summary.drop_last_chunk()
-        self.summary.metadata = [each for each in self.summary.metadata if each.offset < chunk.chunk_start_offset]
+        self.summary.cut(chunk.chunk_start_offset)
 
     def _look_into(self, chunk: ChunkIndex) -> dict[int, array[int]]:
         """Return the message index of a chunk, empty if it cannot be read; take what it declares."""
@@ -214,7 +240,7 @@ class _Scan:
                     index.setdefault(channel, array("Q")).extend((log_ns, offset))
                 else:
                     self._declare(opcode, record)
-        except _BROKEN:
+        except BROKEN:
             return {}
         return index
 

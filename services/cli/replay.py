@@ -1,0 +1,90 @@
+"""``trocar replay``: a recorded simulation run again, and compared with what was recorded."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import typer
+
+from services.cli.rerun import compare
+from services.cli.up import Request, run_up
+from services.recordings.inputs import read_inputs
+from services.supervisor.nursery import Nursery
+from services.supervisor.supervisor import Supervisor
+
+
+def run_check(path: Path, as_json: bool) -> None:
+    """Run the inputs of a recording again and say whether the states are those recorded; exit code 1 if not.
+
+    Raises
+    ------
+    RecordingError
+        if it cannot be run again, with the reason.
+    """
+    inputs = read_inputs(path)
+    inputs.check_mechanics()
+    found = compare(inputs)
+    if as_json:
+        print(json.dumps({"file": str(path), **asdict(found), "ended": inputs.ended}))
+    else:
+        until = f", up to where {inputs.ended}" if inputs.ended else ""
+        print(f"{path}: {found.ticks} ticks run again{until}; {found.alike} of {found.compared} kept states are alike")
+        if found.first_difference:
+            print(f"the first difference: {found.first_difference}")
+            print(f"at the end the catheter is {1e6 * found.apart_m:.3g} um from where it was")
+        if inputs.machine_differs:
+            print("it was recorded on another kind of machine or with other libraries: the last bits may differ")
+    if found.first_difference or not found.compared:
+        raise typer.Exit(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What a person asked for: see `services.runtime.rig.ReplaySettings`."""
+
+    file: Path
+    rig: str
+    rate: float
+    from_s: float
+    until_s: float | None
+    loop: bool
+    take_over: bool
+    viewer: str | None
+    overrides: tuple[str, ...]
+
+
+def run_replay(asked: Replay, nursery: Nursery) -> None:
+    """Start a rig whose device frames are those of a recording, in the scene of the recording.
+
+    Raises
+    ------
+    RecordingError
+        if it cannot be run again, with the reason.
+    """
+    inputs = read_inputs(asked.file)
+    inputs.check_mechanics()
+    if inputs.ended:
+        print(f"{asked.file}: can be run up to where {inputs.ended}")
+    settings = {
+        "file": str(asked.file.resolve()), "rate": asked.rate, "from_s": asked.from_s, "until_s": asked.until_s,
+        "loop": asked.loop, "take_over": asked.take_over,
+    }  # fmt: skip
+    # A replay waits for itself: what is late is slow, and no contract is broken.
+    overrides = (f"replay={json.dumps(settings)}", "contracts={loops: {}, paths: {}}", *asked.overrides)
+    ends_when = _never if asked.take_over else _is_over
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Path(folder) / f"{Path(inputs.metadata.get('scene', 'scene')).stem}.yaml"
+        scene.write_bytes(inputs.attachments["scene.yaml"])
+        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when), nursery)
+
+
+def _never(_supervisor: Supervisor) -> bool:
+    return False
+
+
+def _is_over(supervisor: Supervisor) -> bool:
+    gateway = supervisor.crew.members["gateway"].health
+    return gateway is not None and gateway.gauges.get("replayed", 0.0) > 0.0

@@ -1,0 +1,77 @@
+"""The gateway in a replay: the device frames of a recording instead of devices, each when the last one was answered."""
+
+from __future__ import annotations
+
+import time
+
+from services.recordings.inputs import Intake, read_inputs
+from services.recordings.schedule import ASK_AGAIN_NS, TICK_S, replayed
+from services.runtime.loop import LoopMeter, sleep_until
+from services.runtime.process import Process
+from services.runtime.rig import ReplaySettings
+
+_MODEL = "haptics.contact_model"
+_HOLD_NS = 20_000_000
+
+
+class Replay:
+    """Publishes recorded device frames.
+
+    Attributes
+    ----------
+    next_tick
+        Of the rig's clock, after those that were replayed.
+    """
+
+    def __init__(self, process: Process, settings: ReplaySettings, meter: LoopMeter) -> None:
+        self._process, self._settings, self._meter = process, settings, meter
+        self._intakes = replayed(read_inputs(settings.file), settings.until_s)
+        self._first = self._intakes[0].tick
+        self.next_tick = self._intakes[-1].tick + 1
+
+    def run(self) -> None:
+        """Replay once, or again and again; return when hands take over, else stay until asked to end."""
+        while not self._process.stop():
+            self._replay()
+            if not self._settings.loop:
+                break
+        self._process.health.gauges["replayed"] = 1.0
+        while not (self._process.stop() or self._settings.take_over):
+            self._process.health.send_if_due()
+            sleep_until(time.monotonic_ns() + _HOLD_NS)
+
+    def _replay(self) -> None:
+        """Publish each frame at its time, those before `from_s` as fast as they are answered."""
+        begin = self._first + round(self._settings.from_s / TICK_S)
+        began_ns = time.monotonic_ns()
+        for intake in self._intakes:
+            if self._process.stop():
+                return
+            due_ns = time.monotonic_ns()
+            if intake.tick <= begin:
+                began_ns = due_ns
+            elif self._settings.rate > 0.0:
+                due_ns = began_ns + round((intake.tick - begin) * 1e9 * TICK_S / self._settings.rate)
+            sleep_until(due_ns)
+            self._meter.start(due_ns, time.monotonic_ns())
+            self._meter.tick = intake.tick
+            self._ask(intake)
+            self._meter.finish(time.monotonic_ns())
+            self._settle()
+
+    def _ask(self, intake: Intake) -> None:
+        """Publish a frame until haptics has answered it."""
+        bus = self._process.bus
+        while not self._process.stop():
+            bus.publish("gateway.state", intake.devices.body, origin_ns=time.monotonic_ns())
+            ask_again_ns = time.monotonic_ns() + ASK_AGAIN_NS
+            while bus.wait(_MODEL, ask_again_ns):
+                model = bus.latest(_MODEL)
+                if model is not None and model.body.tick == intake.tick:
+                    return
+            self._settle()
+
+    def _settle(self) -> None:
+        self._process.bus.flush()
+        self._process.bus.drain("supervisor.state")
+        self._process.health.do_a_piece()

@@ -1,0 +1,78 @@
+"""Haptics in a replay: each device frame of the recording is answered with what was known when it was recorded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar, cast
+
+from protocol import Frame
+from services.recordings.injected_bus import InjectedBus, InjectedProcess
+from services.recordings.schedule import ASK_AGAIN_NS, Schedule
+from services.runtime.process import Process
+
+_KEPT = 64  # states that may still be about to be seen
+
+
+class Answering(Protocol):
+    """Haptics on some bus."""
+
+    def answer(self, frame: Frame) -> None:
+        """Answer a device frame."""
+
+    def settle(self) -> None:
+        """Do what no tick waits for."""
+
+
+H = TypeVar("H", bound=Answering)
+
+
+class ReplayedHaptics(Generic[H]):
+    """Answers as `Haptics`, which `make` makes in a process, with the states of physics that belong to a tick."""
+
+    def __init__(self, process: Process, make: Callable[[Process], H], schedule: Schedule) -> None:
+        self._process, self._make, self._schedule = process, make, schedule
+        self._begin()
+
+    def _begin(self) -> None:
+        process = self._process
+        self._bus = InjectedBus(process.bus)
+        self._haptics = self._make(cast(Process, InjectedProcess(self._bus, process.health, process.log)))
+        self._states: dict[int, Frame] = {}
+        self._answered = self._seen = -1
+
+    def settle(self) -> None:
+        """Do what no tick waits for."""
+        self._haptics.settle()
+
+    def answer(self, frame: Frame) -> None:
+        """Answer a frame: one that was answered, as then; one from before, after beginning anew."""
+        tick = frame.body.tick
+        intake = self._schedule.intakes.get(tick)
+        if tick == self._answered:
+            self._bus.say_again("haptics.contact_model")
+            return
+        if tick < self._answered:
+            self._begin()
+        self._answered = tick
+        self._bus.is_live = intake is None
+        if intake is not None:
+            self._wait_for(self._schedule.awaited[tick])
+            if intake.seen_tick != self._seen:  # a state is new to haptics once
+                self._bus.frame, self._seen = self._states.get(intake.seen_tick), intake.seen_tick
+            self._bus.is_fresh_now = intake.is_fresh
+        self._haptics.answer(frame)
+
+    def _wait_for(self, tick: int) -> None:
+        """Wait until physics has made the state of a tick; ask it again where it may have missed the contacts."""
+        bus = self._process.bus
+        while tick >= 0 and tick not in self._states and not self._process.stop():
+            if not bus.wait("physics.state", time.monotonic_ns() + ASK_AGAIN_NS):
+                self._bus.say_again("haptics.contacts")
+                self._process.health.send_if_due()
+                continue
+            state = bus.latest("physics.state")
+            if state is not None:
+                self._states[state.body.tick] = state
+                while len(self._states) > _KEPT:
+                    del self._states[next(iter(self._states))]

@@ -1,0 +1,52 @@
+"""What a recording carries so that it explains itself: scene, rig and devices as run, and the duct's surface."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from services.mechanics.reduction import ReducedDuct
+from services.runtime import config
+from services.runtime.rig import Rig
+from services.scenes.load import scene_data
+
+YAML, NPZ = "application/yaml", "application/x-npz"
+Attached = tuple[str, str, bytes]
+
+
+def settings(rig: Rig, scene: str, overrides: tuple[str, ...]) -> Iterator[Attached]:
+    """Yield name, media type and content of what the rig was told."""
+    data = scene_data(scene, overrides)
+    if data.get("duct", {}).get("mesh_file"):
+        data["duct"]["mesh_file"] = str(Path(data["duct"]["mesh_file"]).resolve())
+    yield "scene.yaml", YAML, _yaml(data)
+    yield "rig.yaml", YAML, _yaml(json.loads(rig.model_dump_json()))
+    drivers = [driver for each in rig.gateway.instruments for driver in (each.arm, each.grasp) if driver is not None]
+    for device in dict.fromkeys(driver.device for driver in drivers if driver.device is not None):
+        path = config.find("device", device)
+        yield f"devices/{path.name}", YAML, path.read_bytes()
+
+
+def surface(duct: ReducedDuct) -> Attached:
+    """Return the duct's mesh and modes, for who wants nodes of the recorded coordinates: ``vertices_m + modes @ q``.
+
+    Loads near contacts add a little to that: the picture in the recording has it.
+    """
+    file = io.BytesIO()
+    np.savez_compressed(
+        file,
+        vertices_m=duct.mesh.vertices_m,
+        triangles=duct.mesh.triangles,
+        modes=duct.basis.Phi.astype(np.float32),
+        basis_hash=np.array(duct.basis.content_hash),
+    )
+    return "duct.npz", NPZ, file.getvalue()
+
+
+def _yaml(data: object) -> bytes:
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True).encode()

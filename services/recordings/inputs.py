@@ -1,0 +1,167 @@
+"""What a recording says of the inputs of its simulation, tick by tick: all that it takes to run it again to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import takewhile
+from pathlib import Path
+
+import msgspec
+
+from protocol import Frame
+from protocol.bodies import Journal, PhysicsState, ToolContacts
+from services.recordings.errors import RecordingError
+from services.recordings.provenance import machine, mechanics_digest
+from services.recordings.reader import RecordedFrame, read_extras, read_frames
+
+_DEVICES = "gateway.state"
+_JOURNALS = ("haptics.journal", "physics.journal")
+#: A journal is sent every 128 ticks.
+_LONGEST_RUN = 1 << 12
+_SOLVED = ("physics.state", "haptics.contacts")
+
+
+@dataclass(frozen=True, slots=True)
+class Intake:
+    """What haptics and physics took in at one tick of the rig's clock.
+
+    Attributes
+    ----------
+    devices
+        The device frame.
+    seen_tick
+        Of the newest state that haptics knew, -1 for none; `is_fresh`: whether it was fit to act on.
+    ticks
+        By how many ticks physics was to go on with the answer of haptics, 0 if it did not see that.
+    level
+        Rung of the quality ladder.
+    """
+
+    tick: int
+    devices: Frame
+    seen_tick: int = -1
+    is_fresh: bool = False
+    ticks: int = 0
+    level: int = 0
+
+
+@dataclass(slots=True)
+class RecordedInputs:
+    """Inputs and, where they were kept, results of a recorded simulation.
+
+    Attributes
+    ----------
+    intakes
+        In the order of the clock, from the beginning of the simulation.
+    states, contacts
+        By tick: what was kept of what physics and haptics said.
+    ended
+        Why they end before the file does, empty where they do not.
+    """
+
+    path: Path
+    metadata: dict[str, str]
+    attachments: dict[str, bytes]
+    intakes: list[Intake] = field(default_factory=list)
+    states: dict[int, PhysicsState] = field(default_factory=dict)
+    contacts: dict[int, ToolContacts] = field(default_factory=dict)
+    ended: str = ""
+
+    @property
+    def machine_differs(self) -> bool:
+        """Whether it was recorded on another kind of machine: then the last bits may differ."""
+        return self.metadata.get("machine") != machine()
+
+    def check_mechanics(self) -> None:
+        """Raise RecordingError if other mechanics than these made it, or its scene is not in it."""
+        theirs = self.metadata.get("mechanics", "")
+        if theirs != mechanics_digest():
+            raise RecordingError(
+                f"{self.path}: was made by another version of the mechanics ({theirs[:12] or 'not named'}, these are "
+                f"{mechanics_digest()[:12]}): the same hands would lead elsewhere"
+            )
+        if "scene.yaml" not in self.attachments:
+            raise RecordingError(f"{self.path}: its scene is not in it")
+
+
+def read_inputs(path: Path) -> RecordedInputs:
+    """Return what a recording holds of its simulation's inputs, up to where a process was restarted.
+
+    Raises
+    ------
+    RecordingError
+        if it is no recording, or does not hold the inputs from the simulation's beginning.
+    """
+    metadata, attachments = read_extras(path)
+    inputs = RecordedInputs(path, metadata.get("trocar", {}), attachments)
+    devices: dict[int, Frame] = {}
+    journals: dict[str, list[Journal]] = {name: [] for name in _JOURNALS}
+    for recorded in takewhile(_OneLife(inputs), read_frames(path, (_DEVICES, *_JOURNALS, *_SOLVED))):
+        frame = recorded.frame
+        if frame.topic == _DEVICES:
+            devices[frame.body.tick] = frame
+        elif frame.topic == "physics.state":
+            inputs.states[frame.body.tick] = frame.body
+        elif frame.topic == "haptics.contacts":
+            inputs.contacts[frame.body.tick] = frame.body
+        else:
+            journals[frame.topic].append(frame.body)
+    inputs.intakes += _intakes(inputs, devices, *(_ticks(inputs, name, journals[name]) for name in _JOURNALS))
+    return inputs
+
+
+class _OneLife:
+    """Whether a frame is of the processes that spoke first: a process that starts anew begins with another memory."""
+
+    def __init__(self, inputs: RecordedInputs) -> None:
+        self._inputs = inputs
+        self._incarnations: dict[str, int] = {}
+
+    def __call__(self, recorded: RecordedFrame) -> bool:
+        frame = recorded.frame
+        if self._incarnations.setdefault(frame.topic, frame.incarnation) == frame.incarnation:
+            return True
+        self._inputs.ended = f"{frame.topic.partition('.')[0]} was restarted"
+        return False
+
+
+def _ticks(inputs: RecordedInputs, name: str, journals: list[Journal]) -> dict[int, tuple[int, ...]]:
+    """Return the facts of each tick of a journal, up to where a part of it is missing."""
+    found: dict[int, tuple[int, ...]] = {}
+    if not journals or journals[0].noted:
+        why = f"begins {journals[0].noted} ticks after it" if journals else "is not in it"
+        raise RecordingError(f"{inputs.path}: cannot be run again from the simulation's beginning: {name} {why}")
+    noted = 0
+    for journal in journals:
+        if journal.noted != noted:
+            inputs.ended = f"{journal.noted - noted} ticks of {name} are missing"
+            break
+        for first, count, stride, *facts in journal.runs.view().tolist():
+            if stride < 1 or not 0 < count <= _LONGEST_RUN:
+                raise RecordingError(f"{inputs.path}: a run of {count} ticks, {stride} apart, in {name}")
+            noted += count
+            found |= dict.fromkeys(range(first, first + count * stride, stride), tuple(facts))
+    return found
+
+
+def _intakes(
+    inputs: RecordedInputs,
+    devices: dict[int, Frame],
+    haptics: dict[int, tuple[int, ...]],
+    physics: dict[int, tuple[int, ...]],
+) -> Iterator[Intake]:
+    if not devices:
+        raise RecordingError(f"{inputs.path}: cannot be run again: {_DEVICES} is not in it")
+    first, last = min(devices), min(max(devices), max(physics), max(haptics))
+    for tick in sorted(each for each in haptics if each <= last):
+        frame = devices.get(tick)
+        if frame is None and tick < first:  # the recorder was a moment late: hands rest when a rig begins
+            body = msgspec.structs.replace(devices[first].body, tick=tick)
+            frame = msgspec.structs.replace(devices[first], body=body)
+        if frame is None:
+            inputs.ended = f"the device frame of tick {tick} is missing"
+            return
+        age, is_fresh, _ = haptics[tick]
+        ticks, level, _ = physics.get(tick, (0, 0, 0))
+        yield Intake(tick, frame, tick - age if age >= 0 else -1, bool(is_fresh), ticks, level)

@@ -1,0 +1,39 @@
+"""What a simulation's numbers depend on besides scene and hands: the sources of the mechanics, and the machine."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+#: Whose sources decide what a step makes of its inputs.
+_PACKAGES = ("mechanics", "physics", "haptics")
+_LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
+
+
+@cache
+def mechanics_digest() -> str:
+    """Return a hash of the sources of mechanics, physics and haptics."""
+    services = Path(__file__).parents[1]
+    text = hashlib.sha256()
+    for package in _PACKAGES:
+        for path in sorted((services / package).rglob("*.py")):
+            text.update(str(path.relative_to(services)).encode() + b"\0" + path.read_bytes())
+    return text.hexdigest()
+
+
+def machine() -> str:
+    """Return the kind of this machine: processor and libraries. On another kind the last bits may differ."""
+    libraries = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
+    return f"{_processor()}, Python {platform.python_version()}, {libraries}"
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.machine())

@@ -1,0 +1,44 @@
+"""The rows of a table as messages of a repeated field, whose fields have the names of the columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from protocol.arrays import Array
+from protocol.fields import fields
+from protocol.table import TableRow
+from services.recordings import encoded
+
+
+def encoded_rows(table: Array, row: type[msgspec.Struct], number: int) -> bytes:
+    """Return what a message holds of `table` (n, columns) in its repeated field `number`."""
+    return encoded.rows(table.view(), _layout(row), number)
+
+
+def decoded_rows(messages: Iterable[Any], row: type[msgspec.Struct]) -> Array:
+    """Return the table of messages of protobuf's library.
+
+    Raises
+    ------
+    ValueError
+        if a vector in one has another length than the column.
+    """
+    assert issubclass(row, TableRow)
+    rows = [[getattr(message, name) for name in row.order()] for message in messages]
+    numbers = [np.concatenate([np.atleast_1d(value) for value in values]) for values in rows]
+    columns = sum(field.count for field in fields(row))
+    if any(len(each) != columns for each in numbers):
+        raise ValueError(f"a row of {row.__name__} has not {columns} numbers")
+    return Array("<f8", (len(numbers), columns), np.array(numbers, "<f8").tobytes())
+
+
+@cache
+def _layout(row: type[msgspec.Struct]) -> encoded.Layout:
+    assert issubclass(row, TableRow)
+    numbers = {field.name: (place, field.count) for place, field in enumerate(fields(row), start=1)}
+    return tuple(numbers[name] for name in row.order())

@@ -1,0 +1,50 @@
+"""The journal of a loop: what it took in, so that a recording can be run again (`protocol.bodies.Journal`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.arrays import pack
+from protocol.bodies.journal import RUN_COLUMNS, Journal
+from services.runtime.bus import Bus
+
+#: A journal is sent after so many ticks.
+_TICKS = 128
+
+
+class JournalWriter:
+    """Gathers ticks to runs. To note one that is like the last costs a comparison."""
+
+    def __init__(self, topic: str, bus: Bus) -> None:
+        self._topic, self._bus = topic, bus
+        self._runs: list[list[int]] = []
+        self._facts: tuple[int, int, int] | None = None
+        self._tick = self._stride = self._sent = self._waiting = 0
+
+    def note(self, tick: int, facts: tuple[int, int, int]) -> None:
+        """Note a tick of the rig's clock, and what was taken in."""
+        step, self._tick = tick - self._tick, tick
+        self._waiting += 1
+        if facts == self._facts and self._runs:
+            run = self._runs[-1]
+            if run[1] == 1:
+                run[2] = step
+            if run[2] == step:
+                run[1] += 1
+                return
+        self._facts = facts
+        self._runs.append([tick, 1, 1, *facts])
+
+    def send_if_due(self) -> bool:
+        """Send what was noted, if there is enough of it; return whether there was."""
+        if self._waiting < _TICKS:
+            return False
+        self.send()
+        return True
+
+    def send(self) -> None:
+        """Send what was noted."""
+        runs = pack(np.array(self._runs, np.int64).reshape(-1, RUN_COLUMNS), "<i8")
+        self._bus.publish(self._topic, Journal(noted=self._sent, runs=runs))
+        self._sent += self._waiting
+        self._waiting, self._runs = 0, []

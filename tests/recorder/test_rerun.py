@@ -1,0 +1,63 @@
+"""The same hands through the same physics lead to the same states, to the bit, whatever was late."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from services.cli.app import app
+from services.cli.rerun import compare
+from services.recordings import inputs as recorded_inputs
+from services.recordings.errors import RecordingError
+from services.recordings.inputs import read_inputs
+from tests.recorder.conftest import TICKS
+from tests.recorder.recorded_rig import changed
+
+
+def test_states_and_contacts_are_those_recorded_to_the_bit(recorded: Path) -> None:
+    """Ticks were lost on both ways, states were too old to act on, and the quality was lowered and raised."""
+    inputs = read_inputs(recorded)
+    assert {intake.level for intake in inputs.intakes} == {0, 1}
+    assert {intake.ticks for intake in inputs.intakes} >= {0, 1, 2, 3}
+    assert {intake.tick - intake.seen_tick for intake in inputs.intakes if intake.seen_tick >= 0} >= {1, 2, 3}
+    assert not all(intake.is_fresh for intake in inputs.intakes)
+    assert max(tool.contacts for state in inputs.states.values() for tool in state.reactions()) > 0
+    found = compare(inputs)
+    assert found.compared > TICKS // 30
+    assert (found.alike, found.first_difference) == (found.compared, "")
+    assert found.ticks > 0.95 * TICKS
+
+
+def test_a_hand_that_was_elsewhere_by_a_nanometre_is_seen_and_told_where(recorded: Path) -> None:
+    inputs = read_inputs(recorded)
+    at = len(inputs.intakes) // 2
+    inputs.intakes[at] = replace(inputs.intakes[at], devices=changed(inputs.intakes[at].devices, 1e-9))
+    found = compare(inputs)
+    assert found.alike < found.compared
+    tick = int(found.first_difference.removeprefix("tick ").partition(":")[0])
+    assert tick >= inputs.intakes[at].tick
+
+
+def test_the_command_says_so(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = CliRunner().invoke(app, ["replay", str(recorded), "--check"])
+    assert result.exit_code == 0, result.output
+    assert "kept states are alike" in result.output
+    monkeypatch.setattr(recorded_inputs, "mechanics_digest", lambda: "0" * 64)
+    with pytest.raises(RecordingError, match=r"a\.mcap: was made by another version of the mechanics"):
+        CliRunner().invoke(app, ["replay", str(recorded), "--check"], catch_exceptions=False, standalone_mode=False)
+
+
+def test_what_lacks_its_beginning_is_refused_with_the_reason(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = recorded_inputs.read_frames
+
+    def without_first_journal(path: Path, topics: tuple[str, ...]) -> object:
+        return (
+            each for each in read(path, topics) if each.frame.topic != "physics.journal" or each.frame.body.noted > 0
+        )
+
+    monkeypatch.setattr(recorded_inputs, "read_frames", without_first_journal)
+    with pytest.raises(RecordingError, match=r"physics\.journal begins \d+ ticks after it"):
+        read_inputs(recorded)
