@@ -184,7 +184,7 @@ class _Detector:
 
     @property
     def _is_error(self) -> bool:
-        return self._begin_s is not None and self._last_s - self._begin_s >= self.rule.for_s
+        return self._begin_s is not None and self._last_s - self._begin_s >= self.rule.for_s - 1e-9
 
     def events(self) -> list[ErrorEvent]:
         """Return the errors that this row has found, one that goes on included."""
