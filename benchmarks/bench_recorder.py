@@ -29,7 +29,7 @@ from protocol import bodies
 from protocol.arrays import pack
 from protocol.bodies.haptics import MODEL_COLUMNS, TOOL_COLUMNS
 from protocol.bodies.physics import REACTION_COLUMNS, Catheter, ContactForces, Duct
-from services.recorder.recording import read
+from services.recordings.reader import read_frames
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 
@@ -135,8 +135,8 @@ def record(whole: tuple[str, ...], stopped_s: float = 0.0) -> tuple[float, int, 
         recorder.wait()
         (path,) = Path(folder).glob("*.mcap")
         sequences: dict[str, Counter[int]] = {name: Counter() for name in TOPICS}
-        for message in read(path):
-            sequences.setdefault(message.topic, Counter())[message.body.envelope.sequence] += 1
+        for each in read_frames(path):
+            sequences.setdefault(each.frame.topic, Counter())[each.frame.sequence] += 1
         published = len(whole) * round(SECONDS / _TICK_S)
         kept = sum(len(sequences[name]) for name in whole)
         return share, published, published - kept, path.stat().st_size / 1e6 * 60.0 / SECONDS

@@ -45,12 +45,15 @@ def pack(values: ArrayLike, dtype: str = "<f8") -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """What a body declares of an array field: dtype, shape, unit, and whether it must be finite."""
+    """What a body declares of an array field: dtype, shape, unit, whether it must be finite, and of a table the type of
+    its rows (`protocol.table.TableRow`), whose names are the columns'.
+    """
 
     dtype: str
     shape: tuple[int | str, ...]
     unit: str
     finite: bool = True
+    row: type[msgspec.Struct] | None = None
 
     @property
     def must_be_finite(self) -> bool:
@@ -74,6 +77,8 @@ class Spec:
         return None
 
 
-def spec(dtype: str, shape: tuple[int | str, ...], unit: str, *, finite: bool = True) -> Meta:
+def spec(
+    dtype: str, shape: tuple[int | str, ...], unit: str, *, finite: bool = True, row: type[msgspec.Struct] | None = None
+) -> Meta:
     """Return what makes an `Array` field say what it holds; see `Spec`."""
-    return Meta(extra={"array": Spec(dtype, shape, unit, finite)})
+    return Meta(extra={"array": Spec(dtype, shape, unit, finite, row)})

@@ -36,6 +36,11 @@ class TableRow(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
         return tuple(chain.from_iterable(v if isinstance(v, tuple) else (float(v),) for v in values))
 
     @classmethod
+    def order(cls) -> tuple[str, ...]:
+        """Return the names of the fields in the order of the table."""
+        return tuple(_first(cls))
+
+    @classmethod
     def from_row(cls, row: Sequence[float]) -> Self:
         """Return what travels as ``row`` (columns,).
 

@@ -53,6 +53,7 @@ class ContactModel(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
             "the model was made for; grasp: torque on the handle in N m, its stiffness in N m/rad and damping in "
             "N m s/rad, both ge 0, the angle in rad and rate in rad/s that it was solved for; 1 in contact, or 0: free "
             "space, every force is zero",
+            row=LocalModel,
         ),
     ]
 
@@ -107,6 +108,7 @@ class ToolContacts(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
             ("tools", TOOL_COLUMNS),
             "3 of the HIP, which is the junction J, in m; 3 of the trocar's fixed point in m; roll of the jaws about "
             "the shaft, and the opening between them that the handle asks for, in rad",
+            row=ToolState,
         ),
     ]
     pair_index: Annotated[

@@ -91,6 +91,7 @@ class PhysicsState(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
             "opening, coupling included, in N m/rad; opening at which what is between the jaws stops them, -1 not "
             "known, in rad; numbers of contacts and of grasps in force; 3 of the HIP in m, and the opening asked for "
             "in rad, that force and torque were solved for",
+            row=ToolReaction,
         ),
     ]
     duct: Duct

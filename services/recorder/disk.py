@@ -16,16 +16,10 @@ from mcap.records import Channel, Header, Metadata, MetadataIndex, Schema
 
 from services.recorder.chunks import OpenChunk
 from services.recorder.summary import MAGIC, Summary, record_bytes
-from services.runtime.errors import UserError
+from services.recordings.errors import RecordingError
 
 #: Bytes that may wait for the disk: of a whole rig at full rate about a quarter of a minute.
 PENDING_MAX = 128 << 20
-
-
-class RecordingError(UserError):
-    """A recording that cannot be written, or read."""
-
-    exit_code = 5
 
 
 class RecordingFile:

@@ -1,26 +1,21 @@
-"""A recording on disk: written in chunks, so that a crash loses at most the last; read back whatever is there."""
+"""A recording on disk: written in chunks, so that a crash loses at most the last."""
 
 from __future__ import annotations
 
-import struct
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader
 from mcap.records import Channel, Schema
-from mcap_protobuf.decoder import DecoderFactory
 
 from protocol import TOPICS, Frame
 from services.recorder.chunks import OpenChunk
 from services.recorder.disk import PENDING_MAX, RecordingFile
 from services.recorder.losses import Loss
-from services.recorder.schema import PACKAGE, file_descriptor
-from services.recorder.transcode import to_protobuf
+from services.recordings.reader import channel_name
+from services.recordings.schema import PACKAGE, file_descriptor
+from services.recordings.transcode import to_protobuf
 
 #: A chunk ends when it is this large or this old: what a crash takes with it.
 CHUNK_BYTES = 1 << 20
@@ -123,26 +118,6 @@ class RecordingWriter:
         body, number = TOPICS[topic].body, len(self._channels) + 1
         descriptor = file_descriptor(body).SerializeToString()
         self._file.declare(Schema(number, descriptor, "protobuf", f"{PACKAGE}.{body.__name__}"))
-        self._file.declare(Channel(number, f"/{topic.replace('.', '/')}", "protobuf", {}, number))
+        self._file.declare(Channel(number, channel_name(topic), "protobuf", {}, number))
         self._channels[topic] = number
         return number
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedMessage:
-    """One recorded frame: `body` is the protobuf message, times are wall clock."""
-
-    topic: str
-    log_time_ns: int
-    body: Any
-
-
-def read(path: Path) -> Iterator[RecordedMessage]:
-    """Yield the messages of a recording in file order; one that was cut off by a crash ends where it was cut."""
-    with path.open("rb") as file:
-        reader = NonSeekingReader(file, decoder_factories=[DecoderFactory()])
-        try:
-            for _schema, channel, message, body in reader.iter_decoded_messages(log_time_order=False):
-                yield RecordedMessage(channel.topic[1:].replace("/", "."), message.log_time, body)
-        except (McapError, EOFError, struct.error):  # how the reader says that a record was cut
-            return

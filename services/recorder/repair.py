@@ -10,23 +10,22 @@ import fcntl
 import io
 import os
 import struct
-import zlib
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
 from services.recorder.chunks import message_indexes
-from services.recorder.disk import RecordingError, finish, write_at
+from services.recorder.disk import finish, write_at
 from services.recorder.summary import MAGIC, Summary
+from services.recordings.errors import RecordingError
+from services.recordings.reader import BROKEN
 
 _HEAD = struct.Struct("<BQ")
 #: Footer record and magic at the end of a file that was closed.
@@ -34,8 +33,6 @@ _TAIL = _HEAD.size + 20 + len(MAGIC)
 #: Start, end, uncompressed size and checksum of a chunk, before the name of its compression.
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _INDEX_HEAD = struct.Struct("<HI")
-#: What the libraries raise for a record that does not hold what it says.
-_BROKEN = (McapError, ValueError, OverflowError, struct.error, zstandard.ZstdError, zlib.error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +57,7 @@ def repair(path: Path) -> RepairedRecording | None:
         scan = _Scan(file, os.fstat(file).st_size)
         try:
             is_recording = scan.read()
-        except _BROKEN:
+        except BROKEN:
             raise RecordingError(f"{path}: is broken within, the record at byte {scan.end} cannot be read") from None
         if not is_recording:
             raise RecordingError(f"{path}: is not a recording (no MCAP file)")
@@ -214,7 +211,7 @@ class _Scan:
                     index.setdefault(channel, array("Q")).extend((log_ns, offset))
                 else:
                     self._declare(opcode, record)
-        except _BROKEN:
+        except BROKEN:
             return {}
         return index
 

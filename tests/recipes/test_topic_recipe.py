@@ -49,9 +49,10 @@ print(json.dumps(found))
 READ = """
 import sys
 from pathlib import Path
-from services.recorder.recording import read
-messages = [m for m in read(next(Path("recordings").glob("*.mcap"))) if m.topic == "physics.temperature"]
-print(len(messages), messages[0].body.tick, list(messages[0].body.temperature_k))
+from services.recordings.reader import read_messages
+messages = list(read_messages(next(Path("recordings").glob("*.mcap")), ["physics.temperature"]))
+body = messages[0][2]
+print(len(messages), body.tick, body.temperature_k.view().tolist())
 """
 
 

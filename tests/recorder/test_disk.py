@@ -18,8 +18,8 @@ import yaml
 from services.recorder import disk, recording
 from services.recorder.__main__ import Recording
 from services.recorder.chunks import OpenChunk
-from services.recorder.disk import RecordingError
 from services.recorder.recording import RecordingWriter
+from services.recordings.errors import RecordingError
 from services.runtime.rig import Transport
 from services.runtime.zmq_bus import ZmqBus
 from tests.other_user import as_other_user, everybodys, needs_other_user

@@ -12,12 +12,16 @@ from google.protobuf import descriptor_pool, message_factory
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from protocol import TOPICS, bodies
-from protocol.arrays import Array, pack
-from services.recorder.recording import RecordingWriter, read
-from services.recorder.schema import PACKAGE, file_descriptor
-from services.recorder.transcode import to_protobuf
+from protocol.arrays import Array, Spec, pack
+from protocol.fields import arrays, fields
+from protocol.table import columns
+from services.recorder.recording import RecordingWriter
+from services.recordings.reader import read_frames, read_messages
+from services.recordings.schema import PACKAGE, file_descriptor
+from services.recordings.transcode import to_frame, to_protobuf
 from tests.protocol import samples, strategies
 from tests.recorder.made_up import long_recording, settle
 
@@ -28,24 +32,27 @@ def test_every_topic_comes_back(tmp_path: Path, name: str) -> None:
     frame = samples.frame(name)
     writer.write(frame)
     writer.close()
-    (message,) = read(writer.path)
-    assert message.topic == name
-    assert message.body.envelope.sequence == frame.sequence
-    assert message.body.envelope.incarnation == samples.INCARNATION
+    (read,) = read_frames(writer.path)
+    assert read.frame == frame
 
 
-def test_numbers_and_arrays_are_those_of_the_frame(tmp_path: Path) -> None:
+def test_others_read_numbers_arrays_and_named_rows_without_this_project(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", {})
     for name in ("gateway.state", "physics.state", "haptics.contacts", "physics.health"):
         writer.write(samples.frame(name))
     writer.close()
-    by_topic = {message.topic: message.body for message in read(writer.path)}
-    assert list(by_topic["gateway.state"].instruments[0].position_m) == [0.1, 0.2, 0.3]
-    np.testing.assert_array_equal(by_topic["physics.state"].duct.q, [1.0, 2.0])
-    contacts = by_topic["haptics.contacts"]
+    with writer.path.open("rb") as file:
+        read = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        by_topic = {channel.topic: body for _schema, channel, _message, body in read}
+    assert list(by_topic["/gateway/state"].instruments[0].position_m) == [0.1, 0.2, 0.3]
+    np.testing.assert_array_equal(by_topic["/physics/state"].duct.q, [1.0, 2.0])
+    tool = samples.frame("physics.state").body.reactions()[0]
+    (named,) = by_topic["/physics/state"].tools
+    assert (tuple(named.force_n), named.grasp_torque_nm) == (tool.force_n, tool.grasp_torque_nm)
+    contacts = by_topic["/haptics/contacts"]
     assert list(contacts.pair_index) == [0, 1, 0, 17, 0, 2, 1, 3]
     np.testing.assert_allclose(contacts.pair_geometry[:8], [0.25, 0.2, 0.3, 0.5, 0.0, 0.0, 1.0, -1e-4])
-    assert by_topic["physics.health"].topics[0].refused["malformed"] == 1
+    assert by_topic["/physics/health"].topics[0].refused["malformed"] == 1
 
 
 def message_class(body: type[msgspec.Struct]) -> Any:
@@ -67,7 +74,9 @@ def test_the_bytes_are_those_that_protobuf_itself_would_read(name: str) -> None:
 def _assert_same(message: Any, body: msgspec.Struct) -> None:
     for field in body.__struct_fields__:
         value, got = getattr(body, field), getattr(message, field)
-        if isinstance(value, Array):
+        if isinstance(value, Array) and spec_of(body, field).row is not None:
+            _assert_same_rows(got, value, spec_of(body, field).row)
+        elif isinstance(value, Array):
             assert list(got) == value.view().ravel().tolist(), field
         elif isinstance(value, msgspec.Struct):
             _assert_same(got, value)
@@ -82,6 +91,17 @@ def _assert_same(message: Any, body: msgspec.Struct) -> None:
             assert got == value, field
 
 
+def spec_of(body: msgspec.Struct, name: str) -> Spec:
+    return dict(arrays(type(body)))[name]
+
+
+def _assert_same_rows(messages: Any, table: Array, row: Any) -> None:
+    for message, numbers in zip(messages, table.view().tolist(), strict=True):
+        first = dict(zip(row.order(), columns(row), strict=False))
+        for field in fields(row):
+            assert np.ravel(getattr(message, field.name)).tolist() == numbers[first[field.name] :][: field.count]
+
+
 def test_negative_and_large_integers_survive() -> None:
     state = bodies.InstrumentState(name="x", position_m=(0.0, 0.0, 0.0), model_sequence=-1, buttons=(1 << 16) - 1)
     body = bodies.GatewayState(tick=(1 << 62) + 5, instruments=(state,))
@@ -94,10 +114,11 @@ def test_negative_and_large_integers_survive() -> None:
 @given(data=st.data())
 @pytest.mark.parametrize("name", TOPICS)
 def test_any_body_comes_back(name: str, data: st.DataObject) -> None:
-    body = data.draw(strategies.bodies(TOPICS[name].body))
-    message = message_class(type(body))()
-    message.ParseFromString(to_protobuf(msgspec.structs.replace(samples.frame(name), body=body)))
-    _assert_same(message, body)
+    frame = msgspec.structs.replace(samples.frame(name), body=data.draw(strategies.bodies(TOPICS[name].body)))
+    message = message_class(type(frame.body))()
+    message.ParseFromString(to_protobuf(frame))
+    _assert_same(message, frame.body)
+    assert to_frame(name, to_protobuf(frame)) == frame
 
 
 def test_unsigned_numbers_of_64_bits_are_their_twos_complement() -> None:
@@ -124,10 +145,10 @@ def test_a_crash_loses_at_most_the_last_chunk(tmp_path: Path) -> None:
     settle(writer)
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(writer.path.read_bytes())
-    ticks = [message.body.tick for message in read(torn)]
+    ticks = [each.frame.body.tick for each in read_frames(torn)]
     assert ticks == list(range(2501))
     writer.close()
-    assert len(list(read(writer.path))) == 2900
+    assert len(list(read_messages(writer.path))) == 2900
 
 
 @pytest.mark.parametrize("cut", [1, 100, 5000])
@@ -137,7 +158,7 @@ def test_a_file_torn_anywhere_is_read_up_to_there(tmp_path: Path, cut: int) -> N
     whole = writer.path.read_bytes()
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(whole[: len(whole) // 2 - cut])
-    ticks = [message.body.tick for message in read(torn)]
+    ticks = [each.frame.body.tick for each in read_frames(torn)]
     assert ticks == list(range(len(ticks)))
     assert len(ticks) > 300
 

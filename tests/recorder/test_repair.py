@@ -17,9 +17,9 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from services.cli.repair import run_repair
-from services.recorder.disk import RecordingError
-from services.recorder.recording import read
 from services.recorder.repair import repair, repair_all
+from services.recordings.errors import RecordingError
+from services.recordings.reader import read_frames
 from tests.recorder.made_up import long_recording, settle
 
 
@@ -61,7 +61,7 @@ def test_a_recording_cut_at_any_byte_is_indexed_up_to_its_last_whole_chunk(
     size = ends[0] + round(share * (whole.stat().st_size - 1 - ends[0]))
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(whole.read_bytes()[:size])
-    there = [message.body.tick for message in read(torn)]
+    there = [each.frame.body.tick for each in read_frames(torn)]
     found = repair(torn)
     assert found is not None
     assert found.frames == len(there) >= 2000 * (sum(end <= size for end in ends) - 1) // len(ends) > -1
@@ -109,7 +109,7 @@ def test_a_file_of_the_library_with_what_it_declares_in_its_chunks(whole: Path, 
                 number = writer.register_schema(schema.name, schema.encoding, schema.data)
                 channel = writer.register_channel("/gateway/state", "protobuf", number)
             writer.add_message(channel, message.log_time, message.data, message.publish_time, n)
-    there = [message.body.tick for message in read(torn)]
+    there = [each.frame.body.tick for each in read_frames(torn)]
     assert len(there) > 1000
     repair(torn)
     assert ticks_by_index(torn) == there

@@ -10,7 +10,7 @@ import signal
 
 import pytest
 
-from services.recorder.recording import read
+from services.recordings.reader import read_frames
 from tests.rig.conftest import Rig
 from tests.rig.faults import FAULTS, strike
 
@@ -41,7 +41,7 @@ def test_recordings_up_to_then_are_readable(rig: Rig) -> None:
     files = sorted((rig.directory / "recordings").glob("*.mcap"))
     assert len(files) >= 2
     # The first recorder lived for many seconds; one that was struck just after its start may not have filled a chunk.
-    frames = [message.body.envelope for message in read(files[0]) if message.topic == "gateway.state"]
+    frames = [each.frame for each in read_frames(files[0], ["gateway.state"])]
     assert len(frames) > 3000
     steps = [b.sequence - a.sequence for a, b in itertools.pairwise(frames) if a.incarnation == b.incarnation]
     assert set(steps) == {1}, "every frame that a gateway sent is there, and once"

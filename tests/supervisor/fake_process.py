@@ -16,7 +16,7 @@ import time
 import msgspec
 
 import protocol.bodies as bodies
-from services.recorder.disk import RecordingError
+from services.recordings.errors import RecordingError
 from services.runtime import log
 from services.runtime.errors import ConfigError, EndOfRig
 from services.runtime.loop import LoopMeter, ticks

@@ -1,7 +1,8 @@
 """Protobuf schemas of the bodies, made from what the wire contract declares: nothing to keep in step by hand.
 
 Position p of a body is field number p + 1, so a body that only grows keeps its numbers. Vectors and arrays are packed
-repeated numbers in C order. The envelope travels as field 1000.
+repeated numbers in C order; a table is a message a row, with the names of its columns. The envelope travels as field
+1000.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Envelope(msgspec.Struct, array_like=True):
 
 def is_copied(field: Field) -> bool:
     """Return whether a field is an array whose bytes stand in a message as they are: its numbers have a fixed size."""
-    return field.spec is not None and field.spec.dtype != "|i1"
+    return field.spec is not None and field.spec.dtype != "|i1" and field.spec.row is None
 
 
 @cache
@@ -55,14 +56,25 @@ def file_descriptor(body: type[msgspec.Struct], *, arrays_as_bytes: bool = False
         Whether to declare arrays whose bytes are copied as `bytes`, which serialise alike: for whoever writes them.
     """
     file = descriptor_pb2.FileDescriptorProto(name=f"{PACKAGE}/{body.__name__}.proto", package=PACKAGE, syntax="proto3")
+    rows = {field.spec.row for field in fields(body) if field.spec is not None and field.spec.row is not None}
+    for row in sorted(rows, key=lambda each: each.__name__):
+        _add_row(file, row)
     kinds: list[type[msgspec.Struct]] = [body, *nested(body), Envelope]
     for kind in kinds:
         _add_message(file, kind, arrays_as_bytes)
-    file.message_type[0].field.add(
+    file.message_type[len(rows)].field.add(
         name="envelope", number=ENVELOPE_FIELD, label=_Field.LABEL_OPTIONAL, type=_Field.TYPE_MESSAGE,
         type_name=f".{PACKAGE}.Envelope",
     )  # fmt: skip
     return descriptor_pb2.FileDescriptorSet(file=[file])
+
+
+def _add_row(file: descriptor_pb2.FileDescriptorProto, row: type[msgspec.Struct]) -> None:
+    """Declare a row of a table: its columns are doubles, whatever they count."""
+    message = file.message_type.add(name=row.__name__)
+    for number, field in enumerate(fields(row), start=1):
+        label = _Field.LABEL_REPEATED if field.count > 1 else _Field.LABEL_OPTIONAL
+        message.field.add(name=field.name, number=number, label=label, type=_Field.TYPE_DOUBLE)
 
 
 def _add_message(file: descriptor_pb2.FileDescriptorProto, body: type[msgspec.Struct], arrays_as_bytes: bool) -> None:
@@ -81,12 +93,16 @@ def _add_field(message: descriptor_pb2.DescriptorProto, field: Field, number: in
     added = message.field.add(
         name=field.name, number=number, label=_Field.LABEL_OPTIONAL if single else _Field.LABEL_REPEATED
     )
-    if field.spec is not None:
+    of = field.body if field.spec is None else field.spec.row
+    if of is not None:
+        added.type, added.type_name = _Field.TYPE_MESSAGE, f".{PACKAGE}.{of.__name__}"
+    elif field.spec is not None:
         added.type = _ITEMS[field.spec.dtype]
-    elif field.body is not None:
-        added.type, added.type_name = _Field.TYPE_MESSAGE, f".{PACKAGE}.{field.body.__name__}"
     else:
         added.type = _SCALARS[field.item]
+    if field.form is Form.OPTIONAL and of is None:  # so that nothing is told from zero
+        added.proto3_optional, added.oneof_index = True, len(message.oneof_decl)
+        message.oneof_decl.add(name=f"_{field.name}")
 
 
 def _add_map(message: descriptor_pb2.DescriptorProto, field: Field, number: int) -> None:
