@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -15,7 +15,7 @@ import zstandard
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Message
+from mcap.records import Attachment, Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from protocol import TOPICS, Frame
@@ -122,3 +122,22 @@ def _whole_records(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:
                 yield channels[record.channel_id], record
     except BROKEN:
         return
+
+
+def read_extras(path: Path) -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:
+    """Return metadata and attachments of a recording by name; of two with one name the last.
+
+    Raises
+    ------
+    RecordingError
+        if it is no recording.
+    """
+    metadata: dict[str, dict[str, str]] = {}
+    attachments: dict[str, bytes] = {}
+    with opened(path) as file, suppress(*BROKEN):
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Metadata):
+                metadata[record.name] = record.metadata
+            elif isinstance(record, Attachment):
+                attachments[record.name] = record.data
+    return metadata, attachments

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -31,11 +31,11 @@ _LATE = ("degraded", "safe_stop")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terms:
-    """By what attempts are judged. `scenario_of` returns the scenario of a name, for the name that an attempt has."""
+    """By what attempts are judged. Scenario and experts are asked for by the name that an attempt has."""
 
     scenario_of: Callable[[str], Scenario]
     rules: ScoreRules
-    band: Band = field(default_factory=dict)
+    band_of: Callable[[str], Band] = lambda _: {}
     site: Site | None = None
 
 
@@ -104,7 +104,7 @@ class _Running:
         metrics = metrics_of(columns, procedure, scenario) | counts_of(errors)
         if told is not None:
             metrics["time_s"] = told.time_s if outcome in ("success", "failure") else procedure.time_s
-        score = score_of(scenario, terms.rules, outcome, metrics["time_s"], errors, terms.band)
+        score = score_of(scenario, terms.rules, outcome, metrics["time_s"], errors, terms.band_of(scenario.name))
         if score is not None:
             metrics["total"] = score.total
         rig = self._rig.quality(has_force=self._trace.has_force)

@@ -27,7 +27,7 @@ ERROR_LIMITS: Mapping[str, Limit] = {
     "clip_min_n": Limit(value=0.3),
     "air_s": Limit(value=0.05),
     "direction_cosine": Limit(value=0.0, source=_STEPS),
-    "view_angle_rad": Limit(value=0.5),
+    "view_angle_rad": Limit(value=0.75),
     "shaft_distance_m": Limit(value=5e-3, source="two shafts of 5 mm touch"),
     "blind_force_n": Limit(value=0.2),
     "dropped_s": Limit(value=0.5),

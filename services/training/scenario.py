@@ -110,6 +110,23 @@ def load_scenario(name: str | Path) -> Scenario:
     return scenario
 
 
+def scenario_of(scene: str, name: str | None) -> Scenario | None:
+    """Return the scenario of this name; without one the first that is made of the scene as it is, None if none is.
+
+    Raises
+    ------
+    ConfigError
+        if the scenario cannot be used, or is made of another scene.
+    """
+    if name is None:
+        alike = (each for each in map(load_scenario, scenario_names()) if each.scene == scene)
+        return next((each for each in alike if not each.set and each.view == View()), None)
+    scenario = load_scenario(name)
+    if scenario.scene != scene:
+        raise ConfigError(f"scenario {name} is made of scene {scenario.scene!r}: `trocar up --scenario {name}` runs it")
+    return scenario
+
+
 def scenario_names() -> list[str]:
     """Return the bare names in configs/scenarios."""
     return sorted(path.stem for path in (config.config_directory() / "scenarios").glob("*.yaml"))

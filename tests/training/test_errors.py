@@ -86,13 +86,13 @@ case("E11", "direction of the tip along the duct", pulse("turn", 1.62, 0.3), pul
 case(
     "E12",
     "angle off the view",
-    pulse("off_view", 0.53, 1.2, 0.6) | late_grip,
-    pulse("off_view", 0.48, 1.2, 0.6) | late_grip,
+    pulse("off_view", 0.79, 1.2, 0.6) | late_grip,
+    pulse("off_view", 0.71, 1.2, 0.6) | late_grip,
 )
 case("E12", "distance of the shafts", pulse("apart", 4.5e-3, 0.2, 0.1), pulse("apart", 5.5e-3, 0.2, 0.1))
 case("E12", "force out of view",
-     pulse("off_view", 0.55, 0.5, 0.6) | pulse("blind", 0.25, 0.3, 0.7) | late_grip,
-     pulse("off_view", 0.55, 0.5, 0.6) | pulse("blind", 0.15, 0.3, 0.7) | late_grip)  # fmt: skip
+     pulse("off_view", 0.8, 0.5, 0.6) | pulse("blind", 0.25, 0.3, 0.7) | late_grip,
+     pulse("off_view", 0.8, 0.5, 0.6) | pulse("blind", 0.15, 0.3, 0.7) | late_grip)  # fmt: skip
 
 
 def held_again_at(at_s: float) -> dict[str, Channel]:
