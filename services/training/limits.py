@@ -12,7 +12,7 @@ ERROR_LIMITS: Mapping[str, Limit] = {
     **LIMITS,
     "rim_load_n": Limit(value=1.0),
     "rim_opening_ratio": Limit(value=1.3),
-    "probe_force_n": Limit(value=0.1),
+    "probe_force_n": Limit(value=0.03),
     "withdrawal_m": Limit(value=2e-3, source=_STEPS),
     "tip_force_n": Limit(value=1.0),
     "penetration_m": Limit(value=0.5e-3),
@@ -22,6 +22,7 @@ ERROR_LIMITS: Mapping[str, Limit] = {
     "buckling_ratio": Limit(value=1.15, source=_STEPS),
     "depth_min_m": Limit(value=0.01, source="technique texts: at least to the first marker"),
     "slipped_out_m": Limit(value=1e-3),
+    "crush_force_n": Limit(value=3.0),
     "bend_radius_m": Limit(value=4e-3),
     "clip_max_n": Limit(value=1.5),
     "clip_min_n": Limit(value=0.3),
@@ -33,7 +34,7 @@ ERROR_LIMITS: Mapping[str, Limit] = {
     "dropped_s": Limit(value=0.5),
     "hold_slip_m": Limit(value=2e-3),
     "regrasps": Limit(value=6.0),
-    "counter_traction_n": Limit(value=0.05),
+    "counter_traction_n": Limit(value=0.01),
 }
 """Every limit; none of those marked as an assumption is clinically validated."""
 

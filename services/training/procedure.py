@@ -8,7 +8,7 @@ import msgspec
 
 from services.training.limits import limit_of
 from services.training.scenario import Phase, Scenario
-from services.training.situation import TICK_S, Hand, Situation, Vector
+from services.training.situation import TICK_S, Hand, Situation
 
 PHASES: dict[Phase, str] = {
     "P0": "traction",
@@ -73,7 +73,7 @@ class Procedure:
         self._step_s = 0.0
         self._engaged_s = math.inf
         self._gripped_s: dict[int, float] = {}
-        self._holds: dict[int, tuple[int, Vector]] = {}
+        self._holds: dict[int, tuple[int, tuple[float, float]]] = {}
         self._held_by: set[int] = set()
         self._ever_held: set[int] = set()
         self._primed_s = 0.0
@@ -223,12 +223,13 @@ class Procedure:
             self.unprimed_s = self._flushed_in_s
 
     def _watch_counter_traction(self, s: Situation) -> None:
-        """Measure what the hand that does not hold the catheter pulls at the duct with while the other one inserts."""
+        """Measure how firmly the hand that does not hold the catheter steadies the duct while the other one inserts."""
         self.counter_n = None
         if self.phase in ("P3", "P4") and len(s.hands) > 1 and not self.scenario.view.one_handed and s.catheter_hands:
             others = [hand for hand in s.hands if not hand.holds_catheter]
             if others:
-                self.counter_n = max((hand.load_n for hand in others if hand.grips_duct), default=0.0)
+                gripping = [hand.load_n for hand in others if hand.grips_duct]
+                self.counter_n = max(*gripping, s.tissue_n[0]) if gripping else 0.0
 
 
 def _is_at_mouth(s: Situation) -> bool:

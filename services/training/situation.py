@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from protocol.bodies import GatewayState, PhysicsState, ToolContacts
 from protocol.bodies.haptics import PAIR_GAP, PAIR_KIND, PAIR_SEGMENT, PAIR_TOOL, TOOL_PORT
-from protocol.bodies.physics import REACTION_FORCE, REACTION_OPENING, REACTION_POSITION
+from protocol.bodies.physics import REACTION_FORCE, REACTION_OPENING, REACTION_POSITION, REACTION_PROXY
 from services.training.site import Site
 
 Vector = NDArray[np.float64]
@@ -37,11 +37,12 @@ _ZERO = np.zeros(3)
 
 @dataclass(slots=True)
 class Hand:
-    """One instrument: ``force_n`` (3,) acts on it; ``hold_m`` (3,) is the held point of the catheter in its frame."""
+    """One instrument: ``force_n`` (3,) acts on it; ``hold_m`` is the held point of the catheter along and beside it."""
 
     name: str = ""
     position_m: Vector = field(default_factory=lambda: _ZERO)
     port_m: Vector = field(default_factory=lambda: _ZERO)
+    proxy_m: Vector = field(default_factory=lambda: _ZERO)
     speed_m_s: float = 0.0
     force_n: Vector = field(default_factory=lambda: _ZERO)
     jaw_rad: float = 0.0
@@ -49,7 +50,7 @@ class Hand:
     holds_catheter: bool = False
     grips_duct: bool = False
     hold_id: int = -1
-    hold_m: Vector | None = None
+    hold_m: tuple[float, float] | None = None
 
     @property
     def load_n(self) -> float:
@@ -143,6 +144,7 @@ class Observer:
             Hand(
                 str(k),
                 row[REACTION_POSITION : REACTION_POSITION + 3],
+                proxy_m=row[REACTION_PROXY : REACTION_PROXY + 3],
                 force_n=row[REACTION_FORCE : REACTION_FORCE + 3],
                 jaw_rad=float(row[REACTION_OPENING]),
             )
@@ -218,18 +220,11 @@ class Observer:
         arc_m = rod.arc_at(at)
         point, tangent = rod.point(arc_m), rod.tangent(arc_m)
         s.push_n = max(s.push_n, -float(hand.force_n @ tangent))
-        hand.hold_m = self._in_tool(hand, point)
+        hand.hold_m = _in_tool(hand, point)
         end_m = rod.arc_m[-1] - (s.inserted_m if entry is not None else 0.0)
         chord_m = _length((s.tip_m if entry is None else entry) - point)
         if end_m - arc_m > _FREE_M and chord_m > 0.0:
             s.arc_over_chord = max(s.arc_over_chord, (end_m - arc_m) / chord_m)
-
-    def _in_tool(self, hand: Hand, point: Vector) -> Vector:
-        """Return a point in the frame of an instrument, or beside it where the frame is not told."""
-        for told in self._gateway.instruments if self._gateway is not None else ():
-            if told.name == hand.name:
-                return _turned_back(told.orientation_wxyz, point - hand.position_m)
-        return point - hand.position_m
 
     def _touched_jaws(self) -> set[tuple[int, int]]:
         """Return the pairs of tool and segment that touch the duct."""
@@ -247,7 +242,7 @@ class Observer:
             s.shafts_apart_m = segments_apart_m(a, b, c, d)
         if site is not None and site.eye_m is not None and site.looks_at_m is not None:
             eye, axis = np.array(site.eye_m), np.subtract(site.looks_at_m, site.eye_m)
-            s.view_angle_rad = tuple(_angle(hand.position_m - eye, axis) for hand in s.hands)
+            s.view_angle_rad = tuple(_angle(_shaft(hand)[1] - eye, axis) for hand in s.hands)
 
 
 class _Rod:
@@ -328,6 +323,13 @@ def _shaft(hand: Hand) -> tuple[Vector, Vector]:
     return hand.port_m, hand.position_m + along * (_JAWS_M / max(_length(along), 1e-9))
 
 
+def _in_tool(hand: Hand, point: Vector) -> tuple[float, float]:
+    """Return how far along the shaft and beside it a point lies from the instrument, which what it touches may hold."""
+    along, away = hand.position_m - hand.port_m, point - hand.proxy_m
+    axial_m = float(away @ along) / max(_length(along), 1e-9)
+    return axial_m, math.sqrt(max(float(away @ away) - axial_m**2, 0.0))
+
+
 def _length(vector: Vector) -> float:
     return math.sqrt(vector @ vector)
 
@@ -340,17 +342,3 @@ def _distances(points: Vector, place: Vector) -> Vector:
 
 def _angle(one: Vector, other: Vector) -> float:
     return math.acos(min(max(float(one @ other) / max(_length(one) * _length(other), 1e-12), -1.0), 1.0))
-
-
-def _turned_back(quaternion: tuple[float, float, float, float], vector: Vector) -> Vector:
-    """Return a vector in the frame that a unit quaternion (w, x, y, z) turns into the world's."""
-    w, x, y, z = quaternion
-    turn = np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
-            [2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)],
-            [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
-    turned: Vector = turn @ vector
-    return turned

@@ -91,13 +91,16 @@ def _frames(tick: int, at: Mapping[str, float]) -> Iterator[tuple[str, int, msgs
     if at["apart"] >= 0.03:
         positions[1], ports[1] = _from_mouth(-12e-3, 0.0, 2e-3), PORTS[1]
     if at["off_view"] > 0.2:  # the second hand wanders off to the side
-        positions[1] = _from_mouth(-0.2 * math.tan(at["off_view"]), 0.0, 0.0)
+        tip = _from_mouth(-0.2 * math.tan(at["off_view"]), 0.0, 0.0)
+        positions[1] = tip + (ports[1] - tip) * 12e-3 / np.linalg.norm(ports[1] - tip)
     forces = [np.array([at["push"], 0.0, 0.0]), np.array([-at["traction"], 0.0, at["blind"]])]
     jaws, time_ns = (at["jaw"], 0.3), tick * 1_000_000
     yield "gateway.state", time_ns, _gateway(tick, at, positions, ports, jaws)
     yield "haptics.contacts", time_ns, _contacts(tick, at, positions, ports, jaws)
     reactions = [
-        bodies.ToolReaction(force_n=tuple(force), position_m=tuple(place), jaw_angle_rad=jaw)
+        bodies.ToolReaction(
+            force_n=tuple(force), position_m=tuple(place), proxy_position_m=tuple(place), jaw_angle_rad=jaw
+        )
         for force, place, jaw in zip(forces, positions, jaws, strict=True)
     ]
     yield "physics.state", time_ns, bodies.PhysicsState(

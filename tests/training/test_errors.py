@@ -54,7 +54,7 @@ by_value("E1", "traction", "traction", 2.6, 0.2)
 by_value("E1", "grasp of the duct", "duct_squeeze", 1.2, 0.2)
 by_value("E2", "load on the rim", "rim", 1.0, 0.2, inserted=[(2.5, 0.0), (8.0, 15e-3)], wall=[(0.0, 0.0)])
 by_value("E2", "area of the opening", "opening", 1.3, 0.2)
-by_value("E3", "push beside the opening", "tip", 0.1, 0.2, at_s=2.2)
+by_value("E3", "push beside the opening", "tip", 0.03, 0.35, at_s=2.0)
 case("E3", "withdrawal before a retry",
      {"gap": [(1.0, 6e-3), (2.0, 1e-3), (2.1, 1e-3), (2.2, 3.5e-3), (2.4, 1e-3)]},
      {"gap": [(1.0, 6e-3), (2.0, 1e-3), (2.1, 1e-3), (2.2, 2.9e-3), (2.4, 1e-3)]})  # fmt: skip
@@ -68,7 +68,7 @@ case("E6", "secured too shallow", deep(9.5e-3), deep(10.5e-3))
 case("E7", "length left inside",
      {"inserted": [(2.5, 0.0), (8.0, 15e-3), (14.6, 15e-3), (15.2, 0.8e-3)]},
      {"inserted": [(2.5, 0.0), (8.0, 15e-3), (14.6, 15e-3), (15.2, 1.2e-3)]})  # fmt: skip
-by_value("E8", "squeeze of the catheter", "catheter_squeeze", 2.0, 0.2)
+by_value("E8", "squeeze of the catheter", "catheter_squeeze", 3.0, 0.2)
 case("E8", "radius of the sharpest bend", pulse("bend", 290.0, 0.3), pulse("bend", 220.0, 0.3))
 case("E9", "clip crimps", {"clip": [(9.2, 0.0), (9.4, 1.6)]}, {"clip": [(9.2, 0.0), (9.4, 1.4)]})
 case("E9", "clip is loose",
@@ -117,14 +117,14 @@ def grasps(n: int) -> dict[str, Channel]:
 
 
 case("E13", "regrasps", grasps(7), grasps(6))
-by_value("E14", "counter-traction", "traction", 0.05, 1.5)
+by_value("E14", "counter-traction", "traction", 0.01, 1.5, duct_squeeze=[(0.0, 0.0)])
 
 
 def judged(changes: dict[str, Channel], seconds: float = 16.0) -> tuple[Judge, list[ErrorEvent]]:
     judge = Judge(SCENARIO, SITE)
     for topic, time_ns, body in messages(changed(changes), seconds):
         judge.take(topic, time_ns, body)
-    return judge, judge.errors.events
+    return judge, judge.log.events
 
 
 def until_s(changes: dict[str, Channel]) -> float:
