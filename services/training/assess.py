@@ -46,16 +46,18 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
     """
     running: _Running | None = None
     told = False
+    first_ns: int | None = None
     for topic, time_ns, body in messages:
+        first_ns = time_ns if first_ns is None else first_ns
         if isinstance(body, Attempt):
             told = True
             if running is not None and (body.attempt_id != running.attempt_id or body.state != "running"):
                 yield running.end(body)
                 running = None
             if running is None and body.state == "running":
-                running = _Running(terms, source, time_ns, body)
+                running = _Running(terms, source, (time_ns, time_ns - first_ns), body)
         elif running is None and not told and isinstance(body, GatewayState):
-            running = _Running(terms, source, time_ns, None)
+            running = _Running(terms, source, (time_ns, time_ns - first_ns), None)
         if running is not None:
             running.take(topic, time_ns, body)
     if running is not None:
@@ -65,9 +67,9 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
 class _Running:
     """An attempt that goes on."""
 
-    def __init__(self, terms: Terms, source: str, time_ns: int, told: Attempt | None) -> None:
+    def __init__(self, terms: Terms, source: str, began_ns: tuple[int, int], told: Attempt | None) -> None:
         self.attempt_id = told.attempt_id if told else ""
-        self._terms, self._source, self._began_ns, self._told = terms, source, time_ns, told
+        self._terms, self._source, self._began_ns, self._told = terms, source, began_ns, told
         self._scenario = terms.scenario_of(told.scenario if told else "")
         self._judge = Judge(self._scenario, terms.site)
         self._trace = Trace()
@@ -115,7 +117,8 @@ class _Running:
             outcome=outcome,
             reason=told.reason if told else "",
             source=self._source,
-            began_ns=self._began_ns,
+            began_ns=self._began_ns[0],
+            began_at_s=1e-9 * self._began_ns[1],
             version=VERSION,
             why_not=self._why_not(told, rig),
             time_s=metrics["time_s"],

@@ -50,8 +50,8 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    began_ns
-        Wall clock, of its first motion.
+    began_ns, began_at_s
+        Its first motion: by the wall clock, and since the recording's first message.
     why_not
         Why it does not count; nothing where it does.
     not_judged
@@ -65,6 +65,7 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     reason: str
     source: str
     began_ns: int
+    began_at_s: float
     version: str
     why_not: tuple[str, ...]
     time_s: float

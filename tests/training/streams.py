@@ -28,7 +28,7 @@ N, SEGMENT_M, HELD = 40, 2e-3, 26
 WAVE_HEIGHTS = np.linspace(0.0, 0.4, 41)
 _SLOPES = np.pi * np.outer(WAVE_HEIGHTS, np.sin(2.0 * np.pi * (np.arange(400) + 0.5) / 400))
 WAVE_RATIOS = np.sqrt(1.0 + _SLOPES**2).mean(axis=1)
-TICKS = 12
+TICKS = 20  # 50 Hz: so often does the recorder sample physics
 
 Channel = list[tuple[float, float]]
 #: A good attempt of 16 seconds. Each channel is its breakpoints: linear between them, constant before and after.
