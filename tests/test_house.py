@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks.house import House, count, table
 
-#: Lines of `services` with contact still in its old form; 56,000 once it is one pipeline.
-MOST_LINES = 60_000
+#: Lines of `services` with contact still in its old form and attempts judged; 58,000 once it is one pipeline.
+MOST_LINES = 62_000
 MOST_WORDS = 45_000
 
 

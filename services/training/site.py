@@ -9,8 +9,6 @@ from typing import Any
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
@@ -101,7 +99,7 @@ def read_site(attachment: bytes) -> Site:
     try:
         with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
             arrays = [data[name] for name in ("vertices_m", "triangles", "modes", "basis_hash")]
-    except (OSError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"duct.npz cannot be read: {error}") from None
     vertices_m, triangles, modes, basis_hash = arrays
     return site_of_duct(vertices_m, triangles, modes.reshape(len(vertices_m), 3, -1).astype(float), str(basis_hash))
@@ -111,10 +109,13 @@ def _rims(triangles: Indices) -> list[Indices]:
     """Return the vertices of each loop of edges that only one triangle has."""
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     single, times = np.unique(edges, axis=0, return_counts=True)
-    single = single[times == 1]
-    n = int(triangles.max()) + 1
-    _, label = connected_components(coo_array((np.ones(len(single)), single.T), shape=(n, n)), directed=False)
-    at = np.unique(single)
+    a, b = single[times == 1].T
+    label = np.arange(int(triangles.max()) + 1)
+    while (label[a] != label[b]).any():  # the smallest vertex of a loop spreads along it
+        least = np.minimum(label[a], label[b])
+        np.minimum.at(label, a, least)
+        np.minimum.at(label, b, least)
+    at = np.unique(np.concatenate([a, b]))
     return [at[label[at] == each] for each in np.unique(label[at])]
 
 

@@ -73,7 +73,7 @@ def test_noise_and_quantisation_are_no_way(noise_m: float, step_m: float) -> Non
     if step_m:
         seen = step_m * np.round(seen / step_m)
     assert motion.path_length(seen) > 1.015 * 1.6
-    assert motion.path_length(resampled(seen)) == pytest.approx(1.6, rel=0.02)
+    assert motion.path_length(resampled(seen)) == pytest.approx(1.6, rel=0.0015)
 
 
 def test_lost_ticks_change_no_way() -> None:

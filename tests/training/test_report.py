@@ -71,7 +71,8 @@ def test_marks_open_the_replay_three_seconds_before(erring: Assessment) -> None:
 
 
 def test_names_from_outside_are_text(good: Assessment) -> None:
-    named = msgspec.structs.replace(good, title="<script>alert(1)</script>", source="</script><b>.mcap")
+    strange = msgspec.structs.replace(good.series, paths_mm={"</script><b>": [(0.0, 0.0, 0.0)]})
+    named = msgspec.structs.replace(good, title="<script>alert(1)</script>", source="</script><b>.mcap", series=strange)
     html = render(named, RULES, trainee="<i>")
     assert "<script>alert" not in html
     assert "</script><b>" not in html
