@@ -13,7 +13,7 @@ class Answer(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
 
     order: Annotated[int, Meta(ge=0, description="its id")]
     ok: bool
-    text: Annotated[str, Meta(max_length=256, description="one sentence")] = ""
+    text: Annotated[str, Meta(max_length=256)] = ""
 
 
 class Attempt(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
@@ -24,17 +24,17 @@ class Attempt(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     ]
     pace: Annotated[float, Meta(ge=0.0, le=1.0, description="of the rig's time: 0 paused, 1 as the clock")] = 1.0
     steps: Annotated[int, Meta(ge=0, description="single ticks asked for while paused, since the start")] = 0
-    attempt_id: Annotated[str, Meta(max_length=64, description="unlike that of any other attempt")] = ""
+    attempt_id: Annotated[str, Meta(max_length=64)] = ""
     state: Annotated[str, Meta(max_length=16, description="armed, running, done or abandoned")] = "armed"
     outcome: Annotated[str, Meta(max_length=16, description="success or failure, empty before the end")] = ""
-    reason: Annotated[str, Meta(max_length=256, description="why it ended")] = ""
+    reason: Annotated[str, Meta(max_length=256)] = ""
     scenario: Annotated[str, Meta(max_length=64)] = ""
     title: Annotated[str, Meta(max_length=128)] = ""
-    began_tick: Annotated[int, Meta(ge=-1, description="the rig's time at the scene's beginning, -1 not yet")] = -1
+    began_tick: Annotated[int, Meta(ge=-1, description="at which the scene began, -1 not yet")] = -1
     time_s: Annotated[float, Meta(ge=0.0, description="since the first motion")] = 0.0
     time_limit_s: float = 0.0
-    phase: Annotated[str, Meta(max_length=8, description="P0 to P7, empty where nobody judges")] = ""
-    depth_m: Annotated[float, Meta(description="length of catheter inside the lumen")] = 0.0
+    phase: Annotated[str, Meta(max_length=8, description="P0 to P7")] = ""
+    depth_m: Annotated[float, Meta(description="inside the lumen")] = 0.0
     goal_depth_m: Annotated[float, Meta(description="0: the scenario has no goal")] = 0.0
     depth_max_m: float = 0.0
     force_limit_n: Annotated[float, Meta(description="of a tool on the duct, 0 none")] = 0.0
@@ -42,8 +42,8 @@ class Attempt(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     counts: Annotated[bool, Meta(description="false: it is not scored, `why_not` says why")] = True
     why_not: Annotated[str, Meta(max_length=256)] = ""
     held: Annotated[tuple[str, ...], Meta(max_length=8, description="by instrument: catheter, duct or nothing")] = ()
-    hint: Annotated[str, Meta(max_length=256, description="what to do next")] = ""
+    hint: Annotated[str, Meta(max_length=256)] = ""
     mirrored: bool = False
     one_handed: bool = False
-    bookmarks_s: Annotated[tuple[float, ...], Meta(max_length=64, description="times that somebody marked")] = ()
+    bookmarks_s: Annotated[tuple[float, ...], Meta(max_length=64)] = ()
     answers: Annotated[tuple[Answer, ...], Meta(max_length=8, description="to the last orders")] = ()

@@ -220,7 +220,9 @@ def attempts_curve(
 @attempts_app.command("export")
 def attempts_export(
     trainee: Annotated[str | None, typer.Argument(help="Pseudonym; without, everybody.")] = None,
-    out: Annotated[Path | None, typer.Option(help="The file to write; default: standard output.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The file to write, .csv for a table of metrics; default: standard output.")
+    ] = None,
     database: Database = None,
 ) -> None:
     """Write all that is known of a trainee as JSON; such a file can be the experts of `trocar score`."""

@@ -73,9 +73,9 @@ def run_curve(database: str | None, trainee: str, scenario: str, rules: str, as_
 
 
 def run_export(database: str | None, trainee: str | None, out: Path | None) -> None:
-    """Write everything that is known of a trainee, or of all, as JSON."""
+    """Write everything that is known of a trainee, or of all, as JSON; into a file called .csv a table of metrics."""
     with Store(database) as store:
-        data = store.export(trainee)
+        data = store.table(trainee).encode() if out and out.suffix == ".csv" else store.export(trainee)
     if out is None:
         print(data.decode(), end="")
         return

@@ -10,6 +10,7 @@ import numpy as np
 
 from protocol.bodies import GatewayState, PhysicsState, SupervisorState
 from protocol.bodies.training import Attempt
+from services.runtime.errors import UserError
 from services.training.assessment import Assessment, RigQuality, series_of
 from services.training.judge import Judge
 from services.training.limits import limit_of
@@ -24,8 +25,9 @@ Message = tuple[str, int, msgspec.Struct]
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state", "supervisor.state", "training.attempt")
 VERSION = "1"
 """Of what is measured: it changes where the same recording would be judged otherwise."""
-#: Physics is recorded at 50 Hz at least; with longer gaps something may have happened unseen.
+#: Physics is recorded at 25 Hz at least; with longer gaps something may have happened unseen.
 _LARGEST_GAP_S = 0.5
+_LONGEST_S = 86_400.0
 _LATE = ("degraded", "safe_stop")
 
 
@@ -43,6 +45,11 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
     """Yield the attempts of a stream in which somebody moved, each when it has ended; the last may be incomplete.
 
     Without a word of `training.attempt` the whole stream is one attempt at the scenario without a name.
+
+    Raises
+    ------
+    UserError
+        naming the source, if ticks jump by more than a day.
     """
     running: _Running | None = None
     told = False
@@ -103,6 +110,8 @@ class _Running:
     def _assessment(self, outcome: str, told: Attempt | None) -> Assessment:
         scenario, procedure, terms = self._scenario, self._judge.procedure, self._terms
         columns, errors = self._trace.columns(), self._judge.log.events
+        if max(0.0, *columns.time_s[-1:], *columns.way_s[-1:]) > _LONGEST_S:
+            raise UserError(f"{self._source}: an attempt of more than a day: the ticks in it cannot be right")
         metrics = metrics_of(columns, procedure, scenario) | counts_of(errors)
         if told is not None:
             metrics["time_s"] = told.time_s if outcome in ("success", "failure") else procedure.time_s
@@ -164,7 +173,7 @@ class _RigWatch:
 
     def take_word(self, body: SupervisorState) -> None:
         self._level = max(self._level, body.quality_level)
-        if body.state in _LATE or body.safe_stop:
+        if body.state in _LATE or (body.safe_stop and body.state != "off"):
             self._faults[body.reason or body.state] = None
 
     def take_devices(self, body: GatewayState) -> None:

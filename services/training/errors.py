@@ -122,6 +122,7 @@ RULES: tuple[Rule, ...] = (
     Rule("E13", "time not held", "dropped_s", "inconsequential",
          lambda s, p: p.unheld_s if p.phase in ("P2", "P3") else None),
     Rule("E13", "slide in closed jaws", "hold_slip_m", "inconsequential", lambda s, p: p.slide_m),
+    Rule("E13", "lost from closed jaws", "losses", "inconsequential", lambda s, p: p.lost),
     Rule("E13", "regrasps", "regrasps", "inconsequential", lambda s, p: float(p.regrasps)),
     Rule("E14", "counter-traction", "counter_traction_n", "coaching", lambda s, p: p.counter_n, 1.0, below=True),
 )  # fmt: skip

@@ -33,6 +33,7 @@ ERROR_LIMITS: Mapping[str, Limit] = {
     "blind_force_n": Limit(value=0.2),
     "dropped_s": Limit(value=0.5),
     "hold_slip_m": Limit(value=2e-3),
+    "losses": Limit(value=0.0),
     "regrasps": Limit(value=6.0),
     "counter_traction_n": Limit(value=0.01),
 }

@@ -26,7 +26,6 @@ _CLIPPED_N = 0.05
 _SETTLED_S = 0.5
 _BACK_M = 0.5e-3
 _PROBED_M = 3e-3
-_OPENED_RAD = 0.02
 _STILL_M = 5e-3
 
 
@@ -64,6 +63,7 @@ class Procedure:
         self.withdrawal_m: float | None = None
         self.jump_m: float | None = None
         self.slide_m: float | None = None
+        self.lost: float | None = None
         self.secured_m: float | None = None
         self.counter_n: float | None = None
         self._spans: list[Span] = []
@@ -163,7 +163,7 @@ class Procedure:
 
     def _watch_holds(self, s: Situation) -> None:
         """Count grasps of the catheter, and what slid or fell out of closed jaws."""
-        self.slide_m = None
+        self.slide_m = self.lost = None
         before, self._held_by = self._held_by, {k for k, hand in enumerate(s.hands) if hand.holds_catheter}
         for k in self._held_by - before:
             self.grasps += 1
@@ -190,12 +190,12 @@ class Procedure:
         self._holds[k] = hand.hold_id, at
 
     def _watch_loss(self, k: int, hand: Hand | None) -> None:
-        """A hold that ends while the jaws stay shut has slipped out of them."""
-        shut_rad = self._last.hands[k].jaw_rad if self._last is not None else 0.0
+        """A hold that ends while the handle asks for no wider jaws than it began with has been lost."""
         self._holds.pop(k, None)
-        if hand is not None and hand.jaw_rad < shut_rad + _OPENED_RAD:
+        closed_rad = self._last.hands[k].closed_rad if self._last is not None else 0.0
+        if hand is not None and hand.jaw_rad <= closed_rad:
             self.slips += 1
-            self.slide_m = math.inf
+            self.lost = 1.0
 
     def _watch_mouth(self, s: Situation) -> None:
         """Measure withdrawals before a new approach to the mouth, and jumps of the tip out of the lumen."""

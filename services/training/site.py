@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 import zipfile
+from collections.abc import Iterable
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
+from services.runtime.errors import ConfigError
 
 Values = NDArray[np.float64]
 Indices = NDArray[np.integer[Any]]
@@ -102,7 +107,31 @@ def read_site(attachment: bytes) -> Site:
     except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"duct.npz cannot be read: {error}") from None
     vertices_m, triangles, modes, basis_hash = arrays
+    n = len(vertices_m) if vertices_m.ndim == 2 else 0
+    inside = triangles.dtype.kind == "i" and triangles.size > 0 and 0 <= triangles.min() <= triangles.max() < n
+    if not inside or vertices_m.shape != (n, 3) or triangles.shape[1:] != (3,) or modes.shape[:1] != (n,):
+        raise ValueError("duct.npz: its arrays are not those of a surface")
+    if not (np.isfinite(vertices_m).all() and np.isfinite(modes).all()) or modes.size % (3 * n):
+        raise ValueError("duct.npz: its arrays hold what is no number")
     return site_of_duct(vertices_m, triangles, modes.reshape(len(vertices_m), 3, -1).astype(float), str(basis_hash))
+
+
+def find_site(scene: str, overrides: Iterable[str] = ()) -> Site:
+    """Return the site of a scene, found by a process of its own: what is judged live runs none of the mechanics.
+
+    Raises
+    ------
+    ConfigError
+        one sentence, if the scene cannot be used.
+    """
+    command = [sys.executable, "-m", "services.scenes.duct_file", scene, *overrides]
+    done = subprocess.run(command, capture_output=True, check=False)
+    try:
+        if done.returncode == 0:
+            return read_site(done.stdout)
+        raise ConfigError((done.stderr.decode(errors="replace").strip().splitlines() or [f"{scene}: no duct"])[-1])
+    except ValueError as error:
+        raise ConfigError(f"{scene}: {error}") from None
 
 
 def _rims(triangles: Indices) -> list[Indices]:

@@ -37,7 +37,10 @@ _ZERO = np.zeros(3)
 
 @dataclass(slots=True)
 class Hand:
-    """One instrument: ``force_n`` (3,) acts on it; ``hold_m`` is the held point of the catheter along and beside it."""
+    """One instrument: ``force_n`` (3,) acts on it; ``hold_m`` is the held point of the catheter along and beside it.
+
+    ``jaw_rad`` is the opening that the handle asks for, ``closed_rad`` the one at which the jaws met what they hold.
+    """
 
     name: str = ""
     position_m: Vector = field(default_factory=lambda: _ZERO)
@@ -50,6 +53,7 @@ class Hand:
     holds_catheter: bool = False
     grips_duct: bool = False
     hold_id: int = -1
+    closed_rad: float = 0.0
     hold_m: tuple[float, float] | None = None
 
     @property
@@ -105,19 +109,13 @@ class Observer:
         self._due_tick = 0
         self._advance: deque[tuple[int, float]] = deque()
 
-    def begin_again(self) -> None:
-        """Forget what moved: the scene is put back to its start."""
-        self._advance.clear()
-        self._contacts = None
-        self._due_tick = 0
-
     def take(self, topic: str, body: msgspec.Struct) -> Situation | None:
-        """Take a frame; return a situation where one is due: with a step of physics, at `EVERY_TICKS`."""
+        """Take a frame; return a situation with every step of physics that is later by `EVERY_TICKS` than the last."""
         if isinstance(body, GatewayState):
             self._gateway = body
         elif isinstance(body, ToolContacts):
             self._contacts = body
-        elif isinstance(body, PhysicsState) and not self._due_tick - EVERY_TICKS < body.tick < self._due_tick:
+        elif isinstance(body, PhysicsState) and body.tick >= self._due_tick and body.catheter.position_m.shape[0] > 1:
             self._due_tick = body.tick - body.tick % EVERY_TICKS + EVERY_TICKS
             return self._situation(body)
         return None
@@ -208,7 +206,7 @@ class Observer:
             if hold.tool >= len(s.hands):
                 continue
             hand = s.hands[hold.tool]
-            hand.hold_id = hold.hold_id
+            hand.hold_id, hand.closed_rad = hold.hold_id, hold.jaw_angle_rad
             if hold.target_kind == _DUCT:
                 hand.grips_duct = True
             elif hold.target + 1 < len(rod.points):

@@ -34,7 +34,7 @@ class Trace:
 
     def take_devices(self, state: GatewayState) -> None:
         """Add where the instruments are."""
-        if self._due_tick - EVERY_TICKS < state.tick < self._due_tick:
+        if state.tick < self._due_tick:
             return
         self._due_tick = state.tick + EVERY_TICKS
         told = state.instruments[:HANDS]

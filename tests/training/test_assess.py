@@ -14,6 +14,7 @@ from protocol import TOPICS, Frame
 from protocol.bodies import SupervisorState
 from services.mechanics.scenarios import insertion, miss
 from services.recorder.recording import RecordingWriter
+from services.runtime.errors import UserError
 from services.training.assess import Terms, assess
 from services.training.assessment import Assessment
 from services.training.recorded import assess_file
@@ -94,13 +95,14 @@ def test_without_the_attempt_that_follows_one_that_vanished_is_abandoned() -> No
 
 
 @pytest.mark.parametrize(
-    ("state", "says"), [("degraded", "physics: 60 ticks lost"), ("safe_stop", "safe_stop"), ("running", "")]
+    ("state", "says"),
+    [("degraded", "physics: 60 ticks lost"), ("safe_stop", "safe_stop"), ("running", ""), ("off", "")],
 )
 def test_an_attempt_in_which_the_rig_broke_its_contracts_does_not_count(state: str, says: str) -> None:
     reason = says if says != state else ""
-    late = ("supervisor.state", 3_000_000_000, SupervisorState(state=state, reason=reason))
+    late = ("supervisor.state", 3_000_000_000, SupervisorState(state=state, reason=reason, safe_stop=state == "off"))
     found = assessed(told(chain(messages(GOOD, 8.0), [late], messages(GOOD, 1.0, 9000)), 9.0))
-    assert found.counts == (state == "running")
+    assert found.counts == (not says)
     assert found.why_not == ((f"the rig broke its contracts: {says}",) if says else ())
 
 
@@ -113,6 +115,11 @@ def test_a_gap_in_the_recording_does_not_count() -> None:
     found = assessed(told(chain(messages(GOOD, 3.0), messages(GOOD, 3.0, 5000)), 7.0))
     assert found.rig.largest_gap_s == pytest.approx(1.0, abs=0.03)
     assert not found.counts
+
+
+def test_ticks_that_jump_by_years_are_refused() -> None:
+    with pytest.raises(UserError, match=r"a.mcap: an attempt of more than a day"):
+        assessed(told(chain(messages(GOOD, 1.0), messages(GOOD, 1.0, 10**12)), 2.0))
 
 
 def test_without_a_site_it_is_said_what_was_not_judged() -> None:

@@ -105,6 +105,9 @@ case("E13", "time not held",
      held_again_at(1.6) | open_hand,
      held_again_at(1.4) | open_hand)  # fmt: skip
 case("E13", "slide in closed jaws", {"slide": [(5.0, 0.0), (5.5, 2.2e-3)]}, {"slide": [(5.0, 0.0), (5.5, 1.8e-3)]})
+let_go: dict[str, Channel] = {"hold": [*GOOD["hold"][:2], (6.0, 1.0), (6.001, 0.0)]}
+opened: dict[str, Channel] = {"jaw": [(5.999, 0.2), (6.0, 0.6)]}
+case("E13", "lost from closed jaws", let_go, let_go | opened)
 
 
 def grasps(n: int) -> dict[str, Channel]:

@@ -10,8 +10,10 @@ import pytest
 from services.cache_directory import cache_directory
 from services.mechanics.reduction.reduced_duct import ReducedDuct
 from services.mechanics.surface.opening import mouth_opening
+from services.runtime.errors import ConfigError
 from services.scenes import load_duct, load_scene
-from services.training.site import Site, read_site
+from services.scenes.duct_file import duct_file
+from services.training.site import Site, find_site, read_site
 from services.visualization.cameras import place
 from services.visualization.picture import PictureLayout
 
@@ -28,11 +30,7 @@ def attached(**arrays: object) -> bytes:
 
 
 def site_of(duct: ReducedDuct) -> Site:
-    mesh, basis = duct.mesh, duct.basis
-    modes = basis.Phi.astype(np.float32)
-    return read_site(
-        attached(vertices_m=mesh.vertices_m, triangles=mesh.triangles, modes=modes, basis_hash=basis.content_hash)
-    )
+    return read_site(duct_file(duct))
 
 
 def test_the_mouth_is_the_open_end_that_moves(duct: ReducedDuct) -> None:
@@ -71,6 +69,28 @@ def test_what_is_no_duct_is_refused(data: bytes, says: str) -> None:
         read_site(data)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("triangles", np.array([[0, 1, 9]])),
+        ("triangles", np.array([[0.0, 1.0, 2.0]])),
+        ("triangles", np.zeros((0, 3), int)),
+        ("vertices_m", np.zeros(4)),
+        ("vertices_m", np.full((4, 3), np.nan)),
+        ("modes", np.zeros((3, 3, 2))),
+    ],
+)
+def test_arrays_that_are_no_surface_are_refused(name: str, value: object) -> None:
+    arrays = {
+        "vertices_m": np.eye(4, 3),
+        "triangles": np.array([[0, 1, 2]]),
+        "modes": np.ones((4, 3, 2)),
+        "basis_hash": "",
+    }
+    with pytest.raises(ValueError, match=r"duct.npz: its arrays"):
+        read_site(attached(**arrays | {name: value}))
+
+
 def test_a_duct_without_an_open_end_that_moves_is_refused() -> None:
     modes = np.zeros((4, 3, 2))
     arrays = {
@@ -81,3 +101,9 @@ def test_a_duct_without_an_open_end_that_moves_is_refused() -> None:
     }
     with pytest.raises(ValueError, match="no open end that moves"):
         read_site(attached(**arrays))
+
+
+def test_a_live_judge_finds_the_same_site_in_a_process_of_its_own(duct: ReducedDuct) -> None:
+    assert find_site("insertion") == site_of(duct)
+    with pytest.raises(ConfigError, match="there is no scene 'nonsense'"):
+        find_site("nonsense")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
+from protocol.arrays import pack
+from protocol.bodies import GraspHold
 from services.training.judge import Judge
 from services.training.procedure import Procedure
 from services.training.situation import Loads, Observer, Situation, segments_apart_m
@@ -101,3 +104,27 @@ def test_time_is_that_of_ticks() -> None:
             procedure.take(situation)
     assert procedure.time_s == pytest.approx(0.98)
     assert math.isfinite(procedure.spans[-1].end_s)
+
+
+def test_a_strange_peer_changes_nothing() -> None:
+    """A clock that goes back, a catheter of one particle, holds of tools and segments that are not there."""
+    judge = Judge(SCENARIO, SITE)
+    for message in messages(GOOD, 1.0):
+        judge.take(*message)
+    (_, _, gateway), (_, _, contacts), (_, _, state) = messages(GOOD, 0.02, first_tick=3000)
+    one = pack(np.zeros((1, 3)))
+    strange = [
+        msgspec.structs.replace(state, tick=5),
+        msgspec.structs.replace(state, catheter=msgspec.structs.replace(state.catheter, position_m=one)),
+    ]
+    assert [judge.take("physics.state", 0, body) for body in strange] == [None, None]
+    far = hold(tool=7, target=3), hold(tool=0, target=10**6)
+    for body in (msgspec.structs.replace(contacts, holds=far), gateway, msgspec.structs.replace(state, tick=4000)):
+        judge.take("any", 0, body)
+    assert judge.procedure.time_s == pytest.approx(3.0)
+    assert set(judge.errors) == {"E13"}  # what was held is not any more
+
+
+def hold(**said: int) -> GraspHold:
+    weights = (1.0, 0.0, 0.0)
+    return GraspHold(hold_id=1, target_kind=1, target_weights=weights, limit_n=1.0, jaw_angle_rad=0.1, **said)

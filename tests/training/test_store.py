@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from itertools import chain
 from pathlib import Path
@@ -81,6 +82,9 @@ def test_the_export_has_everything_of_one_trainee(tmp_path: Path, attempt: Asses
         assert len(json.loads(store.export())["attempts"]) == 2
         with pytest.raises(StoreError, match="there is no trainee 'nobody'"):
             store.export("nobody")
+        first, second = csv.DictReader(store.table().splitlines())
+        assert (first["trainee"], second["trainee"]) == ("heron-17", "wren-2")
+        assert float(first["right.path_m"]) == attempt.metrics["right.path_m"]
 
 
 def test_the_migrations_make_the_tables_that_the_code_has(tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import os
 import re
 import zlib
@@ -134,6 +136,28 @@ class Store:
 
     def export(self, trainee: str | None = None) -> bytes:
         """Return everything that is known of a trainee, or of all, as JSON: also a file of reference attempts."""
+        said = [
+            {"trainee": name, "recording": recording, "counts": found.counts, **msgspec.to_builtins(found)}
+            for name, recording, found in self._all(trainee)
+        ]
+        return msgspec.json.format(msgspec.json.encode({"attempts": said}), indent=1) + b"\n"
+
+    def table(self, trainee: str | None = None) -> str:
+        """Return the attempts of a trainee, or of all, as CSV: a row an attempt, a column each metric."""
+        rows = [
+            {
+                "trainee": name, "attempt_id": found.attempt_id, "scenario": found.scenario, "began_ns": found.began_ns,
+                "outcome": found.outcome, "counts": int(found.counts), **found.metrics,
+            }
+            for name, _, found in self._all(trainee)
+        ]  # fmt: skip
+        file = io.StringIO()
+        writer = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return file.getvalue()
+
+    def _all(self, trainee: str | None) -> list[tuple[str, str, Assessment]]:
         query = select(Trainee.pseudonym, StoredAttempt.recording, StoredAttempt.assessment).join(Trainee)
         if trainee is not None:
             query = query.where(Trainee.pseudonym == trainee)
@@ -141,11 +165,7 @@ class Store:
             rows = session.execute(query.order_by(StoredAttempt.began_ns, StoredAttempt.id)).all()
         if trainee is not None and not rows:
             raise StoreError(f"there is no trainee {trainee!r}")
-        said = [
-            {"trainee": name, "recording": recording, "counts": found.counts, **msgspec.to_builtins(found)}
-            for name, recording, found in ((name, recording, _unpacked(data)) for name, recording, data in rows)
-        ]
-        return msgspec.json.format(msgspec.json.encode({"attempts": said}), indent=1) + b"\n"
+        return [(name, recording, _unpacked(data)) for name, recording, data in rows]
 
     def erase(self, trainee: str) -> Sequence[Path]:
         """Forget a trainee and all attempts, beyond recovery from the file; return the recordings that are left."""
