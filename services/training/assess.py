@@ -110,7 +110,7 @@ class _Running:
     def _assessment(self, outcome: str, told: Attempt | None) -> Assessment:
         scenario, procedure, terms = self._scenario, self._judge.procedure, self._terms
         columns, errors = self._trace.columns(), self._judge.log.events
-        if max(0.0, *columns.time_s[-1:], *columns.way_s[-1:]) > _LONGEST_S:
+        if max([0.0, *columns.time_s[-1:], *columns.way_s[-1:]]) > _LONGEST_S:
             raise UserError(f"{self._source}: an attempt of more than a day: the ticks in it cannot be right")
         metrics = metrics_of(columns, procedure, scenario) | counts_of(errors)
         if told is not None:

@@ -102,7 +102,8 @@ def verdict(found: Assessment, rules: ScoreRules, band: Band, past: Sequence[Pas
         return "does not count", "warn"
     if found.outcome != "success":
         return "not yet", "bad"
-    proficient = [is_proficient(each.metrics, band, rules) for each in past if each.counts][-rules.attempts_in_a_row :]
+    last = [each for each in past if each.counts][-rules.attempts_in_a_row :]
+    proficient = [each.outcome == "success" and is_proficient(each.metrics, band, rules) for each in last]
     if len(proficient) == rules.attempts_in_a_row and all(proficient):
         return f"proficient, {rules.attempts_in_a_row} times in a row", "good"
     if any(event.severity == "critical" for event in found.errors):

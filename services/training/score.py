@@ -78,14 +78,11 @@ class Score(msgspec.Struct, frozen=True, kw_only=True):
     percent: float | None = None
 
 
-class Range(msgspec.Struct, frozen=True, kw_only=True):
-    """A metric over reference attempts: mean, standard deviation, and the quarter that is best in small values."""
+class Range(msgspec.Struct, frozen=True):
+    """Mean and standard deviation of a metric over reference attempts."""
 
     mean: float
     deviation: float
-    lower_quartile: float
-    upper_quartile: float
-    attempts: int
 
 
 Band = Mapping[str, Range]
@@ -116,21 +113,14 @@ def _expert_total(scenario: Scenario, rules: ScoreRules, band: Band) -> float | 
 
 
 def band_of(attempts: Iterable[Mapping[str, float]]) -> dict[str, Range]:
-    """Return mean and spread of every metric that all reference attempts have."""
+    """Return mean and deviation of every metric that all reference attempts have; of a single one no deviation."""
     known = list(attempts)
     if not known:
         return {}
     names = sorted(set.intersection(*(set(each) for each in known)))
-    return {name: _range(np.array([each[name] for each in known])) for name in names}
-
-
-def _range(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Range:
-    low, high = np.quantile(values, (0.25, 0.75))
-    deviation = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-    return Range(
-        mean=float(values.mean()), deviation=deviation, lower_quartile=float(low), upper_quartile=float(high),
-        attempts=len(values),
-    )  # fmt: skip
+    values = {name: np.array([each[name] for each in known]) for name in names}
+    freedom = min(1, len(known) - 1)
+    return {name: Range(float(each.mean()), float(each.std(ddof=freedom))) for name, each in values.items()}
 
 
 def load_band(path: Path, scenario: str) -> dict[str, Range]:

@@ -89,11 +89,12 @@ def test_two_attempts_within_the_band_in_a_row_are_proficient(good: Assessment) 
     band = band_of([{"time_s": time_s, "errors": 0.0} for time_s in (18.0, 20.0, 22.0)])
     verdicts = [
         re.search(r'class="badge (\w+)">([^<]*)<', render(good, RULES, band=band, past=past(good, times)))
-        for times in ([40.0, 16.0], [17.0, 16.0])
+        for times in ([40.0, 16.0], [17.0, 16.0], [16.0])
     ]
     assert [each.groups() for each in verdicts if each] == [
         ("good", "goal reached"),
         ("good", "proficient, 2 times in a row"),
+        ("good", "goal reached"),
     ]
 
 
@@ -123,3 +124,10 @@ def test_a_browser_draws_it_dark_and_light_and_on_a_phone(tmp_path: Path, erring
             assert browser.evaluate(drawn)
             grounds.append(browser.evaluate("getComputedStyle(document.body).backgroundColor"))
     assert grounds == ["rgb(255, 255, 255)", "rgb(12, 16, 20)"]
+
+
+def test_an_attempt_of_which_nothing_was_recorded_has_a_report_too() -> None:
+    found = assessed(told(iter(()), 1.0, outcome="failure"))
+    html = render(found, RULES)
+    assert "not yet" in html
+    assert "Bring the catheter to 12 mm within 300 s." in html

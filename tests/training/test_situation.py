@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from protocol import TOPICS
 from protocol.arrays import pack
-from protocol.bodies import GraspHold
+from protocol.bodies import GatewayState, GraspHold
 from services.training.judge import Judge
-from services.training.procedure import Procedure
+from services.training.procedure import PHASES, Procedure
 from services.training.situation import Loads, Observer, Situation, segments_apart_m
+from services.training.trace import Trace
+from tests.protocol import strategies
 from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
 from tests.training.test_errors import judged, pulse
 
@@ -128,3 +134,21 @@ def test_a_strange_peer_changes_nothing() -> None:
 def hold(**said: int) -> GraspHold:
     weights = (1.0, 0.0, 0.0)
     return GraspHold(hold_id=1, target_kind=1, target_weights=weights, limit_n=1.0, jaw_angle_rad=0.1, **said)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_no_sound_frame_ends_a_judge(data: st.DataObject) -> None:
+    judge = Judge(SCENARIO, data.draw(st.sampled_from([SITE, None])))
+    trace = Trace()
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        for name in ("gateway.state", "haptics.contacts", "physics.state", "physics.state"):
+            body = data.draw(strategies.bodies(TOPICS[name].body))
+            if isinstance(body, GatewayState):
+                trace.take_devices(body)
+            situation = judge.take(name, 0, body)
+            if situation is not None:
+                trace.take(situation, judge.procedure)
+        judge.finish()
+        assert judge.phase in PHASES
