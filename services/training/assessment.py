@@ -118,6 +118,13 @@ def _rounded(values: Iterable[float]) -> list[float]:
     return [float(f"{value:.{_DIGITS}g}") for value in values]
 
 
+def metric_label(name: str) -> str:
+    """Return a metric's name without its unit."""
+    owner, _, end = name.rpartition(".")
+    end = end.removesuffix(next((tail for tail in ("_m", *_UNITS) if end.endswith(tail)), ""))
+    return f"{owner}: {end}".removeprefix(": ").replace("_", " ")
+
+
 def metric_words(metrics: Mapping[str, float]) -> dict[str, tuple[float, str]]:
     """Return each metric as it is shown: value and unit, lengths in mm, shares in percent."""
     shown: dict[str, tuple[float, str]] = {}

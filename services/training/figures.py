@@ -10,7 +10,7 @@ from services.training.assessment import Assessment
 from services.training.errors import ERRORS, ErrorEvent
 from services.training.procedure import PHASES
 
-WIDTH, NARROW, LEFT, RIGHT = 900.0, 420.0, 46.0, 12.0
+WIDTH, NARROW, LEFT, RIGHT = 900.0, 420.0, 56.0, 12.0
 TOP, HEIGHT, BOTTOM = 12.0, 190.0, 24.0
 LEAD_S = 3.0
 """A replay begins so long before an error."""

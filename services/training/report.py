@@ -12,7 +12,7 @@ import msgspec
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from services.training.advice import advice
-from services.training.assessment import Assessment, metric_words
+from services.training.assessment import Assessment, metric_label, metric_words
 from services.training.curve import cusum, learning_curve
 from services.training.errors import ERRORS, ErrorEvent
 from services.training.figures import LEAD_S, NARROW, Chart, chart, timeline
@@ -129,12 +129,12 @@ def _metric_rows(
     rows = []
     for name, (value, unit) in metric_words(found.metrics).items():
         expert = ""
-        if name in band and found.metrics[name] is not None:
+        if name in band:
             factor = metric_words({name: 1.0})[name][0]
             mean, way = factor * band[name].mean, factor * rules.expert_deviations * band[name].deviation
             expert = f"{mean:.3g} ± {way:.2g}"
         last = [f"{each[name][0]:.3g}" if name in each else "" for each in earlier]
-        rows.append((name.replace("_", " "), unit, f"{value:.3g}", expert, last))
+        rows.append((metric_label(name), unit, f"{value:.3g}", expert, last))
     return rows
 
 

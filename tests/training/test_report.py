@@ -70,6 +70,14 @@ def test_marks_open_the_replay_three_seconds_before(erring: Assessment) -> None:
         assert f'href="http://rig:8080/#replay=a.mcap&amp;at={erring.began_at_s + at_s - 3.0:.2f}"' in html
 
 
+def test_metrics_are_shown_with_unit_experts_and_the_last_attempts(good: Assessment) -> None:
+    band = band_of([{"time_s": time_s} for time_s in (18.0, 20.0, 22.0)])
+    html = render(good, RULES, band=band, past=past(good, [40.0, 30.0, 16.0]))
+    assert '<tr><td>time<td class="n">16<td>s<td class="n">20 ± 4<td class="n">40, 30</tr>' in html
+    length = f"{1e3 * good.metrics['right.path_m']:.3g}"
+    assert f'<tr><td>right: path<td class="n">{length}<td>mm' in html
+
+
 def test_names_from_outside_are_text(good: Assessment) -> None:
     strange = msgspec.structs.replace(good.series, paths_mm={"</script><b>": [(0.0, 0.0, 0.0)]})
     named = msgspec.structs.replace(good, title="<script>alert(1)</script>", source="</script><b>.mcap", series=strange)
