@@ -67,7 +67,7 @@ def render(
         timeline=timeline(found),
         errors=[(event, *ERRORS[event.code]) for event in found.errors],
         replay=lambda event: replay_link(found, event, page),
-        at_s=lambda event: found.began_at_s + max(0.0, event.begin_s - LEAD_S),
+        at_s=lambda event: replay_from_s(found, event),
         forces=chart(found.series.time_s, found.series.loads_n, {"limit on the duct": found.limits["tool_duct"]}),
         tissues=[(name.replace("_", " on "), _tissue(found, name)) for name in TISSUES],
         depth=_depth(found),
@@ -90,8 +90,12 @@ def _template() -> Template:
 
 def replay_link(found: Assessment, event: ErrorEvent, page: str) -> str:
     """Return the address at which the page shows the recording a little before an error."""
-    at_s = found.began_at_s + max(0.0, event.begin_s - LEAD_S)
-    return f"{page.rstrip('/')}/#replay={quote(found.source)}&at={at_s:.2f}"
+    return f"{page.rstrip('/')}/#replay={quote(found.source)}&at={replay_from_s(found, event):.2f}"
+
+
+def replay_from_s(found: Assessment, event: ErrorEvent) -> float:
+    """Return the second of the recording at which the replay of an error begins."""
+    return found.began_at_s + max(0.0, event.begin_s - LEAD_S)
 
 
 def verdict(found: Assessment, rules: ScoreRules, band: Band, past: Sequence[Past]) -> tuple[str, str]:

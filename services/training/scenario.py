@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -119,12 +120,19 @@ def scenario_of(scene: str, name: str | None) -> Scenario | None:
         if the scenario cannot be used, or is made of another scene.
     """
     if name is None:
-        alike = (each for each in map(load_scenario, scenario_names()) if each.scene == scene)
+        alike = (each for each in _usable() if each.scene == scene)
         return next((each for each in alike if not each.set and each.view == View()), None)
     scenario = load_scenario(name)
     if scenario.scene != scene:
         raise ConfigError(f"scenario {name} is made of scene {scenario.scene!r}: `trocar up --scenario {name}` runs it")
     return scenario
+
+
+def _usable() -> Iterator[Scenario]:
+    """Yield the scenarios; a file that cannot be used is told to who names it, and stands in nobody else's way."""
+    for name in scenario_names():
+        with suppress(ConfigError):
+            yield load_scenario(name)
 
 
 def scenario_names() -> list[str]:

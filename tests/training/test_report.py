@@ -68,6 +68,7 @@ def test_marks_open_the_replay_three_seconds_before(erring: Assessment) -> None:
     begins = [event.begin_s for event in erring.errors]
     for at_s in begins:
         assert f'href="http://rig:8080/#replay=a.mcap&amp;at={erring.began_at_s + at_s - 3.0:.2f}"' in html
+        assert f"<code>trocar replay a.mcap --from {erring.began_at_s + at_s - 3.0:.2f}</code>" in html
 
 
 def test_metrics_are_shown_with_unit_experts_and_the_last_attempts(good: Assessment) -> None:
