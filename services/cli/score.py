@@ -42,7 +42,7 @@ def run_score(request: Request) -> None:
     if request.json:
         print(msgspec.json.format(msgspec.json.encode({"attempts": found, "numbers": numbers}), indent=1).decode())
         return
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     if not found:
         console.print(f"{escape(str(request.file))}: nobody makes an attempt in it")
     for each in found:

@@ -108,8 +108,5 @@ def force_metrics(time_s: Values, force_n: Values, limit_n: float | None = None)
         found |= {"mean_n": float(force_n[acts].mean()), "deviation_n": float(force_n[acts].std())}
     if limit_n is not None:
         above = np.maximum(force_n - limit_n, 0.0)
-        found |= {
-            "above_limit_s": float(steps_s[above > 0.0].sum()),
-            "load_n_s": float((above * steps_s).sum()),
-        }
+        found |= {"above_limit_s": float(steps_s[above > 0.0].sum()), "load_n_s": float((above * steps_s).sum())}
     return found
