@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from services.cli import refusals
-from services.cli.options import Address, Json, Overrides, Rig, Scene, Token, finite
+from services.cli.options import Address, Database, Experts, Json, Overrides, Rig, Rules, Scene, Token, finite
 
 app = typer.Typer(
     name="trocar", no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False,
@@ -21,6 +21,8 @@ VERBS = "trocar.verbs"
 
 config_app = typer.Typer(no_args_is_help=True, help="Show configuration, and what it may say.")
 app.add_typer(config_app, name="config")
+attempts_app = typer.Typer(no_args_is_help=True, help="What was kept of trainees: list, curve, export, erase.")
+app.add_typer(attempts_app, name="attempts")
 
 
 class Viewer(StrEnum):
@@ -224,6 +226,93 @@ def repair(
     from services.cli.repair import run_repair
 
     run_repair(files, json)
+
+
+@app.command()
+def score(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
+    rules: Rules = "mistels",
+    experts: Experts = None,
+    trainee: Annotated[str | None, typer.Option(help="Keep the attempts as this trainee's, by pseudonym.")] = None,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Judge the attempts in a recording: phases, errors, metrics and score."""
+    from services.cli.score import Request, run_score
+
+    run_score(Request(file, scenario, rules, experts, trainee, database, json))
+
+
+@app.command()
+def report(
+    what: Annotated[str, typer.Argument(metavar="FILE|NUMBER", help="A recording, or an attempt that was kept.")],
+    out: Annotated[Path | None, typer.Option(help="The file to write.")] = None,
+    attempt: Annotated[int, typer.Option(help="Which of the recording, from 1; -1 is the last.")] = -1,
+    scenario: Annotated[str | None, typer.Option(help="Scenario to judge by; default: the one that it names.")] = None,
+    rules: Rules = "mistels",
+    experts: Experts = None,
+    database: Database = None,
+    page: Annotated[str, typer.Option(help="Address of the page that opens replays.")] = "http://localhost:8080/",
+) -> None:
+    """Write one HTML file about an attempt: what went wrong and when, and what to practise next."""
+    from services.cli.report import Request, run_report
+
+    run_report(Request(what, out, attempt, scenario, rules, experts, database, page))
+
+
+@attempts_app.command("list")
+def attempts_list(
+    trainee: Annotated[str | None, typer.Option(help="Only this trainee's.")] = None,
+    scenario: Annotated[str | None, typer.Option(help="Only at this scenario.")] = None,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """List what was kept."""
+    from services.cli.attempts import run_list
+
+    run_list(database, trainee, scenario, json)
+
+
+@attempts_app.command("curve")
+def attempts_curve(
+    trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
+    scenario: Annotated[str, typer.Argument(help="Name of the scenario.")],
+    rules: Rules = "mistels",
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Show how a trainee learns: times, scores, and CUSUM of failures."""
+    from services.cli.attempts import run_curve
+
+    run_curve(database, trainee, scenario, rules, json)
+
+
+@attempts_app.command("export")
+def attempts_export(
+    trainee: Annotated[str | None, typer.Argument(help="Pseudonym; without, everybody.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The file to write, .csv for a table of metrics; default: standard output.")
+    ] = None,
+    database: Database = None,
+) -> None:
+    """Write all that is known of a trainee as JSON; such a file can be the experts of `trocar score`."""
+    from services.cli.attempts import run_export
+
+    run_export(database, trainee, out)
+
+
+@attempts_app.command("erase")
+def attempts_erase(
+    trainee: Annotated[str, typer.Argument(help="Pseudonym.")],
+    recordings: Annotated[bool, typer.Option("--recordings", help="Erase the recordings, too.")] = False,
+    database: Database = None,
+    json: Json = False,
+) -> None:
+    """Forget a trainee and all attempts."""
+    from services.cli.attempts import run_erase
+
+    run_erase(database, trainee, recordings, json)
 
 
 @app.command()

@@ -1,0 +1,56 @@
+"""Procedure and errors of one attempt, from the frames of the bus: the same live and on a file."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import msgspec
+
+from services.training.errors import ErrorLog
+from services.training.procedure import Procedure
+from services.training.scenario import Phase, Scenario
+from services.training.site import Site
+from services.training.situation import Observer, Situation
+
+
+class Judge:
+    """Takes every frame of an attempt, from its first motion on, and says at any time how it stands.
+
+    Parameters
+    ----------
+    scenario
+        Whose limits hold.
+    site
+        Where the mouth is; without it nothing is judged that needs it (E11, the view in E12, the opening in E2).
+    """
+
+    def __init__(self, scenario: Scenario, site: Site | None = None) -> None:
+        self.procedure = Procedure(scenario)
+        self.log = ErrorLog(scenario)
+        self._observer = Observer(site)
+        self._last: Situation | None = None
+
+    @property
+    def phase(self) -> Phase:
+        """The phase that is on."""
+        return self.procedure.phase
+
+    @property
+    def errors(self) -> dict[str, int]:
+        """The number of errors so far, by code."""
+        return dict(Counter(event.code for event in self.log.events))
+
+    def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> Situation | None:
+        """Take a frame; return the situation if one was judged. Its own tick counts, not when it came."""
+        situation = self._observer.take(topic, body)
+        if situation is not None:
+            self._last = situation
+            self.procedure.take(situation)
+            self.log.take(situation, self.procedure)
+        return situation
+
+    def finish(self) -> None:
+        """Judge the end of an attempt that was carried through: the depth at which the catheter was left."""
+        self.procedure.finish()
+        if self._last is not None:
+            self.log.take(self._last, self.procedure)

@@ -1,0 +1,162 @@
+"""The score of an attempt in the form of MISTELS, and the band of experts that it is measured by."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from pydantic import ConfigDict
+
+from services.runtime import config
+from services.runtime.errors import ConfigError
+from services.training.errors import ErrorEvent, Severity
+from services.training.scenario import ErrorCode, Scenario
+
+_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+ERRORS_NAME = "errors"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CusumRates:
+    """Of `services.training.curve.cusum`."""
+
+    __pydantic_config__ = _STRICT
+
+    acceptable: float = 0.1
+    unacceptable: float = 0.3
+    false_alarm: float = 0.1
+    missed_alarm: float = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScoreRules:
+    """A file of configs/scores, which says what each key means."""
+
+    __pydantic_config__ = _STRICT
+
+    penalty_s: Mapping[Severity, float]
+    penalty_of_s: Mapping[ErrorCode, float] = field(default_factory=dict)
+    expert_total: float | None = None
+    expert_deviations: float = 2.0
+    attempts_in_a_row: int = 2
+    cusum: CusumRates = CusumRates()
+
+    def penalty(self, event: ErrorEvent) -> float:
+        """Return what an error costs, in s."""
+        return self.penalty_of_s.get(event.code, self.penalty_s.get(event.severity, 0.0))
+
+
+def load_rules(name: str | Path = "mistels") -> ScoreRules:
+    """Return the rules of a file, or of a bare name in configs/scores.
+
+    Raises
+    ------
+    ConfigError
+        one sentence that names the file and the key.
+    """
+    path = config.find("score", name)
+    rules = config.build(ScoreRules, config.read_yaml(path), str(path))
+    rates = rules.cusum
+    if not 0.0 < rates.acceptable < rates.unacceptable < 1.0:
+        raise ConfigError(f"{path}: cusum: 0 < acceptable < unacceptable < 1 must hold")
+    if not (0.0 < rates.false_alarm < 0.5 and 0.0 < rates.missed_alarm < 0.5):
+        raise ConfigError(f"{path}: cusum: false_alarm and missed_alarm must be between 0 and 0.5")
+    return rules
+
+
+class Score(msgspec.Struct, frozen=True, kw_only=True):
+    """Total in s, 0 at least; in percent of an expert's, None where nobody says what an expert reaches."""
+
+    total: float
+    time_saved_s: float
+    penalties_s: float
+    percent: float | None = None
+
+
+class Range(msgspec.Struct, frozen=True):
+    """Mean and standard deviation of a metric over reference attempts."""
+
+    mean: float
+    deviation: float
+
+
+Band = Mapping[str, Range]
+
+
+def score_of(
+    scenario: Scenario, rules: ScoreRules, outcome: str, time_s: float, errors: Sequence[ErrorEvent], band: Band
+) -> Score | None:
+    """Return the score of an attempt that was ended; None of one that was not, which has no time."""
+    if outcome not in ("success", "failure"):
+        return None
+    cut_off_s = scenario.goal.time_limit_s
+    saved_s = max(0.0, cut_off_s - time_s)
+    penalties_s = sum(map(rules.penalty, errors), 0.0)
+    total = max(0.0, saved_s - penalties_s) if outcome == "success" else 0.0
+    expert = _expert_total(scenario, rules, band)
+    percent = 100.0 * total / expert if expert else None
+    return Score(total=total, time_saved_s=saved_s, penalties_s=penalties_s, percent=percent)
+
+
+def _expert_total(scenario: Scenario, rules: ScoreRules, band: Band) -> float | None:
+    if "total" in band:
+        return band["total"].mean
+    if rules.expert_total is not None:
+        return rules.expert_total
+    par_s = scenario.par.get("time_s")
+    return None if par_s is None else max(0.0, scenario.goal.time_limit_s - par_s)
+
+
+def band_of(attempts: Iterable[Mapping[str, float]]) -> dict[str, Range]:
+    """Return mean and deviation of every metric that all reference attempts have; of a single one no deviation."""
+    known = list(attempts)
+    if not known:
+        return {}
+    names = sorted(set.intersection(*(set(each) for each in known)))
+    values = {name: np.array([each[name] for each in known]) for name in names}
+    freedom = min(1, len(known) - 1)
+    return {name: Range(float(each.mean()), float(each.std(ddof=freedom))) for name, each in values.items()}
+
+
+def load_band(path: Path, scenario: str) -> dict[str, Range]:
+    """Return the band of the successes at a scenario in a file that `trocar attempts export` has written.
+
+    Raises
+    ------
+    ConfigError
+        naming the file, if it cannot be read, or holds no such attempt.
+    """
+    try:
+        attempts = json.loads(path.read_text(encoding="utf-8"))["attempts"]
+        chosen = [
+            each["metrics"] for each in attempts
+            if each["scenario"] == scenario and each["outcome"] == "success" and each["counts"]
+        ]  # fmt: skip
+        band = band_of([{str(name): float(value) for name, value in metrics.items()} for metrics in chosen])
+    except OSError as error:
+        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise ConfigError(f"{path}: is no file of attempts, as `trocar attempts export` writes it") from None
+    if not band:
+        raise ConfigError(f"{path}: holds no attempt at {scenario!r} that succeeded and counts")
+    return band
+
+
+def is_proficient(metrics: Mapping[str, float], band: Band, rules: ScoreRules) -> bool | None:
+    """Return whether time and errors are within the experts' mean and some deviations; None without experts."""
+    if not {"time_s", ERRORS_NAME} <= band.keys():
+        return None
+    reached = (band[name].mean + rules.expert_deviations * band[name].deviation for name in ("time_s", ERRORS_NAME))
+    return all(metrics[name] <= most for name, most in zip(("time_s", ERRORS_NAME), reached, strict=True))
+
+
+def counts_of(errors: Iterable[ErrorEvent]) -> dict[str, float]:
+    """Return the numbers of errors as metrics: all, and those of each severity that occurred."""
+    known = list(errors)
+    of_severity = Counter(event.severity for event in known)
+    return {ERRORS_NAME: float(len(known))} | {f"{ERRORS_NAME}.{each}": float(n) for each, n in of_severity.items()}

@@ -1,0 +1,153 @@
+"""Where a scene's mouth is and whence it is seen: what the bus does not say, as plain numbers."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from services.runtime.errors import ConfigError
+
+Values = NDArray[np.float64]
+Indices = NDArray[np.integer[Any]]
+Vec3 = tuple[float, float, float]
+
+
+class Site(msgspec.Struct, frozen=True, kw_only=True):
+    """The duct at rest.
+
+    Attributes
+    ----------
+    mouth_m, inward, mouth_radius_m
+        Middle of the rim, the unit vector that leads in, and the rim's radius.
+    eye_m, looks_at_m
+        Place and aim of the endoscope; without them nobody is judged for leaving its view.
+    basis_hash, rim_gain
+        Mean outward way of the rim for each modal coordinate of this basis, in 1/sqrt(kg); empty where not known.
+    """
+
+    mouth_m: Vec3
+    inward: Vec3
+    mouth_radius_m: float
+    eye_m: Vec3 | None = None
+    looks_at_m: Vec3 | None = None
+    basis_hash: str = ""
+    rim_gain: tuple[float, ...] = ()
+
+
+_NEAREST, _FURTHEST = 2.0, 3.5
+_EYE = 0.85, 0.95, 0.95
+"""Of the page's endoscope: lengths of the duct along it, beside it and up."""
+
+
+def site_of_duct(vertices_m: Values, triangles: Indices, modes: Values, basis_hash: str) -> Site:
+    """Return the site of a duct as a recording carries it: `duct.npz`.
+
+    Parameters
+    ----------
+    vertices_m, triangles
+        (n, 3) and (t, 3).
+    modes
+        (n, 3, m); the held end has none.
+
+    Raises
+    ------
+    ValueError
+        It has no open end that moves.
+    """
+    rims = [rim for rim in _rims(triangles) if np.abs(modes[rim]).max() > 0.0]
+    if not rims:
+        raise ValueError("the duct has no open end that moves")
+    rim = max(rims, key=lambda each: float(np.abs(modes[each]).mean()))
+    mouth = vertices_m[rim].mean(axis=0)
+    out = vertices_m[rim] - mouth
+    away_m = np.linalg.norm(out, axis=1)
+    radius_m = float(away_m.mean())
+    distance_m = np.linalg.norm(vertices_m - mouth, axis=1)
+    ring = vertices_m[(distance_m > _NEAREST * radius_m) & (distance_m < _FURTHEST * radius_m)] - mouth
+    inward = ring.mean(axis=0) if len(ring) else vertices_m.mean(axis=0) - mouth
+    inward /= np.linalg.norm(inward)
+    across = out - np.outer(out @ inward, inward)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    low, high = vertices_m.min(axis=0), vertices_m.max(axis=0)
+    aim = 0.55 * 0.5 * (low + high) + 0.45 * mouth
+    side = np.cross(-inward, [0.0, 0.0, 1.0])
+    side /= max(float(np.linalg.norm(side)), 1e-9)
+    along, beside, up = _EYE
+    eye = aim + np.linalg.norm(high - low) * (-along * inward + beside * side + up * np.array([0.0, 0.0, 1.0]))
+    return Site(
+        mouth_m=_three(mouth),
+        inward=_three(inward),
+        mouth_radius_m=radius_m,
+        eye_m=_three(eye),
+        looks_at_m=_three(aim),
+        basis_hash=basis_hash,
+        rim_gain=tuple((np.einsum("ij,ijm->m", across, modes[rim]) / len(rim)).tolist()),
+    )
+
+
+def read_site(attachment: bytes) -> Site:
+    """Return the site of the attachment `duct.npz` of a recording.
+
+    Raises
+    ------
+    ValueError
+        It is not what the recorder attaches.
+    """
+    try:
+        with np.load(io.BytesIO(attachment), allow_pickle=False) as data:
+            arrays = [data[name] for name in ("vertices_m", "triangles", "modes", "basis_hash")]
+    except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile) as error:
+        raise ValueError(f"duct.npz cannot be read: {error}") from None
+    vertices_m, triangles, modes, basis_hash = arrays
+    n = len(vertices_m) if vertices_m.ndim == 2 else 0
+    inside = triangles.dtype.kind == "i" and triangles.size > 0 and 0 <= triangles.min() <= triangles.max() < n
+    if not inside or vertices_m.shape != (n, 3) or triangles.shape[1:] != (3,) or modes.shape[:1] != (n,):
+        raise ValueError("duct.npz: its arrays are not those of a surface")
+    if not (np.isfinite(vertices_m).all() and np.isfinite(modes).all()) or modes.size % (3 * n):
+        raise ValueError("duct.npz: its arrays hold what is no number")
+    return site_of_duct(vertices_m, triangles, modes.reshape(len(vertices_m), 3, -1).astype(float), str(basis_hash))
+
+
+def find_site(scene: str, overrides: Iterable[str] = ()) -> Site:
+    """Return the site of a scene, found by a process of its own: what is judged live runs none of the mechanics.
+
+    Raises
+    ------
+    ConfigError
+        one sentence, if the scene cannot be used.
+    """
+    command = [sys.executable, "-m", "services.scenes.duct_file", scene, *overrides]
+    done = subprocess.run(command, capture_output=True, check=False)
+    try:
+        if done.returncode == 0:
+            return read_site(done.stdout)
+        raise ConfigError((done.stderr.decode(errors="replace").strip().splitlines() or [f"{scene}: no duct"])[-1])
+    except ValueError as error:
+        raise ConfigError(f"{scene}: {error}") from None
+
+
+def _rims(triangles: Indices) -> list[Indices]:
+    """Return the vertices of each loop of edges that only one triangle has."""
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    single, times = np.unique(edges, axis=0, return_counts=True)
+    a, b = single[times == 1].T
+    label = np.arange(int(triangles.max()) + 1)
+    while (label[a] != label[b]).any():  # the smallest vertex of a loop spreads along it
+        least = np.minimum(label[a], label[b])
+        np.minimum.at(label, a, least)
+        np.minimum.at(label, b, least)
+    at = np.unique(np.concatenate([a, b]))
+    return [at[label[at] == each] for each in np.unique(label[at])]
+
+
+def _three(vector: Values) -> Vec3:
+    x, y, z = vector.tolist()
+    return x, y, z

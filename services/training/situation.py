@@ -1,0 +1,342 @@
+"""What the frames of the bus say of hands, catheter and tissue at one moment, in the quantities that are judged."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.bodies import GatewayState, PhysicsState, ToolContacts
+from protocol.bodies.haptics import PAIR_GAP, PAIR_KIND, PAIR_SEGMENT, PAIR_TOOL, TOOL_PORT
+from protocol.bodies.physics import REACTION_FORCE, REACTION_OPENING, REACTION_POSITION, REACTION_PROXY
+from services.training.site import Site
+
+Vector = NDArray[np.float64]
+TISSUES = ("tool_duct", "tool_catheter", "catheter_wall")
+"""By the number that a contact's kind has on the wire."""
+
+TICK_S = 1e-3
+EVERY_TICKS = 4
+"""Of so many ticks one is judged: 250 a second, of which 10 Hz of motion are kept."""
+_DUCT, _CATHETER = 0, 1
+_TOUCH_M = 0.2e-3
+_TIP_REACH_M = 3e-3
+_RIM_REACH_M = 3e-3
+_CLIP_REACH_M = 6e-3
+_ADVANCE_S = 0.25
+_FREE_M = 5e-3
+"""A shorter free length of catheter does not buckle, and its arc is not told from its chord."""
+_FLUSH_BUTTON = 1 << 1
+_JAWS_M = 12e-3
+_ZERO = np.zeros(3)
+
+
+@dataclass(slots=True)
+class Hand:
+    """One instrument: ``force_n`` (3,) acts on it; ``hold_m`` is the held point of the catheter along and beside it.
+
+    ``jaw_rad`` is the opening that the handle asks for, ``closed_rad`` the one at which the jaws met what they hold.
+    """
+
+    name: str = ""
+    position_m: Vector = field(default_factory=lambda: _ZERO)
+    port_m: Vector = field(default_factory=lambda: _ZERO)
+    proxy_m: Vector = field(default_factory=lambda: _ZERO)
+    speed_m_s: float = 0.0
+    force_n: Vector = field(default_factory=lambda: _ZERO)
+    jaw_rad: float = 0.0
+    has_force: bool = True
+    holds_catheter: bool = False
+    grips_duct: bool = False
+    hold_id: int = -1
+    closed_rad: float = 0.0
+    hold_m: tuple[float, float] | None = None
+
+    @property
+    def load_n(self) -> float:
+        """Size of the force on the instrument."""
+        return _length(self.force_n)
+
+
+@dataclass(slots=True)
+class Situation:
+    """One moment. Forces in N, lengths in m; None where it cannot be told.
+
+    ``tissue_n`` is per kind of contact the load of the more loaded side: of forces in one line the larger of the sums
+    that point either way. ``squeeze_n`` is what the sides have in common, which moves nothing.
+    """
+
+    tick: int
+    hands: list[Hand]
+    tip_m: Vector
+    inserted_m: float
+    advance_m_s: float = 0.0
+    tissue_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    squeeze_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tip_n: float = 0.0
+    rim_n: float = 0.0
+    rim_opening: float | None = None
+    clip_n: float = 0.0
+    penetration_m: float = 0.0
+    push_n: float = 0.0
+    arc_over_chord: float = 1.0
+    bend_radius_m: float = math.inf
+    direction_cosine: float | None = None
+    to_mouth_m: float | None = None
+    shafts_apart_m: float = math.inf
+    view_angle_rad: tuple[float, ...] = ()
+    flushing: bool = False
+
+    @property
+    def catheter_hands(self) -> list[Hand]:
+        """The hands that hold the catheter."""
+        return [hand for hand in self.hands if hand.holds_catheter]
+
+
+class Observer:
+    """Puts the newest frames of the fast topics together."""
+
+    def __init__(self, site: Site | None = None) -> None:
+        self._site = site
+        self._mouth_m = np.array(site.mouth_m) if site else None
+        self._inward = np.array(site.inward) if site else _ZERO
+        self._gateway: GatewayState | None = None
+        self._contacts: ToolContacts | None = None
+        self._due_tick = 0
+        self._advance: deque[tuple[int, float]] = deque()
+
+    def take(self, topic: str, body: msgspec.Struct) -> Situation | None:
+        """Take a frame; return a situation with every step of physics that is later by `EVERY_TICKS` than the last."""
+        if isinstance(body, GatewayState):
+            self._gateway = body
+        elif isinstance(body, ToolContacts):
+            self._contacts = body
+        elif isinstance(body, PhysicsState) and body.tick >= self._due_tick and body.catheter.position_m.shape[0] > 1:
+            self._due_tick = body.tick - body.tick % EVERY_TICKS + EVERY_TICKS
+            return self._situation(body)
+        return None
+
+    def _situation(self, state: PhysicsState) -> Situation:
+        particles = state.catheter.position_m.view()
+        inserted_m = state.catheter.inserted_length_m
+        s = Situation(
+            state.tick, self._hands(state), particles[-1], inserted_m, self._advance_of(state.tick, inserted_m)
+        )
+        rod = _Rod(particles)
+        s.bend_radius_m = rod.bend_radius_m()
+        s.penetration_m = state.contacts.max_penetration_m
+        entry = rod.behind_tip(inserted_m) if inserted_m > 0.0 else None
+        self._take_mouth(s, state, rod, entry)
+        self._take_contacts(s, state, entry)
+        self._take_holds(s, rod, entry)
+        self._take_tools(s)
+        return s
+
+    def _hands(self, state: PhysicsState) -> list[Hand]:
+        table = state.tools.view()
+        hands = [
+            Hand(
+                str(k),
+                row[REACTION_POSITION : REACTION_POSITION + 3],
+                proxy_m=row[REACTION_PROXY : REACTION_PROXY + 3],
+                force_n=row[REACTION_FORCE : REACTION_FORCE + 3],
+                jaw_rad=float(row[REACTION_OPENING]),
+            )
+            for k, row in enumerate(table)
+        ]
+        if self._contacts is not None:
+            for hand, row in zip(hands, self._contacts.tools.view(), strict=False):
+                hand.port_m = row[TOOL_PORT : TOOL_PORT + 3]
+        if self._gateway is not None:
+            for hand, told in zip(hands, self._gateway.instruments, strict=False):
+                hand.name, hand.has_force = told.name, told.has_force
+                hand.speed_m_s = math.hypot(*told.velocity_m_s)
+        return hands
+
+    def _advance_of(self, tick: int, inserted_m: float) -> float:
+        past = self._advance
+        past.append((tick, inserted_m))
+        while len(past) > 1 and (tick - past[0][0]) * TICK_S > _ADVANCE_S:
+            past.popleft()
+        seconds = (tick - past[0][0]) * TICK_S
+        return (inserted_m - past[0][1]) / seconds if seconds > 0.0 else 0.0
+
+    def _take_mouth(self, s: Situation, state: PhysicsState, rod: _Rod, entry: Vector | None) -> None:
+        site = self._site
+        if site is None or self._mouth_m is None:
+            return
+        s.to_mouth_m = _length(s.tip_m - (self._mouth_m if entry is None else entry))
+        if entry is not None:
+            s.direction_cosine = float(rod.tangent(rod.arc_m[-1]) @ self._inward)
+        q = state.duct.q.view()
+        if state.duct.basis_hash == site.basis_hash and len(q) == len(site.rim_gain):
+            way_m = float(np.dot(site.rim_gain, q))
+            s.rim_opening = (max(0.0, 1.0 + way_m / site.mouth_radius_m)) ** 2
+
+    def _take_contacts(self, s: Situation, state: PhysicsState, entry: Vector | None) -> None:
+        kind = state.contacts.kind.view()
+        if not kind.size:
+            return
+        force, point = state.contacts.force_n.view(), state.contacts.point_m.view()
+        loads = Loads(force)
+        of = [kind == each for each in range(3)]
+        pairs = [loads.sides(each) for each in of]
+        s.tissue_n = (pairs[0][0], pairs[1][0], pairs[2][0])
+        s.squeeze_n = (pairs[0][1], pairs[1][1], pairs[2][1])
+        s.tip_n = loads.net(of[2] & (_distances(point, s.tip_m) < _TIP_REACH_M))
+        mouth = entry if entry is not None else self._mouth_m
+        if mouth is None:
+            return
+        away_m = _distances(point, mouth)
+        radius_m = self._site.mouth_radius_m if self._site else _RIM_REACH_M
+        s.rim_n = loads.net((of[0] | of[2]) & (away_m < radius_m + _RIM_REACH_M))
+        s.clip_n = loads.sides(of[0] & (away_m < radius_m + _CLIP_REACH_M))[1]
+
+    def _take_holds(self, s: Situation, rod: _Rod, entry: Vector | None) -> None:
+        if self._contacts is None:
+            return
+        touched = self._touched_jaws()
+        for k, hand in enumerate(s.hands):
+            hand.grips_duct = {(k, 1), (k, 2)} <= touched
+        for hold in self._contacts.holds:
+            if hold.tool >= len(s.hands):
+                continue
+            hand = s.hands[hold.tool]
+            hand.hold_id, hand.closed_rad = hold.hold_id, hold.jaw_angle_rad
+            if hold.target_kind == _DUCT:
+                hand.grips_duct = True
+            elif hold.target + 1 < len(rod.points):
+                hand.holds_catheter = True
+                self._take_catheter_hold(s, hand, rod, float(hold.target + hold.target_weights[1]), entry)
+
+    def _take_catheter_hold(self, s: Situation, hand: Hand, rod: _Rod, at: float, entry: Vector | None) -> None:
+        """Note what a hand does to the catheter that it holds at this place, counted in segments."""
+        arc_m = rod.arc_at(at)
+        point, tangent = rod.point(arc_m), rod.tangent(arc_m)
+        s.push_n = max(s.push_n, -float(hand.force_n @ tangent))
+        hand.hold_m = _in_tool(hand, point)
+        end_m = rod.arc_m[-1] - (s.inserted_m if entry is not None else 0.0)
+        chord_m = _length((s.tip_m if entry is None else entry) - point)
+        if end_m - arc_m > _FREE_M and chord_m > 0.0:
+            s.arc_over_chord = max(s.arc_over_chord, (end_m - arc_m) / chord_m)
+
+    def _touched_jaws(self) -> set[tuple[int, int]]:
+        """Return the pairs of tool and segment that touch the duct."""
+        assert self._contacts is not None
+        index, gap = self._contacts.pair_index.view(), self._contacts.pair_geometry.view()[:, PAIR_GAP]
+        near = index[(index[:, PAIR_KIND] == _DUCT) & (gap < _TOUCH_M)]
+        return {(int(row[PAIR_TOOL]), int(row[PAIR_SEGMENT])) for row in near}
+
+    def _take_tools(self, s: Situation) -> None:
+        site = self._site
+        if self._gateway is not None:
+            s.flushing = any(told.buttons & _FLUSH_BUTTON for told in self._gateway.instruments)
+        if self._contacts is not None and len(s.hands) > 1:
+            (a, b), (c, d) = (_shaft(hand) for hand in s.hands[:2])
+            s.shafts_apart_m = segments_apart_m(a, b, c, d)
+        if site is not None and site.eye_m is not None and site.looks_at_m is not None:
+            eye, axis = np.array(site.eye_m), np.subtract(site.looks_at_m, site.eye_m)
+            s.view_angle_rad = tuple(_angle(_shaft(hand)[1] - eye, axis) for hand in s.hands)
+
+
+class _Rod:
+    """The centreline (n, 3) by arc length from its far end; the tip comes last."""
+
+    def __init__(self, points: Vector) -> None:
+        self.points = points
+        self._edges = np.diff(points, axis=0)
+        self._lengths = np.sqrt(np.einsum("ij,ij->i", self._edges, self._edges))
+        self.arc_m = np.concatenate(([0.0], np.cumsum(self._lengths)))
+
+    def arc_at(self, place: float) -> float:
+        """Return the arc length at a place counted in segments."""
+        return float(np.interp(place, np.arange(len(self.arc_m)), self.arc_m))
+
+    def point(self, arc_m: float) -> Vector:
+        return np.array([np.interp(arc_m, self.arc_m, self.points[:, axis]) for axis in range(3)])
+
+    def behind_tip(self, length_m: float) -> Vector:
+        return self.point(self.arc_m[-1] - length_m)
+
+    def tangent(self, arc_m: float) -> Vector:
+        """Return the unit vector towards the tip."""
+        k = min(int(np.searchsorted(self.arc_m, arc_m, side="right")) - 1, len(self._lengths) - 1)
+        tangent: Vector = self._edges[k] / max(self._lengths[k], 1e-12)
+        return tangent
+
+    def bend_radius_m(self) -> float:
+        """Return the smallest radius of the circles through neighbours that touch both of their segments' middles."""
+        if len(self._lengths) < 2:
+            return math.inf
+        lengths = np.maximum(self._lengths, 1e-12)
+        cosines = np.einsum("ij,ij->i", self._edges[1:], self._edges[:-1]) / (lengths[1:] * lengths[:-1])
+        tangents = np.sqrt(np.maximum(1.0 - cosines, 0.0) / np.maximum(1.0 + cosines, 1e-12))
+        curvature = float((4.0 * tangents / (lengths[1:] + lengths[:-1])).max())
+        return 1.0 / curvature if curvature > 0.0 else math.inf
+
+
+class Loads:
+    """Sums over some of the forces (n, 3)."""
+
+    def __init__(self, force: Vector) -> None:
+        self._force = force
+        self._size = np.sqrt(np.einsum("ij,ij->i", force, force))
+
+    def net(self, of: NDArray[np.bool_]) -> float:
+        """Return the size of the sum of the forces that `of` (n,) names."""
+        return _length(of.astype(float) @ self._force)
+
+    def sides(self, of: NDArray[np.bool_]) -> tuple[float, float]:
+        """Return of these forces the load of the more loaded side, and what both sides have in common."""
+        total, net = float(of.astype(float) @ self._size), self.net(of)
+        return 0.5 * (total + net), 0.5 * (total - net)
+
+
+def segments_apart_m(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
+    """Return the distance of the segments ab and cd (Ericson, Real-Time Collision Detection, 5.1.9)."""
+    u, v, w = b - a, d - c, a - c
+    uu, uv, vv, uw, vw = float(u @ u), float(u @ v), float(v @ v), float(u @ w), float(v @ w)
+    if uu == 0.0 or vv == 0.0:
+        s, t = (0.0, _share(vw, vv)) if uu == 0.0 else (_share(-uw, uu), 0.0)
+    else:
+        s = _share(uv * vw - uw * vv, uu * vv - uv * uv)
+        t = (uv * s + vw) / vv
+        if not 0.0 <= t <= 1.0:
+            t = min(max(t, 0.0), 1.0)
+            s = _share(uv * t - uw, uu)
+    return _length(w + s * u - t * v)
+
+
+def _share(part: float, whole: float) -> float:
+    return min(max(part / whole, 0.0), 1.0) if whole > 0.0 else 0.0
+
+
+def _shaft(hand: Hand) -> tuple[Vector, Vector]:
+    """Return the ends of an instrument from its port to the tips of its jaws."""
+    along = hand.position_m - hand.port_m
+    return hand.port_m, hand.position_m + along * (_JAWS_M / max(_length(along), 1e-9))
+
+
+def _in_tool(hand: Hand, point: Vector) -> tuple[float, float]:
+    """Return how far along the shaft and beside it a point lies from the instrument, which what it touches may hold."""
+    along, away = hand.position_m - hand.port_m, point - hand.proxy_m
+    axial_m = float(away @ along) / max(_length(along), 1e-9)
+    return axial_m, math.sqrt(max(float(away @ away) - axial_m**2, 0.0))
+
+
+def _length(vector: Vector) -> float:
+    return math.sqrt(vector @ vector)
+
+
+def _distances(points: Vector, place: Vector) -> Vector:
+    away = points - place
+    distances: Vector = np.sqrt(np.einsum("ij,ij->i", away, away))
+    return distances
+
+
+def _angle(one: Vector, other: Vector) -> float:
+    return math.acos(min(max(float(one @ other) / max(_length(one) * _length(other), 1e-12), -1.0), 1.0))

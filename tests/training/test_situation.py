@@ -1,0 +1,154 @@
+"""What is read off frames, against brute force and figures that one can draw."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from protocol import TOPICS
+from protocol.arrays import pack
+from protocol.bodies import GatewayState, GraspHold
+from services.training.judge import Judge
+from services.training.procedure import PHASES, Procedure
+from services.training.situation import Loads, Observer, Situation, segments_apart_m
+from services.training.trace import Trace
+from tests.protocol import strategies
+from tests.training.streams import GOOD, SCENARIO, SITE, Channel, changed, messages
+from tests.training.test_errors import judged, pulse
+
+
+def test_loads_in_a_line_have_two_sides() -> None:
+    force = np.array([[3.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [9.0, 9.0, 9.0]])
+    loads = Loads(force)
+    of = np.array([True, True, False])
+    assert loads.sides(of) == pytest.approx((3.0, 1.0))
+    assert loads.net(of) == pytest.approx(2.0)
+
+
+def test_the_distance_of_segments_is_that_of_their_closest_points() -> None:
+    chance, steps = np.random.default_rng(8), np.linspace(0.0, 1.0, 201)
+    for _ in range(100):
+        a, b, c, d = chance.standard_normal((4, 3))
+        one, other = a + np.outer(steps, b - a), c + np.outer(steps, d - c)
+        brute = np.linalg.norm(one[:, None] - other[None], axis=2).min()
+        assert brute - 0.02 <= segments_apart_m(a, b, c, d) <= brute + 1e-12
+    a = np.zeros(3)
+    assert segments_apart_m(a, a, np.array([1.0, 0, 0]), np.array([1.0, 2, 0])) == pytest.approx(1.0)
+
+
+def seen(changes: dict[str, Channel], seconds: float) -> Situation:
+    """The last situation of an attempt."""
+    observer, last = Observer(SITE), None
+    for topic, _, body in messages(changed(changes), seconds):
+        last = observer.take(topic, body) or last
+    assert last is not None
+    return last
+
+
+def test_an_arc_of_a_circle_has_its_radius() -> None:
+    assert seen({"bend": [(0.0, 100.0)]}, 1.0).bend_radius_m == pytest.approx(10e-3, rel=1e-6)
+
+
+def test_depth_and_distance_are_those_of_the_catheter() -> None:
+    assert seen({}, 1.0).to_mouth_m == pytest.approx(6e-3)
+    inside = seen({}, 6.0)
+    assert inside.to_mouth_m == pytest.approx(inside.inserted_m)
+    assert inside.advance_m_s == pytest.approx(15e-3 / 5.5)
+    assert inside.direction_cosine == pytest.approx(1.0)
+
+
+def test_the_opening_grows_with_the_square_of_its_radius() -> None:
+    assert seen({"opening": [(0.0, 1.21)]}, 1.0).rim_opening == pytest.approx(1.21)
+
+
+def test_a_hand_that_steadies_the_mouth_from_the_beginning_secures_nothing() -> None:
+    judge, _ = judged({"grip": GOOD["grip"][:2], "clip": [(0.3, 0.5)]}, 9.0)
+    assert judge.procedure.phase == "P4"
+
+
+def test_a_way_back_far_from_the_mouth_is_no_retry() -> None:
+    far = [(1.0, 4.5e-3), (1.5, 4.5e-3), (1.8, 9e-3), (2.1, 4.5e-3), (2.4, 4.4e-3)]
+    judge, errors = judged({"gap": far}, 2.5)
+    assert judge.procedure.phase == "P3"
+    assert (judge.procedure.retries, errors) == (0, [])
+
+
+def test_an_error_that_pauses_for_a_moment_is_one() -> None:
+    one, other = (pulse("traction", 3.0, 0.3, at_s)["traction"] for at_s in (4.0, 4.32))
+    both = sorted(set(one) | set(other))
+    assert len(judged({"traction": both}, 5.0)[1]) == 1
+    apart = sorted(set(one) | set(pulse("traction", 3.0, 0.3, 4.4)["traction"]))
+    assert len(judged({"traction": apart}, 5.0)[1]) == 2
+
+
+def test_catheter_pulled_out_of_an_open_mouth_goes_back_to_the_approach() -> None:
+    judge, _ = judged({"inserted": [(2.5, 0.0), (5.0, 8e-3), (6.0, 0.0), (6.5, 0.0), (8.0, 8e-3)]}, 8.5)
+    phases = [span.phase for span in judge.procedure.spans]
+    assert phases == ["P0", "P1", "P2", "P3", "P4", "P3", "P4"]
+    assert judge.procedure.retries == 1
+
+
+def test_live_judge_tells_phase_and_counts() -> None:
+    judge = Judge(SCENARIO, SITE)
+    for message in messages(changed(pulse("traction", 3.0, 0.3)), 5.0):
+        judge.take(*message)
+    assert (judge.phase, judge.errors) == ("P4", {"E1": 1})
+
+
+def test_time_is_that_of_ticks() -> None:
+    procedure = Procedure(SCENARIO)
+    observer = Observer(SITE)
+    for topic, _, body in messages(GOOD, 1.0, first_tick=123_456):
+        situation = observer.take(topic, body)
+        if situation is not None:
+            procedure.take(situation)
+    assert procedure.time_s == pytest.approx(0.98)
+    assert math.isfinite(procedure.spans[-1].end_s)
+
+
+def test_a_strange_peer_changes_nothing() -> None:
+    """A clock that goes back, a catheter of one particle, holds of tools and segments that are not there."""
+    judge = Judge(SCENARIO, SITE)
+    for message in messages(GOOD, 1.0):
+        judge.take(*message)
+    (_, _, gateway), (_, _, contacts), (_, _, state) = messages(GOOD, 0.02, first_tick=3000)
+    one = pack(np.zeros((1, 3)))
+    strange = [
+        msgspec.structs.replace(state, tick=5),
+        msgspec.structs.replace(state, catheter=msgspec.structs.replace(state.catheter, position_m=one)),
+    ]
+    assert [judge.take("physics.state", 0, body) for body in strange] == [None, None]
+    far = hold(tool=7, target=3), hold(tool=0, target=10**6)
+    for body in (msgspec.structs.replace(contacts, holds=far), gateway, msgspec.structs.replace(state, tick=4000)):
+        judge.take("any", 0, body)
+    assert judge.procedure.time_s == pytest.approx(3.0)
+    assert set(judge.errors) == {"E13"}  # what was held is not any more
+
+
+def hold(**said: int) -> GraspHold:
+    weights = (1.0, 0.0, 0.0)
+    return GraspHold(hold_id=1, target_kind=1, target_weights=weights, limit_n=1.0, jaw_angle_rad=0.1, **said)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_no_sound_frame_ends_a_judge(data: st.DataObject) -> None:
+    judge = Judge(SCENARIO, data.draw(st.sampled_from([SITE, None])))
+    trace = Trace()
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        for name in ("gateway.state", "haptics.contacts", "physics.state", "physics.state"):
+            body = data.draw(strategies.bodies(TOPICS[name].body))
+            if isinstance(body, GatewayState):
+                trace.take_devices(body)
+            situation = judge.take(name, 0, body)
+            if situation is not None:
+                trace.take(situation, judge.procedure)
+        judge.finish()
+        assert judge.phase in PHASES
