@@ -13,7 +13,10 @@ from services.mechanics.compiled import kernel
 from services.mechanics.compiled.struct import Address
 from services.mechanics.reduction.modal_state import ModalIntegrator, ModalState
 from services.mechanics.reduction.newmark import Newmark, newmark_step
+from services.mechanics.reduction.node_compliance import Loads
 from services.mechanics.reduction.reduced_duct import ReducedDuct
+
+_NO_LOADS: Loads = (np.zeros(0, np.int32), np.zeros((0, 3)))
 
 
 class DuctBody:
@@ -75,6 +78,7 @@ class DuctBody:
         self.contact_impulse, self._debt, self._gains = loads.impulse, loads.debt, loads.gains
         self._gains_dt_s = 0.0
         self._let_go = np.zeros((capacity, 3))
+        self.lasting_loads = _NO_LOADS
         self._loads, self.loads_address = loads, loads.address
         self.kept_address = self._motion.kept_address
 
@@ -89,6 +93,7 @@ class DuctBody:
         if dt_s != self._gains_dt_s:
             self.change_step(dt_s)
         self._n_loads[1] = 0
+        self.lasting_loads = _NO_LOADS
         self._motion.update(self.state.q)
         integrator = self.integrator
         if type(integrator) is Newmark:
@@ -124,6 +129,7 @@ class DuctBody:
 
         Points are those of the last `gather`, which let go of all loads: these go on acting through the step.
         """
+        self.lasting_loads = loads
         self._motion.add_residual((nodes, weights), loads, (out, self._let_go[: len(nodes)]))
 
     def replace_loads(self, count: int) -> None:

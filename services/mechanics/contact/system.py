@@ -160,6 +160,12 @@ class ContactSystem:
                 self._append_complete(pairs, first)
         return rows.n_contacts - first
 
+    def append_new(self, pairs: ContactPairs) -> None:
+        """Add pairs to the rows of a step that was solved; old rows keep forces and friction."""
+        first = self.rows.n_contacts
+        self._append_complete(pairs, first)
+        self.dropped_pairs += pairs.dropped
+
     @contextmanager
     def old_friction(self) -> Iterator[None]:
         """Let who sets coefficients of friction set those of the rows that were added last."""

@@ -27,10 +27,12 @@ class StepSolver:
     ----------
     second_look : SecondLook
         Of steps that lead far.
+    tool_force : (n_tools, n_coordinates)
+        What acts on each tool, as solved last.
     """
 
     def __init__(self, world: World, tool_force: FloatArray) -> None:
-        self._world, self._system, self._tool_force = world, world.system, tool_force
+        self._world, self._system, self.tool_force = world, world.system, tool_force
         self.second_look = SecondLook(world)
         self._stages: Mapping[str, tuple[Effect, ...]] = {}
         self._iterations = 0
@@ -134,7 +136,7 @@ class StepSolver:
 
     def _give(self) -> None:
         self._world.squeeze.react()
-        self._system.apply(self._tool_force)
+        self._system.apply(self.tool_force)
 
     def _solve_with_new_rows(self, dt_s: float) -> None:
         self._add_motion(dt_s)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from services.mechanics.arrays import BoolArray, FloatArray
+from services.mechanics.arrays import AnyArray, BoolArray, FloatArray
 from services.mechanics.bodies.forceps.kinematics import N_CELLS, N_COORDINATES, N_SEGMENTS, tool_frame, tool_segments
 from services.mechanics.bodies.forceps.sweep import FASTEST_HAND_M_S, LONGEST_SHAFT_M, sweep
 from services.mechanics.compiled import kernel
@@ -170,6 +170,10 @@ class ToolBody:
     def state_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays of the state."""
         return self.proxy, self.hand, self.stretch, self.roll_rad
+
+    def step_arrays(self) -> tuple[AnyArray, ...]:
+        """Return the live arrays that a step changes, from `predict` on."""
+        return self._arrays.own_arrays()
 
     def given_arrays(self) -> tuple[FloatArray, ...]:
         """Return the live arrays that `correct` and `update_pose` change."""

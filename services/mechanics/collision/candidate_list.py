@@ -1,0 +1,224 @@
+"""The candidate list: for each piece of a body the triangles of the wall that it may touch before the list is renewed.
+
+A Verlet list (L. Verlet, "Computer experiments on classical fluids", 1967): a piece lists what is within its reach plus
+a skin, and the list is complete until piece and wall together have moved by the skin. A piece that has moved renews its
+own list; only a wall that has moved renews them all.
+
+Each entry also keeps a lower bound of its distance: the distance measured last, less what piece and wall have moved
+since. Only entries whose bound is within reach are measured again.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import BoolArray, FloatArray, IntArray, LongArray
+from services.mechanics.collision.clusters import Clusters, is_beyond, sphere_of
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import row, row_of
+
+#: Entries that a piece has room for: a tool's shaft lies beside a third of a duct of 40 mm.
+MOST_ENTRIES = 768
+
+
+class CandidateList(Struct):
+    """Lists of p pieces, each a capsule, against the m triangles of a wall of n nodes."""
+
+    clusters: Clusters
+    position: Annotated[FloatArray, "n", 3]  # of the nodes: those of the list are always placed
+    ends: Annotated[FloatArray, "p", 2, 3]  # of the pieces now
+    thickness: Annotated[FloatArray, "p"]  # distance of axis and mid-surface at which a piece touches the wall
+    active: Annotated[BoolArray, "p"]
+    entry: Annotated[IntArray, "p", MOST_ENTRIES]
+    bound: Annotated[FloatArray, "p", MOST_ENTRIES]  # of the distance, plus `travel` of wall and piece when measured
+    count: Annotated[LongArray, "p"]
+    is_listed: Annotated[BoolArray, "p"]
+    listed_ends: Annotated[FloatArray, "p", 2, 3]
+    last_ends: Annotated[FloatArray, "p", 2, 3]
+    piece_travel: Annotated[FloatArray, "p"]  # sum of the longest ways of either end
+    node: Annotated[IntArray, "n"]  # those of listed triangles, each once
+    mark: Annotated[LongArray, "n"]
+    listed_position: Annotated[FloatArray, "n", 3]  # of all nodes when the wall's lists were renewed
+    wanted: Annotated[FloatArray, "p"]  # gap up to which candidates are measured
+    reach: Annotated[FloatArray, "p"]  # the largest that may be wanted before the lists are renewed
+    skin_m: float
+    wall_travel: float = 0.0
+    n_nodes: int = 0
+    stamp: int = 0
+    dropped: int = 0
+
+
+list_at = reader(CandidateList)
+
+
+@kernel
+def note_motion(address: Address[CandidateList], wall_moved_m: float) -> None:
+    """Count how far pieces and listed nodes have come since the last call."""
+    found = list_at(address)
+    found.wall_travel += wall_moved_m
+    for p in range(found.count.shape[0]):
+        found.piece_travel[p] += _furthest(found.ends, found.last_ends, p)
+        for end in range(2):
+            for axis in range(3):
+                found.last_ends[p, end, axis] = found.ends[p, end, axis]
+
+
+@kernel
+def note_start(address: Address[CandidateList], start: tuple[FloatArray, FloatArray]) -> None:
+    """Write where pieces (p, 2, 3) and nodes (n, 3) are into ``start``."""
+    found, (ends, position) = list_at(address), start
+    for p in range(found.count.shape[0]):
+        for end in range(2):
+            for axis in range(3):
+                ends[p, end, axis] = found.ends[p, end, axis]
+    for k in range(found.n_nodes):
+        for axis in range(3):
+            position[found.node[k], axis] = found.position[found.node[k], axis]
+
+
+@kernel
+def want_ahead(address: Address[CandidateList], start: FloatArray, ahead: FloatArray, most_m: float) -> None:
+    """Want candidates of pieces (p,) up to ``ahead`` (p,) and as much further as they have come since ``start``.
+
+    ``most_m`` is what that may be at most.
+    """
+    found = list_at(address)
+    for p in range(found.count.shape[0]):
+        found.wanted[p] = ahead[p] + min(_furthest(found.ends, start, p), most_m)
+        found.reach[p] = ahead[p] + most_m
+
+
+@kernel
+def _furthest(ends: FloatArray, others: FloatArray, p: int) -> float:
+    """Return the longer of the ways between both ends of a piece."""
+    longest_2 = 0.0
+    for end in range(2):
+        way_2 = 0.0
+        for axis in range(3):
+            way_2 += (ends[p, end, axis] - others[p, end, axis]) ** 2
+        longest_2 = max(longest_2, way_2)
+    return math.sqrt(longest_2)
+
+
+@kernel
+def are_where_they_were(address: Address[CandidateList]) -> bool:
+    """Return whether all pieces are where they were in the last `note_motion`."""
+    found = list_at(address)
+    for p in range(found.count.shape[0]):
+        for end in range(2):
+            for axis in range(3):
+                if found.ends[p, end, axis] != found.last_ends[p, end, axis]:
+                    return False
+    return True
+
+
+@kernel
+def _listed_wall_moved_m(found: CandidateList) -> float:
+    """Return how far a listed node is from where it was when the wall's lists were renewed."""
+    most_2 = 0.0
+    for k in range(found.n_nodes):
+        node, way_2 = found.node[k], 0.0
+        for axis in range(3):
+            way_2 += (found.position[node, axis] - found.listed_position[node, axis]) ** 2
+        most_2 = max(most_2, way_2)
+    return math.sqrt(most_2)
+
+
+#: What `renew_lists` has done: nothing, pieces were listed anew, nothing and the wall has moved too far.
+SAME, RENEWED, WALL_IS_DUE = 0, 1, 2
+
+
+@kernel
+def renew_lists(address: Address[CandidateList], modes_moved_m: float, most_m: float) -> int:
+    """List anew the pieces that have moved too far, unless the wall has moved by more than ``most_m``.
+
+    ``modes_moved_m`` bounds how far the modes have moved any node. Spheres round triangles are those of when the wall's
+    lists were renewed.
+    """
+    found, any_new = list_at(address), False
+    wall_moved_m = max(modes_moved_m, _listed_wall_moved_m(found))
+    if wall_moved_m > most_m:
+        return WALL_IS_DUE
+    for p in range(found.count.shape[0]):
+        if not found.active[p]:
+            found.is_listed[p] = False
+            found.count[p] = 0
+        elif not found.is_listed[p] or _furthest(found.ends, found.listed_ends, p) + wall_moved_m > found.skin_m:
+            _list_piece(found, p)
+            any_new = True
+    if any_new:
+        _list_nodes(found)
+        return RENEWED
+    return SAME
+
+
+@kernel
+def _list_piece(found: CandidateList, p: int) -> None:
+    a, b, clusters = row_of(found.ends, p, 0), row_of(found.ends, p, 1), found.clusters
+    reach, n = found.thickness[p] + found.reach[p] + found.skin_m, 0
+    for c in range(clusters.cluster_radius.shape[0]):
+        if is_beyond(a, b, row(clusters.cluster_middle, c), reach + clusters.cluster_radius[c]):
+            continue
+        for place in range(clusters.first[c], clusters.first[c + 1]):
+            t = clusters.order[place]
+            if is_beyond(a, b, row(clusters.middle, t), reach + clusters.radius[t]):
+                continue
+            if n == MOST_ENTRIES:
+                found.dropped += 1
+                continue
+            found.entry[p, n], found.bound[p, n] = t, -math.inf
+            n += 1
+    found.count[p], found.is_listed[p] = n, True
+    for end in range(2):
+        for axis in range(3):
+            found.listed_ends[p, end, axis] = found.ends[p, end, axis]
+
+
+@kernel
+def _list_nodes(found: CandidateList) -> None:
+    found.stamp += 1
+    n, corner = 0, found.clusters.triangles
+    for p in range(found.count.shape[0]):
+        for k in range(found.count[p]):
+            for c in range(3):
+                node = corner[found.entry[p, k], c]
+                if found.mark[node] != found.stamp:
+                    found.mark[node] = found.stamp
+                    found.node[n] = node
+                    n += 1
+    found.n_nodes = n
+
+
+@kernel
+def is_within(found: CandidateList, p: int, k: int) -> bool:
+    """Return whether an entry may be as near as is wanted: by its bound, and by a sphere round the triangle."""
+    reach = found.thickness[p] + found.wanted[p]
+    if found.bound[p, k] - found.wall_travel - found.piece_travel[p] > reach:
+        return False
+    corner, t, position = found.clusters.triangles, found.entry[p, k], found.position
+    middle, radius = sphere_of(row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2]))
+    return not is_beyond(row_of(found.ends, p, 0), row_of(found.ends, p, 1), middle, reach + radius)
+
+
+@kernel
+def note_distance(found: CandidateList, p: int, k: int, distance_m: float) -> None:
+    """Note a distance that was measured."""
+    found.bound[p, k] = distance_m + found.wall_travel + found.piece_travel[p]
+
+
+def new_list(clusters: Clusters, position_m: FloatArray, n_pieces: int, skin_m: float) -> CandidateList:
+    """Return an empty list for so many pieces, none of which is active yet, nor reaches beyond its surface."""
+    n = len(position_m)
+    return CandidateList.zeros(
+        clusters=clusters,
+        position=position_m,
+        p=n_pieces,
+        n=n,
+        listed_position=position_m.copy(),
+        mark=np.zeros(n, np.int64),
+        skin_m=skin_m,
+    )

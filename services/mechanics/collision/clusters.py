@@ -1,0 +1,95 @@
+"""Triangles in clusters of neighbours, each with a bounding sphere: what a rebuild of the candidate list walks through.
+
+Two levels are enough: a thousand triangles make forty clusters, and a capsule is near two or three of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, IntArray
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Struct
+from services.mechanics.compiled.vectors import Vector, along, dot, put_row, row, scaled, subtract
+
+#: A sphere round so many triangles of a tube is hardly larger than one round a single one and its neighbours.
+CLUSTER_TRIANGLES = 24
+
+
+class Clusters(Struct):
+    """m triangles in c clusters; middles and radii are those of the last `enclose`."""
+
+    triangles: Annotated[IntArray, "m", 3]
+    order: Annotated[IntArray, "m"]  # those of one cluster side by side
+    first: Annotated[IntArray, "c + 1"]
+    middle: Annotated[FloatArray, "m", 3]
+    radius: Annotated[FloatArray, "m"]
+    cluster_middle: Annotated[FloatArray, "c", 3]
+    cluster_radius: Annotated[FloatArray, "c"]
+
+
+def cluster_triangles(vertices_m: FloatArray, triangles: IntArray) -> Clusters:
+    """Cut triangles (m, 3) into clusters by median splits along the longest side."""
+    centroids = vertices_m[triangles].mean(axis=1)
+    pieces, pending = [], [np.arange(len(triangles), dtype=np.int32)]
+    while pending:
+        piece = pending.pop()
+        if len(piece) <= CLUSTER_TRIANGLES:
+            pieces.append(piece)
+            continue
+        points = centroids[piece]
+        by_side = piece[np.argsort(points[:, int(np.argmax(np.ptp(points, axis=0)))], kind="stable")]
+        pending += [by_side[: len(piece) // 2], by_side[len(piece) // 2 :]]
+    first = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces])]).astype(np.int32)
+    corners = np.ascontiguousarray(triangles, np.int32)
+    extents = {"m": len(triangles), "c": len(pieces), "c + 1": len(first)}
+    return Clusters.zeros(triangles=corners, order=np.concatenate(pieces), first=first, **extents)
+
+
+@kernel
+def enclose(clusters: Clusters, position: FloatArray) -> None:
+    """Put spheres round all triangles and clusters, with the nodes at ``position`` (n, 3)."""
+    corner = clusters.triangles
+    for t in range(corner.shape[0]):
+        middle, radius = sphere_of(
+            row(position, corner[t, 0]), row(position, corner[t, 1]), row(position, corner[t, 2])
+        )
+        put_row(clusters.middle, t, middle)
+        clusters.radius[t] = radius
+    for c in range(clusters.cluster_radius.shape[0]):
+        _enclose_cluster(clusters, c)
+
+
+@kernel
+def sphere_of(a: Vector, b: Vector, c: Vector) -> tuple[Vector, float]:
+    """Return middle and radius of a sphere round a triangle."""
+    middle = scaled((a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]), 1.0 / 3.0)
+    u, v, w = subtract(a, middle), subtract(b, middle), subtract(c, middle)
+    return middle, math.sqrt(max(dot(u, u), max(dot(v, v), dot(w, w))))
+
+
+@kernel
+def _enclose_cluster(clusters: Clusters, c: int) -> None:
+    middle, first, end = (0.0, 0.0, 0.0), clusters.first[c], clusters.first[c + 1]
+    for entry in range(first, end):
+        middle = along(middle, row(clusters.middle, clusters.order[entry]), 1.0 / (end - first))
+    radius = 0.0
+    for entry in range(first, end):
+        t = clusters.order[entry]
+        away = subtract(row(clusters.middle, t), middle)
+        radius = max(radius, math.sqrt(dot(away, away)) + clusters.radius[t])
+    put_row(clusters.cluster_middle, c, middle)
+    clusters.cluster_radius[c] = radius
+
+
+@kernel
+def is_beyond(a: Vector, b: Vector, middle: Vector, far_m: float) -> bool:
+    """Return whether a point is further than ``far_m`` from segment ab."""
+    u, w = subtract(b, a), subtract(middle, a)
+    length_2 = dot(u, u)
+    t = min(max(dot(u, w) / length_2, 0.0), 1.0) if length_2 > 0.0 else 0.0
+    away = along(w, u, -t)
+    return dot(away, away) > far_m * far_m

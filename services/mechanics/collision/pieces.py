@@ -1,0 +1,54 @@
+"""Pieces of a scene as a candidate list numbers them: the segments of the tools, then those of the catheter."""
+
+from __future__ import annotations
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.collision.candidate_list import CandidateList, list_at
+from services.mechanics.collision.capsules import Tools
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, NO_TOOL, ContactPairs
+from services.mechanics.collision.writer import write_pair
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import Vector
+from services.mechanics.scene.tools import N_TOOLS
+
+#: Pieces of tools come first: three of each.
+N_TOOL_PIECES = 3 * N_TOOLS
+
+
+@kernel
+def take_pieces(
+    address: Address[CandidateList], particles: FloatArray, tools: Tools, sizes: tuple[float, float]
+) -> None:
+    """Write where the pieces are, and which are there; ``sizes`` are the catheter's radius and half the wall.
+
+    With no particles (0, 3) there is no catheter.
+    """
+    listed, (segments, radius, present) = list_at(address), tools
+    n_segments = segments.shape[1]
+    first = segments.shape[0] * n_segments
+    for p in range(first):
+        tool, segment = p // n_segments, p % n_segments
+        listed.active[p] = present[tool] and radius[tool, segment] > 0.0
+        listed.thickness[p] = radius[tool, segment] + sizes[1]
+        for end in range(2):
+            for axis in range(3):
+                listed.ends[p, end, axis] = segments[tool, segment, end, axis]
+    for k in range(particles.shape[0] - 1):
+        p = first + k
+        listed.active[p], listed.thickness[p] = True, sizes[0] + sizes[1]
+        for end in range(2):
+            for axis in range(3):
+                listed.ends[p, end, axis] = particles[k + end, axis]
+
+
+@kernel
+def write_piece_pair(
+    pairs: ContactPairs, place: tuple[int, int], s: float, w: Vector, gap_m: float, normal: Vector
+) -> None:
+    """Write a pair of a piece and a triangle."""
+    p, t = place
+    if p < N_TOOL_PIECES:
+        write_pair(pairs, (p // 3, p % 3, -1, DUCT_TRIANGLE, t, s, w), gap_m, normal)
+    else:
+        write_pair(pairs, (NO_TOOL, 0, p - N_TOOL_PIECES, DUCT_TRIANGLE, t, s, w), gap_m, normal)

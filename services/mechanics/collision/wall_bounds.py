@@ -1,0 +1,94 @@
+"""How far any node of the wall can have moved with the modes since its triangles were listed.
+
+Of a straight wall by blocks of modes: with omega the frequencies, |Phi_i dq| is at most the largest singular value of
+Phi_i / omega times |omega dq| (Cauchy-Schwarz), block by block. Of a wall whose sections turn, what the sections have
+done carries the nodes on their arms, and the rest is bounded alike.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray, LongArray
+from services.mechanics.compiled import kernel
+from services.mechanics.reduction.large_rotations.warping import SectionFrame
+from services.mechanics.reduction.reduced_duct import ReducedDuct
+
+_BLOCKS = 8
+"""Blocks of modes, small ones where modes are soft: what moves far."""
+
+
+class WallBounds:
+    """Bounds the motion of a straight wall's nodes from a state that was taken."""
+
+    def __init__(self, Phi: FloatArray, omega_rad_s: FloatArray) -> None:
+        r = len(omega_rad_s)
+        edges = np.unique(np.round(r * np.linspace(0.0, 1.0, _BLOCKS + 1) ** 1.5).astype(int))
+        spans = list(itertools.pairwise(edges))
+        self._omega, self._edges = np.ascontiguousarray(omega_rad_s), edges
+        self._gain = np.array([largest_gain(Phi[:, :, a:b] / omega_rad_s[a:b]).max() for a, b in spans])
+        self._anchor = np.zeros(r)
+
+    def take(self, q: FloatArray) -> None:
+        """Count from these coordinates (r,)."""
+        self._anchor[:] = q
+
+    def moved_m(self, q: FloatArray) -> float:
+        """Return how far a node can be from where it was, in m."""
+        if not len(q):
+            return 0.0
+        return float(moved_by_blocks(self._omega, self._gain, self._edges, self._anchor, q))
+
+
+class TurnedBounds(WallBounds):
+    """Bounds the motion of a wall whose sections turn."""
+
+    def __init__(self, duct: ReducedDuct) -> None:
+        if duct.warp is None:
+            raise ValueError("a wall that turns needs a duct with a warp")
+        super().__init__(duct.warp.local, duct.basis.omega_rad_s)
+        self._frame = SectionFrame(duct.warp)
+        self._arm_m = float(np.linalg.norm(duct.warp.arm_m, axis=1).max())
+        self._turns, self._centres_m = self._frame.turns.copy(), self._frame.centres_m.copy()
+
+    def take(self, q: FloatArray) -> None:
+        """Count from these coordinates (r,)."""
+        super().take(q)
+        self._frame.update(q)
+        self._turns[:], self._centres_m[:] = self._frame.turns, self._frame.centres_m
+
+    def moved_m(self, q: FloatArray) -> float:
+        """Return how far a node can be from where it was, in m; turns move nodes on their arms, and what is left."""
+        self._frame.update(q)
+        turned = np.linalg.norm(self._frame.turns - self._turns, axis=1).max()
+        carried = np.linalg.norm(self._frame.centres_m - self._centres_m, axis=1).max()
+        arm_m = self._arm_m + float(moved_by_blocks(self._omega, self._gain, self._edges, np.zeros_like(q), q))
+        return super().moved_m(q) + float(carried + turned * arm_m)
+
+
+def wall_bounds(duct: ReducedDuct) -> WallBounds:
+    """Return the bounds of a duct's wall."""
+    return WallBounds(duct.basis.Phi, duct.basis.omega_rad_s) if duct.warp is None else TurnedBounds(duct)
+
+
+@kernel
+def moved_by_blocks(omega: FloatArray, gain: FloatArray, edges: LongArray, anchor: FloatArray, q: FloatArray) -> float:
+    """Return the sum over blocks of modes of their gain times |omega (q - anchor)|."""
+    total = 0.0
+    for block in range(gain.shape[0]):
+        square = 0.0
+        for mode in range(edges[block], edges[block + 1]):
+            square += (omega[mode] * (q[mode] - anchor[mode])) ** 2
+        total += gain[block] * math.sqrt(square)
+    return total
+
+
+def largest_gain(modes: FloatArray) -> FloatArray:
+    """(k,) largest singular value of each (3, r) block, rounded up."""
+    gram = modes @ modes.transpose(0, 2, 1)
+    largest = np.linalg.eigvalsh(gram)[:, -1]
+    gain: FloatArray = np.sqrt(np.maximum(largest, 0.0)) * (1.0 + 1e-9)
+    return gain

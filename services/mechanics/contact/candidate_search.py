@@ -1,0 +1,197 @@
+"""The candidates of a scene: measured at the start of a step, chosen for rows, and priced at its end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.mechanics.arrays import FloatArray
+from services.mechanics.bodies.catheter import CatheterBody
+from services.mechanics.bodies.duct import DuctBody
+from services.mechanics.bodies.forceps.tool_body import ToolBody
+from services.mechanics.collision.candidate_list import CandidateList, list_at, note_start, want_ahead
+from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.capsules import CapsuleMemory, Tools, capsules_at, detect_capsules
+from services.mechanics.collision.pairs import CATHETER_SEGMENT, JAW_A, JAW_B, ContactPairs, pairs_at
+from services.mechanics.collision.pieces import N_TOOL_PIECES, take_pieces
+from services.mechanics.collision.wall_candidates import WallCandidates
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.contact.price import note_pressed, write_chosen, write_violations
+from services.mechanics.contact.state import ContactState
+from services.mechanics.contact.working_set import (
+    AHEAD_M,
+    MOST_AHEAD_M,
+    choose,
+    forget,
+    merge_distance_m,
+    new_working_set,
+)
+from services.mechanics.reduction import ReducedDuct
+from services.mechanics.scene import SceneModel
+from services.mechanics.scene.tools import N_TOOLS
+
+Bodies = tuple[DuctBody, CatheterBody, ToolBody]
+#: Room for closest pairs of a tick: a duct that two jaws have pinched shut has 600 within a millimetre.
+CAPACITY = 4096
+
+
+#: A sphere is not priced: candidates are listed as far ahead as it goes in a step at a metre and a half a second.
+SPHERE_AHEAD_M = 1.5e-3
+
+
+class CandidateSearch:
+    """Finds what touches, and what would, between catheter, tools and wall.
+
+    Parameters
+    ----------
+    scene : SceneModel
+    duct : ReducedDuct
+    """
+
+    def __init__(self, scene: SceneModel, duct: ReducedDuct) -> None:
+        self._radius_m, self._half_m = 0.5 * scene.catheter.outer_diameter_m, 0.5 * scene.duct.thickness_m
+        self._margin_m = scene.contact.margin_m
+        self._end = N_TOOL_PIECES + scene.catheter.n_segments
+        self._duct = duct
+        self._wall = WallCandidates(duct, self._end)
+        self._found, self._ended = Candidates.zeros(c=CAPACITY), Candidates.zeros(c=CAPACITY)
+        self._capsules = CapsuleMemory.zeros(m=N_TOOL_PIECES, n=scene.catheter.n_segments)
+        self._spheres: list[tuple[FloatArray, float]] = []
+        self._coarseness = 1
+        self._is_unknown = True  # what can be touched where bodies are
+        self._make_room()
+
+    def _make_room(self) -> None:
+        listed, mesh = self._wall.list, self._duct.mesh
+        n_pieces = len(listed.count)
+        self._working = new_working_set(mesh.vertices_m, n_pieces, len(mesh.triangles), CAPACITY)
+        self._start = np.zeros((n_pieces, 2, 3)), self._wall.position_m.copy()
+        self._ahead_m = np.full(n_pieces, AHEAD_M)
+        self._apart_is_old = True
+
+    def add_sphere(self, centre_m: FloatArray, radius_m: float) -> int:
+        """Follow one more sphere, whose centre is read from ``centre_m`` (3,) in every step; return its number."""
+        self._wall.add_piece()
+        self._spheres.append((centre_m, radius_m))
+        self._make_room()
+        self._ahead_m[self._end :] = SPHERE_AHEAD_M
+        return len(self._spheres) - 1
+
+    @property
+    def has_candidates(self) -> bool:
+        """Whether anything is so near that it may touch within a step."""
+        return bool(self._wall.list.n_nodes > 0)
+
+    def begin(self, bodies: Bodies) -> None:
+        """Place wall and pieces at the start of a step, and choose the candidates that get rows."""
+        duct, catheter, tools = bodies
+        listed, n = self._wall.list, duct.n_loads
+        self._take_pieces(catheter.start_m, tools)
+        if self._apart_is_old:
+            self._working.apart_m[:] = merge_distance_m(listed.thickness, 2.0 * self._half_m)
+            self._working.apart_m[N_TOOL_PIECES : self._end] *= self._coarseness
+            self._apart_is_old = False
+        if self._is_unknown:
+            want_ahead(listed.address, self._start[0], self._ahead_m, MOST_AHEAD_M)
+        if self._wall.follow(duct.q_start, (duct.load_nodes[:n], duct.load_force_n[:n])) or self._is_unknown:
+            self._wall.measure(self._found, 0, self._end)
+        self._is_unknown = True
+        note_start(listed.address, self._start)
+        choose(listed.address, self._found.address, self._working.address)
+
+    def _take_pieces(self, particles_m: FloatArray, tools: ToolBody) -> None:
+        listed = self._wall.list
+        poses = (tools.segments, tools.radius_m, tools.present)
+        take_pieces(listed.address, particles_m, poses, (self._radius_m, self._half_m))
+        for k, (centre_m, radius_m) in enumerate(self._spheres):
+            piece = self._end + k
+            listed.active[piece], listed.thickness[piece] = True, radius_m + self._half_m
+            listed.ends[piece] = centre_m
+
+    def tool_pairs(self, catheter: CatheterBody, tools: ToolBody, pairs: ContactPairs) -> None:
+        """Append the chosen candidates of the tools, and what of them touches the catheter."""
+        write_chosen(self._found.address, self._working.address, (0, N_TOOL_PIECES), pairs.address)
+        for tool in range(N_TOOLS):
+            if tools.held[tool, CATHETER_SEGMENT]:  # it may slip through them
+                self._capsules.reset(slice(3 * tool + JAW_A, 3 * tool + JAW_B + 1))
+        poses, sizes = (tools.segments, tools.radius_m, tools.present), (self._radius_m, self._margin_m)
+        capsule_pairs(self._capsules.address, poses, catheter.start_m, sizes, pairs.address)
+
+    def catheter_pairs(self, pairs: ContactPairs) -> None:
+        """Append the chosen candidates of the catheter."""
+        write_chosen(self._found.address, self._working.address, (N_TOOL_PIECES, self._end), pairs.address)
+
+    def sphere_pairs(self, sphere: int, ahead_m: float, pairs: ContactPairs) -> None:
+        """Append what of a sphere touches the wall or may in the step; after all other pairs of the step."""
+        listed, piece = self._wall.list, self._end + sphere
+        listed.wanted[piece] = min(AHEAD_M + ahead_m, listed.reach[piece])
+        self._wall.measure(self._ended, piece, piece + 1)
+        choose(listed.address, self._ended.address, self._working.address)
+        write_chosen(self._ended.address, self._working.address, (piece, piece + 1), pairs.address)
+        pairs.particle[: pairs.count], pairs.tool_parameter[: pairs.count] = 0, 0.0
+
+    def price(self, bodies: Bodies, state: Address[ContactState], tolerance_m: float, pairs: ContactPairs) -> int:
+        """Write pairs of what ends too deep in the solved step, where the bodies are now, and return how many."""
+        duct, catheter, tools = bodies
+        n = duct.n_loads
+        self._take_pieces(catheter.state.position_m, tools)
+        self._wall.move(duct.state.q, (duct.load_nodes[:n], duct.load_force_n[:n]), duct.lasting_loads)
+        want_ahead(self._wall.list.address, self._start[0], self._ahead_m, MOST_AHEAD_M)
+        self._wall.measure(self._found, 0, self._end)
+        self._is_unknown = False
+        pairs.clear()
+        found = self._found.address, self._ended.address
+        addresses = (self._wall.list.address, found, self._working.address, state)
+        return int(write_violations(addresses, self._start, tolerance_m, pairs.address))
+
+    def note_pressed(self, state: Address[ContactState]) -> None:
+        """Renew the life of what pressed in the step that was solved."""
+        note_pressed(state, self._working.address)
+
+    def see_ahead(self, gap_m: float) -> None:
+        """Give the catheter rows from this gap on, which other laws than contact act across."""
+        self._ahead_m[N_TOOL_PIECES : self._end] = max(gap_m, AHEAD_M)
+
+    def coarsen(self, factor: int) -> None:
+        """Merge contacts of the catheter that are so many times as far apart as usual."""
+        self._apart_is_old |= factor != self._coarseness
+        self._coarseness = factor
+
+    def forget(self) -> None:
+        """Forget the working set: bodies have been put elsewhere."""
+        forget(self._working)
+        self._capsules.reset()
+        self._wall.forget()
+        self._is_unknown = True
+
+    @property
+    def dropped(self) -> int:
+        """Candidates and entries of lists that found no room since the start."""
+        return int(self._wall.list.dropped + self._found.dropped + self._ended.dropped)
+
+    def is_sound(self) -> bool:
+        """Return whether the catheter's axis was clear of the wall's middle surface when the step began."""
+        return not pierces(self._found.address, self._wall.list.address)
+
+
+@kernel
+def pierces(found_address: Address[Candidates], list_address: Address[CandidateList]) -> bool:
+    """Return whether the axis of a piece of the catheter goes through a triangle."""
+    found, listed = candidates_at(found_address), list_at(list_address)
+    for i in range(found.count):
+        p = found.piece[i]
+        if p >= N_TOOL_PIECES and found.gap_m[i] <= -listed.thickness[p]:
+            return True
+    return False
+
+
+@kernel
+def capsule_pairs(
+    memory: Address[CapsuleMemory],
+    tools: Tools,
+    particles: FloatArray,
+    sizes: tuple[float, float],
+    pairs: Address[ContactPairs],
+) -> None:
+    """Append pairs of tool segments with catheter segments; ``sizes`` holds (catheter radius, margin)."""
+    detect_capsules(capsules_at(memory), tools, particles, sizes, pairs_at(pairs))

@@ -1,0 +1,256 @@
+"""The price of a candidate: how deep it would be at the end of the solved step.
+
+Closest distances of all candidates are measured where the step ends, less what jaws have squeezed away. Who ends deeper
+than it began, or than nothing, by more than a tolerance, joins the working set with the points of the end, and the
+solve goes on. (Constraint generation: the complementarity problem is solved over the rows that matter, and the others
+are proved not to.)
+"""
+
+from __future__ import annotations
+
+import math
+
+from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.collision.candidate_list import CandidateList, list_at
+from services.mechanics.collision.candidates import Candidates, Where, candidates_at, closest_pair, offset
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, NO_TOOL, SHAFT, ContactPairs, pairs_at
+from services.mechanics.collision.pieces import N_TOOL_PIECES, write_piece_pair
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address
+from services.mechanics.compiled.vectors import Vector, dot, put_row, row, scaled, squared_distance
+from services.mechanics.contact import laws
+from services.mechanics.contact.geometry import ToolGeometry
+from services.mechanics.contact.identity import PARTICLE, target_kind_of, target_of, tool_segment_of
+from services.mechanics.contact.rows import NO_STONE, ContactRows
+from services.mechanics.contact.state import ContactState, state_at
+from services.mechanics.contact.working_set import (
+    ONE_POINT,
+    SAME_NORMAL,
+    WorkingSet,
+    age,
+    is_same_body,
+    place_at_rest,
+    renew,
+    set_at,
+    sort_by_key,
+)
+
+#: A violation whose points and normal are those of a row is that row's: it knows the step's start only to first order.
+_SAME_ROW = 0.999
+#: A piece that is so deep, as a part of the distance between axis and middle surface, has no normal to rely on.
+DEEP = 0.5
+#: Of the distance between axis and middle surface: violations nearer to each other than this get one row.
+ONE_VIOLATION = 0.1
+#: Rows that one price may add: the deepest first, the others are priced again.
+MOST_NEW_ROWS = 24
+
+Found = tuple[Address[Candidates], Address[Candidates]]
+"""Candidates where the step ends, and room for those of them that end too deep."""
+Addresses = tuple[Address[CandidateList], Found, Address[WorkingSet], Address[ContactState]]
+
+
+@kernel
+def write_violations(
+    addresses: Addresses, start: Where, tolerance_m: float, pairs_address: Address[ContactPairs]
+) -> int:
+    """Write pairs of those candidates that end too deep, the deepest of each place, and return how many.
+
+    Candidates are measured where the step ends; ``start`` is where it began.
+    """
+    listed, found, working = list_at(addresses[0]), candidates_at(addresses[1][1]), set_at(addresses[2])
+    state, pairs = state_at(addresses[3]), pairs_at(pairs_address)
+    n = _find_violations(listed, (candidates_at(addresses[1][0]), found), state, start, tolerance_m)
+    for i in range(n):
+        corner = listed.clusters.triangles
+        put_row(working.at_rest, i, place_at_rest(working.rest, corner, found.triangle[i], row(found.weight, i)))
+        working.key[i] = found.gap_m[i]
+    sort_by_key(working, n)
+    working.n_chosen = 0
+    for place in range(n):
+        i = working.order[place]
+        if working.n_chosen < MOST_NEW_ROWS and not (
+            _is_beside(listed, found, working, i) or _has_row(listed, found, working, state.rows, i)
+        ):
+            working.chosen[working.n_chosen] = i
+            working.n_chosen += 1
+            _write_violation(listed, found, i, start, pairs)
+    return int(working.n_chosen)
+
+
+@kernel
+def _find_violations(
+    listed: CandidateList,
+    candidates: tuple[Candidates, Candidates],
+    state: ContactState,
+    start: Where,
+    tolerance_m: float,
+) -> int:
+    """Copy the candidates that end too deep; ``gap_m`` becomes the end's gap with what is squeezed away."""
+    (found, out), tools, kept = candidates, state.geometry.tools, 0
+    for i in range(found.count):
+        if found.gap_m[i] >= -tolerance_m:
+            continue
+        p, t = found.piece[i], found.triangle[i]
+        if not is_touching(tools, p):
+            continue
+        normal = row(found.normal, i)
+        end = found.gap_m[i] + room_in_jaws(tools, p, found.s[i], normal)
+        if end >= -tolerance_m:
+            continue
+        d, s, _, before = closest_pair(start, listed.clusters.triangles, p, t)
+        if found.gap_m[i] < -DEEP * listed.thickness[p] or dot(normal, before) < 0.0:
+            # The axis went through the middle surface, or nearly: it is to stay on the side of the start.
+            normal = before
+            end = dot(before, _end_offset(listed, p, t, found.s[i], row(found.weight, i))) - listed.thickness[p]
+            if end >= -tolerance_m:
+                continue
+        elif _is_row(state.rows, p, t):
+            begun = d - listed.thickness[p] + room_in_jaws(tools, p, s, before)
+            if end >= min(begun, 0.0) - tolerance_m:
+                continue
+        _put(out, kept, (p, t), (found.s[i], row(found.weight, i), normal, end))
+        kept += 1
+    return kept
+
+
+@kernel
+def _end_offset(listed: CandidateList, p: int, t: int, s: float, w: Vector) -> Vector:
+    return offset((listed.ends, listed.position), listed.clusters.triangles, (p, t), s, w)
+
+
+@kernel
+def _put(out: Candidates, at: int, place: tuple[int, int], pair: tuple[float, Vector, Vector, float]) -> None:
+    """Write a candidate: piece and triangle; place along the piece, weights, normal and gap."""
+    out.piece[at], out.triangle[at] = place
+    out.s[at], out.gap_m[at] = pair[0], pair[3]
+    put_row(out.weight, at, pair[1])
+    put_row(out.normal, at, pair[2])
+
+
+@kernel
+def is_touching(tools: ToolGeometry, p: int) -> bool:
+    """Return whether a piece touches anything: pieces of tools that are gone, or wait, do not."""
+    if p >= N_TOOL_PIECES:
+        return True
+    return bool(tools.present[p // 3] and not tools.waiting[p // 3])
+
+
+@kernel
+def room_in_jaws(tools: ToolGeometry, p: int, s: float, normal: Vector) -> float:
+    """Return how deep the wall may be in a piece: what the jaws have squeezed away, or lay in them when they took it.
+
+    Jaws are round: beside the line in which they are nearest there is more room between them.
+    """
+    if p >= N_TOOL_PIECES or p % 3 == SHAFT:
+        return 0.0
+    tool, jaw = p // 3, p % 3
+    room: float = tools.pad[tool] if tools.held[tool, DUCT_TRIANGLE] else 0.0
+    opens = dot(normal, row(tools.frame[tool], 0))
+    if (opens > 0.0) != (jaw == JAW_A):
+        return room
+    facing = abs(opens)
+    cell = min(max(s * N_CELLS - 0.5, 0.0), N_CELLS - 1.0)
+    first = min(int(cell), N_CELLS - 2)
+    share = cell - first
+    thinned = (1.0 - share) * tools.thinned[tool, first] + share * tools.thinned[tool, first + 1]
+    return float(max(room, facing * (thinned - 0.5 * tools.radius[tool, jaw] * (1.0 - facing))))
+
+
+@kernel
+def _is_beside(listed: CandidateList, found: Candidates, working: WorkingSet, i: int) -> bool:
+    """Return whether a deeper violation stands for this one."""
+    p, normal, place = found.piece[i], row(found.normal, i), row(working.at_rest, i)
+    near = ONE_VIOLATION * listed.thickness[p]
+    for k in range(working.n_chosen):
+        other = working.chosen[k]
+        is_alike = is_same_body(p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
+        if is_alike and squared_distance(place, row(working.at_rest, other)) < near * near:
+            return True
+    return False
+
+
+@kernel
+def _has_row(listed: CandidateList, found: Candidates, working: WorkingSet, rows: ContactRows, i: int) -> bool:
+    """Return whether a row is this violation already, at the same points and along the same normal."""
+    p, t, normal, corner = found.piece[i], found.triangle[i], row(found.normal, i), listed.clusters.triangles
+    near, place = ONE_POINT * listed.thickness[p], row(working.at_rest, i)
+    for at in range(rows.n_contacts):
+        if is_of(rows, at, p, t) and dot(row(rows.frame[at], 0), normal) > _SAME_ROW:
+            known = place_at_rest(working.rest, corner, t, row(rows.duct_weight, at))
+            if squared_distance(place, known) < near * near:
+                return True
+    return False
+
+
+@kernel
+def _is_row(rows: ContactRows, p: int, t: int) -> bool:
+    n = 0
+    for at in range(rows.n_contacts):
+        n += is_of(rows, at, p, t)
+    return n > 0
+
+
+@kernel
+def is_of(rows: ContactRows, at: int, p: int, t: int) -> bool:
+    """Return whether a row is a contact of this piece with this triangle."""
+    identity = rows.identity[at]
+    if identity < 0 or not laws.HAS_GAP[rows.law[at]] or rows.stone[at] != NO_STONE:
+        return False
+    if target_kind_of(identity) != DUCT_TRIANGLE or target_of(identity) != t:
+        return False
+    return piece_of(rows, at) == p
+
+
+@kernel
+def piece_of(rows: ContactRows, at: int) -> int:
+    """Return the piece of a row that is a contact with the wall."""
+    identity = rows.identity[at]
+    if rows.tool[at] != NO_TOOL:
+        return int(3 * rows.tool[at] + tool_segment_of(identity))
+    return int(N_TOOL_PIECES + ((identity >> PARTICLE.shift) & (PARTICLE.size - 1)) - 1)
+
+
+@kernel
+def _write_violation(listed: CandidateList, found: Candidates, i: int, start: Where, pairs: ContactPairs) -> None:
+    """Write a violation as a pair, its gap being that of the end.
+
+    Round a corner a pair may seem to overlap at the start, along the end's normal, where it does not: then the normal
+    is that between its points at the start.
+    """
+    p, t, s, w, normal = found.piece[i], found.triangle[i], found.s[i], row(found.weight, i), row(found.normal, i)
+    away = offset(start, listed.clusters.triangles, (p, t), s, w)
+    distance = math.sqrt(dot(away, away))
+    if dot(away, normal) < listed.thickness[p] and distance > 0.0:
+        normal = scaled(away, 1.0 / distance)
+    write_piece_pair(pairs, (p, t), s, w, found.gap_m[i], normal)
+
+
+@kernel
+def write_chosen(
+    found_address: Address[Candidates],
+    set_address: Address[WorkingSet],
+    span: tuple[int, int],
+    pairs_address: Address[ContactPairs],
+) -> None:
+    """Append the chosen candidates of pieces in a span, from the first to before the last, to pairs."""
+    found, working, pairs = candidates_at(found_address), set_at(set_address), pairs_at(pairs_address)
+    for k in range(working.n_chosen):
+        i = working.chosen[k]
+        p = found.piece[i]
+        if span[0] <= p < span[1]:
+            w, normal = row(found.weight, i), row(found.normal, i)
+            write_piece_pair(pairs, (p, found.triangle[i]), found.s[i], w, found.gap_m[i], normal)
+
+
+@kernel
+def note_pressed(state_address: Address[ContactState], set_address: Address[WorkingSet]) -> None:
+    """Let the working set be a step older, and what presses have its life before it."""
+    rows, working = state_at(state_address).rows, set_at(set_address)
+    age(working)
+    for at in range(rows.n_contacts):
+        identity = rows.identity[at]
+        is_wall = identity >= 0 and laws.HAS_GAP[rows.law[at]] and rows.stone[at] == NO_STONE
+        if is_wall and target_kind_of(identity) == DUCT_TRIANGLE and rows.force_n[at, 0] > 0.0:
+            p = piece_of(rows, at)
+            if 0 <= p < working.life.shape[0]:
+                renew(working, p, target_of(identity))

@@ -1,0 +1,176 @@
+"""The working set: which candidates become contact rows, by one rule.
+
+Candidates come by increasing gap, members of the set first. One whose place at rest and normal are near those of a
+chosen one of the same body stands for nothing new and is left out, unless it nearly touches: a point that touches and
+has no row would sink in, and be pushed out once it is seen. What pressed stays a member for a while, under its feature
+(piece and triangle), so that friction and forces find their contact again.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from services.mechanics.arrays import ByteArray, FloatArray, IntArray, LongArray
+from services.mechanics.collision.candidate_list import CandidateList, list_at
+from services.mechanics.collision.candidates import Candidates, candidates_at
+from services.mechanics.collision.pieces import N_TOOL_PIECES
+from services.mechanics.compiled import kernel
+from services.mechanics.compiled.struct import Address, Struct, reader
+from services.mechanics.compiled.vectors import Vector, combine, dot, put_row, row, squared_distance
+
+#: Two contacts of a body with normals further apart than 26 degrees hold different things.
+SAME_NORMAL = 0.9
+#: A gap below this touches for the merge rule: surfaces at rest overlap or part by less.
+TOUCHING_M = 30e-6
+#: Nearer than this part of the distance between axis and middle surface, two points are one, whatever they do.
+ONE_POINT = 0.02
+#: What touches is merged within this part of the distance within which others are.
+TOUCHING_SHARE = 0.5
+#: A step sees contacts this far ahead of what moves: rows cost more than a second price.
+AHEAD_M = 0.1e-3
+#: Nothing moves further in a part of a step without being split, see `simulation.pace`; more is met by the price.
+MOST_AHEAD_M = 0.35e-3
+#: So many steps a member lives on that presses no more.
+LIFE_STEPS = 20
+
+
+class WorkingSet(Struct):
+    """Members by feature: p pieces, m triangles; and scratch for c candidates."""
+
+    life: Annotated[ByteArray, "p", "m"]  # steps left of each member
+    member: Annotated[LongArray, "k", 2]  # the features that have any left
+    apart_m: Annotated[FloatArray, "p"]  # within which two contacts of a piece are merged
+    key: Annotated[FloatArray, "c"]
+    order: Annotated[LongArray, "c"]
+    chosen: Annotated[LongArray, "c"]
+    at_rest: Annotated[FloatArray, "c", 3]
+    rest: Annotated[FloatArray, "n", 3]
+    n_members: int = 0
+    n_chosen: int = 0
+
+
+set_at = reader(WorkingSet)
+
+
+def new_working_set(rest_m: FloatArray, n_pieces: int, n_triangles: int, capacity: int) -> WorkingSet:
+    """Return an empty set for candidates of so many pieces with the triangles of a wall."""
+    life = np.zeros((n_pieces, n_triangles), np.int8)
+    extents = {"p": n_pieces, "m": n_triangles, "c": capacity, "k": capacity}
+    return WorkingSet.zeros(life=life, rest=np.ascontiguousarray(rest_m), **extents)
+
+
+def merge_distance_m(thickness_m: FloatArray, wall_m: float) -> FloatArray:
+    """Return within which distance two contacts of a piece are one (p,).
+
+    A round body of radius r is a quarter of the wall's thickness t off its tangent at a distance of sqrt(r t / 2);
+    twice that is between two such points. Half the radius at most.
+    """
+    apart: FloatArray = np.minimum(0.5 * thickness_m, np.sqrt(2.0 * wall_m * thickness_m))
+    return apart
+
+
+@kernel
+def choose(
+    list_address: Address[CandidateList], found_address: Address[Candidates], set_address: Address[WorkingSet]
+) -> None:
+    """Choose candidates for rows; ``chosen`` names them, nearest first."""
+    listed, found, working = list_at(list_address), candidates_at(found_address), set_at(set_address)
+    for i in range(found.count):
+        _note_candidate(found, working, listed, i)
+    sort_by_key(working, found.count)
+    working.n_chosen = 0
+    for place in range(found.count):
+        i = working.order[place]
+        if not _is_known(found, working, i):
+            working.chosen[working.n_chosen] = i
+            working.n_chosen += 1
+
+
+@kernel
+def _note_candidate(found: Candidates, working: WorkingSet, listed: CandidateList, i: int) -> None:
+    t, corner = found.triangle[i], listed.clusters.triangles
+    put_row(working.at_rest, i, place_at_rest(working.rest, corner, t, row(found.weight, i)))
+    is_member = working.life[found.piece[i], t] > 0
+    working.key[i] = found.gap_m[i] - (1.0 if is_member else 0.0)
+
+
+@kernel
+def place_at_rest(rest: FloatArray, corner: IntArray, t: int, w: Vector) -> Vector:
+    """Return where a point of a triangle is in the undeformed wall."""
+    return combine(w, row(rest, corner[t, 0]), row(rest, corner[t, 1]), row(rest, corner[t, 2]))
+
+
+@kernel
+def _is_known(found: Candidates, working: WorkingSet, i: int) -> bool:
+    """Return whether a chosen candidate stands for this one."""
+    p, normal, place = found.piece[i], row(found.normal, i), row(working.at_rest, i)
+    near = working.apart_m[p]
+    if working.life[p, found.triangle[i]] > 0:
+        near = 2.0 * ONE_POINT * near
+    elif found.gap_m[i] <= TOUCHING_M:
+        near *= TOUCHING_SHARE
+    for k in range(working.n_chosen):
+        other = working.chosen[k]
+        is_alike = is_same_body(p, found.piece[other]) and dot(normal, row(found.normal, other)) >= SAME_NORMAL
+        if is_alike and squared_distance(place, row(working.at_rest, other)) < near * near:
+            return True
+    return False
+
+
+@kernel
+def is_same_body(p: int, other: int) -> bool:
+    """Return whether contacts of two pieces may be one: of a tool's segment, or of neighbours along the catheter."""
+    if p < N_TOOL_PIECES or other < N_TOOL_PIECES:
+        return p == other
+    return abs(p - other) <= 1
+
+
+@kernel
+def sort_by_key(working: WorkingSet, count: int) -> None:
+    """Write the order of increasing keys (shell sort: no memory, and a few hundred candidates at most)."""
+    key, order = working.key, working.order
+    for i in range(count):
+        order[i] = i
+    step = 1
+    while step < count // 3:
+        step = 3 * step + 1
+    while step >= 1:
+        for i in range(step, count):
+            moved, j = order[i], i
+            while j >= step and key[order[j - step]] > key[moved]:
+                order[j] = order[j - step]
+                j -= step
+            order[j] = moved
+        step //= 3
+
+
+@kernel
+def age(working: WorkingSet) -> None:
+    """Let all members be a step older."""
+    kept = 0
+    for k in range(working.n_members):
+        p, t = working.member[k, 0], working.member[k, 1]
+        working.life[p, t] -= 1
+        if working.life[p, t] > 0:
+            working.member[kept, 0], working.member[kept, 1] = p, t
+            kept += 1
+    working.n_members = kept
+
+
+@kernel
+def renew(working: WorkingSet, p: int, t: int) -> None:
+    """Make a feature a member, with all of its life before it."""
+    if working.life[p, t] == 0:
+        if working.n_members == working.member.shape[0]:
+            return
+        working.member[working.n_members, 0], working.member[working.n_members, 1] = p, t
+        working.n_members += 1
+    working.life[p, t] = LIFE_STEPS
+
+
+def forget(working: WorkingSet) -> None:
+    """Forget all members."""
+    working.life[:] = 0
+    working.n_members = 0

@@ -1,0 +1,93 @@
+"""Prices a solved step: what ends too deep gets a row, and the solve goes on."""
+
+from __future__ import annotations
+
+from services.mechanics.collision.pairs import ContactPairs
+from services.mechanics.compiled.memory import copy_arrays, copy_table
+from services.mechanics.contact.candidate_search import CandidateSearch
+from services.mechanics.world import World
+
+#: How deep a candidate without a row may end: below a twentieth of a millimetre, and of a thin wall this part.
+TOLERANCE_M, TOLERANCE_OF_WALL = 30e-6, 0.125
+
+
+class Pricing:
+    """Prices the steps of a world whose contacts act within the step.
+
+    Attributes
+    ----------
+    violations : int
+        Prices since the start that found any.
+    new_rows : int
+        Rows that came of them.
+    retreats : int
+        Steps that were taken in two, because prices came to no end in one.
+    """
+
+    def __init__(self, world: World, search: CandidateSearch) -> None:
+        self._world, self._search = world, search
+        duct, catheter, tools = self._bodies = world.duct, world.catheter, world.tools
+        live = [*duct.given_arrays(), *catheter.given_arrays(), *tools.given_arrays()]
+        kept = [array.copy() for array in live]
+        self._note, self._take_back = copy_table(kept, live), copy_table(live, kept)
+        self._touched = catheter.touched
+        pose = [tools.segments, tools.frame, tools.length_m]
+        kept_pose = [array.copy() for array in pose]
+        self._note_pose, self._put_pose = copy_table(kept_pose, pose), copy_table(pose, kept_pose)
+        self._pairs = ContactPairs.allocate(world.scene.contact.capacity)
+        self._tolerance_m = min(TOLERANCE_M, TOLERANCE_OF_WALL * world.scene.duct.thickness_m)
+        self._is_off = not world.system.strategy.knows_stiffness or catheter.plain_integrator is None
+        self.violations = self.new_rows = self.retreats = 0
+        state = [*duct.state_arrays(), *catheter.state_arrays(), *tools.step_arrays()]
+        kept_state = [array.copy() for array in state]
+        self._note_state, self._put_state = copy_table(kept_state, state), copy_table(state, kept_state)
+        self._kept = kept, kept_pose, kept_state
+
+    def begin(self) -> None:
+        """Note where the bodies are before a step moves them."""
+        if not self._is_off:
+            copy_arrays(self._note_state)
+
+    def retreat(self) -> None:
+        """Put the bodies back to where the step began, with the loads of the last one."""
+        self.take_back()
+        copy_arrays(self._put_state)
+        self.retreats += 1
+
+    def note(self) -> None:
+        """Note the bodies before forces are given to them, if anything is near."""
+        if not self._is_off and self._search.has_candidates:
+            copy_arrays(self._note)
+            self._touched = self._world.catheter.touched
+
+    def finds_violations(self) -> bool:
+        """Return whether something ends too deep that no row holds."""
+        system = self._world.system
+        if self._is_off or not self._search.has_candidates:
+            return False
+        copy_arrays(self._note_pose)
+        self._world.tools.update_pose()
+        found = self._search.price(self._bodies, system.address, self._tolerance_m, self._pairs)
+        copy_arrays(self._put_pose)
+        self.violations += found > 0
+        return found > 0
+
+    def take_back(self) -> None:
+        """Take the forces back from the bodies."""
+        copy_arrays(self._take_back)
+        self._world.catheter.touched = self._touched
+
+    def append_rows(self) -> None:
+        """Append rows of what ended too deep."""
+        rows = self._world.system.rows
+        before = rows.n_contacts
+        self._world.system.append_new(self._pairs)
+        self.new_rows += rows.n_contacts - before
+
+    def compile_kernels(self) -> None:
+        """Compile what a price asks for: the first violation may come late, while a loop runs."""
+        if not self._is_off:
+            self.note()
+            self.finds_violations()
+            self.take_back()
+            self.append_rows()

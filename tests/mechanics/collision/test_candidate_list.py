@@ -1,0 +1,170 @@
+"""Lists are complete: whatever moves how, the candidates are those that brute force over all triangles finds."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from wall_cases import N_MODES, coordinates, placed, wall
+
+from services.mechanics.collision.candidates import Candidates
+from services.mechanics.collision.placed_wall import NO_LOADS
+from services.mechanics.collision.wall_candidates import SKIN_M, WALL_SHARE, WallCandidates
+from services.mechanics.compiled import building_kernel
+from services.mechanics.compiled.vectors import row, row_of
+from studies.judge.closest import segment_triangle
+
+N_PIECES, REACH_M, TICKS = 7, 0.5e-3, 12
+THICKNESS_M = np.array([2.5e-3, 1.5e-3, 1.5e-3, 1e-3, 1e-3, 1e-3, 2e-3])
+LENGTH_M = np.array([30e-3, 10e-3, 10e-3, 3e-3, 3e-3, 2e-3, 0.0])  # a shaft, jaws, pieces of a catheter, a stone
+CLOSE_M = 5e-9
+
+
+@building_kernel
+def all_distances(ends, vertices, triangles, out):
+    """Write how far pieces (p, 2, 3) are from triangles (m, 3), (p, m)."""
+    for p in range(ends.shape[0]):
+        a, b = row_of(ends, p, 0), row_of(ends, p, 1)
+        for t in range(triangles.shape[0]):
+            u, v, w = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            out[p, t] = np.sqrt(segment_triangle(a, b, row(vertices, u), row(vertices, v), row(vertices, w))[0])
+
+
+def near(ends, vertices, triangles, gap_m):
+    """Return what is nearer than a gap, {(piece, triangle): gap}, and the gaps of all (p, m)."""
+    out = np.empty((len(ends), len(triangles)))
+    all_distances(ends, vertices, triangles, out)
+    gaps = out - THICKNESS_M[: len(ends), None]
+    return {(int(p), int(t)): gaps[p, t] for p, t in zip(*np.nonzero(gaps <= gap_m), strict=True)}, gaps
+
+
+def somewhere(rng):
+    """Return the ends of pieces (p, 2, 3) about the wall: in the lumen, in the wall, outside, beyond the mouth."""
+    middle = np.stack([rng.uniform(0.0, 45e-3, N_PIECES), *rng.uniform(-7e-3, 7e-3, (2, N_PIECES))], axis=1)
+    along = rng.normal(size=(N_PIECES, 3))
+    along *= 0.5 * LENGTH_M[:, None] / np.linalg.norm(along, axis=1, keepdims=True)
+    return np.stack([middle - along, middle + along], axis=1)
+
+
+def compare(wall_now, found, ends, active, gap_m, span):
+    """Assert that what was found is all that is near, of active pieces in a span, with its own points and normals."""
+    vertices, triangles = wall_now
+    expected, gaps = near(ends, vertices, triangles, gap_m)
+    expected = {k: g for k, g in expected.items() if active[k[0]] and span[0] <= k[0] < span[1]}
+    n = found.count
+    keys = list(zip(found.piece[:n].tolist(), found.triangle[:n].tolist(), strict=True))
+    assert len(set(keys)) == n
+    for key in set(keys) ^ set(expected):
+        assert abs(gaps[key] - gap_m) < CLOSE_M, f"{key}: {gaps[key]} m, asked for {gap_m} m"
+    p, t, s, w = found.piece[:n], found.triangle[:n], found.s[:n, None], found.weight[:n]
+    assert found.gap_m[:n] == pytest.approx(gaps[p, t], abs=CLOSE_M)
+    assert ((w >= 0.0).all() and (s >= 0.0).all() and (s <= 1.0).all()) or n == 0
+    away = ends[p, 0] + s * (ends[p, 1] - ends[p, 0]) - np.einsum("kc,kci->ki", w, vertices[triangles[t]])
+    apart = found.gap_m[:n] + THICKNESS_M[p]
+    is_apart = apart > 1e-6
+    assert away[is_apart] == pytest.approx((apart[:, None] * found.normal[:n])[is_apart], abs=CLOSE_M)
+    return n
+
+
+@pytest.mark.parametrize("kind", ["straight", "turned"])
+@settings(max_examples=16)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    piece_m=st.sampled_from([0.0, 0.02e-3, 0.2e-3, 2e-3]),
+    wall_m=st.sampled_from([0.0, 0.02e-3, 0.1e-3, 1e-3]),
+    dent_m=st.sampled_from([0.0, 0.05e-3, 0.4e-3]),
+)
+def test_whatever_moves_the_candidates_are_those_of_brute_force(kind, seed, piece_m, wall_m, dent_m):
+    """Pieces come, go, creep and jump; the wall creeps and jumps; loads press on what is touched, as contacts do."""
+    duct, rng = wall(kind), np.random.default_rng(seed)
+    lists, found = WallCandidates(duct, N_PIECES, REACH_M), Candidates.zeros(c=8192)
+    lists.list.thickness[:] = THICKNESS_M
+    ends, q, total = somewhere(rng), coordinates(duct, rng, 2e-3), 0
+    drift, loads = rng.normal(size=(N_PIECES, 1, 3)), NO_LOADS
+    for _ in range(TICKS):
+        ends = ends + piece_m * (drift + 0.3 * rng.normal(size=ends.shape))
+        gone_astray = rng.uniform(size=N_PIECES) < 0.03
+        ends[gone_astray] = somewhere(rng)[gone_astray]
+        ends[6, 1] = ends[6, 0]
+        q = q + coordinates(duct, rng, 1.0) * wall_m
+        active = rng.uniform(size=N_PIECES) > 0.05
+        lists.list.active[:], lists.list.ends[:] = active, ends
+        lists.follow(q, loads)
+        for _ in range(2):  # where it begins, and where it ends, by the same lists
+            wall_now = placed(duct, q, loads), duct.mesh.triangles
+            first = int(rng.integers(0, 3))
+            gap_m = float(rng.choice([REACH_M - 0.4e-3, 0.0, -20e-6]))
+            lists.measure(found, gap_m, first, N_PIECES)
+            total += compare(wall_now, found, ends, active, gap_m, (first, N_PIECES))
+            touched = np.unique(duct.mesh.triangles[found.triangle[: found.count]])[:12].astype(np.int32)
+            push = rng.normal(size=(len(touched), 3))
+            loads = touched, dent_m * push / max(softness(kind), 1e-9) / max(len(touched), 1)
+            ends = ends + min(piece_m, 0.05e-3) * rng.normal(size=(N_PIECES, 1, 3))
+            lists.list.ends[:] = ends
+            lists.move(q, loads)
+    assert found.dropped == lists.list.dropped == 0
+
+
+def softness(kind):
+    """Return how far a force moves its own node beyond the modes, about, in m/N."""
+    duct, out = wall(kind), np.zeros((1, 3))
+    duct.residual.apply(np.array([200], np.int32), np.array([[0.0, 1.0, 0.0]]), np.array([200], np.int32), out)
+    return float(np.linalg.norm(out))
+
+
+def test_within_all_its_reach_a_list_is_complete_where_it_was_made():
+    duct, rng = wall("straight"), np.random.default_rng(2)
+    lists, found, seen = WallCandidates(duct, N_PIECES, REACH_M), Candidates.zeros(c=8192), 0
+    lists.list.thickness[:], lists.list.active[:] = THICKNESS_M, True
+    for _ in range(20):
+        ends, q = somewhere(rng), coordinates(duct, rng, 2e-3)
+        lists.list.ends[:] = ends
+        lists.follow(q, NO_LOADS)
+        lists.measure(found, REACH_M)
+        wall_now = placed(duct, q, NO_LOADS), duct.mesh.triangles
+        seen += compare(wall_now, found, ends, np.ones(N_PIECES, bool), REACH_M, (0, N_PIECES))
+    assert seen > 500
+
+
+def test_lists_are_renewed_when_their_skin_is_used_up_and_not_before():
+    duct = wall("straight")
+    lists, rest = WallCandidates(duct, 2, REACH_M), np.zeros(N_MODES)
+    lists.list.thickness[:], lists.list.active[:] = 1e-3, True
+    ends, step_m = np.tile([[10e-3, 2e-3, 0.0], [13e-3, 2e-3, 0.0]], (2, 1, 1)), 0.04e-3
+    for tick in range(101):
+        lists.list.ends[0] = ends[0] + [tick * step_m, 0.0, 0.0]
+        lists.list.ends[1] = ends[1]
+        lists.follow(rest, NO_LOADS)
+    assert lists.renewals == 100 // (int(SKIN_M / step_m + 1e-9) + 1)
+    assert lists.wall_renewals == 1
+    furthest = duct.basis.displacements(np.eye(N_MODES)[0])
+    mode_m = np.linalg.norm(furthest, axis=1).max()
+    for tick in range(101):
+        lists.follow(np.eye(N_MODES)[0] * tick * step_m / mode_m, NO_LOADS)
+    assert lists.wall_renewals == 1 + 100 // (int(WALL_SHARE * SKIN_M / step_m + 1e-9) + 1)
+
+
+def test_a_piece_more_is_followed_as_the_others():
+    duct, found = wall("straight"), Candidates.zeros(c=512)
+    lists = WallCandidates(duct, 1, REACH_M)
+    for number in range(2):
+        if number:
+            assert lists.add_piece() == 1
+        lists.list.thickness[:], lists.list.active[:] = 1e-3, True
+        lists.list.ends[:] = [20e-3, 3.2e-3, 0.0]
+        lists.follow(np.zeros(N_MODES), NO_LOADS)
+        lists.measure(found, 0.0)
+        assert set(found.piece[: found.count].tolist()) == set(range(number + 1))
+
+
+def test_what_was_put_elsewhere_is_found_there():
+    """`forget`: a wall and pieces that jump at once by more than any skin."""
+    duct, found = wall("straight"), Candidates.zeros(c=2048)
+    lists, rng = WallCandidates(duct, N_PIECES, REACH_M), np.random.default_rng(9)
+    lists.list.thickness[:], lists.list.active[:] = THICKNESS_M, True
+    for _ in range(5):
+        ends, q = somewhere(rng), coordinates(duct, rng, 5e-3)
+        lists.list.ends[:] = ends
+        lists.forget()
+        lists.follow(q, NO_LOADS)
+        lists.measure(found, 0.0)
+        compare((placed(duct, q, NO_LOADS), duct.mesh.triangles), found, ends, np.ones(N_PIECES, bool), 0.0, (0, 7))

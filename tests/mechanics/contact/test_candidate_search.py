@@ -1,0 +1,138 @@
+"""What the search of a scene hands over: spheres, sides that are kept within a step, and the room in jaws."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from services.mechanics.bodies.forceps.kinematics import N_CELLS
+from services.mechanics.collision.pairs import DUCT_TRIANGLE, JAW_A, JAW_B, NO_TOOL, SHAFT, ContactPairs
+from services.mechanics.contact.price import room_in_jaws
+from services.mechanics.contact.working_set import AHEAD_M
+from services.mechanics.scene.tools import ToolInputs
+from services.mechanics.simulation.priced_simulation import PricedSimulation
+from studies.judge.closest import segment_triangle
+
+TOLERANCE_M, AT_M = 20e-6, 20e-3
+
+
+@pytest.fixture
+def simulation(small_scene, small_duct):
+    """Everything at rest, tools gone, after one step."""
+    simulation, tools = PricedSimulation(small_scene, small_duct), ToolInputs()
+    tools.present[:] = False
+    simulation.step(tools)
+    return simulation
+
+
+def facet(simulation, angle_rad):
+    """Return the middle of a triangle of the wall near a place, and its unit normal towards the axis."""
+    corners = simulation.duct.surface_m()[simulation.duct.reduced.mesh.triangles]
+    middle = corners.mean(axis=1)
+    aim = np.array([AT_M, np.cos(angle_rad) * 4e-3, np.sin(angle_rad) * 4e-3])
+    k = int(np.argmin(np.linalg.norm(middle - aim, axis=1)))
+    normal = np.cross(corners[k, 1] - corners[k, 0], corners[k, 2] - corners[k, 0])
+    normal *= -np.sign(normal @ (middle[k] * [0.0, 1.0, 1.0])) / np.linalg.norm(normal)
+    return middle[k], normal
+
+
+def price(simulation, end_m):
+    """Return the pairs of a step that has led the catheter to these places (n, 3)."""
+    bodies, pairs = (simulation.duct, simulation.catheter, simulation.tools), ContactPairs.allocate(64)
+    simulation.catheter.state.position_m[:] = end_m
+    simulation.candidates.price(bodies, simulation.system.address, TOLERANCE_M, pairs)
+    return pairs
+
+
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    angle_rad=st.floats(0.0, 6.28),
+    gap_um=st.floats(5.0, 300.0),
+    beyond_um=st.floats(20.0, 700.0),
+    is_inside=st.booleans(),
+)
+def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_its_start(
+    simulation, angle_rad, gap_um, beyond_um, is_inside
+):
+    """The row's normal points to where it came from, and its gap is by how much it comes nearer along it."""
+    middle, normal = facet(simulation, angle_rad)
+    side = normal if is_inside else -normal
+    reach_m = simulation.catheter.radius_m + 0.5 * simulation.scene.duct.thickness_m
+    along = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
+    line = middle + (reach_m + 1e-6 * gap_um) * side + np.outer(np.arange(31) - 15.5, 0.3e-3 * along)
+    simulation.candidates.forget()
+    simulation.catheter.state.position_m[:] = simulation.catheter.start_m[:] = line
+    simulation.candidates.begin((simulation.duct, simulation.catheter, simulation.tools))
+    way_m = reach_m + 1e-6 * (gap_um + beyond_um)
+    pairs = price(simulation, line - way_m * side)
+    assert pairs.count > 0
+    rows = slice(pairs.count)
+    assert (pairs.tool[rows] == NO_TOOL).all()
+    assert (pairs.normal[rows] @ side > 0.7).all()
+    straight = pairs.normal[rows] @ side > 1.0 - 1e-9  # of facets beside it a row knows the step to first order
+    assert straight.any()
+    assert pairs.gap_m[rows][straight] == pytest.approx(way_m, rel=1e-6)
+
+
+@pytest.mark.parametrize("radius_m", [0.5e-3, 1.5e-3])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1), ahead_um=st.sampled_from([0.0, 100.0, 300.0]))
+def test_a_sphere_touches_what_is_nearest_of_all_triangles(small_scene, small_duct, radius_m, seed, ahead_um):
+    """In the lumen, in the wall, outside and on the rim, wherever its centre is put, in the place of particle 0."""
+    search_of = PricedSimulation(small_scene, small_duct)
+    search, rng, tools = search_of.candidates, np.random.default_rng(seed), ToolInputs()
+    centre_m, pairs = np.array([AT_M, 0.0, 0.0]), ContactPairs.allocate(64)
+    number = search.add_sphere(centre_m, radius_m)
+    tools.present[:] = False
+    bodies = search_of.duct, search_of.catheter, search_of.tools
+    corners = search_of.duct.surface_m()[small_duct.mesh.triangles]
+    for _ in range(6):
+        angle, out_m = rng.uniform(0.0, 6.28), rng.uniform(0.0, 7e-3)
+        centre_m[:] = rng.uniform(2e-3, 42e-3), out_m * np.cos(angle), out_m * np.sin(angle)
+        search.begin(bodies)
+        pairs.clear()
+        search.sphere_pairs(number, 1e-6 * ahead_um, pairs)
+        p = tuple(centre_m)
+        gaps_m = np.array([np.sqrt(segment_triangle(p, p, *map(tuple, c))[0]) for c in corners])
+        gaps_m -= radius_m + 0.5 * small_scene.duct.thickness_m
+        assert (pairs.count > 0) == (gaps_m.min() <= AHEAD_M + 1e-6 * ahead_um)
+        for k in range(pairs.count):
+            assert pairs.gap_m[k] == pytest.approx(gaps_m[pairs.target[k]], abs=1e-12)
+            assert (pairs.particle[k], pairs.tool[k], pairs.tool_parameter[k]) == (0, NO_TOOL, 0.0)
+        if pairs.count:
+            assert pairs.gap_m[: pairs.count].min() == pytest.approx(gaps_m.min(), abs=1e-12)
+
+
+def test_between_jaws_there_is_as_much_room_as_they_have_squeezed_away(simulation):
+    """Only towards each other, cell by cell along them, and less beside the line in which they are nearest."""
+    tools = simulation.system.geometry.tools
+    tools.frame[0] = np.eye(3)  # they open along x
+    tools.thinned[0] = 1e-4 * np.arange(N_CELLS)
+    opening = np.array([1.0, 0.0, 0.0])
+    between = {JAW_A: tuple(opening), JAW_B: tuple(-opening)}
+    for jaw, normal in between.items():
+        away = tuple(-np.array(normal))
+        for cell in range(N_CELLS):
+            s = (cell + 0.5) / N_CELLS
+            assert room_in_jaws(tools, jaw, s, normal) == pytest.approx(1e-4 * cell)
+            assert room_in_jaws(tools, jaw, s, away) == 0.0
+        assert room_in_jaws(tools, jaw, 1.0 / N_CELLS, normal) == pytest.approx(0.5e-4)
+        aside = (0.5 * normal[0], np.sqrt(0.75), 0.0)
+        assert room_in_jaws(tools, jaw, 1.0, aside) < 0.5 * room_in_jaws(tools, jaw, 1.0, normal)
+    assert room_in_jaws(tools, SHAFT, 0.5, between[JAW_A]) == 0.0
+    assert room_in_jaws(tools, 3 + JAW_A, 0.5, between[JAW_A]) == 0.0, "of the other tool"
+    tools.held[0, DUCT_TRIANGLE], tools.pad[0] = True, 0.2e-3
+    assert room_in_jaws(tools, JAW_A, 0.0, tuple(-opening)) == pytest.approx(0.2e-3)
+
+
+def test_a_catheter_whose_axis_pierces_the_wall_is_not_sound(simulation):
+    bodies = simulation.duct, simulation.catheter, simulation.tools
+    simulation.candidates.begin(bodies)
+    assert simulation.candidates.is_sound()
+    middle, normal = facet(simulation, 0.3)
+    line = simulation.catheter.start_m
+    for end_m, is_sound in ((0.3e-3, False), (-0.3e-3, True)):  # the tip beyond the middle surface, or short of it
+        line[:] = middle + np.outer(np.linspace(-3e-3, end_m, len(line)), -normal)
+        simulation.candidates.forget()
+        simulation.candidates.begin(bodies)
+        assert simulation.candidates.is_sound() == is_sound

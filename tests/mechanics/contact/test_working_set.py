@@ -1,0 +1,162 @@
+"""The working set: one merge rule, whatever the order of candidates, and members that live on."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.mechanics.collision.candidate_list import new_list
+from services.mechanics.collision.candidates import Candidates
+from services.mechanics.collision.clusters import cluster_triangles
+from services.mechanics.contact.working_set import (
+    AHEAD_M,
+    LIFE_STEPS,
+    MOST_AHEAD_M,
+    N_TOOL_PIECES,
+    ONE_POINT,
+    SAME_NORMAL,
+    TOUCHING_M,
+    TOUCHING_SHARE,
+    age,
+    choose,
+    forget,
+    merge_distance_m,
+    new_working_set,
+    renew,
+)
+from services.mechanics.surface.tube import DuctGeometry, parametric_duct
+
+MESH = parametric_duct(DuctGeometry(4e-3, 10e-3, 12, 8))
+N_PIECES, WALL_M = 10, 1e-3
+THICKNESS_M = np.linspace(1e-3, 3e-3, N_PIECES)
+
+
+class Chooser:
+    """Candidates of pieces with the triangles of a small tube, and a working set for them."""
+
+    def __init__(self):
+        clusters = cluster_triangles(MESH.vertices_m, MESH.triangles)
+        self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, AHEAD_M + MOST_AHEAD_M, 1e-3)
+        self.found = Candidates.zeros(c=512)
+        self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
+        self.set.apart_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
+
+    def choose(self, candidates):
+        """Return which of the candidates, (piece, triangle, weights, normal, gap) each, are chosen, nearest first."""
+        found = self.found
+        found.count = len(candidates)
+        for k, (piece, triangle, weight, normal, gap_m) in enumerate(candidates):
+            found.piece[k], found.triangle[k], found.gap_m[k] = piece, triangle, gap_m
+            found.weight[k], found.normal[k] = weight, normal
+        choose(self.list.address, found.address, self.set.address)
+        return self.set.chosen[: self.set.n_chosen].tolist()
+
+
+def random_candidates(rng, n):
+    """Return candidates near each other: neighbouring triangles, normals alike and not, gaps about zero."""
+    triangles = rng.choice(40, n)
+    normals = rng.normal((0.0, 0.0, 3.0), 1.0, (n, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    gaps_m = rng.choice([1e-6, 30e-6, 0.1e-3, 0.4e-3]) * rng.normal(size=n)
+    return list(
+        zip(
+            rng.integers(0, N_PIECES, n).tolist(), triangles, rng.dirichlet(np.ones(3), n), normals, gaps_m, strict=True
+        )
+    )
+
+
+def place(candidate):
+    return candidate[2] @ MESH.vertices_m[MESH.triangles[candidate[1]]]
+
+
+def is_one_body(p, q):
+    return p == q or (min(p, q) >= N_TOOL_PIECES and abs(p - q) == 1)
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 60), n_members=st.integers(0, 20))
+def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_members):
+    """Nothing that touches is merged beyond its share, no member but with itself, and no two rows are one."""
+    rng, chooser = np.random.default_rng(seed), Chooser()
+    candidates = random_candidates(rng, n)
+    for k in rng.choice(n, min(n, n_members), replace=False):
+        renew(chooser.set, *candidates[k][:2])
+    chooser.list.moved[:] = rng.uniform(0.0, 0.5e-3, N_PIECES)
+    ahead_m = AHEAD_M + np.minimum(chooser.list.moved, MOST_AHEAD_M)
+    is_member = [chooser.set.life[c[0], c[1]] > 0 for c in candidates]
+    chosen = chooser.choose(candidates)
+    rank = {k: (not is_member[k], candidates[k][4]) for k in range(n)}
+    assert [rank[k] for k in chosen] == sorted(rank[k] for k in chosen)
+
+    def merge_m(k):
+        apart_m = chooser.set.apart_m[candidates[k][0]]
+        if is_member[k]:
+            return 2.0 * ONE_POINT * apart_m
+        return apart_m * (TOUCHING_SHARE if candidates[k][4] <= TOUCHING_M else 1.0)
+
+    def stands_for(one, k):
+        is_alike = candidates[one][3] @ candidates[k][3] >= SAME_NORMAL
+        apart_m = np.linalg.norm(place(candidates[one]) - place(candidates[k]))
+        return is_one_body(candidates[one][0], candidates[k][0]) and is_alike and apart_m < merge_m(k)
+
+    for k in range(n):
+        if k in chosen:
+            assert candidates[k][4] <= ahead_m[candidates[k][0]]
+            assert not any(stands_for(one, k) for one in chosen[: chosen.index(k)])
+        elif candidates[k][4] <= ahead_m[candidates[k][0]]:
+            assert any(stands_for(one, k) and rank[one] <= rank[k] for one in chosen)
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 80))
+def test_the_order_in_which_candidates_come_changes_nothing(seed, n):
+    rng = np.random.default_rng(seed)
+    candidates, order = random_candidates(rng, n), rng.permutation(n)
+    first = Chooser().choose(candidates)
+    other = Chooser().choose([candidates[k] for k in order])
+    assert first == [order[k] for k in other]
+
+
+def one(piece=7, triangle=3, gap_m=0.0, weight=(1.0, 0.0, 0.0)):
+    return piece, triangle, np.array(weight), np.array([0.0, 0.0, 1.0]), gap_m
+
+
+def test_a_member_outlives_its_pressing_and_comes_first():
+    chooser = Chooser()
+    beside = (0.9, 0.1, 0.0)  # 80 um off
+    both = [one(gap_m=-50e-6), one(gap_m=0.1e-3, weight=beside)]
+    assert chooser.choose(both) == [0]
+    both[1] = one(triangle=chooser_neighbour(3), gap_m=0.1e-3, weight=(1.0, 0.0, 0.0))
+    renew(chooser.set, 7, both[1][1])
+    for step in range(LIFE_STEPS + 1):
+        expected = 1 if step < LIFE_STEPS else 0
+        assert chooser.choose(both)[0] == expected
+        assert chooser.set.n_members == expected
+        age(chooser.set)
+    renew(chooser.set, 7, 3)
+    forget(chooser.set)
+    assert not chooser.set.life.any()
+
+
+def chooser_neighbour(triangle):
+    """Return a triangle whose first corner is that of ``triangle``, or else any that shares an edge with it."""
+    shared = (MESH.triangles[:, 0] == MESH.triangles[triangle, 0]) & (np.arange(len(MESH.triangles)) != triangle)
+    return int(np.flatnonzero(shared)[0]) if shared.any() else triangle + 1
+
+
+def test_a_member_that_presses_again_lives_as_long_again():
+    chooser = Chooser()
+    for _ in range(3):
+        renew(chooser.set, 7, 3)
+        for _ in range(LIFE_STEPS - 1):
+            age(chooser.set)
+    assert chooser.set.life[7, 3] == 1
+    assert chooser.set.n_members == 1
+
+
+@pytest.mark.parametrize(("thickness_m", "wall_m"), [(1.5e-3, 1e-3), (3e-3, 0.2e-3), (1.05e-3, 8e-6)])
+def test_between_two_merged_points_a_round_body_is_a_quarter_wall_deep_at_most(thickness_m, wall_m):
+    """A circle of this radius between two points on its tangent: as deep as its arc is high."""
+    apart_m = float(merge_distance_m(np.array([thickness_m]), wall_m)[0])
+    height_m = thickness_m - np.sqrt(thickness_m**2 - (0.5 * apart_m) ** 2)
+    assert height_m <= 0.26 * wall_m
