@@ -176,6 +176,7 @@ def replay(
     until_s: Annotated[float | None, typer.Option("--until", min=0.001, help="Second to end at.")] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Again and again.")] = False,
     take_over: Annotated[bool, typer.Option("--take-over", help="The rig's own hands go on from the end.")] = False,
+    pictures: Annotated[bool, typer.Option("--pictures", help="Show what was recorded; simulate nothing.")] = False,
     rig: Rig = "stub",
     viewer: Annotated[Viewer | None, typer.Option(help="Where the picture is shown; default: as the rig says.")] = None,
     overrides: Overrides = None,
@@ -192,7 +193,7 @@ def replay(
         from services.cli.replay import Replay, run_replay
 
         shown = viewer and viewer.value
-        asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, shown, tuple(overrides or ()))
+        asked = Replay(file, rig, rate, from_s, until_s, loop, take_over, pictures, shown, tuple(overrides or ()))
         return run_replay(asked, nursery)
 
 

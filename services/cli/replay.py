@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Mapping
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import typer
 
+from services.cli import pictures
 from services.cli.rerun import compare
 from services.cli.up import Request, run_up
+from services.recordings.errors import RecordingError
 from services.recordings.inputs import read_inputs
+from services.recordings.reader import read_extras
+from services.runtime import config
+from services.runtime.zmq_bus import ZmqBus
 from services.supervisor.nursery import Nursery
 from services.supervisor.supervisor import Supervisor
 
@@ -52,6 +59,7 @@ class Replay:
     until_s: float | None
     loop: bool
     take_over: bool
+    pictures: bool
     viewer: str | None
     overrides: tuple[str, ...]
 
@@ -64,6 +72,8 @@ def run_replay(asked: Replay, nursery: Nursery) -> None:
     RecordingError
         if it cannot be run again, with the reason.
     """
+    if asked.pictures:
+        return _show(asked, nursery)
     inputs = read_inputs(asked.file)
     inputs.check_mechanics()
     if inputs.ended:
@@ -76,9 +86,36 @@ def run_replay(asked: Replay, nursery: Nursery) -> None:
     overrides = (f"replay={json.dumps(settings)}", "contracts={loops: {}, paths: {}}", *asked.overrides)
     ends_when = _never if asked.take_over else _is_over
     with tempfile.TemporaryDirectory() as folder:
-        scene = Path(folder) / f"{Path(inputs.metadata.get('scene', 'scene')).stem}.yaml"
-        scene.write_bytes(inputs.attachments["scene.yaml"])
-        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when), nursery)
+        scene = _scene_file(Path(folder), inputs.metadata, inputs.attachments)
+        return run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, ends_when), nursery)
+
+
+def _show(asked: Replay, nursery: Nursery) -> None:
+    """Show what was recorded: only the picture runs."""
+    metadata, attachments = read_extras(asked.file)
+    if "scene.yaml" not in attachments:
+        raise RecordingError(f"{asked.file}: its scene is not in it")
+    overrides = (*pictures.IDLE, "contracts={loops: {}, paths: {}}", *asked.overrides)
+    rig = config.load_rig(asked.rig, overrides)
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        scene = _scene_file(Path(folder), metadata["trocar"], attachments)
+
+        def open_player() -> pictures.Player:
+            bus = stack.enter_context(closing(ZmqBus(rig.transport, publishes=pictures.TOPICS)))
+            player = pictures.Player(asked.file, bus, asked.rate, asked.until_s, loop=asked.loop)
+            player.seek(asked.from_s)
+            return player
+
+        print(pictures.HELP)
+        shown = pictures.shown_by(open_player)
+        run_up(Request(asked.rig, str(scene), None, None, asked.viewer, overrides, shown), nursery)
+
+
+def _scene_file(folder: Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> Path:
+    """Return a file with the scene of a recording, of its name."""
+    path = folder / f"{Path(metadata.get('scene', 'scene')).stem}.yaml"
+    path.write_bytes(attachments["scene.yaml"])
+    return path
 
 
 def _never(_supervisor: Supervisor) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,8 +15,8 @@ TICKS = 900
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording that tests may read."""
     with pytest.MonkeyPatch.context() as patch:
         let_time_pass(patch)
-        yield record(tmp_path_factory.mktemp("recorded") / "a.mcap", Rig(LADDER), TICKS)
+        return record(tmp_path_factory.mktemp("recorded") / "a.mcap", Rig(LADDER), TICKS)
