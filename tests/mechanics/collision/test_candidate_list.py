@@ -65,6 +65,13 @@ def compare(wall_now, found, ends, active, gap_m, span):
     return n
 
 
+def reaching(duct, n_pieces):
+    """Return lists of so many pieces that may want candidates up to `REACH_M`."""
+    lists = WallCandidates(duct, n_pieces)
+    lists.list.reach[:] = REACH_M
+    return lists
+
+
 @pytest.mark.parametrize("kind", ["straight", "turned"])
 @settings(max_examples=16)
 @given(
@@ -76,7 +83,7 @@ def compare(wall_now, found, ends, active, gap_m, span):
 def test_whatever_moves_the_candidates_are_those_of_brute_force(kind, seed, piece_m, wall_m, dent_m):
     """Pieces come, go, creep and jump; the wall creeps and jumps; loads press on what is touched, as contacts do."""
     duct, rng = wall(kind), np.random.default_rng(seed)
-    lists, found = WallCandidates(duct, N_PIECES, REACH_M), Candidates.zeros(c=8192)
+    lists, found = reaching(duct, N_PIECES), Candidates.zeros(c=8192)
     lists.list.thickness[:] = THICKNESS_M
     ends, q, total = somewhere(rng), coordinates(duct, rng, 2e-3), 0
     drift, loads = rng.normal(size=(N_PIECES, 1, 3)), NO_LOADS
@@ -93,7 +100,8 @@ def test_whatever_moves_the_candidates_are_those_of_brute_force(kind, seed, piec
             wall_now = placed(duct, q, loads), duct.mesh.triangles
             first = int(rng.integers(0, 3))
             gap_m = float(rng.choice([REACH_M - 0.4e-3, 0.0, -20e-6]))
-            lists.measure(found, gap_m, first, N_PIECES)
+            lists.list.wanted[:] = gap_m
+            lists.measure(found, first, N_PIECES)
             total += compare(wall_now, found, ends, active, gap_m, (first, N_PIECES))
             touched = np.unique(duct.mesh.triangles[found.triangle[: found.count]])[:12].astype(np.int32)
             push = rng.normal(size=(len(touched), 3))
@@ -113,13 +121,14 @@ def softness(kind):
 
 def test_within_all_its_reach_a_list_is_complete_where_it_was_made():
     duct, rng = wall("straight"), np.random.default_rng(2)
-    lists, found, seen = WallCandidates(duct, N_PIECES, REACH_M), Candidates.zeros(c=8192), 0
+    lists, found, seen = reaching(duct, N_PIECES), Candidates.zeros(c=8192), 0
     lists.list.thickness[:], lists.list.active[:] = THICKNESS_M, True
     for _ in range(20):
         ends, q = somewhere(rng), coordinates(duct, rng, 2e-3)
         lists.list.ends[:] = ends
         lists.follow(q, NO_LOADS)
-        lists.measure(found, REACH_M)
+        lists.list.wanted[:] = REACH_M
+        lists.measure(found)
         wall_now = placed(duct, q, NO_LOADS), duct.mesh.triangles
         seen += compare(wall_now, found, ends, np.ones(N_PIECES, bool), REACH_M, (0, N_PIECES))
     assert seen > 500
@@ -127,7 +136,7 @@ def test_within_all_its_reach_a_list_is_complete_where_it_was_made():
 
 def test_lists_are_renewed_when_their_skin_is_used_up_and_not_before():
     duct = wall("straight")
-    lists, rest = WallCandidates(duct, 2, REACH_M), np.zeros(N_MODES)
+    lists, rest = reaching(duct, 2), np.zeros(N_MODES)
     lists.list.thickness[:], lists.list.active[:] = 1e-3, True
     ends, step_m = np.tile([[10e-3, 2e-3, 0.0], [13e-3, 2e-3, 0.0]], (2, 1, 1)), 0.04e-3
     for tick in range(101):
@@ -145,26 +154,29 @@ def test_lists_are_renewed_when_their_skin_is_used_up_and_not_before():
 
 def test_a_piece_more_is_followed_as_the_others():
     duct, found = wall("straight"), Candidates.zeros(c=512)
-    lists = WallCandidates(duct, 1, REACH_M)
+    lists = reaching(duct, 1)
     for number in range(2):
         if number:
             assert lists.add_piece() == 1
+            lists.list.reach[:] = REACH_M
         lists.list.thickness[:], lists.list.active[:] = 1e-3, True
         lists.list.ends[:] = [20e-3, 3.2e-3, 0.0]
         lists.follow(np.zeros(N_MODES), NO_LOADS)
-        lists.measure(found, 0.0)
+        lists.list.wanted[:] = 0.0
+        lists.measure(found)
         assert set(found.piece[: found.count].tolist()) == set(range(number + 1))
 
 
 def test_what_was_put_elsewhere_is_found_there():
     """`forget`: a wall and pieces that jump at once by more than any skin."""
     duct, found = wall("straight"), Candidates.zeros(c=2048)
-    lists, rng = WallCandidates(duct, N_PIECES, REACH_M), np.random.default_rng(9)
+    lists, rng = reaching(duct, N_PIECES), np.random.default_rng(9)
     lists.list.thickness[:], lists.list.active[:] = THICKNESS_M, True
     for _ in range(5):
         ends, q = somewhere(rng), coordinates(duct, rng, 5e-3)
         lists.list.ends[:] = ends
         lists.forget()
         lists.follow(q, NO_LOADS)
-        lists.measure(found, 0.0)
+        lists.list.wanted[:] = 0.0
+        lists.measure(found)
         compare((placed(duct, q, NO_LOADS), duct.mesh.triangles), found, ends, np.ones(N_PIECES, bool), 0.0, (0, 7))

@@ -12,7 +12,6 @@ from services.mechanics.bodies.duct import DuctBody
 from services.mechanics.collision import placed_wall
 from services.mechanics.collision.placed_wall import NO_LOADS, place_walls
 from services.mechanics.reduction import Newmark
-from services.mechanics.reduction.residual.nearby_blocks import neighbourhoods
 
 CLOSE_M = 2e-9  # blocks are float32: 1e-6 of a dent of a millimetre
 
@@ -25,12 +24,6 @@ def placement_of(kind):
 def random_loads(rng, n_nodes, most=8, force_n=0.05):
     count = int(rng.integers(0, most + 1))
     return rng.choice(n_nodes, count, replace=False).astype(np.int32), rng.normal(size=(count, 3)) * force_n
-
-
-@pytest.fixture(autouse=True)
-def all_rings(monkeypatch):
-    """In a duct as small as these all nodes are within so many edges of each other."""
-    monkeypatch.setattr(placed_wall, "MOST_RINGS", 40)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -69,26 +62,16 @@ def test_detection_and_picture_see_the_same_wall(kind):
     assert np.abs(placement.position_m - alone).max() > 0.1e-3, "loads that do nothing show nothing"
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_where_there_is_room_for_a_few_rings_only_loads_end_there(kind, monkeypatch):
-    duct, rings = wall(kind), 5
-    n, rng = duct.mesh.n_vertices, np.random.default_rng(7)
-    residual = duct.residual
-    if kind != "cyclic":  # all pairs are read in place: they need no room
-        starts, neighbours = neighbourhoods(duct.mesh, 12)
-        blocks = residual.blocks.reshape(n, n, 3, 3)[np.repeat(np.arange(n), np.diff(starts)), neighbours]
-        residual = type(residual).patches(starts, neighbours, np.ascontiguousarray(blocks))
-    duct = type(duct)(duct.mesh, duct.basis, residual, duct.damping_ratio, warp=duct.warp)
-    monkeypatch.setattr(placed_wall, "MOST_BLOCKS", 3 * rings * (rings + 1) * n)
-    placement, node, force = place_walls(duct), np.array([200], np.int32), rng.normal(size=(1, 3)) * 0.05
-    q = coordinates(duct, rng, 1e-3)
-    placement.place(placement.every, q, (node, force))
-    starts, ring = neighbourhoods(duct.mesh, rings)
-    near = np.isin(np.arange(n), ring[starts[200] : starts[201]])
-    assert 20 < near.sum() < n // 3
-    assert np.abs(placement.position_m - placed(duct, q, (node, force)))[near].max() < CLOSE_M
-    unloaded = placed(duct, q, NO_LOADS)
-    assert np.abs(placement.position_m - unloaded)[~near].max() < CLOSE_M
+def test_with_room_for_a_few_rows_of_the_residual_loads_take_turns(monkeypatch):
+    """More loaded nodes than rows: a row that is read anew is that of its node, with all nodes that are placed."""
+    duct, rng = wall("cyclic"), np.random.default_rng(7)
+    monkeypatch.setattr(placed_wall, "MOST_ROWS", 3)
+    placement, n = place_walls(duct), duct.mesh.n_vertices
+    for _ in range(12):
+        nodes = np.sort(rng.choice(n, 40, replace=False)).astype(np.int32)
+        loads, q = random_loads(rng, n), coordinates(duct, rng, 1e-3)
+        placement.place(nodes, q, loads)
+        np.testing.assert_allclose(placement.position_m[nodes], placed(duct, q, loads)[nodes], atol=CLOSE_M)
 
 
 def test_a_wall_that_turns_needs_to_know_how():

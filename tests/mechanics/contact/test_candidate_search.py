@@ -54,7 +54,7 @@ def price(simulation, end_m):
 def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_its_start(
     simulation, angle_rad, gap_um, beyond_um, is_inside
 ):
-    """The row's normal points to where it came from, and its gap is by how much it comes nearer along it."""
+    """The row's normal points to where it came from, and its gap is how far beyond that side it ends."""
     middle, normal = facet(simulation, angle_rad)
     side = normal if is_inside else -normal
     reach_m = simulation.catheter.radius_m + 0.5 * simulation.scene.duct.thickness_m
@@ -71,7 +71,7 @@ def test_who_goes_through_the_middle_surface_in_a_step_is_held_on_the_side_of_it
     assert (pairs.normal[rows] @ side > 0.7).all()
     straight = pairs.normal[rows] @ side > 1.0 - 1e-9  # of facets beside it a row knows the step to first order
     assert straight.any()
-    assert pairs.gap_m[rows][straight] == pytest.approx(way_m, rel=1e-6)
+    assert pairs.gap_m[rows][straight] == pytest.approx(1e-6 * gap_um - way_m, rel=1e-6)
 
 
 @pytest.mark.parametrize("radius_m", [0.5e-3, 1.5e-3])

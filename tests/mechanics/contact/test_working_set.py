@@ -9,9 +9,7 @@ from services.mechanics.collision.candidate_list import new_list
 from services.mechanics.collision.candidates import Candidates
 from services.mechanics.collision.clusters import cluster_triangles
 from services.mechanics.contact.working_set import (
-    AHEAD_M,
     LIFE_STEPS,
-    MOST_AHEAD_M,
     N_TOOL_PIECES,
     ONE_POINT,
     SAME_NORMAL,
@@ -36,7 +34,7 @@ class Chooser:
 
     def __init__(self):
         clusters = cluster_triangles(MESH.vertices_m, MESH.triangles)
-        self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, AHEAD_M + MOST_AHEAD_M, 1e-3)
+        self.list = new_list(clusters, MESH.vertices_m.copy(), N_PIECES, 1e-3)
         self.found = Candidates.zeros(c=512)
         self.set = new_working_set(MESH.vertices_m, N_PIECES, len(MESH.triangles), 512)
         self.set.apart_m[:] = merge_distance_m(THICKNESS_M, WALL_M)
@@ -81,8 +79,6 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
     candidates = random_candidates(rng, n)
     for k in rng.choice(n, min(n, n_members), replace=False):
         renew(chooser.set, *candidates[k][:2])
-    chooser.list.moved[:] = rng.uniform(0.0, 0.5e-3, N_PIECES)
-    ahead_m = AHEAD_M + np.minimum(chooser.list.moved, MOST_AHEAD_M)
     is_member = [chooser.set.life[c[0], c[1]] > 0 for c in candidates]
     chosen = chooser.choose(candidates)
     rank = {k: (not is_member[k], candidates[k][4]) for k in range(n)}
@@ -101,9 +97,8 @@ def test_who_is_left_out_is_stood_for_by_one_nearby_that_is_nearer(seed, n, n_me
 
     for k in range(n):
         if k in chosen:
-            assert candidates[k][4] <= ahead_m[candidates[k][0]]
             assert not any(stands_for(one, k) for one in chosen[: chosen.index(k)])
-        elif candidates[k][4] <= ahead_m[candidates[k][0]]:
+        else:
             assert any(stands_for(one, k) and rank[one] <= rank[k] for one in chosen)
 
 

@@ -16,11 +16,6 @@ from services.mechanics.simulation.priced_simulation import PricedSimulation
 from services.mechanics.simulation.scene_duct import build_scene_duct
 from studies.judge.closest import point_triangle, segment_triangle
 from studies.judge.overlaps import OverlapJudge
-from studies.stability.criteria import failures
-from studies.stability.families.jerks import cases as jerks
-from studies.stability.families.materials import mass_cases
-from studies.stability.families.walls import thickness_cases
-from studies.stability.family import Draw, Reach
 
 SLACK_M, TICKS, DEEPEST_M = 1e-8, 60, 40e-6
 
@@ -144,45 +139,3 @@ def test_what_flies_at_a_wall_that_nothing_touches_ends_no_deeper_than_the_toler
         simulation.step(tools)
         judge.look()
     assert judge.deepest["catheter"] < DEEPEST_M
-
-
-def beyond(figures):
-    """The figures beyond their limits, but for heals and steps of contact forces: those are rates of the long run."""
-    return {name: figures[name] for name in failures(figures) if name not in ("healed", "force_step")}
-
-
-def long(*values):
-    """A case of the long run."""
-    return pytest.param(*values, marks=pytest.mark.long)
-
-
-@pytest.mark.parametrize(
-    ("family", "name"),
-    [
-        (mass_cases, "wall 0.01 times as heavy, number 2"),  # 0.49 mm deep with rows of the first look only
-        long(jerks, "holding, 0.1 m/s, number 84"),  # 0.21 mm: a wall that detection saw elsewhere, too
-        long(jerks, "holding, 0.1 m/s, number 56"),
-    ],
-)
-def test_walls_that_snap_beside_a_row_meet_nothing_unseen(family, name):
-    (case,) = [case for case in family(Draw(Reach.LONG, 1)) if case.name == name]
-    figures = case.run().figures
-    assert not beyond(figures)
-
-
-@pytest.mark.parametrize(
-    ("seed", "name"),
-    [
-        (1, "t/R 0.002, holding, number 0"),  # 0.63 walls deep where a point beside a row had none
-        long(1, "t/R 0.002, holding, number 1"),  # 0.63
-        long(1, "t/R 0.005, holding, number 2"),  # 1.16
-        long(2, "t/R 0.005, holding, number 0"),
-        long(2, "t/R 0.01, holding, number 0"),
-        long(2, "t/R 0.005, holding, number 2"),  # 0.69 where detection takes the wall to be beside where it is
-    ],
-)
-def test_walls_of_a_sheet_of_paper_are_no_deeper_in_jaws_than_half_of_that(seed, name):
-    """A few are not, see docs/decisions/overlaps.md."""
-    (case,) = [case for case in thickness_cases(Draw(Reach.LONG, seed)) if case.name == name]
-    figures = case.run().figures
-    assert not beyond(figures)
