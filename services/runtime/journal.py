@@ -22,7 +22,9 @@ class JournalWriter:
         self._tick = self._stride = self._sent = self._waiting = 0
 
     def note(self, tick: int, facts: tuple[int, int, int]) -> None:
-        """Note a tick of the rig's clock, and what was taken in."""
+        """Note a tick of the rig's clock, and what was taken in; where the clock stands, of one tick the first only."""
+        if self._facts is not None and tick == self._tick:
+            return
         step, self._tick = tick - self._tick, tick
         self._waiting += 1
         if facts == self._facts and self._runs:
