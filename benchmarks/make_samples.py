@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 from mcap.reader import make_reader
 
+from benchmarks.report import parse
 from protocol.bodies import GatewayState
 from services.recorder.recording import RecordingWriter
 from services.recordings.reader import read_extras, read_frames
@@ -71,6 +72,7 @@ def _told(state: GatewayState) -> GatewayState:
 
 def main() -> None:
     """Make all samples anew."""
+    parse(__doc__)
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name, scene, seconds in SAMPLES:
         with tempfile.TemporaryDirectory() as folder:
