@@ -17,9 +17,10 @@ TARGET = HERE.parent / "docs" / "results" / "verification.md"
 HEADER = """# Verification
 
 Every published or independent number that this project is checked against. Made by `python benchmarks/verification.py`;
-do not edit by hand. The error is value / reference - 1; several errors stand in the order of their meshes. *Computed*
-means another solver or a semi-analytic method. *Unverified* means a value of the literature that was not checked
-against the printed source. The tests hold the same numbers to tolerances.
+do not edit by hand. The error is value / reference - 1; several errors stand in the order of their meshes. Reference
+and mesh above a table hold for each row that does not name others. *Computed* means another solver or a semi-analytic
+method. *Unverified* means a value of the literature that was not checked against the printed source. The tests hold the
+same numbers to tolerances.
 """
 
 

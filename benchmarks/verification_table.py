@@ -35,17 +35,18 @@ class Table:
         """Return a row for each quantity, with the errors on all meshes; kinds of mesh are parted by semicolons.
 
         The source and the meshes of most rows are told above the table, any others in their rows.
+        Kinds that have the same meshes are told together.
         """
         rows: dict[tuple[object, ...], dict[str, Entry]] = {}
         for e in self.entries:
             rows.setdefault((e.quantity, e.reference, e.source), {})[e.mesh] = e  # a mode that is double has one row
-        (usual, _), *others = Counter(next(iter(row.values())).source for row in rows.values()).most_common()
-        told = [self.about, f"Reference: {usual}{', unless a row names another' if others else ''}."]
+        usual = Counter(next(iter(row.values())).source for row in rows.values()).most_common(1)[0][0]
+        told = [self.about, f"Reference: {usual}."]
         (mostly, count), *others = Counter(meshes(list(row)) for row in rows.values()).most_common()
         column = ["mesh"] if others else []
         if count == 1 and others:
             mostly = ""
-        told += [f"Mesh: {mostly}{', unless a row names another' if others else ''}."] if mostly else []
+        told += [f"Mesh: {mostly}."] if mostly else []
         head = ["quantity", *column, "reference", "error, %"]
         lines = [f"## {self.title}", "", " ".join(told), "", _row(head), "|" + "---|" * len(head)]
         for row in rows.values():
@@ -75,7 +76,11 @@ def _kinds(names: list[str]) -> list[list[str]]:
 
 def meshes(names: list[str]) -> str:
     """Return meshes as one: ``cst, 8 a side`` and ``cst, 16 a side`` are ``cst, 8, 16 a side``."""
-    return "; ".join(_of_one_kind(kind) for kind in _kinds(names))
+    elements: dict[str, list[str]] = {}
+    for kind in map(_of_one_kind, _kinds(names)):
+        element, comma, sizes = kind.partition(", ")
+        elements.setdefault(comma + sizes, []).append(element)
+    return "; ".join(" and ".join(kinds) + sizes for sizes, kinds in elements.items())
 
 
 def _of_one_kind(names: list[str]) -> str:

@@ -145,9 +145,8 @@ def _running(running: Running | None, made_with: Sequence[str]) -> Iterator[str]
         f"**The pinch**, at rest, before the catheter touches the duct: the force on the forceps is "
         f"{1e3 * pinch.force_n:.1f} mN. Under the loads that physics reports, the unreduced finite elements yield "
         f"**{100.0 * pinch.wall:+.1f} %** against the wall of the rig, by the work of the loads (limit: 2 %). The wall "
-        "is linear, so the force of an indentation is off by as much: the residual compliance brings back what the "
-        f"modes leave out. The force that the arm applies differs by **{pinch.applied:.1%}** from the one that was "
-        "solved."
+        "is linear, so the force of an indentation is off by as much. The force that the arm applies differs by "
+        f"**{pinch.applied:.1%}** from the one that was solved."
     )
     yield ""
     yield from _insertion_beside(running)

@@ -129,26 +129,29 @@ def _criteria(results: Sequence[Result]) -> list[str]:
 
 
 def _families(order: Order, results: Sequence[Result]) -> list[str]:
-    rows = [
-        "| family | what | cases | failed | rate of failure, 95 % |",
-        "| --- | --- | --- | --- | --- |",
+    cases = Counter(result.family for result in results)
+    failed = Counter(result.family for result in results if result.failed)
+    most = max(cases.values(), default=0)
+    return [
+        f"No failure in {most} cases, the most of a family, still means a rate of {rate(0, most)}.",
+        "",
+        "| family | what | cases | failed |",
+        "| --- | --- | --- | --- |",
+        *(f"| {name} | {FAMILIES[name].what} | {cases[name]} | {failed[name]} |" for name in order.families),
     ]
-    for name in order.families:
-        mine = [result for result in results if result.family == name]
-        failed = sum(bool(result.failed) for result in mine)
-        rows.append(f"| {name} | {FAMILIES[name].what} | {len(mine)} | {failed} | {rate(failed, len(mine))} |")
-    return rows
 
 
 def _failed(failed: Sequence[Result]) -> list[str]:
     if not failed:
         return ["No case failed."]
-    rows = ["## Failed", "", "| family | criterion | cases | worst |", "| --- | --- | --- | --- |"]
-    count = Counter((result.family, name) for result in failed for name in result.failed)
-    for (family, name), cases in count.items():
-        values = [result.figures[name] for result in failed if result.family == family and name in result.failed]
-        worst = max(values, key=lambda value: load_of(name, value))
-        rows.append(f"| {family} | {name} | {cases} | {shown(name, worst)} |")
+    rows = ["## Failed", "", "| family | criteria, each with its cases and the worst figure |", "| --- | --- |"]
+    for family in dict.fromkeys(result.family for result in failed):
+        mine = [result for result in failed if result.family == family]
+        told = []
+        for name, cases in Counter(name for result in mine for name in result.failed).items():
+            values = [result.figures[name] for result in mine if name in result.failed]
+            told.append(f"{name} ({cases}, {shown(name, max(values, key=lambda value: load_of(name, value)))})")
+        rows.append(f"| {family} | {', '.join(told)} |")
     return rows
 
 
