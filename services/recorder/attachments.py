@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import yaml
 
 from services.mechanics.reduction import ReducedDuct
 from services.runtime import config
 from services.runtime.rig import Rig
+from services.scenes.duct_file import duct_file
 from services.scenes.load import scene_data
 
 YAML, NPZ = "application/yaml", "application/x-npz"
@@ -33,19 +32,8 @@ def settings(rig: Rig, scene: str, overrides: tuple[str, ...]) -> Iterator[Attac
 
 
 def surface(duct: ReducedDuct) -> Attached:
-    """Return the duct's mesh and modes, for who wants nodes of the recorded coordinates: ``vertices_m + modes @ q``.
-
-    Loads near contacts add a little to that: the picture in the recording has it.
-    """
-    file = io.BytesIO()
-    np.savez_compressed(
-        file,
-        vertices_m=duct.mesh.vertices_m,
-        triangles=duct.mesh.triangles,
-        modes=duct.basis.Phi.astype(np.float32),
-        basis_hash=np.array(duct.basis.content_hash),
-    )
-    return "duct.npz", NPZ, file.getvalue()
+    """Return the duct's mesh and modes, for who wants nodes of the recorded coordinates."""
+    return "duct.npz", NPZ, duct_file(duct)
 
 
 def _yaml(data: object) -> bytes:

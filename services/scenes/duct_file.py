@@ -20,7 +20,7 @@ from services.scenes.ready import load_duct
 def duct_file(duct: ReducedDuct) -> bytes:
     """Return an npz file: vertices_m (n, 3), triangles (t, 3), modes (n, 3, m) in 1/sqrt(kg), and basis_hash.
 
-    Nodes are at ``vertices_m + modes @ q``; loads near contacts add a little to that.
+    Nodes are at ``vertices_m + modes @ q``; loads near contacts add a little: a recording's picture has it.
     """
     file = io.BytesIO()
     np.savez_compressed(

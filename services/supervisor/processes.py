@@ -41,7 +41,7 @@ class ProcessSpec:
     environment: Mapping[str, str] = field(default_factory=lambda: ENVIRONMENT)
 
 
-#: Visualization needs the modal basis that physics builds; started beside it it would build it as well. The gateway
+#: Visualization and training need the modal basis that physics builds; beside it they would wait for it. The gateway
 #: ticks from its first second: on two cores it would take a quarter of the time in which physics and haptics compile.
 TABLE = (
     ProcessSpec("gateway", "services.gateway", starts_after=("haptics",), stream="gateway.state"),
@@ -49,5 +49,5 @@ TABLE = (
     ProcessSpec("haptics", "services.haptics", stream="haptics.contact_model"),
     ProcessSpec("visualization", "services.visualization", critical=False, starts_after=("physics",)),
     ProcessSpec("recorder", "services.recorder", critical=False),
-    ProcessSpec("training", "services.training", critical=False),
+    ProcessSpec("training", "services.training", critical=False, starts_after=("physics",)),
 )

@@ -8,8 +8,10 @@ import time
 from protocol.topics import PROCESSES
 from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
+from services.training.judge import Judge
 from services.training.scenario import Scenario, scenario_of
 from services.training.sight import TOPICS
+from services.training.site import Site, find_site
 from services.training.trainer import Trainer
 
 RATE_HZ = 12.0
@@ -18,17 +20,18 @@ _PATIENCE_NS = 10_000_000
 _TELL_NS = 100_000_000
 
 
-def prepare(config: ProcessConfig) -> Scenario | None:
-    """Load the scenario of the rig, or the one that its scene has."""
-    return scenario_of(config.scene_name, config.rig.training.scenario)
+def prepare(config: ProcessConfig) -> tuple[Scenario | None, Site | None]:
+    """Load the scenario of the rig, or the one that its scene has, and find where its mouth is."""
+    scenario = scenario_of(config.scene_name, config.rig.training.scenario)
+    return scenario, find_site(config.scene_name, config.scene_overrides) if scenario is not None else None
 
 
-def run(process: Process, scenario: Scenario | None) -> None:
+def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None:
     """Take orders, look at the attempt, tell how it stands."""
     bus, rig = process.bus, process.rig
-    trainer = Trainer(
-        scenario, rig.training.again_after_s, [name for name in PROCESSES if not rig.process(name).critical]
-    )
+    scenario, site = prepared
+    spared = [name for name in PROCESSES if not rig.process(name).critical]
+    trainer = Trainer(scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site))
     topics = tuple(filter(process.requirements.is_published, TOPICS))
     told, due_ns = None, 0
     meter = LoopMeter(RATE_HZ, STAGES)

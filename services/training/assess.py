@@ -13,7 +13,6 @@ from protocol.bodies.training import Attempt
 from services.runtime.errors import UserError
 from services.training.assessment import Assessment, RigQuality, series_of
 from services.training.judge import Judge
-from services.training.limits import limit_of
 from services.training.metrics import TISSUE_LIMITS, metrics_of
 from services.training.scenario import Scenario
 from services.training.score import Band, ScoreRules, counts_of, score_of
@@ -133,11 +132,11 @@ class _Running:
             time_s=metrics["time_s"],
             time_limit_s=scenario.goal.time_limit_s,
             goal_depth_m=scenario.goal.depth_m,
-            depth_max_m=limit_of(scenario, "depth_max_m"),
+            depth_max_m=scenario.limit("depth_max_m"),
             phases=procedure.spans,
             errors=errors,
             metrics=dict(sorted(metrics.items())),
-            limits={tissue: limit_of(scenario, name) for tissue, name in TISSUE_LIMITS.items()},
+            limits={tissue: scenario.limit(name) for tissue, name in TISSUE_LIMITS.items()},
             score=score,
             rig=rig,
             bookmarks_s=told.bookmarks_s if told else (),

@@ -8,7 +8,6 @@ from typing import Literal
 
 import msgspec
 
-from services.training.limits import limit_of
 from services.training.procedure import Procedure
 from services.training.scenario import ErrorCode, Phase, Scenario
 from services.training.situation import Situation
@@ -69,7 +68,7 @@ def _grasp_of_duct(s: Situation, p: Procedure) -> float | None:
 
 
 def _stalled_push(s: Situation, p: Procedure) -> float | None:
-    return s.push_n if s.advance_m_s < limit_of(p.scenario, "stalled_m_s") and p.phase in ("P3", "P4") else None
+    return s.push_n if s.advance_m_s < p.scenario.limit("stalled_m_s") and p.phase in ("P3", "P4") else None
 
 
 def _off_view(s: Situation, _: Procedure) -> float | None:
@@ -79,7 +78,7 @@ def _off_view(s: Situation, _: Procedure) -> float | None:
 
 def _blind_load(s: Situation, p: Procedure) -> float | None:
     """Return the largest load on an instrument that is out of view."""
-    limit_rad = limit_of(p.scenario, "view_angle_rad")
+    limit_rad = p.scenario.limit("view_angle_rad")
     return _most(hand.load_n for hand, angle in zip(s.hands, s.view_angle_rad, strict=False) if angle > limit_rad)
 
 
@@ -102,7 +101,7 @@ RULES: tuple[Rule, ...] = (
     Rule("E6", "secured too deep", "depth_max_m", "consequential", lambda s, p: p.secured_m),
     Rule("E6", "secured too shallow", "depth_min_m", "consequential", lambda s, p: p.secured_m, below=True),
     Rule("E7", "length left inside", "slipped_out_m", "inconsequential",
-         lambda s, p: s.inserted_m if p.deepest_m >= limit_of(p.scenario, "depth_min_m") else None, below=True),
+         lambda s, p: s.inserted_m if p.deepest_m >= p.scenario.limit("depth_min_m") else None, below=True),
     Rule("E8", "squeeze of the catheter", "crush_force_n", "consequential", lambda s, p: s.squeeze_n[1], 0.1),
     Rule("E8", "radius of the sharpest bend", "bend_radius_m", "consequential",
          lambda s, p: s.bend_radius_m, 0.1, below=True),
@@ -146,7 +145,7 @@ class ErrorLog:
     """Judges situations by all rules."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._detectors = [_Detector(rule, limit_of(scenario, rule.limit)) for rule in RULES]
+        self._detectors = [_Detector(rule, scenario.limit(rule.limit)) for rule in RULES]
 
     def take(self, s: Situation, p: Procedure) -> None:
         """Judge a situation that the procedure has taken."""

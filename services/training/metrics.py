@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from services.training import motion
-from services.training.limits import limit_of
 from services.training.motion import SAMPLE_HZ, Values
 from services.training.procedure import Procedure
 from services.training.scenario import Scenario
@@ -91,7 +90,7 @@ def _of_tissues(series: Columns, scenario: Scenario) -> Metrics:
     """Return peak, time above the limit and tissue load, the integral of what is above it, for each tissue."""
     found: Metrics = {}
     for k, tissue in enumerate(TISSUES):
-        limit_n = limit_of(scenario, TISSUE_LIMITS[tissue])
+        limit_n = scenario.limit(TISSUE_LIMITS[tissue])
         found |= _named(tissue, force_metrics(series.time_s, series.tissue_n[:, k], limit_n))
     return found
 

@@ -6,7 +6,6 @@ import math
 
 import msgspec
 
-from services.training.limits import limit_of
 from services.training.scenario import Phase, Scenario
 from services.training.situation import TICK_S, Hand, Situation
 
@@ -175,7 +174,7 @@ class Procedure:
             self._watch_slide(k, s.hands[k])
         was_s = self.unheld_s
         self.unheld_s = self.unheld_s + self._step_s if self._ever_held and not self._held_by else 0.0
-        limit_s = limit_of(self.scenario, "dropped_s")
+        limit_s = self.scenario.limit("dropped_s")
         self.drops += was_s <= limit_s < self.unheld_s and self.phase in ("P2", "P3")
 
     def _watch_slide(self, k: int, hand: Hand) -> None:
@@ -185,7 +184,7 @@ class Procedure:
         if known != hand.hold_id:
             at = hand.hold_m
         slid_m = math.dist(hand.hold_m, at)
-        if slid_m > limit_of(self.scenario, "hold_slip_m"):
+        if slid_m > self.scenario.limit("hold_slip_m"):
             self.slide_m, self.slips, at = slid_m, self.slips + 1, hand.hold_m
         self._holds[k] = hand.hold_id, at
 
@@ -207,7 +206,7 @@ class Procedure:
         if self.phase not in ("P3", "P4") or (depth_m < 0.0 and s.to_mouth_m is None):
             return
         if depth_m >= self._best_m - _BACK_M:
-            if self._best_m - self._lowest_m > limit_of(self.scenario, "withdrawal_m") and self._best_m > -_PROBED_M:
+            if self._best_m - self._lowest_m > self.scenario.limit("withdrawal_m") and self._best_m > -_PROBED_M:
                 self.withdrawal_m = self._best_m - self._lowest_m
                 self.retries += 1
             self._best_m = self._lowest_m = max(depth_m, self._best_m) if self.withdrawal_m is None else depth_m

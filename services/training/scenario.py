@@ -20,6 +20,7 @@ Phase = Literal["P0", "P1", "P2", "P3", "P4", "P5", "P6", "P7"]
 ErrorCode = Literal["E1", "E2", "E3", "E4", "E5", "E6", "E7", "E8", "E9", "E10", "E11", "E12", "E13", "E14"]
 
 ASSUMPTION = "assumption"
+_STEPS = "reference procedure: technique texts of the catheterisation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +41,34 @@ LIMITS: Mapping[str, Limit] = {
     "tool_catheter_force_n": Limit(value=2.0),
     "catheter_wall_force_n": Limit(value=0.5),
     "depth_max_m": Limit(value=0.02, source="technique texts: not beyond the second marker"),
+    "depth_min_m": Limit(value=0.01, source="technique texts: at least to the first marker"),
+    "rim_load_n": Limit(value=1.0),
+    "rim_opening_ratio": Limit(value=1.3),
+    "probe_force_n": Limit(value=0.03),
+    "withdrawal_m": Limit(value=2e-3, source=_STEPS),
+    "tip_force_n": Limit(value=1.0),
+    "penetration_m": Limit(value=0.5e-3),
+    "jump_m": Limit(value=5e-3),
+    "push_force_n": Limit(value=0.5),
+    "stalled_m_s": Limit(value=0.2e-3, source=_STEPS),
+    "buckling_ratio": Limit(value=1.15, source=_STEPS),
+    "slipped_out_m": Limit(value=1e-3),
+    "crush_force_n": Limit(value=3.0),
+    "bend_radius_m": Limit(value=4e-3),
+    "clip_max_n": Limit(value=1.5),
+    "clip_min_n": Limit(value=0.3),
+    "air_s": Limit(value=0.05),
+    "direction_cosine": Limit(value=0.0, source=_STEPS),
+    "view_angle_rad": Limit(value=0.75),
+    "shaft_distance_m": Limit(value=5e-3, source="two shafts of 5 mm touch"),
+    "blind_force_n": Limit(value=0.2),
+    "dropped_s": Limit(value=0.5),
+    "hold_slip_m": Limit(value=2e-3),
+    "losses": Limit(value=0.0),
+    "regrasps": Limit(value=6.0),
+    "counter_traction_n": Limit(value=0.01),
 }
-"""Every limit that a scenario may name, with what holds where it does not."""
+"""Every limit that a scenario may name, with what holds where it does not; no assumption is clinically validated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +172,7 @@ def _fault(scenario: Scenario) -> str:
     for name, limit in scenario.limits.items():
         if name not in LIMITS:
             return f"limits.{name}: unknown limit; known: {', '.join(LIMITS)}{did_you_mean(name, LIMITS)}"
-        if not limit.value > 0.0:
+        if limit.value <= 0.0 < LIMITS[name].value:
             return f"limits.{name}.value: must be positive, is {limit.value:g}"
         if not limit.source.strip():
             return f"limits.{name}.source: must name a source, or say {ASSUMPTION!r}"

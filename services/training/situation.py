@@ -175,7 +175,8 @@ class Observer:
         q = state.duct.q.view()
         if state.duct.basis_hash == site.basis_hash and len(q) == len(site.rim_gain):
             way_m = float(np.dot(site.rim_gain, q))
-            s.rim_opening = (max(0.0, 1.0 + way_m / site.mouth_radius_m)) ** 2
+            ratio = max(0.0, 1.0 + way_m / site.mouth_radius_m)
+            s.rim_opening = ratio * ratio  # which may be infinite, where a power raises
 
     def _take_contacts(self, s: Situation, state: PhysicsState, entry: Vector | None) -> None:
         kind = state.contacts.kind.view()
@@ -325,7 +326,7 @@ def _in_tool(hand: Hand, point: Vector) -> tuple[float, float]:
     """Return how far along the shaft and beside it a point lies from the instrument, which what it touches may hold."""
     along, away = hand.position_m - hand.port_m, point - hand.proxy_m
     axial_m = float(away @ along) / max(_length(along), 1e-9)
-    return axial_m, math.sqrt(max(float(away @ away) - axial_m**2, 0.0))
+    return axial_m, math.sqrt(max(float(away @ away) - axial_m * axial_m, 0.0))
 
 
 def _length(vector: Vector) -> float:
