@@ -148,7 +148,7 @@ def _failed(failed: Sequence[Result]) -> list[str]:
     for family in dict.fromkeys(result.family for result in failed):
         mine = [result for result in failed if result.family == family]
         told = []
-        for name, cases in Counter(name for result in mine for name in result.failed).items():
+        for name, cases in sorted(Counter(name for result in mine for name in result.failed).items()):
             values = [result.figures[name] for result in mine if name in result.failed]
             told.append(f"{name} ({cases}, {shown(name, max(values, key=lambda value: load_of(name, value)))})")
         rows.append(f"| {family} | {', '.join(told)} |")

@@ -44,10 +44,11 @@ def test_start_order_progress_no_second_rig_and_a_clean_end(fakes: Fakes) -> Non
     assert all(gone(pid) for pid in pids)
     assert progress["physics"] == ("building what a fake needs", 0.5)
     started = [event.split(":")[0] for event in events if "started as process" in event]
-    assert set(started[:4]) == {"physics", "haptics", "recorder", "training"}
-    assert set(started[4:]) == {
+    assert set(started[:3]) == {"physics", "haptics", "recorder"}
+    assert set(started[3:]) == {
         "gateway",
         "visualization",
+        "training",
     }  # they wait until haptics and physics say that they are ready
 
 

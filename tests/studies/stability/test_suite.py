@@ -60,7 +60,7 @@ def test_the_page_names_what_failed_and_the_worst_of_each_criterion():
     written = page(THEORY, results, "abc")
     assert "2 of 4 cases run, 1 failed**: 9.5 to 90.5 % of such cases fail" in written
     assert "No failure in 2 cases, the most of a family, still means a rate of 0.0 to 65.8 %." in written
-    assert "| theory | theory (1, 1), rest (1, never) |" in written
+    assert "| theory | rest (1, never), theory (1, 1) |" in written
     assert "| rest | 2 s | never | theory: bad | 2 | 1 |" in written
 
 
