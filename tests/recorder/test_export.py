@@ -17,6 +17,12 @@ from services.recordings.errors import RecordingError
 from services.recordings.reader import read_messages
 
 
+@pytest.fixture(autouse=True)
+def own_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A film chooses how its process draws: what comes after it here draws as before."""
+    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+
 def test_arrays_have_all_of_it_and_need_no_pickle(recorded: Path, tmp_path: Path) -> None:
     run_export(recorded, "npz", tmp_path / "a.npz", ())
     arrays = np.load(tmp_path / "a.npz", allow_pickle=False)
