@@ -47,3 +47,4 @@ class Attempt(msgspec.Struct, array_like=True, frozen=True, kw_only=True):
     one_handed: bool = False
     bookmarks_s: Annotated[tuple[float, ...], Meta(max_length=64)] = ()
     answers: Annotated[tuple[Answer, ...], Meta(max_length=8, description="to the last orders")] = ()
+    score: Annotated[float, Meta(description="total of an attempt that is done, in s; -1: none")] = -1.0

@@ -43,7 +43,7 @@ def read_messages(path: Path, topics: Collection[str] = ()) -> Iterator[tuple[st
         yield each.frame.topic, each.time_ns, each.frame.body
 
 
-def read_frames(path: Path, topics: Collection[str] = ()) -> Iterator[RecordedFrame]:
+def read_frames(path: Path, topics: Collection[str] = (), from_ns: int = 0) -> Iterator[RecordedFrame]:
     """Yield the frames of a recording by the time at which they were sent.
 
     A file that was cut ends after its last whole chunk. Bodies of former versions are lifted to today's.
@@ -54,6 +54,8 @@ def read_frames(path: Path, topics: Collection[str] = ()) -> Iterator[RecordedFr
         Of the file.
     topics
         Names of bus topics that are wanted; all of them where it is empty.
+    from_ns
+        Wall-clock time before which nothing is wanted.
 
     Raises
     ------
@@ -62,7 +64,7 @@ def read_frames(path: Path, topics: Collection[str] = ()) -> Iterator[RecordedFr
     """
     wanted = {channel_name(name): name for name in topics or TOPICS}
     with opened(path) as file:
-        for channel, message in _messages(file, wanted):
+        for channel, message in _messages(file, wanted, from_ns):
             name = wanted[channel.topic]
             try:
                 frame = to_frame(name, message.data)
@@ -95,7 +97,13 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
         raise RecordingError(f"{path}: {(error.strerror or str(error)).lower()}") from None
 
 
-def _messages(file: IO[bytes], wanted: Collection[str]) -> Iterator[tuple[Channel, Message]]:
+def last_ns(path: Path, topics: Collection[str]) -> int:
+    """Return the time of the last message of some topics, 0 where there is none; raises as `read_frames` does."""
+    with opened(path) as file:
+        return max((each.log_time for _, each in _messages(file, [channel_name(name) for name in topics])), default=0)
+
+
+def _messages(file: IO[bytes], wanted: Collection[str], from_ns: int = 0) -> Iterator[tuple[Channel, Message]]:
     """Yield messages by time: by the index where the file was closed, else all are read first."""
     reader = SeekingReader(file)
     try:
@@ -103,13 +111,13 @@ def _messages(file: IO[bytes], wanted: Collection[str]) -> Iterator[tuple[Channe
     except BROKEN:
         is_whole = False
     if is_whole:
-        for _schema, channel, message in reader.iter_messages(list(wanted)):
+        for _schema, channel, message in reader.iter_messages(list(wanted), starting_at=from_ns):
             yield channel, message
         return
     file.seek(0)
     found = [(channel, message) for channel, message in _whole_records(file) if channel.topic in wanted]
     by_time = attrgetter("log_time")
-    yield from sorted(found, key=lambda each: by_time(each[1]))
+    yield from sorted((each for each in found if each[1].log_time >= from_ns), key=lambda each: by_time(each[1]))
 
 
 def _whole_records(file: IO[bytes]) -> Iterator[tuple[Channel, Message]]:

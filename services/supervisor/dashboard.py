@@ -141,6 +141,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     flight: str
     events: tuple[Event, ...]
     attempt: Mapping[str, object] | None
+    replay: Mapping[str, object] | None
 
 
 @dataclass
@@ -218,6 +219,7 @@ def snapshot(
         flight=next((row.lately for row in observed.incidents.values()), ""),
         events=status.events[-EVENTS_SHOWN:],
         attempt=None if attempt is None else {**msgspec.structs.asdict(attempt), "answers": ()},
+        replay=None if status.replay is None else {**msgspec.structs.asdict(status.replay), "attempt": None},
     )
 
 

@@ -91,6 +91,9 @@ class Page:
     def _act(self, command: Command) -> None:
         if command.what == "arm":
             self._supervisor.arm(command.who)
+        elif command.what == "replay":
+            if self._supervisor.shown is not None:
+                self._supervisor.shown.obey(command.line)
         elif command.order is None:
             self._supervisor.safe_stop(command.who)
         else:

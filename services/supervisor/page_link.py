@@ -8,6 +8,7 @@ from typing import Literal, TypeVar
 import msgspec
 
 import protocol.bodies as bodies
+from services.supervisor.shown_recording import ReplayStatus
 from services.supervisor.supervisor import Event, Supervisor
 
 #: More than the largest status: two hundred events of a few hundred characters.
@@ -26,7 +27,8 @@ class PageSetup(msgspec.Struct, frozen=True):
 class RigStatus(msgspec.Struct, frozen=True):
     """The rig as the supervisor judges it. Times are seconds of the monotonic clock; `broken` are keys of breaches.
 
-    `path_limits_us` are what the paths are judged against just now: no less than what the rig file says.
+    `path_limits_us` are what the paths are judged against just now: no less than what the rig file says. `replay` is
+    the recording whose pictures are shown, None in a rig that works.
     """
 
     said_s: float
@@ -35,6 +37,7 @@ class RigStatus(msgspec.Struct, frozen=True):
     broken: tuple[str, ...]
     path_limits_us: dict[str, float]
     events: tuple[Event, ...]
+    replay: ReplayStatus | None = None
 
     @classmethod
     def of(cls, supervisor: Supervisor, now_s: float) -> RigStatus:
@@ -42,16 +45,21 @@ class RigStatus(msgspec.Struct, frozen=True):
         broken = tuple(breach.key for breach in supervisor.breaches)
         events = tuple(supervisor.events)
         limits_us = supervisor.path_limits_us()
-        return cls(now_s, supervisor.started_s, supervisor.body(), broken, limits_us, events)
+        replay = supervisor.shown.status() if supervisor.shown is not None else None
+        return cls(now_s, supervisor.started_s, supervisor.body(), broken, limits_us, events, replay)
 
 
 class Command(msgspec.Struct, frozen=True):
-    """What a person asked for over the page at `said_s` of the monotonic clock; an `order` is for the attempt."""
+    """What a person asked for over the page at `said_s` of the monotonic clock.
 
-    what: Literal["arm", "safe_stop", "attempt"]
+    An `order` is for the attempt, a `line` for the recording that is shown.
+    """
+
+    what: Literal["arm", "safe_stop", "attempt", "replay"]
     who: str
     order: bodies.Order | None = None
     said_s: float = 0.0
+    line: str = ""
 
 
 _T = TypeVar("_T", PageSetup, RigStatus, Command)

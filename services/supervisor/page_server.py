@@ -54,7 +54,9 @@ class Knowledge:
         """Take the newest report of every process."""
         if self.status is None:
             return
-        if self.rig.process("training").enabled and (frame := bus.latest("training.attempt")) is not None:
+        if self.status.replay is not None:
+            self.attempt = self.status.replay.attempt
+        elif self.rig.process("training").enabled and (frame := bus.latest("training.attempt")) is not None:
             self.attempt = frame.body
         for name in (*(process.name for process in self.status.state.processes), OURS):
             heard = self.heard.setdefault(name, dashboard.Heard.nothing(self.rig.supervisor.window_s))
@@ -121,12 +123,21 @@ def _run(knowledge: Knowledge, setup: PageSetup, link: Link, sock: socket.socket
         safe_stop=lambda who: _ask(link, Command("safe_stop", who)),
         order=lambda order, who: _ask(link, Command("attempt", who, order, time.monotonic())),
         answer=knowledge.answer,
+        replay=lambda line, who: _move(knowledge, link, line, who),
         healthy=knowledge.healthy,
         view_port=knowledge.view_port,
         token=setup.token,
     )
     with closing(listen_as(OURS, knowledge.rig)) as bus:
         asyncio.run(_serve(context, knowledge, bus, link, sock))
+
+
+def _move(knowledge: Knowledge, link: Link, line: str, who: str) -> bool:
+    """Pass on what a person asked of the recording that is shown; return whether there is one."""
+    if knowledge.status is None or knowledge.status.replay is None:
+        return False
+    _ask(link, Command("replay", who, line=line))
+    return True
 
 
 def _ask(link: Link, command: Command) -> None:

@@ -21,6 +21,7 @@ from services.supervisor.enforcement import Action, ActionKind, Enforcement, Lad
 from services.supervisor.governor import Governor, Level
 from services.supervisor.member import build_members
 from services.supervisor.processes import ProcessSpec
+from services.supervisor.shown_recording import ShownRecording
 from services.supervisor.state_machine import RigState, Situation, next_state
 
 #: How long everything must be well before the rig counts as RUNNING (again).
@@ -64,6 +65,7 @@ class Supervisor:
         self.started_s = now_s
         self.page_address = ""
         self.token_sha256 = ""
+        self.shown: ShownRecording | None = None
         self.meter: LoopMeter | None = None  # of its own turns
         self.events: deque[Event] = deque(maxlen=200)
         limits = hang_detection.Limits(heartbeat_s=settings.heartbeat_timeout_s, ready_s=settings.ready_timeout_s)

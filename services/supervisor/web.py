@@ -31,7 +31,8 @@ from services.training.scenario import scenario_names
 EVENT_PERIOD_S = 0.2
 #: So long an order's answer is waited for: it is not carried out after that.
 ANSWER_S = 2.5
-_ORDER_BYTES = 1024
+_ORDER_BYTES, _LINE_BYTES = 1024, 32
+_REPLAY_HEADER = "X-Trocar-Replay"
 #: Where the page says who the rig is; as it is built it does not know.
 _UNTOLD = '<script id="rig" type="application/json">null'
 _NOT_KEPT = {"Cache-Control": "no-store"}
@@ -45,7 +46,8 @@ _NOT_BUILT = """<!doctype html><title>Trocar</title><h1>The page is not built</h
 class PageContext:
     """What the page's thread may see and ask. `latest` is replaced whole by the supervisor's loop, five times a second.
 
-    `healthy` tells whether the rig does what it is for, and in which words; `view_port` where the picture is served.
+    `healthy` tells whether the rig does what it is for, and in which words; `view_port` where the picture is served;
+    `replay` whether there is a recording that does what is asked of it.
     """
 
     rig: Rig
@@ -57,6 +59,7 @@ class PageContext:
     answer: Callable[[int], bodies.Answer | None]
     healthy: Callable[[], tuple[bool, str]]
     view_port: Callable[[], int]
+    replay: Callable[[str, str], bool] = lambda _line, _who: False
     dist: Path = DIST
     token: str = field(default_factory=lambda: secrets.token_urlsafe(16))
     latest: bytes = b"{}"
@@ -124,6 +127,7 @@ def build_app(context: PageContext) -> Starlette:
         Route("/api/arm", page.arm, methods=["POST"]),
         Route("/api/safe_stop", page.safe_stop, methods=["POST"]),
         Route("/api/attempt", page.attempt, methods=["POST"]),
+        Route("/api/replay", page.replay, methods=["POST"]),
         Route("/metrics", page.metrics),
         Route("/healthz", page.healthz),
         # Whether the page is built is looked at when it is asked for: it may be built while the rig runs.
@@ -224,6 +228,18 @@ class _Endpoints:
         return JSONResponse(
             {"ok": True, "text": answer.text} if answer.ok else {"error": answer.text}, 200 if answer.ok else 409
         )
+
+    async def replay(self, request: Request) -> Response:
+        """Pass on a line of `trocar replay --pictures`: it moves no arm, so that it wants no token.
+
+        The header is one that pages of other sites cannot send.
+        """
+        if _REPLAY_HEADER not in request.headers:
+            return JSONResponse({"error": f"the header {_REPLAY_HEADER} is missing"}, 403)
+        line = (await _short(request))[:_LINE_BYTES].decode("ascii", "replace")
+        if not self._context.replay(line, _who(request)):
+            return JSONResponse({"error": "no recording is shown here: `trocar replay FILE --pictures` shows one"}, 409)
+        return JSONResponse({"ok": True})
 
     def _command(self, request: Request, act: Callable[[str], None]) -> Response:
         if (refusal := self._refusal(request)) is not None:

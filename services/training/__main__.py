@@ -10,6 +10,7 @@ from services.runtime.loop import LoopMeter, ticks
 from services.runtime.process import Process, ProcessConfig, main
 from services.training.judge import Judge
 from services.training.scenario import Scenario, scenario_of
+from services.training.score import load_rules
 from services.training.sight import TOPICS
 from services.training.site import Site, find_site
 from services.training.trainer import Trainer
@@ -31,7 +32,7 @@ def run(process: Process, prepared: tuple[Scenario | None, Site | None]) -> None
     bus, rig = process.bus, process.rig
     scenario, site = prepared
     spared = [name for name in PROCESSES if not rig.process(name).critical]
-    trainer = Trainer(scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site))
+    trainer = Trainer(scenario, rig.training.again_after_s, spared, lambda each: Judge(each, site), load_rules())
     topics = tuple(filter(process.requirements.is_published, TOPICS))
     told, due_ns = None, 0
     meter = LoopMeter(RATE_HZ, STAGES)

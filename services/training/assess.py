@@ -54,16 +54,16 @@ def assess(messages: Iterable[Message], terms: Terms, source: str = "") -> Itera
     told = False
     first_ns: int | None = None
     for topic, time_ns, body in messages:
-        first_ns = time_ns if first_ns is None else first_ns
+        first_ns = time_ns if first_ns is None and isinstance(body, GatewayState) else first_ns
         if isinstance(body, Attempt):
             told = True
             if running is not None and (body.attempt_id != running.attempt_id or body.state != "running"):
                 yield running.end(body)
                 running = None
             if running is None and body.state == "running":
-                running = _Running(terms, source, (time_ns, time_ns - first_ns), body)
+                running = _Running(terms, source, (time_ns, time_ns - (first_ns or time_ns)), body)
         elif running is None and not told and isinstance(body, GatewayState):
-            running = _Running(terms, source, (time_ns, time_ns - first_ns), None)
+            running = _Running(terms, source, (time_ns, 0), None)
         if running is not None:
             running.take(topic, time_ns, body)
     if running is not None:

@@ -36,7 +36,7 @@ class RigQuality(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Series(msgspec.Struct, frozen=True, kw_only=True):
-    """Curves for the report, some a second: times in s, lengths in mm, forces in N."""
+    """Curves for the report, some a second, each with a value at each time: in s, lengths in mm, forces in N."""
 
     time_s: list[float] = []
     inserted_mm: list[float] = []
@@ -51,7 +51,7 @@ class Assessment(msgspec.Struct, frozen=True, kw_only=True):
     Attributes
     ----------
     began_ns, began_at_s
-        Its first motion: by the wall clock, and since the recording's first message.
+        Its first motion: by the wall clock, and since the first device frame of the recording.
     why_not
         Why it does not count; nothing where it does.
     not_judged
@@ -98,7 +98,7 @@ def series_of(columns: Columns, tissues: Iterable[str]) -> Series:
         return Series()
     edges = np.unique(np.searchsorted(columns.time_s, np.arange(0.0, columns.time_s[-1] + 1e-9, 1.0 / _SERIES_HZ)))
     edges = edges[edges < len(columns.time_s)]
-    places = np.unique(np.searchsorted(columns.way_s, columns.time_s[edges]).clip(max=max(len(columns.way_s) - 1, 0)))
+    places = np.searchsorted(columns.way_s, columns.time_s[edges]).clip(max=max(len(columns.way_s) - 1, 0))
     paths = {"tip": columns.tip_m[edges]}
     if len(columns.way_s):
         paths |= {name: columns.position_m[places, k] for k, name in enumerate(columns.names)}

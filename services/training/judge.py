@@ -6,7 +6,7 @@ from collections import Counter
 
 import msgspec
 
-from services.training.errors import ErrorLog
+from services.training.errors import ErrorEvent, ErrorLog
 from services.training.procedure import Procedure
 from services.training.scenario import Phase, Scenario
 from services.training.site import Site
@@ -39,6 +39,11 @@ class Judge:
     def errors(self) -> dict[str, int]:
         """The number of errors so far, by code."""
         return dict(Counter(event.code for event in self.log.events))
+
+    @property
+    def events(self) -> list[ErrorEvent]:
+        """The errors so far."""
+        return self.log.events
 
     def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> Situation | None:
         """Take a frame; return the situation if one was judged. Its own tick counts, not when it came."""

@@ -68,10 +68,13 @@ def render(
         errors=[(event, *ERRORS[event.code]) for event in found.errors],
         replay=lambda event: replay_link(found, event, page),
         at_s=lambda event: replay_from_s(found, event),
+        lead=lead_s,
         forces=chart(found.series.time_s, found.series.loads_n, {"limit on the duct": found.limits["tool_duct"]}),
         tissues=[(name.replace("_", " on "), _tissue(found, name)) for name in TISSUES],
         depth=_depth(found),
-        paths=msgspec.json.encode(found.series.paths_mm).decode().replace("<", "\\u003c"),
+        paths=_json(found.series.paths_mm),
+        times=_json(found.series.time_s),
+        inserted=_json(found.series.inserted_mm),
         metrics=_metric_rows(found, experts, rules, past),
         learning=_learning(past),
         cusum=_cusum(past, rules),
@@ -95,7 +98,17 @@ def replay_link(found: Assessment, event: ErrorEvent, page: str) -> str:
 
 def replay_from_s(found: Assessment, event: ErrorEvent) -> float:
     """Return the second of the recording at which the replay of an error begins."""
-    return found.began_at_s + max(0.0, event.begin_s - LEAD_S)
+    return found.began_at_s + lead_s(event)
+
+
+def lead_s(event: ErrorEvent) -> float:
+    """Return the second of the attempt at which the replay of an error begins."""
+    return max(0.0, event.begin_s - LEAD_S)
+
+
+def _json(value: object) -> str:
+    """Return what a script reads; no name in it can end the script."""
+    return msgspec.json.encode(value).decode().replace("<", "\\u003c")
 
 
 def verdict(found: Assessment, rules: ScoreRules, band: Band, past: Sequence[Past]) -> tuple[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Protocol
 
 import msgspec
@@ -11,6 +11,7 @@ import msgspec
 from protocol import Frame, bodies
 from protocol.bodies.physics import ToolReaction
 from services.training.attempt import Look
+from services.training.errors import ErrorEvent
 
 TOPICS = ("gateway.state", "haptics.contacts", "physics.state")
 _CATHETER = 1
@@ -28,8 +29,15 @@ class Judge(Protocol):
     def errors(self) -> Mapping[str, int]:
         """Return the number of errors so far, by code."""
 
+    @property
+    def events(self) -> Sequence[ErrorEvent]:
+        """Return the errors so far."""
+
     def take(self, topic: str, time_ns: int, body: msgspec.Struct) -> object:
         """Take a frame."""
+
+    def finish(self) -> None:
+        """Judge the end."""
 
 
 class Sight:

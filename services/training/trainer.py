@@ -11,6 +11,7 @@ from protocol import bodies
 from services.training.attempt import Attempt, AttemptState
 from services.training.hints import hint
 from services.training.scenario import Scenario
+from services.training.score import ScoreRules, score_of
 from services.training.sight import Judge, Sight
 
 #: An order that is older is not carried out: who asked has given it up.
@@ -18,6 +19,7 @@ ORDER_S = 2.0
 SLOWEST = 1.0 / 32.0
 #: A device's button begins again when it was pressed for so long.
 PRESSED_S = 2.0
+NO_SCORE = -1.0
 _KEPT = 8
 _MOST_STEPS = 1000
 
@@ -35,6 +37,8 @@ class Trainer:
         As of `Sight`.
     judges
         Returns a new judge of phases and errors, for each attempt as it begins to run; None: nobody judges.
+    rules
+        What an attempt that is judged is scored by, once it is done; None: by nothing.
     """
 
     def __init__(
@@ -43,14 +47,15 @@ class Trainer:
         again_after_s: float | None = None,
         spared: Collection[str] = (),
         judges: Callable[[Scenario], Judge] | None = None,
+        rules: ScoreRules | None = None,
     ) -> None:
         self.scenario = scenario
         self.sight = Sight(spared)
         self.attempt = Attempt(scenario.goal if scenario else None)
         self._id = _new_id()
-        self._again_after_s, self._judges = again_after_s, judges
+        self._again_after_s, self._judges, self._rules = again_after_s, judges, rules
         self._begins = self._awaited = self._asked = self._steps = 0
-        self._pace = 1.0
+        self._pace, self._score = 1.0, NO_SCORE
         self._ended_s: float | None = None
         self._parting: bodies.Attempt | None = None
         self._answers: deque[bodies.Answer] = deque(maxlen=_KEPT)
@@ -68,13 +73,23 @@ class Trainer:
         if runs and self.sight.judge is None and self._judges is not None and self.scenario is not None:
             self.sight.judge = self._judges(self.scenario)
         if self.attempt.ended and self._ended_s is None:
-            self._ended_s = now_s
+            self._ended_s, self._score = now_s, self._total()
         if self.sight.pressed_s >= PRESSED_S:
             self.sight.release()
             self.begin("somebody pressed the button of a device")
         due = self._again_after_s is not None and self.attempt.outcome == "success"
         if due and self._ended_s is not None and now_s - self._ended_s >= (self._again_after_s or 0.0):
             self.begin("")
+
+    def _total(self) -> float:
+        """Judge the end, and return the total of an attempt that is done."""
+        judge, attempt = self.sight.judge, self.attempt
+        if judge is None or self.scenario is None or self._rules is None:
+            return NO_SCORE
+        judge.finish()
+        attempt.errors = judge.errors
+        score = score_of(self.scenario, self._rules, attempt.outcome, attempt.time_s, judge.events, {})
+        return NO_SCORE if score is None else score.total
 
     def begin(self, why: str) -> str:
         """Abandon what is not done, and put the scene to its start."""
@@ -83,7 +98,7 @@ class Trainer:
             self._parting = self.body()
         self._begins += 1
         self._awaited, self._asked = self.sight.begins + 1, self.sight.gateway
-        self._pace = 1.0
+        self._pace, self._score = 1.0, NO_SCORE
         self._ended_s = self.sight.judge = None
         self.attempt, self._id = Attempt(self.scenario.goal if self.scenario else None), _new_id()
         return "a new attempt begins"
@@ -161,6 +176,7 @@ class Trainer:
             one_handed=scenario.view.one_handed if scenario else False,
             bookmarks_s=tuple(attempt.bookmarks_s[-64:]),
             answers=tuple(self._answers),
+            score=self._score,
         )
 
     def gist(self) -> tuple[object, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,8 @@ import pytest
 from services.cli import pictures
 from services.cli.pictures import Player
 from services.recordings.reader import read_messages
+from tests.training.streams import GOOD, messages
+from tests.training.test_assess import recorded, word
 
 SAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "recordings" / "insertion-success.mcap"
 
@@ -56,7 +59,49 @@ def test_frames_come_in_their_time_and_as_a_person_asks(monkeypatch: pytest.Monk
     player.obey("s")
     after(1.0)
     assert bus.newest["physics.state"] == states[shown + 1][1]
-    player.obey("no command")
+    player.obey("b")
+    after(1.0)
+    assert bus.newest["physics.state"] == states[shown][1]
+    before = player.status()
+    for nonsense in ("no command", "@nan", "@-1", "+", "x-2", "@inf"):
+        player.obey(nonsense)
+    assert player.status() == before
+    player.obey("@4.5")
+    assert after(0.0) == tick_at(4.5)
     player.obey("")
     now_s[0] += 20.0
     assert player.turn(), "the end that was asked for"
+
+
+def test_at_its_end_it_stays_or_begins_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(pictures, "time", SimpleNamespace(monotonic_ns=lambda: round(1e9 * now_s[0])))
+    bus = _Bus()
+    player = Player(SAMPLE, bus, 1.0, None, loop=True)  # type: ignore[arg-type]
+    length_s = player.status().length_s
+    player.obey(f"@{length_s - 0.5}")
+    now_s[0] += 1.0
+    assert not player.turn()
+    assert player.status().place_s == 0.0, "again"
+    player.obey("l")
+    now_s[0] += 2.0 * length_s
+    assert not player.turn(), "one may go back"
+    last = bus.newest["gateway.state"]
+    assert player.status().place_s == length_s
+    player.obey("@0")
+    player.turn()
+    assert bus.newest["gateway.state"] < last
+
+
+def test_the_attempt_is_told_as_it_was_then(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(pictures, "time", SimpleNamespace(monotonic_ns=lambda: round(1e9 * now_s[0])))
+    stream = chain(word("running", 0), messages(GOOD, 2.0, 0), word("done", 1900, outcome="success", time_s=2.0))
+    path = recorded(tmp_path / "a.mcap", stream)
+    player = Player(path, _Bus(), 1.0, None, loop=False)  # type: ignore[arg-type]
+    told = []
+    for place in ("@0.5", "@1.95", "@0.9"):
+        player.obey(place)
+        attempt = player.status().attempt
+        told.append(attempt and attempt.state)
+    assert told == ["running", "done", "running"]

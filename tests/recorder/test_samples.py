@@ -64,7 +64,7 @@ def test_they_run_again_to_the_bit_or_are_refused_with_the_reason(name: str) -> 
     del inputs.intakes[TICKS:]
     found = compare(inputs)
     assert found.compared > 5
-    if inputs.metadata["machine"] == machine():
+    if inputs.metadata["machine"] == machine() and not found.has_other_modes:
         assert found.first_difference == ""
     assert found.apart_m < 1e-3
 

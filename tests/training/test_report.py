@@ -63,12 +63,17 @@ def test_an_attempt_that_does_not_count_says_so(erring: Assessment, good: Assess
     assert "does not count" not in render(good, RULES)
 
 
-def test_marks_open_the_replay_three_seconds_before(erring: Assessment) -> None:
+def test_marks_lead_to_three_seconds_before(erring: Assessment) -> None:
     html = render(erring, RULES, page="http://rig:8080/")
     begins = [event.begin_s for event in erring.errors]
     for at_s in begins:
+        assert html.count(f'href="#replay" data-at="{at_s - 3.0:.2f}"') == 2, "the mark, and the time in the table"
         assert f'href="http://rig:8080/#replay=a.mcap&amp;at={erring.began_at_s + at_s - 3.0:.2f}"' in html
-        assert f"<code>trocar replay a.mcap --from {erring.began_at_s + at_s - 3.0:.2f}</code>" in html
+        assert f"<code>trocar replay a.mcap --pictures --from {erring.began_at_s + at_s - 3.0:.2f}</code>" in html
+
+
+def test_paths_have_a_place_for_each_time(erring: Assessment) -> None:
+    assert {len(path) for path in erring.series.paths_mm.values()} == {len(erring.series.time_s)}
 
 
 def test_metrics_are_shown_with_unit_experts_and_the_last_attempts(good: Assessment) -> None:
@@ -133,6 +138,42 @@ def test_a_browser_draws_it_dark_and_light_and_on_a_phone(tmp_path: Path, erring
             assert browser.evaluate(drawn)
             grounds.append(browser.evaluate("getComputedStyle(document.body).backgroundColor"))
     assert grounds == ["rgb(255, 255, 255)", "rgb(12, 16, 20)"]
+
+
+@pytest.mark.rig
+@pytest.mark.skipif(chromium.find() is None, reason="no Chromium")
+def test_a_click_on_a_mark_plays_the_attempt_from_three_seconds_before(tmp_path: Path, erring: Assessment) -> None:
+    path = tmp_path / "report.html"
+    path.write_text(render(erring, RULES))
+    mark = "document.querySelector('#timeline a text').getBoundingClientRect().toJSON()"
+    with chromium.Chromium(tmp_path / "profile") as browser:
+        browser.open(path.as_uri())
+        browser.until(lambda: browser.evaluate("document.readyState") == "complete", 60, "the report is there")
+        assert browser.evaluate("place") is None
+        browser.evaluate(
+            "globalThis.draws = []; const drawn = go; go = (to, plays) => { draws.push(to); drawn(to, plays); }"
+        )
+        box = browser.evaluate(mark)
+        at = {
+            "x": box["x"] + 0.5 * box["width"],
+            "y": box["y"] + 0.5 * box["height"],
+            "button": "left",
+            "clickCount": 1,
+        }
+        for kind in ("mousePressed", "mouseReleased"):
+            browser.command("Input.dispatchMouseEvent", type=kind, **at)
+        began_s = erring.errors[0].begin_s - 3.0
+        browser.until(lambda: browser.evaluate("draws.length > 2"), 60, "it plays")
+        assert browser.evaluate("draws[0]") == pytest.approx(began_s, abs=0.01)
+        assert browser.evaluate("place") > began_s
+        assert browser.evaluate("document.getElementById('paths').getBoundingClientRect().top < innerHeight"), (
+            "in sight"
+        )
+        assert " mm in" in browser.text("#where")
+        browser.evaluate("document.getElementById('play').click()")
+        halted = browser.evaluate("[playing, place, place]")
+        assert halted[0] is False
+        assert browser.evaluate("document.getElementById('play').textContent") == "Play"
 
 
 def test_an_attempt_of_which_nothing_was_recorded_has_a_report_too() -> None:

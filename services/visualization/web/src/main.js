@@ -4,6 +4,7 @@ import { Faces } from "./attempt/faces.js";
 import { Instructor } from "./attempt/instructor.js";
 import { Orders } from "./attempt/orders.js";
 import { AttemptPanel } from "./attempt/panel.js";
+import { ReplayBar } from "./attempt/replay.js";
 import { Controls } from "./dashboard/controls.js";
 import { Dashboard } from "./dashboard/dashboard.js";
 import { RigStream } from "./dashboard/stream.js";
@@ -15,7 +16,7 @@ import { View } from "./view/view.js";
 let view = null, hands = null;
 const PICTURE_FIRST_MS = 5000;
 const orders = new Orders((text, ok) => instructor.say(text, ok));
-const instructor = new Instructor(orders), attempt = new AttemptPanel(orders);
+const instructor = new Instructor(orders), attempt = new AttemptPanel(orders), replay = new ReplayBar();
 const dashboard = new Dashboard({
   peaks: () => view?.takePeaks() ?? [],
   period: () => (view?.software ? (view.slow ? 3000 : 900) : 0),
@@ -27,7 +28,7 @@ const controls = new Controls((token) => {
   for (const each of [hands, attempt, instructor]) each?.admit(token);
 });
 const faces = new Faces(document.getElementById("face"), () => view?.ask());
-globalThis.trocar = { view, hands, dashboard, attempt, instructor }; // for whoever looks into the page with the browser's tools
+globalThis.trocar = { view, hands, dashboard, attempt, instructor, replay }; // for whoever looks into the page with the browser's tools
 
 const panel = document.getElementById("toggle-dashboard");
 panel.onclick = () => {
@@ -74,6 +75,7 @@ new RigStream({
   onState: (state) => {
     attempt.update(state.attempt);
     instructor.update(state.attempt);
+    replay.update(state.replay);
     if (state.attempt && view?.stage) view.startMirrored(state.attempt.mirrored);
     dashboard.update(state);
   },

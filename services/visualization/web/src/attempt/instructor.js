@@ -1,7 +1,7 @@
 // The instructor's face: live phase and errors, the attempts so far, and what only the token allows.
 
 import { element, Rows, text } from "../dashboard/rows.js";
-import { clock, errorList, headline, mm, notCounted, PHASES } from "./words.js";
+import { clock, errorList, headline, mm, notCounted, PHASES, scoreWords } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 const KEPT = 100;
@@ -41,7 +41,7 @@ export class Instructor {
     if (!attempt) return;
     const { mark, words, more } = headline(attempt);
     text($("instructor-state"), `${mark} ${words}${more ? `: ${more}` : ""}`);
-    text($("instructor-figures"), `${clock(attempt.time_s)} · ${mm(attempt.depth_m)} · ${attempt.bookmarks_s.length} bookmarks`);
+    text($("instructor-figures"), `${clock(attempt.time_s)} · ${mm(attempt.depth_m)} · ${attempt.bookmarks_s.length} bookmarks${attempt.score >= 0 ? ` · ${scoreWords(attempt)}` : ""}`);
     text($("instructor-not"), notCounted(attempt));
     text($("instructor-scenario"), attempt.scenario ? `${attempt.scenario}: ${attempt.title}` : attempt.title);
     for (const [i, code] of Object.keys(PHASES).entries()) this.phases[i].classList.toggle("now", code === attempt.phase);

@@ -1,7 +1,7 @@
 // The trainee's face: goal and depth with its markers, clock, force with its limit, what each hand holds, what to do next.
 
 import { text } from "../dashboard/rows.js";
-import { clock, headline, holding, mm, notCounted } from "./words.js";
+import { clock, headline, holding, mm, notCounted, scoreWords } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 const MOST_MM = 25, STEP_MM = 5;
@@ -34,6 +34,7 @@ export class AttemptPanel {
     text($("attempt-state"), more ? `${words}: ${more}` : words);
     text($("attempt-clock"), clock(attempt.time_s));
     text($("attempt-limit"), attempt.time_limit_s ? `of ${clock(attempt.time_limit_s)}` : "");
+    text($("attempt-score"), scoreWords(attempt));
     text($("attempt-hint"), attempt.hint);
     text($("attempt-not"), notCounted(attempt));
     this.showDepth(attempt);

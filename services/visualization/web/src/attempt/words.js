@@ -27,6 +27,9 @@ export function headline({ state, outcome, pace, reason }) {
   return { mark: "●", words: `Under way${slow}`, more: "", kind: "running" };
 }
 
+// What an attempt that is done was worth: its total, which a report explains; empty for none.
+export const scoreWords = ({ score, time_limit_s: most }) => (score >= 0 ? `Score ${score.toFixed(0)} of at most ${most.toFixed(0)}` : "");
+
 export function paceWords(pace) {
   const parts = Math.round(1 / pace);
   return Math.abs(parts * pace - 1) < 1e-6 ? (parts === 1 ? "1" : `1/${parts}`) : pace.toFixed(2);

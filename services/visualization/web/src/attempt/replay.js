@@ -1,0 +1,76 @@
+// A recording whose pictures are shown again: where it stands, and its controls. A report's marks lead to a moment of it (#replay=FILE&at=SECOND).
+
+import { text } from "../dashboard/rows.js";
+import { clock } from "./words.js";
+
+const $ = (id) => document.getElementById(id);
+
+// The moment that an address names, null for none.
+export function momentOf(hash) {
+  const said = new URLSearchParams(hash.slice(1));
+  const file = said.get("replay"), at = Number(said.get("at") ?? 0);
+  return file && at >= 0 && Number.isFinite(at) ? { file, at } : null;
+}
+
+// How somebody comes to see a moment that this rig cannot show.
+export function howToSee({ file, at }, shown) {
+  const now = shown ? `This page shows ${shown}.` : "This rig works, and shows no recording.";
+  return `${now} To see second ${at.toFixed(1)} of ${file}: end it, and run`;
+}
+
+// As a shell takes it, whatever the name.
+export const commandFor = ({ file, at }) => `trocar replay '${file.replaceAll("'", "'\\''")}' --pictures --from ${at.toFixed(2)}`;
+
+export class ReplayBar {
+  constructor() {
+    this.replay = undefined; // not told yet; null where this rig shows none
+    this.moment = momentOf(location.hash);
+    addEventListener("hashchange", () => {
+      this.moment = momentOf(location.hash);
+      this.follow();
+    });
+    for (const button of document.querySelectorAll("#replay [data-line]")) button.onclick = () => this.ask(button.dataset.line);
+    $("replay-place").onchange = () => this.ask(`@${$("replay-place").value}`);
+    $("replay-rate").onchange = () => this.ask(`x${$("replay-rate").value}`);
+    $("replay-close").onclick = () => ($("replay-elsewhere").hidden = true);
+  }
+
+  async ask(line) {
+    try {
+      const answer = await fetch("api/replay", { method: "POST", headers: { "X-Trocar-Replay": "1" }, body: line });
+      if (!answer.ok) text($("replay-time"), (await answer.json()).error);
+    } catch {
+      // the link says that nobody is there
+    }
+  }
+
+  // Go to the moment that the address names, once; where it cannot be shown it is said how it can.
+  async follow() {
+    const { moment, replay } = this;
+    if (!moment || replay === undefined) return;
+    this.moment = null;
+    const here = replay?.file === moment.file;
+    $("replay-elsewhere").hidden = here;
+    text($("replay-how"), here ? "" : howToSee(moment, replay?.file));
+    text($("replay-command"), here ? "" : commandFor(moment));
+    if (!here) return;
+    await this.ask(`@${moment.at}`);
+    if (replay.halted) await this.ask("");
+  }
+
+  update(replay) {
+    this.replay = replay ?? null;
+    this.follow();
+    $("replay").hidden = !replay;
+    if (!replay) return;
+    const { place_s: place, length_s: length, halted, rate, loop } = replay;
+    text($("replay-file"), replay.file);
+    text($("replay-time"), `${clock(place)}.${Math.floor((place * 10) % 10)} of ${clock(length)}`);
+    text($("replay-halt"), halted ? "Play" : "Halt");
+    $("replay-loop").setAttribute("aria-pressed", loop);
+    $("replay-place").max = length.toFixed(2);
+    for (const [control, value] of [[$("replay-place"), place.toFixed(2)], [$("replay-rate"), String(rate)]]) {
+      if (document.activeElement !== control) control.value = value;
+    }
+  }
+}
