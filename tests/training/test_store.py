@@ -1,9 +1,16 @@
-"""Attempts in a database: kept once, listed, exported, erased without a trace; the same through the command line."""
+"""Attempts in a database: kept once, listed, exported, erased without a trace; the same through the command line.
+
+In SQLite and, where Debian's package is installed, in PostgreSQL.
+"""
 
 from __future__ import annotations
 
 import csv
 import json
+import re
+import sys
+import threading
+from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
 
@@ -11,18 +18,36 @@ import msgspec
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import create_engine
+from sqlalchemy import create_engine, event, insert
 from typer.testing import CliRunner
 
 from services.cli.app import app
 from services.training.assess import assess
 from services.training.assessment import Assessment
 from services.training.store.attempts import Store, StoreError
-from services.training.store.tables import Base
+from services.training.store.tables import Base, StoredAttempt, Trainee
+from tests.training import postgres
 from tests.training.streams import GOOD, changed, messages
 from tests.training.test_assess import recorded, terms, told
 
 RUN = CliRunner()
+ATTEMPTS, TRAINEES = 10_000, 100
+
+
+@pytest.fixture(scope="module")
+def new_database() -> Iterator[Callable[[], str]]:
+    if postgres.programs() is None:
+        pytest.skip("no PostgreSQL on this machine (Debian's package postgresql)")
+    with postgres.short_folder() as folder, postgres.server(folder) as make:
+        yield make
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    if request.param == "sqlite":
+        return str(tmp_path / "a.sqlite")
+    made: str = request.getfixturevalue("new_database")()
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +63,8 @@ def later(attempt: Assessment, seconds: int) -> Assessment:
     )
 
 
-def test_what_is_kept_comes_back(tmp_path: Path, attempt: Assessment) -> None:
-    with Store(str(tmp_path / "a.sqlite")) as store:
+def test_what_is_kept_comes_back(tmp_path: Path, url: str, attempt: Assessment) -> None:
+    with Store(url) as store:
         number = store.add(attempt, "heron-17", tmp_path / "a.mcap")
         assert store.assessment(number) == (attempt, "heron-17")
         (row,) = store.listed()
@@ -48,8 +73,8 @@ def test_what_is_kept_comes_back(tmp_path: Path, attempt: Assessment) -> None:
             store.assessment(99)
 
 
-def test_an_attempt_that_is_judged_again_is_kept_once(tmp_path: Path, attempt: Assessment) -> None:
-    with Store(str(tmp_path / "a.sqlite")) as store:
+def test_an_attempt_that_is_judged_again_is_kept_once(tmp_path: Path, url: str, attempt: Assessment) -> None:
+    with Store(url) as store:
         numbers = {store.add(each, "heron-17", tmp_path / "a.mcap") for each in (attempt, attempt)}
         assert len(numbers) == 1
         assert store.add(later(attempt, 60), "heron-17", tmp_path / "b.mcap") not in numbers
@@ -73,8 +98,8 @@ def test_a_trainee_is_erased_without_a_trace(tmp_path: Path, attempt: Assessment
     assert str(recording).encode() not in path.read_bytes()
 
 
-def test_the_export_has_everything_of_one_trainee(tmp_path: Path, attempt: Assessment) -> None:
-    with Store(str(tmp_path / "a.sqlite")) as store:
+def test_the_export_has_everything_of_one_trainee(tmp_path: Path, url: str, attempt: Assessment) -> None:
+    with Store(url) as store:
         store.add(attempt, "heron-17", tmp_path / "a.mcap")
         store.add(later(attempt, 60), "wren-2", tmp_path / "b.mcap")
         (mine,) = json.loads(store.export("heron-17"))["attempts"]
@@ -87,14 +112,76 @@ def test_the_export_has_everything_of_one_trainee(tmp_path: Path, attempt: Asses
         assert float(first["right.path_m"]) == attempt.metrics["right.path_m"]
 
 
-def test_the_migrations_make_the_tables_that_the_code_has(tmp_path: Path) -> None:
-    path = tmp_path / "a.sqlite"
-    Store(str(path)).listed()
-    Store(str(path)).listed()
-    engine = create_engine(f"sqlite:///{path}")
+def test_the_migrations_make_the_tables_that_the_code_has(url: str) -> None:
+    for _ in range(2):
+        with Store(url) as store:
+            store.listed()
+    engine = create_engine(url if "://" in url else f"sqlite:///{url}")
     with engine.connect() as connection:
         assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
     engine.dispose()
+
+
+def test_rigs_that_open_an_empty_database_at_once_make_its_tables_once(new_database: Callable[[], str]) -> None:
+    address, errors, listed = new_database(), [], []
+
+    def open_it() -> None:
+        try:
+            together.wait()
+            with Store(address) as store:
+                listed.append(store.listed())
+        except BaseException as error:
+            errors.append(error)
+
+    together = threading.Barrier(4)
+    threads = [threading.Thread(target=open_it) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (errors, listed) == ([], [[]] * 4)
+
+
+def test_a_trainee_is_erased_and_nobody_else(url: str, tmp_path: Path, attempt: Assessment) -> None:
+    with Store(url) as store:
+        store.add(attempt, "heron-17", tmp_path / "a.mcap")
+        store.add(later(attempt, 60), "wren-2", tmp_path / "b.mcap")
+        store.erase("heron-17")
+        assert [row.trainee for row in store.listed()] == ["wren-2"]
+        with pytest.raises(StoreError, match="there is no trainee 'heron-17'"):
+            store.export("heron-17")
+
+
+def test_ten_thousand_are_listed_by_one_question_that_reads_no_assessment(url: str) -> None:
+    """How fast is `benchmarks/bench_training.py`'s to say."""
+    row = {
+        "scenario": "basic", "outcome": "success", "counts": True, "time_s": 20.0, "total": 250.0, "percent": None,
+        "errors": 2, "critical": 0, "recording": "a.mcap", "assessment": b"nothing that could be unpacked",
+    }  # fmt: skip
+    with Store(url) as store:
+        with store._engine.begin() as connection:
+            connection.execute(insert(Trainee), [{"pseudonym": f"heron-{k}"} for k in range(TRAINEES)])
+            rows = [row | {"trainee_id": 1 + k % TRAINEES, "key": f"{k}", "began_ns": -k} for k in range(ATTEMPTS)]
+            connection.execute(insert(StoredAttempt), rows)
+        asked: list[str] = []
+        event.listen(store._engine, "before_cursor_execute", lambda *said: asked.append(said[2]))
+        listed = store.listed()
+        assert [each.began_ns for each in listed] == list(range(1 - ATTEMPTS, 1))
+        assert len(asked) == 1
+        assert "assessment" not in asked[0]
+        assert len(store.listed("heron-7")) == ATTEMPTS // TRAINEES
+
+
+def test_the_report_of_who_made_a_hundred_shows_them_all(url: str, tmp_path: Path, attempt: Assessment) -> None:
+    with Store(url) as store:
+        for k in range(100):
+            number = store.add(later(attempt, k), "heron-17", tmp_path / "a.mcap")
+    out = tmp_path / "report.html"
+    run("report", str(number), "--database", url, "--out", str(out))
+    html = out.read_text()
+    assert "heron-17" in html
+    curves = [points.split() for points in re.findall(r'<polyline class="curve c0" points="([^"]*)"', html)]
+    assert [len(points) for points in curves].count(100) == 3, "time, score and CUSUM over the attempts"
 
 
 @pytest.mark.parametrize(
@@ -106,7 +193,8 @@ def test_the_migrations_make_the_tables_that_the_code_has(tmp_path: Path) -> Non
         ("/proc/a.sqlite", "sqlite:////proc/a.sqlite: unable to open database file"),
     ],
 )
-def test_a_database_that_cannot_be_used_is_one_sentence(url: str, says: str) -> None:
+def test_a_database_that_cannot_be_used_is_one_sentence(url: str, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
     with pytest.raises(StoreError, match=says) as caught:
         Store(url)
     assert "secret" not in str(caught.value)
@@ -149,8 +237,7 @@ def test_a_recording_from_score_to_erasure_through_the_command(tmp_path: Path, m
     assert json.loads(run("attempts", "list", "--json"))["attempts"] == []
 
 
-def test_the_curve_of_a_trainee_is_shown(tmp_path: Path, attempt: Assessment) -> None:
-    url = str(tmp_path / "a.sqlite")
+def test_the_curve_of_a_trainee_is_shown(tmp_path: Path, url: str, attempt: Assessment) -> None:
     with Store(url) as store:
         for k in range(6):
             slower = msgspec.structs.replace(later(attempt, k), time_s=40.0 + 20.0 / (k + 1))

@@ -17,7 +17,7 @@ from typing import Any, Self
 import msgspec
 from alembic import command
 from alembic.config import Config
-from sqlalchemy import Engine, create_engine, delete, event, make_url, select
+from sqlalchemy import Engine, create_engine, delete, event, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 from sqlalchemy.orm import Session
 
@@ -27,6 +27,8 @@ from services.training.report import Past
 from services.training.store.tables import StoredAttempt, Trainee
 
 ENVIRONMENT = "TROCAR_ATTEMPTS"
+#: Any number, of the lock that is held while tables are made.
+_MIGRATING = 32
 _PSEUDONYM = re.compile(r"[a-z0-9][a-z0-9._-]{0,63}", re.IGNORECASE)
 _LISTED = (
     StoredAttempt.id, Trainee.pseudonym, StoredAttempt.scenario, StoredAttempt.began_ns, StoredAttempt.outcome,
@@ -168,7 +170,10 @@ class Store:
         return [(name, recording, _unpacked(data)) for name, recording, data in rows]
 
     def erase(self, trainee: str) -> Sequence[Path]:
-        """Forget a trainee and all attempts, beyond recovery from the file; return the recordings that are left."""
+        """Forget a trainee and all attempts; return the recordings that are left.
+
+        Beyond recovery from a file of SQLite; PostgreSQL overwrites what is deleted when it vacuums.
+        """
         with self._session() as session:
             owner = session.scalar(select(Trainee).where(Trainee.pseudonym == trainee))
             if owner is None:
@@ -228,6 +233,8 @@ def _migrate(engine: Engine) -> None:
     config = Config()
     config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
     with engine.begin() as connection:
+        if connection.dialect.name == "postgresql":  # two rigs of a centre that start at once
+            connection.execute(text(f"SELECT pg_advisory_xact_lock({_MIGRATING})"))
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
 
