@@ -1,0 +1,75 @@
+"""The reader for Rerun in docs/examples: what it would log of a sample recording moves, and its blueprint is whole.
+
+Rerun takes 800 MB and is not installed for tests: a stand-in writes down what it is told. Where it is, it is tried too.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+READER, BLUEPRINT = EXAMPLES / "rerun_scene.py", EXAMPLES / "rerun-blueprint.rbl"
+SAMPLE = EXAMPLES / "recordings" / "insertion-success.mcap"
+_STANDIN = """
+import atexit, json, sys
+import numpy as np
+logged, times, files = [], [], []
+def init(name, spawn): assert (name, spawn) == ("trocar", False)
+def save(path): atexit.register(lambda: json.dump({"logged": logged, "times": times, "files": files}, open(path, "w")))
+def log_file_from_path(path): files.append(str(path))
+def set_time(name, timestamp): times.append(timestamp)
+def log(place, what): logged.append([place if isinstance(place, str) else "/".join(place), *what])
+def Scalars(value): return "scalar", float(value)
+def Mesh3D(vertex_positions, triangle_indices, albedo_factor):
+    assert triangle_indices.max() < len(vertex_positions) and len(albedo_factor) == 4
+    return "mesh", np.mean(vertex_positions, axis=0).tolist()
+def LineStrips3D(strips, colors, radii):
+    assert 0.0 < radii < 0.01 and len(colors) == 4
+    return "line", np.asarray(strips[-1][-1]).tolist()
+"""
+
+
+def run(tmp_path: Path, out: str) -> Path:
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, str(READER), str(SAMPLE), str(tmp_path / out)]
+    subprocess.run(command, check=True, env=environment, timeout=500, cwd=tmp_path)
+    return tmp_path / out
+
+
+def test_the_catheter_moves_into_the_duct_between_the_tools(tmp_path: Path) -> None:
+    (tmp_path / "rerun.py").write_text(_STANDIN)
+    said = json.loads(run(tmp_path, "said.json").read_text())
+    assert said["files"] == [str(BLUEPRINT)]
+    assert said["times"] == sorted(said["times"])
+    assert 5.0 < said["times"][-1] - said["times"][0] < 10.0
+    by_place: dict[str, list[object]] = {}
+    for place, kind, value in said["logged"]:
+        by_place.setdefault(f"{kind} {place}", []).append(value)
+    tip = np.array(by_place["line scene/catheter/0"])
+    assert np.ptp(tip[:, 0]) > 10e-3, "the tip"
+    assert "mesh scene/duct/0" in by_place
+    assert {place for place in by_place if place.startswith("line scene/tool")} >= {
+        "line scene/tool left/0", "line scene/tool right/0",
+    }  # fmt: skip
+    assert max(by_place["scalar depth_mm"]) > 15.0  # type: ignore[type-var]
+    assert {"scalar force_n/0", "scalar force_n/1"} <= by_place.keys()
+
+
+def test_the_blueprint_is_whole() -> None:
+    """What is in it is packed: only Rerun itself can tell."""
+    data = BLUEPRINT.read_bytes()
+    assert (data[:4], b"RRF2FOOT" in data[-16:]) == (b"RRF2", True)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rerun") is None, reason="rerun-sdk is not installed (800 MB)")
+def test_rerun_itself_takes_it(tmp_path: Path) -> None:
+    files = [str(run(tmp_path, "scene.rrd")), str(BLUEPRINT)]
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", *files], check=True, timeout=500)
